@@ -6,7 +6,7 @@ from .. import karf_engine
 from ..karf_engine.api import render_bundle
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera, wrong_size
-from ..karf_engine.capture.capture import Capture, SparsePoints, View
+from ..karf_engine.capture.capture import ALIKE, Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
@@ -48,6 +48,7 @@ from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
 from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
 from ..karf_engine.palettes.edges_in_space import Borders
 from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
+from ..karf_engine.palettes.exposure import as_exposed, exposed_alike
 from ..karf_engine.palettes.matching.becomes import (
     match_becomes,
     match_dragged,
@@ -103,6 +104,7 @@ ENGINE_FOLDER = Path(karf_engine.__file__).parent
 VERSION = karf_engine.__version__
 
 __all__ = [
+    "ALIKE",
     "BOOK_SUFFIXES",
     "BRIGHTEST",
     "CANCEL",
@@ -168,6 +170,7 @@ __all__ = [
     "SwatchPicture",
     "View",
     "Volume",
+    "as_exposed",
     "atomic_write",
     "bounds_of",
     "camera_to_json",
@@ -180,6 +183,7 @@ __all__ = [
     "edit_from_json",
     "edit_to_json",
     "error_from_code",
+    "exposed_alike",
     "file_name",
     "find_header",
     "fit_photo",

@@ -126,7 +126,7 @@ def test_a_seed_gives_a_capture_laid_out_like_the_others_whose_edits_change_what
 
 def test_a_seed_s_scene_of_thin_parts_tells_them_and_its_rough_masks_cover_them(bpy, tmp_path):
     arguments = ("--thin-seeds", "903", "--size", "48", *TINY[2:])
-    make(bpy, tmp_path, *arguments)
+    make(bpy, tmp_path, *arguments, "--full", str(tmp_path / "full"), "--full-size", "96", "--full-samples", "1")
     folder = tmp_path / "thin_903"
     names = json.loads((folder / "labels" / "names.json").read_text())
     (marked,) = {path.name for name in names for path in (folder / "coarse_masks" / "one" / name).iterdir()}
@@ -146,6 +146,12 @@ def test_a_seed_s_scene_of_thin_parts_tells_them_and_its_rough_masks_cover_them(
         iio.imread(folder / "recolor" / "all" / "train" / marked).astype(int) - iio.imread(folder / "train" / marked)
     ).max(-1)
     assert np.median(change[labels > 0]) > 10 > np.median(change[labels == 0])
+    larger = tmp_path / "full" / "thin_903"
+    assert iio.imread(larger / "train" / marked).shape == (96, 96, 3)
+    for name in names:
+        mask, small = (iio.imread(each / "coarse_masks" / "one" / name / marked) for each in (larger, folder))
+        assert np.array_equal(mask, small.repeat(2, 0).repeat(2, 1))
+        assert iio.imread(larger / "thin" / name / "train" / marked).shape == (3 * 96, 3 * 96)
     assert make(bpy, tmp_path, *arguments) == f"{folder}: there already"
 
 

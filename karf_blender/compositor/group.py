@@ -1,14 +1,14 @@
 """The node group that recolors a layered picture: one color socket a swatch, and what is linked from the picture.
 
-It computes what the engine does, in display sRGB: base + sum of weight x (color - learned color), clipped. Sockets and
-the picture are scene-linear, as everywhere in the compositor.
+It computes what the engine does, in display sRGB: base + sum of weight x gains x (color - learned color), clipped, with the
+gains of the photo's exposure. Sockets and the picture are scene-linear, as everywhere in the compositor.
 """
 
 from collections.abc import Sequence
 
 import bpy
 
-from ..engine_api import ObjectLayers
+from ..engine_api import ALIKE, ObjectLayers
 from ..host import compat
 from ..nodes.sockets import scene_linear, swatch_socket
 
@@ -29,6 +29,8 @@ def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
         color = source.outputs[swatch_socket(each.name, index)]
         color = _convert(tree, color, to_display=True, place=(1, number + 1))
         change = _math(tree, "SUBTRACT", color, (*map(float, each.colors[index]), 1.0), (2, number + 1))
+        if each.gains != ALIKE:
+            change = _math(tree, "MULTIPLY", change, (*each.gains, 1.0), (2.5, number + 1))
         weighted = _math(tree, "MULTIPLY", change, source.outputs[each.weights[index]], (3, number + 1))
         total = _math(tree, "ADD", total, weighted, (4 + number, 0), clips=number == len(swatches) - 1)
     target = tree.nodes.new("NodeGroupOutput")
@@ -75,6 +77,6 @@ def _math(tree, operation: str, first, second, place, clips: bool = False) -> bp
     return result
 
 
-def _placed(node: bpy.types.Node, place: tuple[int, int]) -> bpy.types.Node:
+def _placed(node: bpy.types.Node, place: tuple[float, float]) -> bpy.types.Node:
     node.location = (place[0] * COLUMN, -place[1] * ROW)
     return node

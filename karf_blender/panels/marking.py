@@ -39,6 +39,8 @@ def draw_masks(layout, context):
     if "segmentation" in disk.contents_of(scene).stages:
         layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
         layout.operator("karf.go_to_suggested", text=next_to_mark(scene), icon="LIGHT")
+        if disk.contents_of(scene).any_view_helps:
+            layout.label(text="Any view helps about as much", icon="BLANK1")
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
         draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")

@@ -154,6 +154,11 @@ def views_to_mark(scene: bpy.types.Scene) -> tuple[str, ...]:
     return tuple(name for name in suggestions if name in scene.karf.views)
 
 
+def any_view_helps(scene: bpy.types.Scene) -> bool:
+    """Whether a mark in any other view would decide about as much, as the last segmentation found it."""
+    return _report(scene).get("any_view_helps") is True
+
+
 def unsure_objects(scene: bpy.types.Scene) -> tuple[tuple[str, float, bool], ...]:
     """Each object's name, the share of it that is unsure, in [0, 1], and whether mostly because no marked photo shows
     it; as the last segmentation found it."""
@@ -167,10 +172,16 @@ def unsure_objects(scene: bpy.types.Scene) -> tuple[tuple[str, float, bool], ...
 
 def _reported(scene: bpy.types.Scene, key: str) -> Mapping[str, Any]:
     """A table of the last segmentation's report; empty where there is none."""
+    found = _report(scene).get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _report(scene: bpy.types.Scene) -> Mapping[str, Any]:
+    """The last segmentation's report; empty where there is none."""
     if "segmentation" not in finished_stages(scene):
         return {}
     try:
-        found = read_json(folders.project_of(scene).segmentation_report, "report").get(key)
-        return found if isinstance(found, dict) else {}
-    except (OSError, KarfError, AttributeError):  # a report of something else must not stop it
+        found = read_json(folders.project_of(scene).segmentation_report, "report")
+    except (OSError, KarfError):  # a damaged report must not stop the panels
         return {}
+    return found if isinstance(found, dict) else {}

@@ -34,6 +34,7 @@ class Contents:
         is_doubted: Whether pictures of what is unsure were rendered from it.
         masks: The number of masks of each object that has some.
         suggested: The views whose mark would decide most, the best first.
+        any_view_helps: Whether a mark in any other view would decide about as much.
         unsure: How unsure each object is, see `contents.unsure_objects`.
     """
 
@@ -46,6 +47,7 @@ class Contents:
     is_doubted: bool = False
     masks: Mapping[str, int] = field(default_factory=dict)
     suggested: tuple[str, ...] = ()
+    any_view_helps: bool = False
     unsure: tuple[tuple[str, float, bool], ...] = ()
 
 
@@ -98,7 +100,7 @@ def _read(scene: bpy.types.Scene) -> Contents:
             return Contents(missing=folder)
         stages, masks = contents.finished_stages(scene), contents.mask_counts(scene)
         outdated, learned_with = contents.outdated(scene), contents.learned_with(scene)
-        told = contents.views_to_mark(scene), contents.unsure_objects(scene)
+        told = contents.views_to_mark(scene), contents.any_view_helps(scene), contents.unsure_objects(scene)
         return Contents(None, stages, outdated, learned_with, *_view(scene), masks, *told)
     except (OSError, KarfError):  # unreadable, or gone while it was read
         return Contents()

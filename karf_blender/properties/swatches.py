@@ -13,7 +13,7 @@ from bpy.props import (
 )
 
 from .. import progress
-from ..engine_api import BRIGHTEST, MOST_BRIGHTNESS, MOST_CHOKE, MOST_FACTOR, MOST_FEATHER, KarfError
+from ..engine_api import ALIKE, BRIGHTEST, MOST_BRIGHTNESS, MOST_CHOKE, MOST_FACTOR, MOST_FEATHER, KarfError
 from ..swatches import becomes, edits, groups, material, shown
 from .colors import pigment_reach, protected_neutrals, srgb
 
@@ -132,6 +132,9 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         0.5,
         description="A color of the object in the picture as it is, edited or not; pick it there (E)",
         update=_source_picked,
+    )
+    gains: FloatVectorProperty(
+        size=3, default=ALIKE, description="How the photo is exposed in which the source was picked"
     )
     target: srgb("Target", 0.5, description="The color that the source shall become", update=_target_changed)
     dragged: IntProperty(description="The number of the swatch that was dragged last; 0: none")

@@ -24,7 +24,7 @@ def becomes(
     Args:
         scene: The scene.
         object_name: The object's.
-        source: As the photos show it, or `from_edited` as the edited picture does.
+        source: As the photos show it in their mean exposure, or `from_edited` as the edited picture does.
         target: What it shall become.
         rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
         from_edited: Continue from the swatches as they are; else only locked ones stay as they are.

@@ -82,7 +82,7 @@ def apply_picked(item: bpy.types.PropertyGroup) -> str:
     So the target can be changed any number of times. Other changes made since are kept as the start, unless they have
     taken the source itself away.
     """
-    now, source, target = colors.edited(item), *(np.array(color, np.float32) for color in (item.source, item.target))
+    now, source, target = colors.edited(item), colors.source(item), np.array(item.target, np.float32)
     is_own = (now == colors.stored(item, "after")).all()
     start = colors.picked_with(item) if is_own or not _is_shown(item, now, source) else now
     remark = apply(item.id_data, item.name, source, target, item.rule, start, colors.held(item))
@@ -98,7 +98,7 @@ def _is_shown(item: bpy.types.PropertyGroup, palette: np.ndarray, color: np.ndar
 
 
 def picked(item: bpy.types.PropertyGroup) -> None:
-    """Remember the swatches with which the picture shows the source that was just picked.
+    """Remember the swatches with which the picture shows the source that was just picked, and how it is exposed.
 
     A target that was applied is held from now on, so that paint after paint can be changed.
     """
@@ -106,5 +106,6 @@ def picked(item: bpy.types.PropertyGroup) -> None:
     if (before != after).any() and (after == colors.edited(item)).all():
         given = [*colors.held(item), np.array(item.target)][-MOST_HELD:]
         item.held = " ".join(map(rgb_to_hex, given))
+    item.gains = shown.of(item.id_data).gains
     for name in ("before", "after"):
         item.swatches.foreach_set(name, colors.edited(item).ravel())

@@ -17,6 +17,7 @@ from ..engine_api import (
     EdgeShape,
     Palette,
     ciede2000,
+    exposed_alike,
     hex_to_rgb,
     left_of_object,
     reached_color,
@@ -121,6 +122,11 @@ def color_pair(item: bpy.types.PropertyGroup) -> tuple[tuple[float, ...], tuple[
     return tuple(item.source), tuple(item.target)
 
 
+def source(item: bpy.types.PropertyGroup) -> np.ndarray:
+    """An object's source color, sRGB [3], as it is in the mean exposure of all photos, which palettes have."""
+    return exposed_alike(np.array(item.source, np.float32), item.gains)
+
+
 def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
     """Whether a color [3] is one of an object that shows `colors` [n, 3] so often, [n]."""
     alike = ciede2000(srgb_to_lab(colors), srgb_to_lab(color)) <= FOREIGN
@@ -140,14 +146,14 @@ def left_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> 
     Returns:
         Infinity where the object shows no such source color.
     """
-    source, target, whole = np.array(item.source), np.array(item.target), Palette(item.name, learned(item))
+    picked, target, whole = source(item), np.array(item.target), Palette(item.name, learned(item))
     before, after = (shown_colors(histogram, whole, each) for each in (picked_with(item), edited(item)))
-    if not is_shown(before, histogram.counts, source):
+    if not is_shown(before, histogram.counts, picked):
         return np.inf
     if item.rule == "fewest":
-        reached = reached_color(before, after, source, histogram.counts)
+        reached = reached_color(before, after, picked, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(target)))
-    return left_of_object(before, after, histogram.counts, source, target, held(item), item.is_metal)
+    return left_of_object(before, after, histogram.counts, picked, target, held(item), item.is_metal)
 
 
 def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:

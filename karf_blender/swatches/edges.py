@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import bpy
 import numpy as np
 
-from ..engine_api import EdgeShape, KarfError, ObjectEdge, Part, Planes, reshaped
+from ..engine_api import EdgeShape, KarfError, ObjectEdge, Part, Planes, exposed_alike, reshaped
 from ..project import captures
 from . import colors
 
@@ -38,7 +38,8 @@ class MovableObject:
         probabilities = planes.probabilities.astype(np.float32)
         room = 1 - (probabilities.sum(axis=0) - probabilities[k])
         palette = colors.palette(item).colors
-        shown = planes.base, planes.palette_weights[k, : len(palette)], probabilities[k]
+        base = exposed_alike(planes.base, planes.gains)
+        shown = base, planes.palette_weights[k, : len(palette)], probabilities[k]
         return ObjectEdge(*shown, room, palette, self._scale, colors.added(item))
 
 
@@ -46,7 +47,7 @@ def ended(scene: bpy.types.Scene, planes: Planes, edges: Mapping[str, EdgeShape]
     """Planes of objects that end where these edges do."""
     palettes = {palette.name: palette for palette in colors.palettes(scene)}
     ordered = [palettes[name] for name in planes.objects]
-    shown = planes.base, planes.palette_weights, planes.probabilities
+    shown = exposed_alike(planes.base, planes.gains), planes.palette_weights, planes.probabilities
     weights, probabilities = reshaped(*shown, ordered, edges, scale_of(scene, planes))
     return dataclasses.replace(planes, palette_weights=weights, probabilities=probabilities)
 

@@ -5,7 +5,16 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, Edit, ObjectMatch, Palette, find_header, linear_to_srgb, match_picture
+from ..engine_api import (
+    BadRequest,
+    Edit,
+    ObjectMatch,
+    Palette,
+    exposed_alike,
+    find_header,
+    linear_to_srgb,
+    match_picture,
+)
 from ..pictures import images
 from . import colors, edits, groups, shown
 
@@ -86,11 +95,11 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
         raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
     view, items = shown.of(scene).prepared_view().spread(scene).planes, {item.name: item for item in karf.objects}
     ordered = [items[name] for name in view.objects]
+    pictures = view.base.astype(np.float32) / 255, _fitted(name, picture, *view.base.shape[1::-1])
     found = match_picture(
         [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
         view.probabilities,
-        view.base.astype(np.float32) / 255,
-        _fitted(name, picture, *view.base.shape[1::-1]),
+        *(exposed_alike(each, view.gains) for each in pictures),
         [Palette(item.name, colors.learned(item)) for item in ordered],
         {item.name: colors.edited(item) for item in ordered},
         {item.name: groups.held(item) for item in ordered},

@@ -14,6 +14,7 @@ import numpy as np
 
 from .. import progress
 from ..engine_api import (
+    ALIKE,
     AddedColor,
     DataError,
     Edit,
@@ -54,7 +55,7 @@ class _ObjectEdits:
         own = {name: getattr(item, name) for name in kept}
         source, target = colors.color_pair(item)
         if source != target:  # else it waits for a target, with the color that the object mostly had
-            own |= {"source": source, "target": target}
+            own |= {"source": source, "target": target, "gains": tuple(item.gains)}
         flags = [(swatch.locked, swatch.link, swatch.merged, surfaces.of(swatch)) for swatch in item.swatches]
         return cls(colors.added(item), colors.learned(item), colors.chosen(item), *zip(*flags, strict=True), own)
 
@@ -148,6 +149,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         swatch.learned = swatch.color = swatch.last = color
         swatch.locked = index == 0
     item.source = item.target = _mostly(scene, palette)
+    item.gains = ALIKE
     if before is None:
         return
     for name, value in before.own.items():

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..engine_api import ColorHistogram, DataError, KarfError, read_object_colors, read_planes
+from ..engine_api import ALIKE, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import handlers, rendering
 from ..pictures import images, settling
 from ..project import contents, folders
@@ -139,6 +139,14 @@ class ShownScene:
             self.view = ShownView(file, written, read_planes(file))
         return self.view
 
+    @property
+    def gains(self) -> tuple[float, float, float]:
+        """How the photo of the active view is exposed, as far as its planes tell; never raises."""
+        try:
+            return self.prepared_view().planes.gains
+        except (KarfError, OSError):
+            return ALIKE
+
     def load_masks(self) -> None:
         """Read the masks of the active view, where they are looked at and not the ones in memory; never raises."""
         if not bpy.context.window_manager.karf_seeing.show_masks or not self.scene.karf.project:
@@ -197,7 +205,8 @@ class ShownScene:
                 self.left.pop(item.name, None)
                 continue
             palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
-            key = source, target, self.scene.karf.project, item.rule, item.held, item.is_metal, *palettes
+            own = item.rule, item.held, item.is_metal, *item.gains
+            key = source, target, self.scene.karf.project, *own, *palettes
             if item.name not in self.left or self.left[item.name][0] != key:
                 try:
                     self.left[item.name] = key, colors.left_to_target(item, self.histogram(item))

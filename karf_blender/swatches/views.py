@@ -20,6 +20,7 @@ from ..engine_api import (
     Part,
     Planes,
     SwatchPicture,
+    as_exposed,
     ciede2000,
     palette_only,
     photo_plus_change,
@@ -94,7 +95,7 @@ class ShownView:
             self._move_edges(scene, view)
             factors -= stack_palettes(objects, {name: colors.learned(item) for name, item in items.items()})
         picture, buffer = view._picture(compositing)
-        picture.paint(factors)
+        picture.paint(as_exposed(factors, self.planes.gains))
         return buffer
 
     def spread(self, scene: bpy.types.Scene) -> "ShownView":

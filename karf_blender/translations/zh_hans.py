@@ -634,6 +634,7 @@ TEXTS = {
     # --- swatches
     "A color of the object in the picture as it is, edited or not; pick it there (E)": "物体在当前画面中的颜色，编辑与否均可；在那里拾取 (E)",
     "The color when the source was picked": "拾取源颜色时的颜色",
+    "How the photo is exposed in which the source was picked": "拾取源颜色的照片的曝光",
     "The color that Becomes gave it last": "“变为”上次赋予它的颜色",
     "Held": "保持",
     "Colors that its paints were given before, which Becomes keeps": "其涂料此前被赋予的颜色，“变为”会予以保持",
@@ -844,6 +845,7 @@ TEXTS = {
     "Ctrl: this is not the object": "Ctrl：这不是该物体",
     "Suggested View": "建议的视图",
     "Mark next: {view}": "下一个标记：{view}",
+    "Any view helps about as much": "标记任何视图的帮助都差不多",
     "{name}: {share} % unsure, where marks and colors differ": "{name}：{share} % 不确定，标记与颜色在那里不一致",
     "{name}: {share} % unsure, where no mark shows it": "{name}：{share} % 不确定，没有标记显示那里",
     "Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best": "转到"

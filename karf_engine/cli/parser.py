@@ -102,8 +102,10 @@ def _click(is_object: bool) -> Callable[[str], tuple[float, float, bool]]:
 
 def _add_views_of_results(added: dict[str, argparse.ArgumentParser]) -> None:
     """Flags with which a verb only shows what was learned before."""
-    added["segmentation"].add_argument("--suggest", action="store_true", help="print the views to mark next, with their "
-                                       "scores, the best first, and how unsure each object is; nothing is computed")  # fmt: skip
+    told = "the best first, whether any view helps about as much, and how unsure each object is; nothing is computed"
+    added["segmentation"].add_argument(
+        "--suggest", action="store_true", help=f"print the views to mark next, with their scores, {told}"
+    )
     verb = added["palette"]
     verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
     verb.add_argument(

@@ -44,8 +44,10 @@ def segment(arguments: argparse.Namespace) -> int:
     project = Project(arguments.project)
     project.require("segmentation")
     report = SegmentationReport.read(project.segmentation_report)
-    for name, score in report.suggestions.items():
+    for name, score in report.suggestions.scores.items():
         print(f"{score:.4f}  {name}")
+    if report.suggestions.any_view_helps:
+        print("Any view helps about as much.")
     print("\n".join(each.sentence(name) for name, each in report.unsure.items()))
     return 0
 

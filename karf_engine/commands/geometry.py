@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..capture import hold_out, in_space, open_capture
-from ..capture.capture import Capture, SparsePoints, capture_to_json, with_gains, with_split
+from ..capture.capture import ALIKE, Capture, SparsePoints, capture_to_json, with_gains, with_split
 from ..capture.poses.triangulation import triangulate
 from ..capture.training_images import TrainingImage
 from ..compute import cores
@@ -25,6 +25,8 @@ from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import Cancelled, DataError, KarfError
 from ..fields.detail import kept_psnr, typical_pixels_per_voxel
+from ..fields.exposures import PARAMETERS as EXPOSURES
+from ..fields.exposures import gains_beside
 from ..fields.files import save_scene
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
@@ -156,8 +158,20 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
         pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
         run.summary["pixels_per_voxel"] = round(pixels, 2)
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
-        capture = with_gains(capture, {view.name: gains for view, gains in zip(views, fit.gains, strict=True)})
+        gains = {view.name: tuple(own) for view, own in zip(views, fit.gains, strict=True)}
+        if any(own != ALIKE for own in gains.values()):
+            gains |= gains_of_others(job, capture, scene)
+        capture = with_gains(capture, gains)
     return scene, capture
+
+
+def gains_of_others(job: Job, capture: Capture, scene: Scene) -> dict[str, tuple[float, float, float]]:
+    """How the photos are exposed that the scene was not learned from, by the names of their views: they are recolored too."""
+    others = [view for view in capture.views if view.split != "train" and view.image is not None]
+    return {
+        image.view.name: gains_beside(scene, image.camera, image.color)
+        for image in job.training_images(others, EXPOSURES.long_side)
+    }
 
 
 def help_to_learn(process_group: ProcessGroup) -> None:

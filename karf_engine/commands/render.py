@@ -32,7 +32,7 @@ from ..capture.capture import View
 from ..capture.chosen_views import choose_views, part_of
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.finished_frames import model_mark, pending_frames
+from ..export.finished_frames import ModelMark, model_mark, pending_frames
 from ..export.frame_files import write_view
 from ..export.frame_options import RenderOptions
 from ..io.color_spaces import color_space
@@ -60,7 +60,7 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         _render(job, model, learned, options)
 
 
-def _render(job: Job, model: Model, learned: str, options: RenderOptions) -> None:
+def _render(job: Job, model: Model, learned: ModelMark, options: RenderOptions) -> None:
     """Render what is not finished. learned: `model_mark` of the model."""
     if options.unsure:
         job.project.require("segmentation")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
+from ..capture.capture import ALIKE
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.protocol import Field
@@ -35,6 +36,7 @@ from .job import Job, StageRun, open_job, run_stage
 from .options.learning import SegmentationOptions
 
 WITHIN = "F_s"  # what heeds volumes
+EXPOSED_ALIKE = "photos in their mean exposure"  # of photos that are exposed otherwise
 ALL_RAYS = "uniform"  # how Eq. 12 draws its rays
 
 
@@ -52,6 +54,7 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]
     inputs += [file_digest(volumes_file), WITHIN] if volumes else []
     inputs += [ALL_RAYS] if job.settings.segmentation.labels == "masks" else []
+    inputs += [EXPOSED_ALIKE] if any(view.gains != ALIKE for view in capture.views) else []
     with run_stage(job, "segmentation", *inputs) as run:
         if run is None:
             return

@@ -11,6 +11,7 @@ import numpy as np
 from ..capture.capture import View
 from ..io.images import write_png
 from ..palettes.colorways.reached import Prediction, reached_color
+from ..palettes.exposure import exposed_alike
 from ..palettes.matching.becomes import near
 from ..palettes.palette import Edit
 from ..recolor.frames import Frame
@@ -35,7 +36,7 @@ class Pictures(Protocol):
         """Write a picture."""
 
     def colors(self, pixels: Pixels, picture: Any = None) -> np.ndarray:
-        """Colors of a picture, or without one before any edit, sRGB [n, 3]."""
+        """Colors of a picture in the photos' mean exposure, or without one before any edit, sRGB [n, 3]."""
 
     def covered(self, name: str) -> Pixels:
         """Pixels that are surely an object's."""
@@ -65,7 +66,7 @@ class PhotoPictures:
 
     def colors(self, pixels: Pixels, picture: StoredPhoto | None = None) -> np.ndarray:
         rows, columns = (numbers[:, None] for numbers in pixels)
-        return (picture or self._view.photo).colors(rows, columns)[:, 0]
+        return exposed_alike((picture or self._view.photo).colors(rows, columns)[:, 0], self._view.gains)
 
     def covered(self, name: str) -> Pixels:
         matte = self._view.mattes[list(self._view.objects).index(name)]
@@ -88,7 +89,7 @@ class FramePictures:
         write_png(path, picture)
 
     def colors(self, pixels: Pixels, picture: np.ndarray | None = None) -> np.ndarray:
-        return (self._frame.base if picture is None else picture)[pixels]
+        return exposed_alike((self._frame.base if picture is None else picture)[pixels], self._frame.gains)
 
     def covered(self, name: str) -> Pixels:
         return np.nonzero(self._frame.probabilities[self._model.objects.index(name)] > SURE)

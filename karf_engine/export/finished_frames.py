@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
+from ..capture.mask_names import mask_files
 from ..io.fingerprints import file_digest, fingerprint
 from ..palettes.edge_shape import shaped_edges
 from ..palettes.palette import AddedColor, Edit
@@ -20,7 +21,7 @@ from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
 
-VERSION = 3  # of the renderer: goes up when the same inputs would give other pictures
+VERSION = 4  # of the renderer: goes up when the same inputs would give other pictures
 NOTE = "finished.jsonl"
 # options that say which frames are made, where and how fast, not what is in them
 NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
@@ -71,24 +72,39 @@ def _size(path: Path) -> int:
     return path.stat().st_size if path.is_file() else -1
 
 
-def model_mark(project: Project, settings: Settings) -> str:
-    """A text that changes when anything that is learned of a project does, or how it renders."""
+@dataclass(frozen=True)
+class ModelMark:
+    """Texts that change when other frames would come of a project.
+
+    Attributes:
+        learned: By anything that is learned of it, and by how it renders.
+        masks: By its rough masks, which say where thin parts of photos are.
+    """
+
+    learned: str
+    masks: str
+
+
+def model_mark(project: Project, settings: Settings) -> ModelMark:
+    """What stands for a project as it is now."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
-    return fingerprint(VERSION, learned, to_dict(settings.render))
+    folder = project.masks_folder
+    masks = {path.relative_to(folder).as_posix(): file_digest(path) for path in mask_files(folder)}
+    return ModelMark(fingerprint(VERSION, learned, to_dict(settings.render)), fingerprint(masks))
 
 
-def view_mark(model: str, view: View, *options: Any) -> str:
+def view_mark(model: ModelMark, view: View, *options: Any) -> str:
     """A text that changes when a view would be another: by the model, the camera, the photo or the options.
 
     Args:
         model: `model_mark`.
-        view: With its photo, or a bare camera.
+        view: With its photo, or a bare camera, to which masks say nothing.
         *options: JSON values.
     """
     camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # wherever its photo lies
-    photo = file_digest(view.image) if view.image and view.image.is_file() else None
-    return fingerprint(model, camera, photo, *options)
+    photo = [file_digest(view.image), model.masks] if view.image and view.image.is_file() else None
+    return fingerprint(model.learned, camera, photo, *options)
 
 
 def frame_mark(view: str, edit: Edit | None) -> str:
@@ -126,7 +142,7 @@ class PendingFrames:
 
 
 def pending_frames(
-    options: RenderOptions, learned: str, views: Sequence[View], edits: Sequence[Edit | None]
+    options: RenderOptions, learned: ModelMark, views: Sequence[View], edits: Sequence[Edit | None]
 ) -> PendingFrames:
     """All frames of a command; with its option `skip_existing` those that are not there, or made from other things.
 

@@ -126,7 +126,7 @@ class _Files:
             frame = self.model.with_edges(frame, self.edges)
             palettes = palettes_with(self.model.palettes, self.added)
             weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
-            layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth)
+            layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth, frame.gains)
             write_layers(self._path("layers", ".exr"), layers, self._layer_space)
 
     def _photo(self, finished: PhotoView) -> None:

@@ -2,13 +2,15 @@
 
 A layered picture is an OpenEXR file (`export.layers`) with the base picture in R, G and B, a plane
 `<object>_coverage` for every object, and a plane `<object>_color_<j>` for every color of its palette. The header's text
-`karf` lists them with the colors as learned, so that the file alone is enough to recolor it. Read by hand, by the
-OpenEXR file layout: Blender's Python has no reader of EXR headers.
+`karf` lists them with the colors as learned, and with the gains by which a photo that is exposed otherwise multiplies
+their changes, so that the file alone is enough to recolor it. Read by hand, by the OpenEXR file layout: Blender's Python has
+no reader of EXR headers.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 import struct
 from collections.abc import Sequence
@@ -18,6 +20,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from ..capture.capture import ALIKE
 from ..errors import DataError
 from ..io.inputs import check_file
 from ..io.names import is_file_name
@@ -41,6 +44,7 @@ class ObjectLayers:
         coverage: Name of the plane with the share of each pixel that is the object's.
         weights: Name of each palette color's plane; over the colors the planes sum to the coverage.
         colors: The palette as learned, [M, 3] float32 sRGB in [0, 1]; entry 0 is black.
+        gains: How the picture is exposed, see `View`: by these factors it shows changes of the colors.
 
     Examples:
         >>> (pot,) = name_layers([Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))])
@@ -52,10 +56,11 @@ class ObjectLayers:
     coverage: str
     weights: tuple[str, ...]
     colors: np.ndarray
+    gains: tuple[float, float, float] = ALIKE
 
 
-def name_layers(palettes: Sequence[Palette]) -> tuple[ObjectLayers, ...]:
-    """The layers of objects with these learned palettes, in their order.
+def name_layers(palettes: Sequence[Palette], gains: tuple[float, float, float] = ALIKE) -> tuple[ObjectLayers, ...]:
+    """The layers of objects with these learned palettes, in their order, in a picture that is exposed by these gains.
 
     Programs split a layer's name at points and some at blanks, so both become `_`; a name that is then taken gets a
     number.
@@ -74,7 +79,7 @@ def name_layers(palettes: Sequence[Palette]) -> tuple[ObjectLayers, ...]:
             name, number = f"{plain}_{number}", number + 1
         taken.add(name.casefold())
         weights = tuple(f"{name}_color_{index}" for index in range(len(palette.colors)))
-        found.append(ObjectLayers(palette.name, f"{name}_coverage", weights, palette.colors))
+        found.append(ObjectLayers(palette.name, f"{name}_coverage", weights, palette.colors, gains))
     return tuple(found)
 
 
@@ -91,6 +96,7 @@ def describe_layers(objects: Sequence[ObjectLayers]) -> str:
             "coverage": each.coverage,
             "weights": list(each.weights),
             "colors": [[float(str(value)) for value in color] for color in np.asarray(each.colors, np.float32)],
+            **({} if each.gains == ALIKE else {"gains": list(each.gains)}),
         }
         for each in objects
     ]
@@ -141,7 +147,10 @@ def _object(entry: dict[str, Any]) -> ObjectLayers:
     names = (entry["name"], entry["coverage"], *weights)
     if not all(is_file_name(name) for name in names):
         raise ValueError("names do not fit")
-    return ObjectLayers(entry["name"], entry["coverage"], weights, colors)
+    red, green, blue = (float(gain) for gain in entry.get("gains", ALIKE))
+    if not all(0 < gain < math.inf for gain in (red, green, blue)):
+        raise ValueError("gains cannot be")
+    return ObjectLayers(entry["name"], entry["coverage"], weights, colors, (red, green, blue))
 
 
 def _header_text(stream: BinaryIO) -> bytes | None:

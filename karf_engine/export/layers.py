@@ -10,8 +10,9 @@ Depth.Z                        float  along the optical axis, world units, 0 whe
 CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
 =============================  =====  ====================================================================
 
-The names and the learned colors are in the header, see `export.layer_names`. Scene-linear: the inverse of the piecewise sRGB
-curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with the primaries of Rec. 709; or the named space.
+The names, the learned colors and the gains of a photo that is exposed otherwise are in the header, see `export.layer_names`.
+Scene-linear: the inverse of the piecewise sRGB curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with
+the primaries of Rec. 709; or the named space.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
+from ..capture.capture import ALIKE
 from ..io.color import srgb_to_linear
 from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
@@ -33,11 +35,11 @@ REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 COLORS = (
     "R, G, B: scene-linear, Rec. 709 primaries, display-referred sRGB undone by the exact piecewise sRGB curve "
     "(IEC 61966-2-1; OCIO: sRGB texture to linear Rec. 709). Recolor in sRGB: "
-    "linear(clip(srgb(base) + sum of weight * (srgb(new color) - learned color)))"
+    "linear(clip(srgb(base) + sum of {factors} * (srgb(new color) - learned color)))"
 )
 COLORS_OF_SPACE = (
     "R, G, B: in the color space {name} of OpenColorIO, display-referred sRGB (IEC 61966-2-1) converted. Recolor in sRGB: "
-    "clip(srgb(base) + sum of weight * (srgb(new color) - learned color))"
+    "clip(srgb(base) + sum of {factors} * (srgb(new color) - learned color))"
 )
 
 
@@ -62,12 +64,12 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
         ...     print(read_layer_names(path)[0].coverage)
         pot_coverage
     """
-    objects = name_layers(layers.palettes)
+    objects = name_layers(layers.palettes, layers.gains)
     names = [each.name for each in objects]
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        **_color_facts(space),
+        **_color_facts(space, "weight" if layers.gains == ALIKE else "weight * gains"),
         ATTRIBUTE: describe_layers(objects),
         **cryptomatte.header(names),
     }
@@ -75,12 +77,16 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
     atomic_write(path, lambda temporary: OpenEXR.File(header, channels).write(str(temporary)))
 
 
-def _color_facts(space: ColorSpace | None) -> dict[str, object]:
-    """What the header says of the base picture's colors."""
+def _color_facts(space: ColorSpace | None, factors: str) -> dict[str, object]:
+    """What the header says of the base picture's colors, and of how they change; factors: of a changed color."""
     if space is None:
-        return {"chromaticities": REC709, "colorInteropID": "lin_rec709_scene", "comments": COLORS}
+        return {
+            "chromaticities": REC709,
+            "colorInteropID": "lin_rec709_scene",
+            "comments": COLORS.format(factors=factors),
+        }
     known = {"colorInteropID": space.interop_id} if space.interop_id else {}
-    return {**known, "comments": COLORS_OF_SPACE.format(name=space.name)}
+    return {**known, "comments": COLORS_OF_SPACE.format(name=space.name, factors=factors)}
 
 
 def _planes(objects: tuple[ObjectLayers, ...], layers: Layers, space: ColorSpace | None) -> dict[str, np.ndarray]:

@@ -85,6 +85,29 @@ def photo_gains(scene: Scene, dataset: PixelDataset, parameters: Parameters = PA
     return believed(every, *halves, parameters)
 
 
+def gains_beside(
+    scene: Scene, camera: Camera, photo: np.ndarray, parameters: Parameters = PARAMETERS
+) -> tuple[float, float, float]:
+    """How a photo that a scene was not learned from is exposed beside those that it was: by the scene as it shows it.
+
+    Args:
+        scene: Learned of photos in their mean exposure.
+        camera: The photo's, a pinhole.
+        photo: sRGB [H, W, 3] in [0, 1].
+        parameters: What tells.
+
+    Returns:
+        Red, green and blue; 1 of what too few pixels tell.
+    """
+    camera = camera.reduced(parameters.long_side)
+    picture = scene.render(camera, 1)
+    is_solid = picture.opacity.cpu().numpy() > parameters.solid
+    own = resize(photo, camera.width, camera.height)[is_solid]
+    ratios = _log_ratios(own, picture.color.cpu().numpy()[is_solid], parameters)
+    told = [channel[~np.isnan(channel)] for channel in ratios.T]
+    return tuple(float(np.exp(np.median(each))) if len(each) >= parameters.fewest else 1.0 for each in told)
+
+
 def believed(every: np.ndarray, half: np.ndarray, other: np.ndarray, parameters: Parameters = PARAMETERS) -> np.ndarray:
     """Gains of logarithms that all places tell, as far as two halves of these agree (Spearman 1910, Brown 1910).
 
@@ -176,9 +199,13 @@ def _ratios(look: _Look, other: _Look, parameters: Parameters) -> tuple[np.ndarr
         return shown, np.empty((0, 3))
     at = np.float32(pixels[shown] - 0.5)
     color = cv2.remap(other.photo, at[:, :1], at[:, 1:], cv2.INTER_LINEAR)[:, 0]
-    own = look.photo.reshape(-1, 3)[shown]
-    told = (np.minimum(own, color) > parameters.darkest) & (np.maximum(own, color) < parameters.brightest)
-    return shown, np.log(np.where(told, own, np.nan) / np.where(told, color, 1))
+    return shown, _log_ratios(look.photo.reshape(-1, 3)[shown], color, parameters)
+
+
+def _log_ratios(own: np.ndarray, other: np.ndarray, parameters: Parameters) -> np.ndarray:
+    """Logarithms of colors [n, 3] by others, NaN where one is clipped or dark."""
+    told = (np.minimum(own, other) > parameters.darkest) & (np.maximum(own, other) < parameters.brightest)
+    return np.log(np.where(told, own, np.nan) / np.where(told, other, 1))
 
 
 def _medians(pairs: Sequence[_Pair], fewest: int) -> tuple[list[list[tuple]], ...]:

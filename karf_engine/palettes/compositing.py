@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..capture.capture import ALIKE
 from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.names import check_names
-from ..io.npz import read_arrays
+from ..io.npz import has_arrays, read_arrays
 
 # rows are done in blocks of about this many pixels: a block's working set stays in a core's cache
 BLOCK_PIXELS = 16384
@@ -32,6 +33,7 @@ class Planes:
         palette_weights: [K, M, H, W] float16 in [0, 1], object probability included.
         probabilities: [K, H, W] float16 in [0, 1].
         base: The picture without the edit, [H, W, 3] uint8 sRGB.
+        gains: How the base is exposed, see `exposure`: palettes and their changes are multiplied by them.
 
     Examples:
         A picture of one white pot whose second swatch becomes red:
@@ -49,6 +51,7 @@ class Planes:
     palette_weights: np.ndarray
     probabilities: np.ndarray
     base: np.ndarray
+    gains: tuple[float, float, float] = ALIKE
 
 
 def write_planes(path: Path, planes: Planes) -> None:
@@ -70,6 +73,7 @@ def write_planes(path: Path, planes: Planes) -> None:
             palette_weights=planes.palette_weights.astype(np.float16),
             probabilities=planes.probabilities.astype(np.float16),
             base=planes.base,
+            **({} if planes.gains == ALIKE else {"gains": np.array(planes.gains)}),
         )
 
     atomic_write(path, write)
@@ -92,9 +96,17 @@ def read_planes(path: Path) -> Planes:
     """
     names = ("objects", "palette_weights", "probabilities", "base")
     objects, *arrays = read_arrays(path, names, "edit planes", AGAIN)
-    planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays)
+    gains = _gains(path) if has_arrays(path, ("gains",)) else ALIKE
+    planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays, gains)
     _check(path, planes)
     return planes
+
+
+def _gains(path: Path) -> tuple[float, float, float]:
+    (gains,) = read_arrays(path, ("gains",), "edit planes", AGAIN)
+    if gains.shape != (3,) or gains.dtype.kind != "f" or not (np.isfinite(gains) & (gains > 0)).all():
+        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", AGAIN)
+    return tuple(gains.tolist())
 
 
 def _check(path: Path, planes: Planes) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from ..capture.camera import Camera
+from ..capture.capture import ALIKE
 from ..fields.scene import Picture
 from ..io.arguments import check_array, check_fields
 from ..io.color import to_bytes
@@ -29,6 +30,7 @@ class Frame:
         disputed: objects about which photo and field disagree, so that their edges are the field's.
         camera: the pinhole from which splats were rendered; None of all else.
         supersampling: rays a pixel along each side, of splats.
+        gains: how the base is exposed, see `View`: of photos. Weights and palettes are of the mean exposure.
 
     Raises:
         TypeError: a field is of another type.
@@ -46,6 +48,7 @@ class Frame:
     disputed: tuple[str, ...] = ()
     camera: Camera | None = field(default=None, kw_only=True)
     supersampling: int = field(default=1, kw_only=True)
+    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -85,7 +88,8 @@ def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
     weights, probabilities = frame.palette_weights, frame.probabilities
     if weights is None:
         weights = np.zeros((len(objects), 0, *probabilities.shape[1:]))
-    return Planes(tuple(objects), weights.astype(np.float16), probabilities.astype(np.float16), to_bytes(frame.base))
+    planes = weights.astype(np.float16), probabilities.astype(np.float16)
+    return Planes(tuple(objects), *planes, to_bytes(frame.base), frame.gains)
 
 
 def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> list[Camera]:

@@ -1,20 +1,21 @@
 """Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
 
 The picture is linear in the edit, as in `palettes.compositing`: photo + sum over objects and palette entries of
-coverage x weight(own color) x (edited - learned). Where a pixel is a mixture, the own color is the object's in it; and it
-is without the photo's grain, which an edit must not amplify (`grain`).
+coverage x weight(own color) x gains x (edited - learned), with the gains of the photo's exposure: palettes are of the mean
+exposure of all photos (`palettes.exposure`). Where a pixel is a mixture, the own color is the object's in it; and it is
+without the photo's grain, which an edit must not amplify (`grain`).
 Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import numpy as np
 
-from ..capture.capture import View
+from ..capture.capture import ALIKE, View
 from ..capture.training_images import image_of
 from ..errors import BadRequest
 from ..io.arguments import check_array, check_fields, check_number, checked
@@ -23,11 +24,13 @@ from ..io.images import BACK, oriented, over, turned
 from ..palettes.added import palettes_with, spread, with_sets
 from ..palettes.compositing import hard_masks
 from ..palettes.edge_shape import EdgeShape, shaped_edges
+from ..palettes.exposure import as_exposed
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
 from .frames import Frame
 from .grain import RADIUS, grain_of, without_grain
 from .layers import Layers
+from .matting.marks import Marks
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
 from .matting.shaping import shaped_mattes
 from .photos import StoredPhoto, open_photo
@@ -35,7 +38,8 @@ from .photos.stored import from_camera
 
 BAND_PIXELS = 1 << 19
 LEAST_SCALE = 1e-6
-FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray], list[Matte]]  # photo, probabilities, rendered
+# of photo, probabilities, rendered picture, marks
+FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray, Marks], list[Matte]]
 COPIES_BYTES = 400 << 20  # memory for edited photos at once: the weights of a band serve them all
 
 
@@ -51,6 +55,7 @@ class PhotoView:
         palettes: Of the objects, as learned; empty before palettes are learned.
         scale: Pixels of the result for one of the photo at its full size.
         grain: Of the photo, 1/255; see `grain_of`. 0: own colors are taken as they are.
+        gains: How the photo is exposed, see `View`.
     """
 
     photo: StoredPhoto
@@ -60,6 +65,7 @@ class PhotoView:
     palettes: Sequence[Palette]
     scale: float = 1.0
     grain: float = 0.0
+    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -157,7 +163,7 @@ class PhotoView:
                 for plane, share in zip(weights[k], planes, strict=False):  # small palettes have fewer
                     self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
         nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
-        return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)])
+        return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)], self.gains)
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
         """The camera's grid seen as the stored one."""
@@ -199,10 +205,11 @@ class PhotoView:
                 edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
                 learned, shares = with_sets(palette.colors, added), spread(weights.T, palette.colors, added).T
                 if edit.compositing == "paper":
-                    inner = wins[inside]
-                    change[wins & inside] = (shares[inner] @ edited) - self.photo.colors(rows, columns)[wins & inside]
+                    inner, own = wins[inside], as_exposed(edited, self.gains)
+                    change[wins & inside] = (shares[inner] @ own) - self.photo.colors(rows, columns)[wins & inside]
                 elif (edited != learned).any():
-                    change[inside] += coverage[inside][:, None] * (shares @ (edited - learned))
+                    own = as_exposed(edited - learned, self.gains)
+                    change[inside] += coverage[inside][:, None] * (shares @ own)
         return changes
 
     def _shares(
@@ -212,7 +219,7 @@ class PhotoView:
         for k, (palette, matte, coverage) in enumerate(zip(self.palettes, self.mattes, coverages, strict=True)):
             inside = coverage > 0
             if inside.any():
-                yield k, coverage, _weights(self._own_colors(matte, rows, columns, inside), palette)
+                yield k, coverage, _weights(self._own_colors(matte, rows, columns, inside), palette, self.gains)
 
     def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
         """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], or float of deep photos."""
@@ -240,7 +247,13 @@ class PhotoView:
 
 
 def full_resolution_view(
-    view: View, size: str | int, seen: Frame, mattes_of: FindMattes, objects: Sequence[str], palettes: Sequence[Palette]
+    view: View,
+    size: str | int,
+    seen: Frame,
+    marks: Marks,
+    mattes_of: FindMattes,
+    objects: Sequence[str],
+    palettes: Sequence[Palette],
 ) -> PhotoView:
     """A captured view in its photo's own pixels.
 
@@ -248,7 +261,8 @@ def full_resolution_view(
         view: Of the capture.
         size: `photo`, or a long side in pixels to which the photo is reduced.
         seen: What the field renders, in the grid of the view's camera with its lens, at any size.
-        mattes_of: Mattes from a photo, probabilities and a rendered picture; see `recolor.matting.refine.mattes_of`.
+        marks: What rough masks say to the photo, in the same grid; see `recolor.matting.marks.marks_of`.
+        mattes_of: Mattes from a photo, probabilities, a rendered picture and marks; see `recolor.matting.refine.mattes_of`.
         objects: Names of the K objects that were seen.
         palettes: Of the objects, as learned; empty before palettes are learned.
 
@@ -263,8 +277,10 @@ def full_resolution_view(
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
     shown, scale = photo.shown(), max(photo.size) / full_size
-    mattes = mattes_of(shown, probabilities, rendered)
-    return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown))
+    if marks.drawn is not None:
+        marks = replace(marks, drawn=np.stack([from_camera(own, orientation) for own in marks.drawn]))
+    mattes = mattes_of(shown, probabilities, rendered, marks)
+    return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown), gains=view.gains)
 
 
 def _nearest(few: int, many: int) -> np.ndarray:
@@ -272,20 +288,27 @@ def _nearest(few: int, many: int) -> np.ndarray:
     return ((np.arange(many) + 0.5) * few / many).astype(np.intp)
 
 
-def _weights(colors: np.ndarray, palette: Palette) -> np.ndarray:
-    """Palette weights [n, M] of colors [n, 3]; of 8-bit colors once for each."""
+def _weights(colors: np.ndarray, palette: Palette, gains: Sequence[float]) -> np.ndarray:
+    """Palette weights [n, M] of a photo's colors [n, 3] by the palette in its exposure; of 8-bit colors once for each."""
+    own = as_exposed(palette.colors, gains)
     if colors.dtype == np.uint8:
-        return palette_weights_of_image(colors[None], palette.colors)[0]
-    return star_weights(colors, palette.colors)
+        return palette_weights_of_image(colors[None], own)[0]
+    return star_weights(colors, own)
 
 
-def dense_weights(own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray) -> np.ndarray:
+def dense_weights(
+    own_colors: Sequence[np.ndarray],
+    palettes: Sequence[Palette],
+    coverages: np.ndarray,
+    gains: Sequence[float] = ALIKE,
+) -> np.ndarray:
     """Palette weights of whole pictures.
 
     Args:
         own_colors: Of each of the K objects, uint8 sRGB [H, W, 3].
         palettes: Of the objects.
         coverages: [K, H, W].
+        gains: How the photo is exposed, see `View`.
 
     Returns:
         [K, M, H, W] float32, weights times coverage; M is that of the largest palette.
@@ -294,5 +317,5 @@ def dense_weights(own_colors: Sequence[np.ndarray], palettes: Sequence[Palette],
     result = np.zeros((len(coverages), most, *coverages.shape[1:]), np.float32)
     for planes, own, palette, coverage in zip(result, own_colors, palettes, coverages, strict=True):
         inside = coverage > NEGLIGIBLE
-        planes[: len(palette.colors), inside] = (_weights(own[inside], palette) * coverage[inside][:, None]).T
+        planes[: len(palette.colors), inside] = (_weights(own[inside], palette, gains) * coverage[inside][:, None]).T
     return result

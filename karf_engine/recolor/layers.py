@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..capture.capture import ALIKE
 from ..palettes.palette import Palette
 
 
@@ -19,6 +20,7 @@ class Layers:
         coverage: [K, H, W] in [0, 1], any float.
         palette_weights: [K, M, H, W], coverage times weights, any float; what a small palette lacks is not read.
         depth: [H, W] along the optical axis, world units, 0 where empty; None where it is not known.
+        gains: How the base is exposed, see `View`: changes of palettes are multiplied by them.
     """
 
     palettes: tuple[Palette, ...]
@@ -26,3 +28,4 @@ class Layers:
     coverage: np.ndarray
     palette_weights: np.ndarray
     depth: np.ndarray | None = None
+    gains: tuple[float, float, float] = ALIKE

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from ..capture.camera import Camera
-from ..capture.capture import Capture, View
+from ..capture.capture import ALIKE, Capture, View
 from ..capture.distortion import straighten
 from ..capture.limits import check_camera
 from ..capture.training_images import TrainingImage, load_views, load_wanted
@@ -39,6 +39,7 @@ from ..palettes.added import palettes_with, spread_objects
 from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
 from ..palettes.edge_planes import reshaped
 from ..palettes.edge_shape import EdgeShape, shaped_edges
+from ..palettes.exposure import as_exposed, exposed_alike
 from ..palettes.matching.painted import ObjectMatch, match_picture
 from ..palettes.palette import Edit, Palette, check_edit, read_palettes
 from ..palettes.project_edit import ProjectEdit, edit_of
@@ -53,6 +54,7 @@ from .borders import EdgedSplats
 from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
 from .full_resolution import PhotoView, dense_weights, full_resolution_view
 from .grain import grain_of, without_grain
+from .matting.marks import Marks, marks_of, straightened
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
@@ -370,14 +372,17 @@ class Model:
             over(training_image.color, training_image.alpha),
         )
         rendered = to_bytes(seen.color * np.float32(view.gains))
-        mattes = self._mattes_of(to_bytes(base), seen.probabilities, rendered)
+        marks = straightened(marks_of(self.project.masks_folder, self.objects, view), view.camera)
+        mattes = self._mattes_of(to_bytes(base), seen.probabilities, rendered, marks)
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
         if self.recoloring is not None:
             photo = to_bytes(base)
             calm = without_grain(photo, grain_of(photo))
-            weights = dense_weights([matte.own_picture(calm) for matte in mattes], self.palettes, coverages)
-        return Frame(seen.picture, coverages, weights, base, disputed_objects(self.objects, mattes))
+            own_colors = [matte.own_picture(calm) for matte in mattes]
+            weights = dense_weights(own_colors, self.palettes, coverages, view.gains)
+        disputed = disputed_objects(self.objects, mattes)
+        return Frame(seen.picture, coverages, weights, base, disputed, gains=view.gains)
 
     @checked
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
@@ -393,10 +398,14 @@ class Model:
         """
         _check_size(size, ("photo",))
         seen = self.look(self.working_camera(view))
-        return full_resolution_view(view, size, seen, self._mattes_of, self.objects, self.palettes)
+        marks = marks_of(self.project.masks_folder, self.objects, view)
+        return full_resolution_view(view, size, seen, marks, self._mattes_of, self.objects, self.palettes)
 
-    def _mattes_of(self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray) -> list[Matte]:
-        return self._looks.mattes(self.settings.render.edges, photo, probabilities, rendered, self.settings.seed)
+    def _mattes_of(
+        self, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks
+    ) -> list[Matte]:
+        edges, seed = self.settings.render.edges, self.settings.seed
+        return self._looks.mattes(edges, photo, probabilities, rendered, marks, seed)
 
     @checked
     @translated()
@@ -406,15 +415,17 @@ class Model:
         check_choice("weights_from", weights_from, ("photo", "field"))
         from_field = self.recoloring is not None and weights_from == "field"
         picture = self.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
-        return self.frame_of(
-            picture, over(training_image.color, training_image.alpha), from_field
-        )  # on the same ground as a rendering
+        base = over(training_image.color, training_image.alpha)  # on the same ground as a rendering
+        return self.frame_of(picture, base, from_field, gains=training_image.view.gains)
 
     @checked
-    def frame_of(self, picture: Picture, base: np.ndarray, from_field: bool) -> Frame:
+    def frame_of(
+        self, picture: Picture, base: np.ndarray, from_field: bool, *, gains: tuple[float, float, float] = ALIKE
+    ) -> Frame:
         """The frame of a picture that this scene has rendered: what F_s and the palettes add to it.
 
         from_field: palette weights of F_w, else of the colors of the base [H, W, 3], which has the picture's size.
+        gains: how the base is exposed, see `View`.
         Raises BadRequest for a base of another size, and for a picture whose surface samples were not kept.
         """
         _check_cache(picture)
@@ -426,8 +437,12 @@ class Model:
         weights = None
         if self.recoloring is not None:
             known = samples is not None
-            weights = self.weights_of_field(picture, samples) if known else self.weights_of_colors(base, probabilities)
-        return Frame(picture, probabilities, weights, base)
+            weights = (
+                self.weights_of_field(picture, samples)
+                if known
+                else self.weights_of_colors(base, probabilities, gains=gains)
+            )
+        return Frame(picture, probabilities, weights, base, gains=gains)
 
     @checked
     def training_image(self, view: View) -> TrainingImage:
@@ -444,14 +459,16 @@ class Model:
         return result.reshape(-1, height, width)
 
     @checked
-    def weights_of_colors(self, base: np.ndarray, probabilities: np.ndarray) -> np.ndarray:
-        """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3] and probabilities [K, H, W]. Raises
-        BadRequest for other shapes, and for numbers that are not finite."""
+    def weights_of_colors(
+        self, base: np.ndarray, probabilities: np.ndarray, *, gains: tuple[float, float, float] = ALIKE
+    ) -> np.ndarray:
+        """Palette weights [K, M, H, W] of the colors of a picture [H, W, 3], exposed by these gains (`View`), and
+        probabilities [K, H, W]. Raises BadRequest for other shapes, and for numbers that are not finite."""
         check_array("base", base, ("H", "W", 3))
         if not (np.isfinite(base).all() and np.isfinite(probabilities).all()):
             raise BadRequest("base or probabilities are not finite.", "Give numbers from 0 to 1.")
         check_array("probabilities", probabilities, (len(self.objects), *base.shape[:2]))
-        return dense_weights([to_bytes(base)] * len(self.objects), self.palettes, probabilities)
+        return dense_weights([to_bytes(base)] * len(self.objects), self.palettes, probabilities, gains)
 
     @checked
     def weights_of_field(self, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
@@ -494,7 +511,8 @@ class Model:
         weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
         palettes = palettes_with(self.palettes, edit.added)
         sets = {each.name: range(len(each.colors), len(edit.colors[each.name])) for each in self.palettes}
-        return match_picture(weights, frame.probabilities, frame.base, wanted, palettes, edit.colors, sets)
+        before, wanted = (exposed_alike(each, view.gains) for each in (frame.base, wanted))
+        return match_picture(weights, frame.probabilities, before, wanted, palettes, edit.colors, sets)
 
     @checked
     def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
@@ -529,14 +547,13 @@ class Model:
         edit that is not of them, and for a frame of another model or without palette weights, as those of `look`."""
         self._check_edit(edit)
         frame = self.with_edges(frame, edit.edges)
-        edited = stack_palettes(self.objects, edit.colors)
+        edited = as_exposed(stack_palettes(self.objects, edit.colors), frame.gains)
         weights = spread_objects(frame.palette_weights, self.palettes, edit.added)
         if edit.compositing == "paper":
             return paper_composite(frame.base, weights, frame.probabilities, edited)
-        learned = palettes_with(self.palettes, edit.added)
-        return delta_composite(
-            frame.base, weights, stack_palettes(self.objects, {each.name: each.colors for each in learned}), edited
-        )
+        known = {each.name: each.colors for each in palettes_with(self.palettes, edit.added)}
+        learned = as_exposed(stack_palettes(self.objects, known), frame.gains)
+        return delta_composite(frame.base, weights, learned, edited)
 
     @checked
     def with_edges(self, frame: Frame, edges: Mapping[str, EdgeShape]) -> Frame:
@@ -559,7 +576,7 @@ class Model:
             ended = _in_bands(render, frame.camera, frame.supersampling)
             return replace(frame, palette_weights=ended.palette_weights, probabilities=ended.probabilities)
         scale = max(frame.base.shape[:2]) / self._photo_side
-        shown = frame.base, frame.palette_weights, frame.probabilities
+        shown = exposed_alike(frame.base, frame.gains), frame.palette_weights, frame.probabilities
         weights, probabilities = reshaped(*shown, self.palettes, edges, scale)
         return replace(frame, palette_weights=weights, probabilities=probabilities)
 

@@ -27,11 +27,12 @@ from ..fields.scene import Picture
 from ..io.checkpoints import load_tensors, restoring, save_tensors
 from ..project import Project
 from .frames import Frame
+from .matting.marks import Marks
 from .matting.matte import Matte
 from .matting.refine import mattes_of
 
 SCHEMA = "karf-look/1"  # the number goes up when the same inputs would be rendered to other pictures
-MATTES = "karf-mattes/1"  # the number goes up when the same inputs would be refined to other mattes
+MATTES = "karf-mattes/2"  # the number goes up when the same inputs would be refined to other mattes
 MOST_BYTES = 1 << 30  # size of a project's cache: photos of 800 pixels take 20 MB each
 
 
@@ -62,20 +63,27 @@ class RenderCache:
         self._keep(self._path(camera), tensors, SCHEMA, {})
 
     def mattes(
-        self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int
+        self,
+        edges: str,
+        photo: np.ndarray,
+        probabilities: np.ndarray,
+        rendered: np.ndarray,
+        marks: Marks,
+        seed: int,
     ) -> list[Matte]:
         """What `recolor.matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept.
 
         The seed must be the one that the scene was learned with: kept mattes belong to one scene.
         """
         if edges == "field":  # as quick to make as to read
-            return mattes_of(edges, photo, probabilities, rendered, seed)
+            return mattes_of(edges, photo, probabilities, rendered, marks, seed)
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]
-        contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays]
-        path = self._folder / f"{_mark(MATTES, edges, contents)}.safetensors"
+        drawn = [] if marks.drawn is None else [np.ascontiguousarray(marks.drawn)]
+        contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays + drawn]
+        path = self._folder / f"{_mark(MATTES, edges, contents, marks.thin)}.safetensors"
         known = _read_mattes(path, len(probabilities))
         if known is None:
-            known = mattes_of(edges, *arrays, seed)
+            known = mattes_of(edges, *arrays, marks, seed)
             self._keep(path, *_tensors_of(known))
         return known
 

@@ -20,7 +20,7 @@ from ..project.volumes import Volume
 from .coarse_masks import CoarseMask
 from .constraints import SeenPoints
 from .labels import Labelling
-from .suggestions import views_to_mark
+from .suggestions import Suggestions, views_to_mark
 from .surface_points import surface_points
 from .views import cache_views, load_masked_views
 from .votes import votes_of_rays
@@ -77,8 +77,8 @@ class Correcting:
         constraints = self._seen.constraints(corrections, self.objects)
         self.labels = self._labelling.corrected(self._of_masks, constraints)
 
-    def suggestions(self) -> dict[str, float]:
-        """The views to mark next, with their scores; see `suggestions.views_to_mark`."""
+    def suggestions(self) -> Suggestions:
+        """The views to mark next; see `suggestions.views_to_mark`."""
         return views_to_mark(self._cached, self._labelling.points, self.labels)
 
     def masks(self, view: View) -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from ..io.names import check_names
 from ..metrics.masks import iou
 from .doubts import Unsure, unsure_objects
 from .point_labels import Labels
-from .suggestions import views_to_mark
+from .suggestions import Suggestions, views_to_mark
 from .surface_points import SurfacePoints
 from .views import CachedViews
 
@@ -32,7 +32,7 @@ class SegmentationReport:
         masked_views: names of those that have a coarse mask.
         surface_points: number of labelled points.
         unsure: how unsure each object is, by name; empty in reports that older versions wrote.
-        suggestions: the views to mark next, the best first, with their scores in [0, 1]; see `suggestions`.
+        suggestions: the views to mark next; none in reports that older versions wrote.
     """
 
     objects: list[str]
@@ -42,7 +42,7 @@ class SegmentationReport:
     masked_views: list[str]
     surface_points: int
     unsure: dict[str, Unsure]
-    suggestions: dict[str, float]
+    suggestions: Suggestions
 
     def write(self, path: Path) -> None:
         """Write the report as JSON, atomically."""
@@ -54,7 +54,8 @@ class SegmentationReport:
             "marked": self.masked_views,
             "surface_points": self.surface_points,
             "unsure": {name: asdict(each) for name, each in self.unsure.items()},
-            "suggestions": self.suggestions,
+            "suggestions": self.suggestions.scores,
+            "any_view_helps": self.suggestions.any_view_helps,
         }
         write_json(path, content)
 
@@ -79,9 +80,12 @@ class SegmentationReport:
         if not isinstance(unsure, dict) or not all(map(_is_unsure, unsure.values())):
             raise _damaged(path, "no doubts of objects")
         unsure = {name: Unsure(**each) for name, each in unsure.items()}
-        suggestions = content.get("suggestions", {})  # older ones have none
-        if not isinstance(suggestions, dict) or not all(map(_is_share, suggestions.values())):
+        scores, any_view_helps = content.get("suggestions", {}), content.get("any_view_helps", False)  # likewise
+        if not isinstance(scores, dict) or not all(map(_is_share, scores.values())):
             raise _damaged(path, "no scores of views")
+        if not isinstance(any_view_helps, bool):
+            raise _damaged(path, "no word on whether any view helps")
+        suggestions = Suggestions(scores, any_view_helps)
         return cls(objects, precision, agreement, views, masked_views, surface_points, unsure, suggestions)
 
 

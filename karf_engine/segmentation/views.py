@@ -17,6 +17,7 @@ from ..errors import DataError
 from ..fields.protocol import Field
 from ..fields.rendering.rays import camera_rays
 from ..fields.rendering.surface_cache import SurfaceCache, cache_surface, join_caches
+from ..palettes.exposure import exposed_alike
 from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 
@@ -63,8 +64,10 @@ class MaskedViews:
         ]
 
     def colors(self) -> np.ndarray:
-        """Photo colors of all pixels, [N, 3] float32 sRGB in [0, 1]."""
-        return np.concatenate([training_image.color.reshape(-1, 3) for training_image in self.training_images])
+        """Photo colors of all pixels in the photos' mean exposure, [N, 3] float32 sRGB in [0, 1]."""
+        return np.concatenate(
+            [exposed_alike(image.color, image.view.gains).reshape(-1, 3) for image in self.training_images]
+        )
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.edge_planes import reshaped
 from karf_engine.palettes.edge_shape import EdgeShape, shaped
+from karf_engine.palettes.exposure import as_exposed, exposed_alike
 from karf_engine.palettes.project_edit import ProjectEdit
 from karf_engine.recolor.frames import planes_of
 from karf_engine.recolor.matting.matte import NEGLIGIBLE, dense_coverage
@@ -58,10 +59,11 @@ def judge(model: Model, view: karf.View, edit: ProjectEdit, name: str, shape: Ed
     if frame.base.shape != after.shape or not view.camera.is_pinhole:  # Blender shows it without its lens
         band[:] = False
     planes = planes_of(frame, model.objects)
-    edited = stack_palettes(model.objects, edit.colors)
+    palettes = model.learned_colors, stack_palettes(model.objects, edit.colors)
+    shown, exposed = exposed_alike(planes.base, planes.gains), [as_exposed(each, planes.gains) for each in palettes]
     for key, wanted, edges in (("live", after, with_shape.edges), ("live without", before, {})):
-        weights, _ = reshaped(planes.base, planes.palette_weights, planes.probabilities, model.palettes, edges, scale)
-        live = delta_composite(planes.base.astype(np.float32) / 255, weights, model.learned_colors, edited)
+        weights, _ = reshaped(shown, planes.palette_weights, planes.probabilities, model.palettes, edges, scale)
+        live = delta_composite(planes.base.astype(np.float32) / 255, weights, *exposed)
         off = ciede2000(srgb_to_lab(live[band]), srgb_to_lab(wanted[band] / 255))
         found[key] = float(off.mean()) if band.any() else float("nan")
     found["differ"] = float((before != after).sum())

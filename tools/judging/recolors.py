@@ -19,6 +19,7 @@ from karf_engine.io.color import to_bytes
 from karf_engine.metrics.images import hue_shift, mean_ciede2000, psnr
 from karf_engine.metrics.scores import MIN_PIXELS, score_edit, score_recolor
 from karf_engine.palettes.compositing import delta_composite
+from karf_engine.palettes.exposure import exposed_alike
 from karf_engine.palettes.palette import Edit
 from karf_engine.palettes.project_edit import solve
 from karf_engine.recolor.model import Model
@@ -32,14 +33,19 @@ from .views import TestViews
 def edit_to_judge(model: Model, truth: Truth, name: str, per_paint: bool = False) -> Edit:
     """The edit of one who knows one color pair an object, read in the reference view: it "becomes" the second.
 
+    What is read there is meant in the photos' mean exposure.
+
     per_paint: they know one for each paint of it.
     """
     palettes = {palette.name: palette for palette in model.palettes}
     colors = {key: palette.colors for key, palette in palettes.items()}
+    reference = truth.edits[name]["reference_view"]
+    (gains,) = (view.gains for view in model.capture.split("train") if view.stem == reference)
     for key in truth.edits[name]["objects"]:
         pairs = truth.paint_pairs(name, key) if per_paint else [truth.color_pair(name, key)]
+        sources_and_targets = (exposed_alike(np.stack(each), gains) for each in zip(*pairs, strict=True))
         with suppress(BadRequest):  # paint that the reading shows black cannot be told: it stays
-            colors[key] = solve(model.project, palettes[key], *map(np.stack, zip(*pairs, strict=True)), "becomes")
+            colors[key] = solve(model.project, palettes[key], *sources_and_targets, "becomes")
     return Edit(colors, "delta")
 
 

@@ -24,6 +24,7 @@ import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.io.files import write_json
 from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
+from karf_engine.recolor.matting.marks import marks_of
 from karf_engine.recolor.matting.refine import mattes_of
 from karf_engine.recolor.model import Model
 
@@ -167,7 +168,8 @@ class Judge:
 
     def _ready(self, view: View, way: str) -> PhotoView:
         model, seen = self.model, self.model.look(self.model.working_camera(view))
-        return full_resolution_view(view, "photo", seen, partial(mattes_of, way), model.objects, model.palettes)
+        marks = marks_of(model.project.masks_folder, model.objects, view)
+        return full_resolution_view(view, "photo", seen, marks, partial(mattes_of, way), model.objects, model.palettes)
 
     def _row(self, way: str, name: str) -> dict[str, float]:
         """Return the figures of one object in one way."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.capture.capture import View
+from karf_engine.capture.capture import Capture, View, capture_to_json
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.compute.progress import Progress, TerminalEmit
 from karf_engine.io.files import write_json
@@ -66,6 +66,7 @@ def learn_again(
     stages: Sequence[str],
     masks: Path | None = None,
     threads: int | None = None,
+    capture: Capture | None = None,
 ) -> Model:
     """Learn these stages in another way, in a scratch project that keeps all that does not build on them.
 
@@ -77,6 +78,7 @@ def learn_again(
         masks: for segmentation; by default the project's own. With `segmentation.labels=votes` and the true masks of
             all training views, segmentation is the ceiling.
         threads: processor threads.
+        capture: in the place of the project's own.
     """
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -86,6 +88,8 @@ def learn_again(
     for name in (name for stage in kept for name in STAGE_FILES[stage]):
         source, target = getattr(model.project, name), getattr(scratch, name)
         (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
+    if capture is not None:
+        write_json(scratch.capture_file, capture_to_json(capture, folder))
     changed = settings_module.with_overrides(model.settings, list(overrides))
     # without checksums: a kept palette may be as recoloring has learned it
     done = {name: {key: value for key, value in state["stages"][name].items() if key != "files"} for name in kept}
@@ -108,7 +112,8 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
 
     weights_from: F_w (`field`), or the colors of each frame's base (`photo`).
     """
-    frames = [model.frame_of(frame.picture, frame.base, weights_from == "field") for frame in test.frames]
+    from_field = weights_from == "field"
+    frames = [model.frame_of(each.picture, each.base, from_field, gains=each.gains) for each in test.frames]
     return TestViews(model, test.training_images, frames)
 
 

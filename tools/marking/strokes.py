@@ -141,7 +141,7 @@ def candidates(scene: Scene, choose: str, random: np.random.Generator) -> list[V
     if choose == "worst":
         return scene.learned
     known = {view.name: view for view in scene.learned}
-    suggested = [known[name] for name in scene.correcting.suggestions() if name in known]
+    suggested = [known[name] for name in scene.correcting.suggestions().scores if name in known]
     return suggested[:1] if choose == "suggested" else [scene.learned[random.integers(len(scene.learned))]]
 
 

@@ -1,7 +1,8 @@
 """A capture as it is, with a few of its test views at a larger size: what recolors of whole photos are judged by.
 
 Cameras, training photos and rough masks are those of the capture, to the byte. The larger test views have photo,
-labels, depth and true recolors as before, and the share of each pixel that each object covers.
+labels, depth and true recolors as before, and the share of each pixel that each object covers. Where thin parts are
+told the marked photo is larger too, and its rough masks are enlarged: what the masks show is judged there.
 """
 
 from __future__ import annotations
@@ -12,15 +13,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import imageio.v3 as iio
+import numpy as np
 
 from .cameras import View, write_transforms
-from .files import write_json
+from .files import write_json, write_mask
+from .masks import reference_view
 from .recipe import Extent, Recipe, render_edits
 from .rendering import render_photos, render_print, render_truth, set_up_render
 
 README = """
 Larger test views
-  {views} of the test views are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
+  {views} of the test views{marked} are {size} x {size} pixels (up to {samples} samples per pixel); all else is as above.
   coverage/<object>/test/   share of each pixel that shows the object, 255 = all: {subpixels} x {subpixels} rays a pixel
 """
 OF_TEST_VIEWS = (
@@ -68,6 +72,7 @@ def enlarge_test_views(recipe: Recipe, extent: Extent, full: FullSize, source: P
     """
     views = recipe.views(extent.train, extent.test)
     test = spread([view for view in views if view.split == "test"], full.views)
+    marked = [reference_view(source, views, recipe.names)] if recipe.thin else []
     unfinished = out.with_name(f"{out.name}.unfinished")
     shutil.rmtree(unfinished, ignore_errors=True)
     shutil.copytree(source, unfinished)
@@ -79,16 +84,26 @@ def enlarge_test_views(recipe: Recipe, extent: Extent, full: FullSize, source: P
     set_up_render(full.size, recipe.field_of_view, threads)
     bpy.context.scene.cycles.denoising_prefilter = "FAST"  # the accurate one takes longer than the samples
     write_transforms(unfinished, [view for view in views if view.split == "train"] + test, recipe.field_of_view)
-    render_photos(unfinished, test, full.samples)
-    render_truth(unfinished, test, recipe.names, full.subpixels, recipe.thin)
+    render_photos(unfinished, marked + test, full.samples)
+    render_truth(unfinished, marked + test, recipe.names, full.subpixels, recipe.thin)
+    enlarge_masks(unfinished, marked, full.size)
     if recipe.printed:
         render_print(unfinished, test)
-    render_edits(recipe, unfinished, test, full.samples)
+    render_edits(recipe, unfinished, marked + test, full.samples)
     with (unfinished / "README.txt").open("a", encoding="utf-8") as readme:
-        readme.write(README.format(**vars(full)))
+        readme.write(README.format(**vars(full), marked=" and the marked photo" if marked else ""))
     write_json(unfinished / "full_size.json", vars(full))
     shutil.rmtree(out, ignore_errors=True)
     unfinished.rename(out)
+
+
+def enlarge_masks(folder: Path, marked: list[View], size: int) -> None:
+    """Enlarge the rough masks of these photos, without new detail."""
+    for view in marked:
+        for path in folder.glob(f"coarse_masks/*/*/{view.stem}.png"):
+            mask = iio.imread(path) > 127
+            places = np.arange(size) * len(mask) // size
+            write_mask(path, mask[np.ix_(places, places)])
 
 
 def spread(views: list[View], count: int) -> list[View]:

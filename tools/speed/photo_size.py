@@ -29,6 +29,7 @@ from karf_engine.compute.progress import peak_memory_bytes
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
+from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.refine import mattes_of
 from karf_engine.recolor.model import Model
 from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
@@ -117,7 +118,8 @@ def photo_view(model: Model, view: View, count: int) -> PhotoView:
     seen = model.look(model.working_camera(view))
     seen = replace(seen, probabilities=seen.probabilities[:count])
     refine = partial(mattes_of, model.settings.render.edges)
-    return full_resolution_view(view, "photo", seen, refine, model.objects[:count], model.palettes[:count])
+    unmarked = Marks(None, (False,) * count)
+    return full_resolution_view(view, "photo", seen, unmarked, refine, model.objects[:count], model.palettes[:count])
 
 
 def other_colors(palettes: Sequence[Palette]) -> Edit:

@@ -1,10 +1,13 @@
 """Run by the engine's Python: writes a layered picture of the fake engine's objects, and what the engine makes of it.
 
-FOLDER/layers/photo_0.exr, the same in ACEScg as FOLDER/layers/acescg.exr where the engine has OpenColorIO, and FOLDER/truth.npz: `coverage` [2, 30, 40], `edited` [2, 3, 3] and `recolored` [30, 40, 3].
+FOLDER/layers/photo_0.exr, the same in ACEScg as FOLDER/layers/acescg.exr where the engine has OpenColorIO and in another
+exposure as FOLDER/layers/exposed.exr, and FOLDER/truth.npz: `coverage` [2, 30, 40], `edited` [2, 3, 3], and [30, 40, 3] each
+`recolored` and `exposed`.
 """
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +22,7 @@ from karf_engine.recolor.layers import Layers
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 EDITED = {"lid": [[0, 0, 0], [0.9, 0.1, 0.6], [0.3, 1.4, 0.2]], "pot": [[0, 0, 0], [0.1, 0.3, 0.9], [0.9, 0.9, 0.5]]}
+GAINS = 0.75, 1.0, 1.25
 
 folder = Path(sys.argv[1])
 random = np.random.default_rng(1)
@@ -30,11 +34,15 @@ weights = (shares * coverage[:, None]).astype(np.float16)
 palettes = tuple(Palette(name, np.array(colors, np.float32)) for name, colors in LEARNED.items())
 layers = Layers(palettes, base, coverage, weights, ramp)
 write_layers(folder / "layers" / "photo_0.exr", layers)
+write_layers(folder / "layers" / "exposed.exr", replace(layers, gains=GAINS))
 if importlib.util.find_spec("PyOpenColorIO"):
     write_layers(folder / "layers" / "acescg.exr", layers, color_space("ACEScg"))
 
 learned, edited = (
     stack_palettes(list(LEARNED), {n: np.array(c) for n, c in each.items()}) for each in (LEARNED, EDITED)
 )
-recolored = delta_composite(base.astype(np.float32) / 255, weights.astype(np.float32), learned, edited)
-np.savez(folder / "truth.npz", coverage=coverage.astype(np.float32), edited=edited, recolored=recolored)
+base, weights = base.astype(np.float32) / 255, weights.astype(np.float32)
+recolored = delta_composite(base, weights, learned, edited)
+exposed = delta_composite(base, weights, learned * np.float32(GAINS), edited * np.float32(GAINS))
+coverage = coverage.astype(np.float32)
+np.savez(folder / "truth.npz", coverage=coverage, edited=edited, recolored=recolored, exposed=exposed)

@@ -76,6 +76,15 @@ def test_the_nodes_recompose_the_engines_picture(bpy, addon, scene, compositor, 
     assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
 
 
+def test_layers_of_a_photo_that_is_exposed_otherwise_show_the_edit_as_it_would(
+    bpy, addon, scene, compositor, layers_file, truth, tmp_path
+):
+    node = addon.headless.build_compositor(layers=layers_file.with_name("exposed.exr"))
+    set_sockets(addon, node, truth)
+    picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
+    assert np.abs(picture - truth["exposed"]).max() < 0.5 / 255
+
+
 def test_layers_in_another_color_space_recompose_the_same_picture(
     bpy, addon, scene, compositor, layers_file, truth, tmp_path
 ):

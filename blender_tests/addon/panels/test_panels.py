@@ -76,8 +76,11 @@ def test_the_view_to_mark_next_and_what_is_unsure_are_in_the_panel(addon, learne
     project.finish("segmentation", "s")
     addon.engine_api.write_json(project.segmentation_report, report)
     shown = draw()
-    assert "Mark next: photo_2" in shown
+    assert "Mark next: photo_2" in shown and "Any view helps about as much" not in shown
     assert "pot: 25 % unsure, where no mark shows it" in " ".join(shown)  # in lines of the panel's width
+    addon.engine_api.write_json(project.segmentation_report, report | {"any_view_helps": True})
+    shown = draw()
+    assert "Mark next: photo_2" in shown and "Any view helps about as much" in shown
 
 
 def test_the_button_of_splat_objects_is_there_where_one_is_active_or_follows(bpy, addon, learned, draw):

@@ -31,6 +31,13 @@ def test_a_report_without_any_names_none(addon, imported, report):
     assert addon.contents.views_to_mark(imported) == ()
 
 
+@pytest.mark.parametrize("told, is_so", [(True, True), (False, False), (3, False), ("yes", False)])
+def test_that_any_view_helps_comes_from_the_report_too(addon, imported, told, is_so):
+    assert not addon.contents.any_view_helps(imported)
+    segmented(addon, imported, {"any_view_helps": told})
+    assert addon.contents.any_view_helps(imported) is is_so
+
+
 def test_how_unsure_each_object_is_comes_from_the_report_too(addon, imported):
     segmented(addon, imported, {"unsure": {"pot": {"share": 0.25, "unseen": 0.9}, "mug": {"share": 0, "unseen": 0}}})
     assert addon.contents.unsure_objects(imported) == (("pot", 0.25, True), ("mug", 0.0, False))

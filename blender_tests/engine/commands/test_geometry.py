@@ -16,6 +16,7 @@ from karf_engine.commands import geometry
 from karf_engine.commands.job import make_job
 from karf_engine.commands.options import GeometryOptions
 from karf_engine.errors import KarfError
+from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.io.images import write_png
 from karf_engine.io.options import Options
 from karf_engine.project import Project
@@ -113,6 +114,17 @@ def test_a_marked_photo_is_learned_from_and_a_later_mark_asks_for_no_new_geometr
     write_png(project.corrections_folder / "ball" / f"{second}.png", np.ones((32, 32), bool))
     learn(monkeypatch, capture, project.folder, told)
     assert ("stage", {"name": "geometry", "text": "already done"}) in told
+
+
+def test_where_photos_differ_those_that_are_held_out_are_compared_with_the_scene(capture, monkeypatch, tmp_path):
+    told = np.full((14, 3), 1.25, np.float32)
+    monkeypatch.setattr(voxel_fit, "photo_gains", lambda *_: told)
+    monkeypatch.setattr(voxel_fit, "COMPARED_AFTER", 0)
+    monkeypatch.setattr(geometry, "gains_beside", lambda scene, camera, photo: (0.5, 1.0, 2.0))
+    learn(monkeypatch, capture, tmp_path / "project", [])
+    learned = capture_of(Project(tmp_path / "project"))
+    assert {view.gains for view in learned.split("train")} == {(1.25, 1.25, 1.25)}
+    assert {view.gains for view in learned.split("test")} == {(0.5, 1.0, 2.0)}
 
 
 def test_other_sparse_points_are_another_scene_to_learn(capture, monkeypatch, tmp_path):

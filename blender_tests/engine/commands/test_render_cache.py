@@ -13,6 +13,7 @@ import karf_engine.recolor.render_cache
 from karf_engine.cli import main
 from karf_engine.fields.scene import Scene
 from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import Edit
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
@@ -121,6 +122,19 @@ def test_mattes_of_another_photo_or_another_size_are_not_taken(copy, refined):
     model.photo_view(view)
     model.photo_view(view, 24)
     model.photo_view(replace(view, image=other.image))
+    assert len(refined) == 3
+
+
+def test_mattes_of_a_photo_that_is_marked_otherwise_by_now_are_not_taken(copy, refined):
+    model = Model(copy)
+    view = first_test_view(model)
+    model.photo_view(view)
+    mask = copy.masks_folder / model.objects[0] / f"{view.name}.png"
+    for inside in (1, 2, 2):
+        drawn = np.zeros((view.camera.height, view.camera.width), np.uint8)
+        drawn[:inside] = 255
+        write_png(mask, drawn)
+        Model(copy).photo_view(view)
     assert len(refined) == 3
 
 

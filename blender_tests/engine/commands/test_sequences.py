@@ -5,6 +5,7 @@ import json
 import shutil
 import tracemalloc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.export.finished_frames import NOTE, FinishedFrames
+from karf_engine.export.finished_frames import NOTE, FinishedFrames, model_mark, view_mark
 from karf_engine.io.images import read_photo
 from karf_engine.palettes.edit_files import write_edit
 from karf_engine.palettes.palette import Edit
@@ -90,6 +91,23 @@ def test_frames_are_rendered_again_where_the_edit_changed(sequence):
     same = json.loads(sequence.edit.read_text())
     sequence.edit.write_text(json.dumps(same, indent=4))
     assert sequence.render() == []
+
+
+def test_photos_are_recolored_again_where_a_mask_changed_and_other_cameras_are_not(sequence):
+    project = Project(sequence.project)
+    mask = next(project.masks_folder.rglob("*.png"))
+    photo = Model(project).capture.split("test")[0]
+    bare = replace(photo, image=None)
+
+    def marks_of_views():
+        mark = model_mark(project, Model(project).settings)
+        return view_mark(mark, photo), view_mark(mark, bare)
+
+    before = marks_of_views()
+    assert marks_of_views() == before
+    mask.unlink()
+    after = marks_of_views()
+    assert after[0] != before[0] and after[1] == before[1]
 
 
 def test_frames_are_rendered_again_where_more_is_asked_for(sequence):

@@ -21,6 +21,8 @@ from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.color import to_bytes
 from karf_engine.io.images import BACK, oriented, read_mask, read_photo
 from karf_engine.metrics.masks import iou
+from karf_engine.recolor.full_resolution import full_resolution_view
+from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.refine import field_mattes
 from karf_engine.recolor.photos import open_photo, write_photo
 
@@ -230,11 +232,27 @@ def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, ca
     assert "Only settings of render" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path, orientation):
+    taken = []
+
+    def note(shown, probabilities, rendered, marks):
+        taken.append((shown, marks))
+        return field_mattes(shown.shape[1::-1], probabilities)
+
+    view = saved(tmp_path / "a.png", photo.color, orientation)
+    seen = model.look(model.working_camera(view))
+    bright = to_bytes(photo.color)[..., 0] > 127
+    full_resolution_view(view, "photo", seen, Marks(bright[None], (False,)), note, model.objects, model.palettes)
+    ((shown, marks),) = taken
+    assert_array_equal(marks.drawn[0], shown[..., 0] > 127)
+
+
 @pytest.fixture
 def disputed(monkeypatch):
     """Photo and field disagree about the first object in every view."""
 
-    def disputing(self, edges, photo, probabilities, rendered, seed):
+    def disputing(self, edges, photo, probabilities, rendered, marks, seed):
         first, *others = field_mattes(photo.shape[1::-1], probabilities)
         return [replace(first, disputed=True), *others]
 

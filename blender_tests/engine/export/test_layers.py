@@ -1,5 +1,7 @@
 """Layered pictures: what is in the file recomposes the edited picture, and the header alone says how."""
 
+from dataclasses import replace
+
 import numpy as np
 import OpenEXR
 import pytest
@@ -89,6 +91,18 @@ def test_the_header_alone_gives_names_and_learned_colors(layers, tmp_path):
     assert (pot.name, mug.name) == ("pot", "my mug.2")
     np.testing.assert_array_equal(pot.colors, POT.colors)
     np.testing.assert_array_equal(mug.colors, MUG.colors)
+
+
+def test_the_header_tells_the_exposure_of_a_photo_that_has_another(layers, tmp_path):
+    path = tmp_path / "view.exr"
+    write_layers(path, layers)
+    assert b'"gains"' not in path.read_bytes()
+    assert read_layer_names(path)[0].gains == (1.0, 1.0, 1.0)
+    write_layers(path, replace(layers, gains=(0.75, 1.0, 1.25)))
+    assert [each.gains for each in read_layer_names(path)] == [(0.75, 1.0, 1.25)] * 2
+    path.write_bytes(path.read_bytes().replace(b"0.75", b"-0.7"))
+    with pytest.raises(DataError, match="gains"):
+        read_layer_names(path)
 
 
 def test_names_are_short_and_never_shared():

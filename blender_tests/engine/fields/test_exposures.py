@@ -12,7 +12,7 @@ from blender_tests.engine.fields.voxels.test_fit import SETTINGS, bank_of
 from blender_tests.engine.reference.still_life import cameras, take_photo
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
-from karf_engine.fields.exposures import photo_gains
+from karf_engine.fields.exposures import gains_beside, photo_gains
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.fit_box import start_box_fit
@@ -55,6 +55,15 @@ def test_gains_are_found_and_their_geometric_mean_is_1():
     found = np.log(photo_gains(Floor(), photographed(np.exp(LOGS))))
     np.testing.assert_allclose(found.mean(0), 0, atol=1e-6)
     assert np.abs(found - LOGS).mean() < 0.01
+
+
+def test_a_photo_that_was_not_learned_from_is_compared_with_the_scene_itself():
+    colors, gains = photographed(np.ones((24, 3))).picture(3), (0.8, 1.0, 1.3)
+    shown = Floor().render(CAMERAS[3], 1)
+    scene = SimpleNamespace(render=lambda camera, _: SimpleNamespace(color=torch.from_numpy(colors), **vars(shown)))
+    assert gains_beside(scene, CAMERAS[3], colors * gains) == pytest.approx(gains, abs=0.01)
+    shown.opacity = torch.zeros(48, 48)
+    assert gains_beside(scene, CAMERAS[3], colors * gains) == (1.0, 1.0, 1.0)
 
 
 def test_photos_exposed_alike_have_gains_of_exactly_1():

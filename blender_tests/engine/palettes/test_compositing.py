@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,18 @@ def test_planes_come_back_bit_by_bit(tmp_path: Path) -> None:
         assert getattr(read, name).dtype == getattr(planes, name).dtype
         np.testing.assert_array_equal(getattr(read, name), getattr(planes, name))
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_planes_keep_how_their_photo_is_exposed(tmp_path: Path) -> None:
+    planes, path = make_planes(), tmp_path / "view.npz"
+    write_planes(path, planes)
+    assert "gains" not in np.load(path)
+    write_planes(path, replace(planes, gains=(0.75, 1.0, 1.25)))
+    assert read_planes(path).gains == (0.75, 1.0, 1.25)
+    for wrong in (0.0, np.nan):
+        write_planes(path, replace(planes, gains=(0.75, 1.0, wrong)))
+        with pytest.raises(DataError, match="gains"):
+            read_planes(path)
 
 
 def test_damaged_planes_are_refused_by_name(tmp_path: Path) -> None:

@@ -10,15 +10,17 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from karf_engine.capture.capture import capture_from_json
+from karf_engine.cli import main
 from karf_engine.compute.progress import Progress
 from karf_engine.errors import DataError
 from karf_engine.fields.files import load_scene
-from karf_engine.io.files import read_json
+from karf_engine.io.files import read_json, write_json
 from karf_engine.project import Project
 from karf_engine.project.settings import from_dict
 from karf_engine.segmentation import surface_points as surface_points_module
 from karf_engine.segmentation.coarse_masks import find_masks
 from karf_engine.segmentation.report import SegmentationReport
+from karf_engine.segmentation.suggestions import Suggestions
 from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
 
@@ -66,21 +68,34 @@ def test_a_report_is_read_as_it_was_written(learned, tmp_path):
 
 def test_the_views_to_mark_next_are_unmarked_ones_and_the_best_comes_first(learned):
     report = SegmentationReport.read(Project(learned.project).segmentation_report)
-    assert report.suggestions and set(report.suggestions) <= set(report.views) - set(report.masked_views)
-    scores = list(report.suggestions.values())
+    found = report.suggestions.scores
+    assert found and set(found) <= set(report.views) - set(report.masked_views)
+    scores = list(found.values())
     assert scores == sorted(scores, reverse=True)
+
+
+def test_that_any_view_helps_is_said_beside_the_views(learned, tmp_path, capsys):
+    written = read_json(Project(learned.project).segmentation_report, "report")
+    project = Project(shutil.copytree(learned.project, tmp_path / "project"))
+    for any_view_helps in (True, False):
+        write_json(project.segmentation_report, written | {"any_view_helps": any_view_helps})
+        assert main(["segmentation", str(project.folder), "--suggest"]) == 0
+        said = capsys.readouterr().out
+        assert next(iter(written["suggestions"])) in said
+        assert ("Any view helps about as much." in said) == any_view_helps
 
 
 def test_reports_of_before_there_were_suggestions_have_none(learned, tmp_path):
     content = json.loads(Project(learned.project).segmentation_report.read_text())
-    del content["suggestions"]
+    del content["suggestions"], content["any_view_helps"]
     path = tmp_path / "segmentation.json"
     path.write_text(json.dumps(content))
-    assert SegmentationReport.read(path).suggestions == {}
+    assert SegmentationReport.read(path).suggestions == Suggestions({}, any_view_helps=False)
 
 
 @pytest.mark.parametrize(
-    "key", ["objects", "precision", "iou_with_marks", "views", "marked", "surface_points", "suggestions"]
+    "key",
+    ["objects", "precision", "iou_with_marks", "views", "marked", "surface_points", "suggestions", "any_view_helps"],
 )
 @pytest.mark.parametrize("value", [None, -3, "ball", [{}], {"ball": float("nan")}, {"ball": 2, "block": 0.5}])
 def test_a_report_of_other_values_is_refused_in_a_sentence(learned, tmp_path, key, value):

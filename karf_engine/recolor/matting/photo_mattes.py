@@ -19,6 +19,7 @@ from .color_models import ColorModels, fit_color_models, posterior
 from .distances import distance_to
 from .foreground import LINEAR, unmixed
 from .lost_parts import difference_nearby, lost_parts
+from .marks import Marks
 from .matte import Matte
 from .sharpness import sharp_size
 from .strays import without_strays
@@ -88,18 +89,22 @@ class MatteParameters:
 PARAMETERS = MatteParameters()
 
 
-def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int = 0) -> list[Matte]:
+def refine_mattes(
+    photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks | None = None, seed: int = 0
+) -> list[Matte]:
     """Mattes of K objects from the field's soft answer and the photo.
 
     Args:
         photo: uint8 [H, W, 3] sRGB.
         probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
         rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
+        marks: What rough masks say to the photo, of thin parts alone; None: nothing.
         seed: Of the pixels that color models are fitted to.
 
     Returns:
         One matte for each object.
     """
+    marks = marks or Marks(None, (False,) * len(probabilities))
     probabilities = without_strays(probabilities)
     if not hard_masks(probabilities).any():
         return unmixed(photo, np.zeros_like(probabilities))
@@ -112,7 +117,7 @@ def refine_mattes(photo: np.ndarray, probabilities: np.ndarray, rendered: np.nda
     for number, size in enumerate(sizes):
         reduced = _resized(photo, size)
         if number == min(PARAMETERS.lost_parts_step, len(sizes) - 1):
-            classes = with_lost_parts(reduced, field, classes, models)
+            classes = with_lost_parts(reduced, field, classes, models, marks)
         classes = sharpen(reduced, classes, models)
     coverage = cover(_resized(photo, classes.shape[1:]), classes)
     disputed = [_disagree(own, mask) for own, mask in zip(coverage, hard_masks(probabilities), strict=True)]
@@ -129,16 +134,19 @@ def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
     return bool((found & mask).sum() < PARAMETERS.least_agreement * (found | mask).sum())
 
 
-def with_lost_parts(photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
+def with_lost_parts(
+    photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels, marks: Marks
+) -> np.ndarray:
     """Classes [K+1, H, W] at the size of a photo, uint8 [H, W, 3], where parts that the field has lost are open.
 
-    rendered: CIE Lab [h, w, 3], as the field shows the scene.
+    rendered: CIE Lab [h, w, 3], as the field shows the scene. marks: what rough masks say to the photo.
     """
     width, height = photo.shape[1::-1]
     classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
-    for k, lost in enumerate(lost_parts(lab_of(photo), rendered, classes, models), start=1):
+    for k, found in enumerate(lost_parts(lab_of(photo), rendered, classes, models, marks), start=1):
+        lost = found > 0
         classes[:, lost] = 0
-        classes[0][lost] = classes[k][lost] = 0.5
+        classes[0][lost], classes[k][lost] = 1 - found[lost], found[lost]
     return classes
 
 
@@ -200,19 +208,23 @@ def _present(labels: np.ndarray) -> np.ndarray:
 def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
     """Coverage [K, h, w] float16 of the objects from labels [K+1, h, w] of the size of the photo, uint8 [h, w, 3]."""
     result = np.zeros((len(classes) - 1, *photo.shape[:2]), np.float16)
+    is_certain = classes[1:].max((1, 2)) >= PARAMETERS.certain
     for tile in tiles(photo.shape[:2], TILE, MARGIN):
         labels = classes[(slice(None), *tile.outer)].astype(np.float32)
         if labels[0].min() == 1:
             continue
         light = LINEAR[photo[tile.outer]]
-        covered = np.stack([_border_matted(light, own) for own in labels[1:]])
+        covered = np.stack([_border_matted(light, *each) for each in zip(labels[1:], is_certain, strict=True)])
         covered /= np.maximum(covered.sum(0), 1)
         result[(slice(None), *tile.place)] = covered[(slice(None), *tile.inner)]
     return result
 
 
-def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide."""
+def _border_matted(light: np.ndarray, label: np.ndarray, is_certain: bool) -> np.ndarray:
+    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide.
+
+    is_certain: whether some pixel of the photo is certainly the object's, in this tile or another.
+    """
     inside = label > 0.5
     if not inside.any() or inside.all():
         return inside.astype(np.float32)
@@ -223,7 +235,7 @@ def _border_matted(light: np.ndarray, label: np.ndarray) -> np.ndarray:
     # a line that is all border has no certain pixel to be compared with: only its surroundings would speak;
     # an object without any certain pixel may be none at all, and is left to them
     away = distance_to(inside & ~unknown)
-    thin = inside & unknown & np.isfinite(away) & (away > PARAMETERS.alone)
+    thin = inside & unknown & (away > PARAMETERS.alone) & (is_certain | np.isfinite(away))
     result[thin] = np.maximum(result, label)[thin]
     return result
 

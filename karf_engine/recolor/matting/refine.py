@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ...io.images import resize
+from .marks import Marks
 from .matte import NEGLIGIBLE, Matte
 from .photo_mattes import refine_mattes
 
 
 def mattes_of(
-    edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, seed: int = 0
+    edges: str,
+    photo: np.ndarray,
+    probabilities: np.ndarray,
+    rendered: np.ndarray,
+    marks: Marks | None = None,
+    seed: int = 0,
 ) -> list[Matte]:
     """Mattes of the K objects of a photo.
 
@@ -19,6 +25,7 @@ def mattes_of(
         photo: uint8 sRGB [H, W, 3].
         probabilities: [K, h, w] of each object, in the grid of the photo at any size.
         rendered: uint8 sRGB [h, w, 3], the scene as the field shows it there.
+        marks: What rough masks say to the photo, in its grid; None: nothing.
         seed: Of the colors that are drawn in the photo.
 
     Example:
@@ -28,7 +35,7 @@ def mattes_of(
     """
     if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
-    return refine_mattes(photo, probabilities, rendered, seed)
+    return refine_mattes(photo, probabilities, rendered, marks, seed)
 
 
 def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:

@@ -11,8 +11,9 @@ import pytest
 from blender_tests.engine.reference.cut_outs import CutOut, canvas, paint
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.metrics.masks import iou
+from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.matte import Matte, dense_coverage
-from karf_engine.recolor.matting.photo_mattes import cover, refine_mattes, steps
+from karf_engine.recolor.matting.photo_mattes import TILE, cover, refine_mattes, steps
 from karf_engine.recolor.matting.refine import field_mattes
 from karf_engine.recolor.matting.sharpness import sharp_size
 
@@ -102,6 +103,58 @@ def test_a_line_that_is_all_border_keeps_what_its_labels_say():
     coverage = cover(photo, np.stack([1 - label, label]))[0]
     assert coverage[line].min() > 0.79
     assert coverage[:, 22:].max() < 0.5
+
+
+def test_a_line_that_runs_through_another_tile_than_its_object_is_kept_as_well():
+    width = 2 * TILE + 40
+    line = np.zeros((40, width), bool)
+    line[20, 20:-10] = True
+    photo = np.full((40, width, 3), GRAY, np.uint8)
+    photo[line] = np.array(GRAY) - 3
+    label = np.where(line, 0.8, 0).astype(np.float32)
+    label[15:25, 2:10] = 1  # the object's body
+    coverage = cover(photo, np.stack([1 - label, label]))[0]
+    assert coverage[line].min() > 0.79
+    label[15:25, 2:10] = 0  # without a body it may be none at all
+    assert cover(photo, np.stack([1 - label, label]))[0].max() < 0.5
+
+
+@pytest.fixture(scope="module")
+def lamp() -> CutOut:
+    """A green lamp and its cable, of which the field shows the color, and says that it is none."""
+    columns, rows = canvas(SIZE)
+    cable = (np.abs(columns - 96 - 4 * np.sin(rows / 9)) < 2.5) & (rows < 60)
+    behind = np.where((_reduced(cable) > 0.5)[..., None], np.uint8(GREEN), plain())
+    base = disk(96, 100, 42)
+    return paint([base | cable], [GREEN], behind, [base], SMALL)
+
+
+def held(scene: CutOut, drawn: np.ndarray | None, thin: bool) -> np.ndarray:
+    """The object's mask where a rough mask is drawn on the photo, or rough masks show a thin part of it."""
+    marks = Marks(None if drawn is None else drawn[None], (thin,))
+    mattes = refine_mattes(scene.photo, scene.probabilities, scene.rendered, marks)
+    return dense_coverage(mattes, scene.photo.shape[:2])[0] > 0.5
+
+
+@pytest.mark.parametrize("is_drawn", [True, False])
+def test_a_thin_part_is_the_object_s_under_a_mask_of_this_photo_or_where_any_mask_shows_one(lamp, is_drawn):
+    cable, brush = lamp.coverage[0] > 0.5, np.zeros((SIZE, SIZE), bool)
+    cable[60:] = False
+    brush[:70, 80:112] = True
+    assert found(lamp)[0][cable].mean() < 0.3
+    found_now = held(lamp, brush if is_drawn else None, thin=not is_drawn)
+    assert found_now[cable].mean() > 0.9
+    assert iou(found_now, lamp.coverage[0] > 0.5) > 0.95
+
+
+def test_nothing_of_a_thick_neighbor_of_the_same_color_is_taken_though_a_mask_spills_over_it():
+    columns, rows = canvas(SIZE)
+    neighbor = (np.abs(columns - 96) < 30) & (rows < 60)  # touches the ball
+    behind = np.where((_reduced(neighbor) > 0.5)[..., None], np.uint8(GREEN), plain())
+    ball = disk(96, 100, 42)
+    scene = paint([ball], [GREEN], behind, [ball], SMALL)
+    for spilled in (disk(96, 100, 48), disk(96, 100, 60), disk(96, 90, 60)):
+        assert np.array_equal(held(scene, spilled, thin=True), found(scene)[0] > 0.5)
 
 
 def test_nothing_grows_into_a_neighbor_of_the_same_color_that_the_field_knows():
