@@ -79,7 +79,7 @@ def test_an_edit_changes_its_object_and_nothing_else(model):
 
 
 def test_a_pair_that_changes_nothing_holds_its_paint(model):
-    pairs = ("#d92619", "#1f5fbf"), ("#d92619", "#d92619")
+    pairs = ("#d95019", "#1f5fbf"), ("#d92619", "#d92619")  # an orange that would take the red along
     alone, held = model.edit().becomes("ball", *pairs[0]), model.edit().becomes("ball", *pairs[0], also=pairs[1:])
     change = [np.abs(edit.colors["ball"] - model.edit().colors["ball"]).max() for edit in (alone, held)]
     assert 0 < change[1] < 0.7 * change[0]
