@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -57,9 +57,6 @@ from .matting.marks import Marks, marks_of, straightened
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
 from .splatted_scene import SplattedScene, splatted
-
-if TYPE_CHECKING:
-    pass  # needs numba
 
 BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
 MOST_SUPERSAMPLING = 64

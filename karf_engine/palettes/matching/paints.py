@@ -19,7 +19,6 @@ GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source has no h
 LEAST_METAL = 0.02  # linear reflectance that a metal has in every channel: less would make noise of what it mirrors
 GLOSS_COST = 0.2  # penalty of gloss when a color is split into a paint and gloss; white's is 3
 GLOSS_COST_OF_SEVERAL = 0.1  # the same of several paints, of which the palest takes what is pale
-TRUST = 2.0  # of a paint's mean channel: as much light as tells half of the light's tint
 MIXED = 0.1  # share of all but its first paint from which on a color is a mixture
 CHANNELS = 3
 FAINT = 1e-5  # linear light that is as good as none
@@ -107,10 +106,8 @@ def _change_of_paints(light: np.ndarray, sources: np.ndarray, targets: np.ndarra
     """By how much linear light [n, 3] changes with its paints [P, 3]; gate: [n, 1]."""
     shading, gloss = split_light(light, sources, GLOSS_COST if len(sources) == 1 else GLOSS_COST_OF_SEVERAL)
     paint = shading @ sources
-    trusted = (
-        paint.mean(axis=1, keepdims=True) + FAINT
-    )  # a dark channel of the paint tells the light's tint by its noise
-    tint = (np.maximum(light - gloss[:, None], 0) + trusted) / (paint + trusted)
+    doubt = paint.mean(axis=1, keepdims=True) + FAINT  # a dark channel of the paint tells the light's tint by its noise
+    tint = (np.maximum(light - gloss[:, None], 0) + doubt) / (paint + doubt)
     of_each = shading * np.linalg.norm(sources, axis=1)
     rest = of_each.sum(axis=1) - of_each.max(axis=1)
     mixed = np.minimum(rest / (MIXED * (of_each.sum(axis=1) + FAINT)), 1)[:, None]
@@ -149,16 +146,16 @@ def paints_of(colors: np.ndarray, counts: np.ndarray) -> np.ndarray:
     colors, counts = colors[is_lit], counts[is_lit]
     directions = light[is_lit] / length[is_lit, None]
     cosines = directions @ directions.T
-    density = np.exp((cosines - 1) / SPREAD**2) @ counts  # von Mises and Fisher's kernel, a Gaussian on the sphere
+    density = (
+        np.exp((cosines - 1) / np.float32(SPREAD**2)) @ counts
+    )  # von Mises and Fisher's kernel, a Gaussian on the sphere
     around = cosines >= np.cos(2 * SPREAD)
     is_peak = density >= np.where(around, density, 0).max(axis=1, initial=0)
     is_peak &= around @ counts >= LEAST_PAINT * counts.sum()
     peaks = np.flatnonzero(is_peak)
     peaks = peaks[np.argsort(-density[peaks], kind="stable")]
     own = cosines[peaks] >= np.cos(SPREAD)
-    return (
-        np.stack([np.average(colors[each], axis=0, weights=counts[each]) for each in own]) if len(peaks) else colors[:0]
-    )
+    return np.array([np.average(colors[each], axis=0, weights=counts[each]) for each in own]).reshape(-1, 3)
 
 
 def angles(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
@@ -192,7 +189,7 @@ def _is_black(r: np.ndarray) -> bool:
     return bool(r @ r < 1e-6)
 
 
-def split_light(light: np.ndarray, paints: np.ndarray, gloss_cost: float = GLOSS_COST) -> tuple[np.ndarray, np.ndarray]:
+def split_light(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tuple[np.ndarray, np.ndarray]:
     """The factors a >= 0 and s >= 0 of light = sum_p a_p r_p + s (1, 1, 1) + rest, by least squares with a little cost of s^2.
 
     The paler the paint, the less it differs from gloss: there the cost decides that light is paint.
