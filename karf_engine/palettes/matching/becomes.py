@@ -51,11 +51,11 @@ def with_held(
 
 
 def with_unasked(
-    colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray
+    colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sources and targets [P, 3] with a pair more for each paint of the object that nobody asked to change, so that it stays.
 
-    Paints of other hues stay by themselves: their gate is closed.
+    Paints of other hues stay by themselves: their gate is closed. A metal has no paints: what it shows is what it mirrors.
 
     colors, counts: the object's histogram, [n, 3] and [n]. source, target: [3] or [P, 3].
 
@@ -68,7 +68,7 @@ def with_unasked(
         ([[0.5, 0.3, 0.5], [0.3, 0.3, 0.6]], [[0.1, 0.5, 0.2], [0.3, 0.3, 0.6]])
     """
     sources = np.atleast_2d(source)
-    paints = paints_of(colors, counts)
+    paints = np.empty((0, 3)) if is_metal else paints_of(colors, counts)
     is_reached = np.max([pigment_gate(paints, each) for each in sources], axis=0) > REACHED
     others = [each for each in paints[is_reached] if angles(sources, each).min() > OTHER and not is_black(each)]
     return np.stack([*sources, *others]), np.stack([*np.atleast_2d(target), *others])
@@ -113,8 +113,7 @@ def match_becomes(
         [[0.  0.  0. ]
          [0.1 0.2 0.7]]
     """
-    if not is_metal:
-        source, target = with_unasked(colors, counts, source, target)
+    source, target = with_unasked(colors, counts, source, target, is_metal)
     targets = reflection_target(colors, source, target, is_metal)
     return _matched(colors, counts, palette_weights, palette, source, target, targets, locked, match_seen, EMPHASIS)
 

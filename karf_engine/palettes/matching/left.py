@@ -44,8 +44,6 @@ def left_of_object(
         >>> round(left_of_object(before, after, np.array([3, 1]), red, blue))
         9
     """
-    pairs = with_held(before, source, target, held)
-    if not is_metal:
-        pairs = with_unasked(before, counts, *pairs)
+    pairs = with_unasked(before, counts, *with_held(before, source, target, held), is_metal)
     left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs, is_metal)))
     return float(np.average(left, weights=counts))
