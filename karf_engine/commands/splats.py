@@ -70,6 +70,7 @@ def _take(job: Job, capture: Capture) -> None:
 def _learn(job: Job) -> None:
     from ..splats.between import cameras_between, pictures_of  # need numba
     from ..splats.fit import SplatFit
+    from ..splats.looks import looks_at
 
     settings = job.settings.splats
     with run_stage(job, "splats") as run:
@@ -81,7 +82,8 @@ def _learn(job: Job) -> None:
         scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
         photos, seed = _photos(views, settings.long_side), job.settings.seed
         cameras = cameras_between(scene, [photo.camera for photo in photos], seed)
-        progress = job.progress("splats", len(surface_views(views)) + len(cameras) + settings.iterations)
+        steps = len(surface_views(views)) + len(cameras) + settings.iterations + len(photos)
+        progress = job.progress("splats", steps)
         start = gaussians_of(scene, views, settings.count, settings.degree, progress.step)
         between = pictures_of(scene, cameras, progress.step)
         take_from_torch()
@@ -93,7 +95,8 @@ def _learn(job: Job) -> None:
         if judged:
             held_out, gains = _photos(judged, settings.long_side), _gains_of(judged, capture, fit.gains)
             run.summary["held_out"] = [_held_out(job, each, held_out, gains) for each in (start, fit.gaussians)]
-        save_gaussians(fit.gaussians, run.output(job.project.splats_file))
+        looks = looks_at(fit.gaussians, [photo.camera for photo in photos], progress.step)
+        save_gaussians(replace(fit.gaussians, looks=looks), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
 

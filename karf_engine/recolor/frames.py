@@ -31,6 +31,7 @@ class Frame:
         camera: the pinhole from which splats were rendered; None of all else.
         supersampling: rays a pixel along each side, of splats.
         gains: how the base is exposed, see `View`: of photos. Weights and palettes are of the mean exposure.
+        seen: [H, W] float32 in [0, 1], of splats: how well photos know what is shown there; None of all else.
 
     Raises:
         TypeError: a field is of another type.
@@ -49,6 +50,7 @@ class Frame:
     camera: Camera | None = field(default=None, kw_only=True)
     supersampling: int = field(default=1, kw_only=True)
     gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
+    seen: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -115,7 +117,8 @@ def averaged(frame: Frame, count: int) -> Frame:
         torch.from_numpy(_medians(frame.depth, count)),
         None,
     )
-    return Frame(coarse, _means(frame.probabilities, count), weights, color)
+    seen = None if frame.seen is None else _means(frame.seen, count)
+    return Frame(coarse, _means(frame.probabilities, count), weights, color, seen=seen)
 
 
 def joined(bands: Sequence[Frame]) -> Frame:
@@ -127,7 +130,8 @@ def joined(bands: Sequence[Frame]) -> Frame:
     if bands[0].palette_weights is not None:
         weights = np.concatenate([band.palette_weights for band in bands], -2)
     probabilities = np.concatenate([band.probabilities for band in bands], -2)
-    return Frame(Picture(color, opacity, depth, None), probabilities, weights, color.cpu().numpy())
+    seen = None if bands[0].seen is None else np.concatenate([band.seen for band in bands])
+    return Frame(Picture(color, opacity, depth, None), probabilities, weights, color.cpu().numpy(), seen=seen)
 
 
 def with_alpha(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np.ndarray:

@@ -56,7 +56,7 @@ from .grain import grain_of, without_grain
 from .matting.marks import Marks, marks_of, straightened
 from .matting.matte import Matte, dense_coverage, disputed_objects
 from .render_cache import RenderCache
-from .splatted_scene import SplattedScene, splatted
+from .splatted_scene import SplattedScene
 
 BASES = {"delta": "photo", "paper": "render"}  # default picture that an edit of a captured view changes
 MOST_SUPERSAMPLING = 64
@@ -110,7 +110,8 @@ class Model:
         if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
             gaussians = load_gaussians(project.checked(project.splats_file))
             learned = self.scene, self.segmentation, self.palettes
-            self.splatted = SplattedScene(gaussians, *learned, lambda: self.capture.views)
+            fades = self.settings.render.unseen == "faded"
+            self.splatted = SplattedScene(gaussians, *learned, lambda: self.capture.views, fades)
             take_from_torch()  # pictures of splats are made by kernels, whatever the field is computed by
         self._looks = RenderCache(project)
         self._looked: tuple[Any, Frame | None] = (None, None)
@@ -202,7 +203,7 @@ class Model:
         check_camera(camera, "The camera", "Correct it.")
         if self.splats is None or edit.compositing != "delta":  # which no change of Gaussians can show
             return self.composite(self.render(camera), edit)
-        return splatted(self.recolored_splats(edit), camera).picture()
+        return self.splatted.shown(camera, edit)
 
     @checked
     def recolored_splats(self, edit: Edit) -> Gaussians:

@@ -34,6 +34,7 @@ class SplattedScene:
         segmentation: F_s, or None before segmentation.
         palettes: Of the K objects, as learned; empty before palettes are learned.
         views: Gives those of the capture, whose pixels are measured where edges are asked for.
+        fades: Whether what no photo shows fades into gray; may be changed at any time.
     """
 
     def __init__(
@@ -43,9 +44,11 @@ class SplattedScene:
         segmentation: SegmentationField | None,
         palettes: Sequence[Palette],
         views: Callable[[], Sequence[View]],
+        fades: bool,
     ) -> None:
         self.gaussians = gaussians
         self._scene, self._segmentation, self._palettes, self._views = scene, segmentation, palettes, views
+        self.fades = fades
         self._baked: tuple[Any, Gaussians | None] = (None, None)
 
     @cached_property
@@ -69,17 +72,33 @@ class SplattedScene:
 
         edges: of objects that shall end otherwise, by name.
         """
-        view = splatted(self.gaussians, camera)
+        sure = self._sureness(camera)
+        view = splatted(self.gaussians, camera, sure if self.fades else None)
         is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_solid
-        values = np.stack([is_solid, np.where(is_solid, view.depths, 0)], 1).astype(np.float32)
-        opacity, depth = view.blended(values)
+        opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), sure], 1))
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
         color = view.picture()
+        if self.gaussians.n_behind == 0:
+            seen += view.image[..., 3]  # before a matte it is known that there is nothing
         picture = Picture(*map(torch.from_numpy, (color, opacity, depth)), None)
         if not self._palettes:
-            return Frame(picture, view.blended(self.shares), None, color)
+            return Frame(picture, view.blended(self.shares), None, color, seen=seen)
         objects = self._edged.objects(edges, {}) if edges else self.objects
-        return Frame(picture, *planes_of_view(view, self.gaussians, objects), color)
+        if self.fades:
+            objects = [replace(own, shares=own.shares * sure[own.rows]) for own in objects]
+        return Frame(picture, *planes_of_view(view, self.gaussians, objects), color, seen=seen)
+
+    def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
+        """What a pinhole sees with an edit that adds, [H, W, 3] float32 sRGB in [0, 1]."""
+        return splatted(self.recolored(edit), camera, self._sureness(camera) if self.fades else None).picture()
+
+    def _sureness(self, camera: Camera) -> np.ndarray:
+        """How well photos know what each Gaussian looks like from a camera, [n] float32 in [0, 1]; 1 where that is not known."""
+        if self.gaussians.looks is None:
+            return np.ones(len(self.gaussians), np.float32)
+        from ..splats.looks import sureness  # needs numba
+
+        return sureness(self.gaussians, camera.position)
 
     def recolored(self, edit: Edit) -> Gaussians:
         """The Gaussians with an edit that adds in their colors; the last one is kept. Edges are lengths, see `borders`."""
@@ -96,12 +115,12 @@ class SplattedScene:
 
     def behind(self, pinhole: Camera) -> np.ndarray:
         """What a pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
-        shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_solid :])
+        shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_solid :], looks=None)
         return splatted(shell, pinhole).picture()
 
 
-def splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:
-    """Gaussians as a pinhole sees them."""
+def splatted(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> SplattedView:
+    """Gaussians as a pinhole sees them. sure: see `SplattedView`."""
     from ..splats.rasterizer import splatted as rasterized  # needs numba
 
-    return rasterized(gaussians, camera)
+    return rasterized(gaussians, camera, sure)

@@ -21,7 +21,8 @@ def save_gaussians(gaussians: Gaussians, path: Path) -> None:
     schema = SCHEMA
     if gaussians.screen_filter != PIXEL_FILTER:
         schema, facts["screen_filter"] = FILTERED, list(map(float, gaussians.screen_filter))
-    save_tensors(path, {"table": torch.from_numpy(gaussians.table)}, schema, facts)
+    arrays = {"table": gaussians.table} | ({} if gaussians.looks is None else {"looks": gaussians.looks})
+    save_tensors(path, {name: torch.from_numpy(each) for name, each in arrays.items()}, schema, facts)
 
 
 def load_gaussians(path: Path) -> Gaussians:
@@ -47,4 +48,8 @@ def load_gaussians(path: Path) -> Gaussians:
         blur, least_share = map(np.float32, facts.get("screen_filter", PIXEL_FILTER))
         if not (0 < blur < np.inf and 0 < least_share <= 1):
             raise ValueError(f"a screen filter {blur} {least_share}")
-    return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near, ScreenFilter(blur, least_share))
+        looks = tensors["looks"].numpy() if "looks" in tensors else None
+        if looks is not None and (looks.dtype != np.float32 or looks.shape != (len(table), 5)):
+            raise ValueError(f"looks {looks.shape} of {looks.dtype} at a table {table.shape}")
+    screen_filter = ScreenFilter(blur, least_share)
+    return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near, screen_filter, looks)

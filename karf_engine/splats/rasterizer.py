@@ -19,6 +19,7 @@ from .kernels.projection import project, project_back
 from .kernels.tiles import count_entries, fill_entries
 
 Background = tuple[float, float, float]
+UNSURE = np.float32(0.5)  # sRGB gray into which fades what is not known
 
 
 class SplattedView:
@@ -30,8 +31,12 @@ class SplattedView:
         slots: [n + 1] int32, which Gaussians are seen: those of which the next number is larger.
     """
 
-    def __init__(self, table: np.ndarray, camera: Pinhole, background: Background) -> None:
+    def __init__(
+        self, table: np.ndarray, camera: Pinhole, background: Background, sure: np.ndarray | None = None
+    ) -> None:
         """Splat a table [n, 11 + 3 K] float32 (see `gaussians.Gaussians`).
+
+        sure: [n] in [0, 1], as how sure Gaussians are drawn; None: all are, and not one bit is another.
 
         Raises OutOfMemory where too many Gaussians cover too much of the picture.
         """
@@ -52,6 +57,10 @@ class SplattedView:
         order = _near_to_far(self._splats["depth"], np.flatnonzero(np.diff(self.slots)))
         self._entries = np.empty(self.slots[-1], ENTRY)
         fill_entries(order, tiles, tiles_x, self.slots, self._starts[:-1].copy(), self._entries)
+        self._colors = None
+        if sure is not None:
+            self._colors = self.colors
+            _fade(self._splats, sure)
         self.image = np.empty((camera.height, camera.width, 4), np.float32)
         share(blend, n_tiles, *self._of_tiles, np.asarray(background, np.float32), self.image)
         self.depths = self._splats["depth"]
@@ -62,7 +71,9 @@ class SplattedView:
 
     @property
     def colors(self) -> np.ndarray:
-        """Colors of the Gaussians as seen from here, [n, 3] float32 sRGB, at least 0; of unseen ones 0."""
+        """Colors of the Gaussians as seen from here, [n, 3] float32 sRGB, at least 0; of unseen ones 0. None is faded."""
+        if self._colors is not None:
+            return self._colors
         is_seen = np.diff(self.slots) > 0
         return np.stack([np.where(is_seen, self._splats[name], np.float32(0)) for name in ("red", "green", "blue")], 1)
 
@@ -76,6 +87,18 @@ class SplattedView:
         share(blend_values, len(self._starts) - 1, *self._of_tiles, np.ascontiguousarray(values), result)
         return result
 
+    def transmittances(self) -> np.ndarray:
+        """How much light comes through from each Gaussian, [n] float32 >= 0: the mean over its area; 0 of unseen ones."""
+        slopes = np.empty(len(self._entries), SLOPES)
+        share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, np.ones_like(self.image[..., :3]), slopes)
+        seen = np.flatnonzero(np.diff(self.slots))
+        splats, result = self._splats[seen], np.zeros(len(self._table), np.float32)
+        if len(seen):
+            weights = np.add.reduceat(slopes["red"], self.slots[seen])  # a color's slope is what it is blended with
+            areas = 2 * np.pi / np.sqrt(splats["a"] * splats["c"] - splats["b"] ** 2)
+            result[seen] = weights / (areas * splats["opacity"])
+        return result
+
     def backward(self, gradient: np.ndarray, gradients: np.ndarray) -> None:
         """Write the gradients of a loss to the rows that are seen; others are left as they are.
 
@@ -86,6 +109,14 @@ class SplattedView:
         slopes = np.empty(len(self._entries), SLOPES)
         share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, gradient, slopes)
         share(project_back, len(self._table), self._table, self._camera, self._splats, self.slots, slopes, gradients)
+
+
+def _fade(splats: np.ndarray, sure: np.ndarray) -> None:
+    """Turn the colors of those gray that are not sure."""
+    rows = np.flatnonzero(sure < 1)
+    share_of_gray = (1 - sure[rows]) * UNSURE
+    for name in ("red", "green", "blue"):
+        splats[name][rows] = splats[name][rows] * sure[rows] + share_of_gray
 
 
 def _near_to_far(depths: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -103,7 +134,7 @@ def pinhole(camera: Camera, near: float, screen_filter: ScreenFilter = PIXEL_FIL
     return Pinhole(*arrays, *numbers, camera.width, camera.height, np.float32(near), *screen_filter)
 
 
-def splatted(gaussians: Gaussians, camera: Camera) -> SplattedView:
-    """Gaussians as a camera's pinhole sees them."""
+def splatted(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> SplattedView:
+    """Gaussians as a camera's pinhole sees them. sure: see `SplattedView`."""
     seen_by = pinhole(camera, gaussians.near, gaussians.screen_filter)
-    return SplattedView(gaussians.table, seen_by, gaussians.background)
+    return SplattedView(gaussians.table, seen_by, gaussians.background, sure)

@@ -243,6 +243,11 @@ class RenderSettings(Typed):
         choices=("splats", "field"),
     )
     supersampling: int = option(1, "Rays a pixel along each side, of cameras that took no photo", 1, 4)
+    unseen: str = option(
+        "faded",
+        "What splats show that no photo does, or only from elsewhere; faded: gray; shown: whatever they hold",
+        choices=("faded", "shown"),
+    )
 
 
 @dataclass(frozen=True)

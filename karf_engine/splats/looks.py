@@ -1,0 +1,74 @@
+"""Which Gaussians the photos show, and from where. What none shows is guesswork, and is drawn as unsure.
+
+A surface is known from where photos look at it and some way around; from behind, or where nothing constrained it, a
+Gaussian shows whatever it happens to hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..capture.camera import Camera
+from .gaussians import Gaussians
+from .rasterizer import splatted
+
+SIDE = 256  # pixels of the pictures in which is looked
+VISIBLE = 0.2  # transmittance before a Gaussian from which on a photo shows it
+ENOUGH = 2.0  # photos that must show it: what only one shows is guesswork too
+KNOWN, UNKNOWN = np.radians(30), np.radians(60)  # beyond the photo that looks at it most from aside
+
+
+def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> np.ndarray:
+    """How cameras look at Gaussians.
+
+    Args:
+        gaussians: As learned.
+        cameras: Of the photos.
+        step: Called after each camera; may raise Cancelled.
+
+    Returns:
+        `Gaussians.looks`.
+    """
+    centers = gaussians.table[:, :3]
+    directions, shown = [], []
+    for camera in cameras:
+        small = camera.without_distortion().reduced(SIDE)
+        directions.append(_directions(centers, small.position))
+        shown.append(splatted(gaussians, small).transmittances() >= VISIBLE)
+        step()
+    middle = sum(is_shown[:, None] * each for is_shown, each in zip(shown, directions, strict=True))
+    middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-6)
+    widest = np.zeros(len(centers), np.float32)
+    for is_shown, each in zip(shown, directions, strict=True):
+        widest = np.maximum(widest, np.where(is_shown, _angles(middle, each), 0))
+    return np.column_stack([middle, widest, np.sum(shown, axis=0)]).astype(np.float32)
+
+
+def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
+    """How well photos know what each Gaussian looks like from a place.
+
+    Args:
+        gaussians: With their looks.
+        eye: [3], world.
+
+    Returns:
+        [n] float32 in [0, 1]: 1 where two photos show it and none of its photos looks from more than 30 degrees nearer to
+        the middle of them all; 0 where no photo shows it, or from 60 degrees beyond.
+    """
+    middle, widest, count = gaussians.looks[:, :3], gaussians.looks[:, 3], gaussians.looks[:, 4]
+    beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest
+    known = np.clip((UNKNOWN - beyond) / (UNKNOWN - KNOWN), 0, 1) * np.minimum(count / ENOUGH, 1)
+    return (known * known * (3 - 2 * known)).astype(np.float32)  # no seam where it begins and ends
+
+
+def _directions(centers: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    """Unit vectors [n, 3] from centers to a place."""
+    away = np.asarray(eye, np.float32) - centers
+    return away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+
+
+def _angles(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Radians [n] between unit vectors [n, 3]."""
+    return np.arccos(np.clip(np.einsum("nc,nc->n", one, other), -1, 1))
