@@ -38,6 +38,7 @@ def draw_views(layout, karf):
     if "geometry" in known.stages and "splats" not in known.stages:
         column.operator("karf.learn_splats", icon="SHADERFX")
     column.operator("karf.rendered_view", icon="SHADING_RENDERED")
+    column.prop(karf, "fade_unseen")
     column.operator("karf.over_scene", icon="MOD_BOOLEAN")
     column.operator("karf.export_splat", icon="EXPORT")
     is_followed = splat_objects.find(karf.id_data) is not None
@@ -107,6 +108,7 @@ class KARF_PT_passes(bpy.types.Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(layer, "use_pass_z", text="Depth")
         layout.prop(layer.karf, "use_weights")
+        layout.prop(layer.karf, "use_seen")
         layout.prop(layer, "use_pass_cryptomatte_object", text="Cryptomatte")
         column = layout.column()
         column.active = layer.use_pass_cryptomatte_object

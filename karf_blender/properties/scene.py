@@ -13,6 +13,7 @@ from bpy.props import (
 )
 
 from ..engine_api import COMPOSITING_MODES, PRESETS
+from ..host import windows
 from ..host.compat import PATH_OPTIONS
 from ..marking import asking, objects
 from ..project import contents, disk, folders
@@ -72,6 +73,10 @@ def _masks_chosen(self, context):
 def _format_chosen(self, context):
     if self.color_depth not in FORMAT_DEPTHS[self.file_format]:
         self.color_depth = "16"  # which both have
+
+
+def _fading_chosen(self, context):
+    windows.redraw("VIEW_3D")
 
 
 def _overlay_switched(self, context):
@@ -140,6 +145,13 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         name="Skip Existing",
         default=True,
         description="Keep frames that are there already and would come out the same, and go on where a job was stopped",
+    )
+    fade_unseen: BoolProperty(
+        name="Fade Unseen",
+        default=True,
+        description="What no photo shows, or only from elsewhere, turns gray in the rendered 3D View and in cameras' frames. Off: "
+        "whatever the splats hold there",
+        update=_fading_chosen,
     )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="How long and how well to learn")
     nerf: StringProperty(

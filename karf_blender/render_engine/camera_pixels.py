@@ -17,7 +17,12 @@ KIND = "show"
 def options_of(scene: bpy.types.Scene, camera: Camera, edited: edits.Edited = colors.edited) -> dict[str, Any]:
     """The query's options: this camera, with the swatches as they stand in the scene, which may be an evaluated one, each
     object's as `edited` says."""
-    return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene, edited)}
+    return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene, edited), "unseen": unseen(scene)}
+
+
+def unseen(scene: bpy.types.Scene) -> str:
+    """What is shown where no photo shows it, as the engine's setting `render.unseen`."""
+    return "faded" if scene.karf.fade_unseen else "shown"
 
 
 def arrays_of(answer: dict[str, Any]) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty
 from ..nodes.sockets import swatch_socket
 from ..swatches import colors
 
-COMBINED, DEPTH = "Combined", "Depth"
+COMBINED, DEPTH, SEEN = "Combined", "Depth", "Seen"
 FAR = 1e10  # depth where nothing is, as of Blender's own engines
 
 
@@ -25,6 +25,11 @@ class KARF_PG_layer(bpy.types.PropertyGroup):
     use_weights: BoolProperty(
         name="Weights",
         description="A pass for each swatch: how much of every pixel changes with it, from 0 to 1",
+        update=_tell_blender,
+    )
+    use_seen: BoolProperty(
+        name="Seen",
+        description="A pass of how well photos know what is shown, from 0, where none shows it, to 1; of splats",
         update=_tell_blender,
     )
 
@@ -55,6 +60,8 @@ def beside_combined(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Itera
     if layer.use_pass_cryptomatte_object:
         for level in range((layer.pass_cryptomatte_depth + 1) // 2):
             yield Pass(f"CryptoObject{level:02d}", "RGBA", "COLOR", "cryptomatte", (level,))
+    if layer.karf.use_seen:
+        yield Pass(SEEN, "X", "VALUE", "seen")
     if layer.karf.use_weights:
         for number, item in enumerate(scene.karf.objects):
             for index in range(1, colors.size(item)):

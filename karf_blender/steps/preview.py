@@ -19,6 +19,7 @@ from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_pla
 from ..host import handlers, rendering, windows
 from ..host.words import translatable
 from ..pictures import editors, images, settling
+from ..render_engine import camera_pixels
 from ..rig import frames
 from ..swatches import colors, free_camera, shown, views
 from ..swatches.views import ShownView
@@ -31,7 +32,7 @@ KIND = "preview"
 COARSE_SIDE = 96  # pixels
 LOOK_SECONDS = 0.03
 
-Wanted = tuple[str, int]  # a camera, as a comparable text, and the long side of its picture
+Wanted = tuple[str, int]  # a camera and what else is asked, as a comparable text, and the long side of its picture
 
 
 @dataclass
@@ -119,13 +120,13 @@ def preview_camera(
         KarfError: There is no camera, or nothing is learned.
     """
     pinhole = frames.pinhole(scene, camera_of(scene, camera))
-    view = _taken(queries.wait(scene, KIND, _options(pinhole, long_side)))
+    view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
     images.write_png(Path(path), images.upright(view.recolored(scene)))
     return Path(path)
 
 
-def _options(camera: Camera, long_side: int) -> dict[str, Any]:
-    return {"camera": camera_to_json(camera), "long_side": long_side}
+def _options(scene: bpy.types.Scene, camera: Camera, long_side: int) -> dict[str, Any]:
+    return {"camera": camera_to_json(camera), "long_side": long_side, "unseen": camera_pixels.unseen(scene)}
 
 
 def _taken(answer: dict[str, Any]) -> ShownView:
@@ -181,7 +182,7 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
         live.text = ""  # as soon as there is a camera again, its picture is wanted
         raise
     full = bpy.data.window_managers[0].karf_preview.long_side
-    text = json.dumps([camera_to_json(camera), full])
+    text = json.dumps([camera_to_json(camera), full, scene.karf.fade_unseen])
     if text != live.text:
         finer = sorted(side for side in {full // 2, full} if side > COARSE_SIDE)
         live.camera, live.text, live.sides, live.asked = camera.reduced(full), text, (COARSE_SIDE, *finer), None
@@ -189,7 +190,11 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
         side, *rest = live.sides
         live.sides, live.asked = tuple(rest), (text, side)
         queries.send(
-            scene, KIND, _options(camera, side), partial(_take, live.asked), lambda error: _say(_Memory.live, error)
+            scene,
+            KIND,
+            _options(scene, camera, side),
+            partial(_take, live.asked),
+            lambda error: _say(_Memory.live, error),
         )
 
 

@@ -12,6 +12,7 @@ from ..engine_api import Message, Project, Request, read_palettes
 from ..marking import asking
 from ..pictures import editors
 from ..project import contents, folders
+from ..render_engine import camera_pixels
 from ..swatches import palettes, shown
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
@@ -101,6 +102,7 @@ def pictures(
         skip_existing=karf.skip_existing,
         format=FORMATS[karf.file_format][karf.color_depth],
         alpha=karf.color_mode == "RGBA",
+        overrides=[] if base == "photo" else [f"render.unseen={camera_pixels.unseen(scene)}"],
     )
 
 

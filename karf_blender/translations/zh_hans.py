@@ -487,6 +487,15 @@ TEXTS = {
     "So many pixels at the longer side": "长边的像素数",
     "Output": "输出",
     "Where pictures go; empty: out in the project": "画面写入的位置；留空：项目中的 out",
+    "Fade Unseen": "淡化未见部分",
+    "What no photo shows, or only from elsewhere, turns gray in the rendered 3D View and in cameras' frames. Off: "
+    "whatever the splats hold there": (
+        "没有照片显示、或只从别处显示的部分，在渲染的 3D 视图和摄像机帧中变为灰色。关闭：显示高斯泼溅在那里所含的任何内容"
+    ),
+    "Seen": "可见程度",
+    "A pass of how well photos know what is shown, from 0, where none shows it, to 1; of splats": (
+        "一个通道：照片对所显示内容的了解程度，0 表示没有照片显示，1 表示完全了解；用于高斯泼溅"
+    ),
     "Skip Existing": "跳过已有",
     "Keep frames that are there already and would come out the same, and go on where a job was stopped": (
         "保留已存在且结果相同的帧，并从任务停下处继续"

@@ -12,6 +12,7 @@ from .gaussians import DEGREES, Gaussians
 from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
 SCHEMA = "karf-splats/1"
+LOOKS = 5  # columns of what is known of photos
 FILTERED = "karf-splats/2"  # with a screen filter that is not our own, which readers of the first would take for ours
 
 
@@ -49,7 +50,7 @@ def load_gaussians(path: Path) -> Gaussians:
         if not (0 < blur < np.inf and 0 < least_share <= 1):
             raise ValueError(f"a screen filter {blur} {least_share}")
         looks = tensors["looks"].numpy() if "looks" in tensors else None
-        if looks is not None and (looks.dtype != np.float32 or looks.shape != (len(table), 5)):
+        if looks is not None and (looks.dtype != np.float32 or looks.shape != (len(table), LOOKS)):
             raise ValueError(f"looks {looks.shape} of {looks.dtype} at a table {table.shape}")
     screen_filter = ScreenFilter(blur, least_share)
     return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near, screen_filter, looks)

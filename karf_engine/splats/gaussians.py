@@ -24,8 +24,8 @@ class Gaussians:
         background: sRGB of what is behind them all.
         near: What is nearer to a camera, along its axis, is not seen; world units.
         screen_filter: With which they were learned, and are shown.
-        looks: [n, 5] float32, how photos look at them: the unit vector to the middle of the photos that show each, the angle
-            between it and the farthest of these, radians, and how many they are. None where it is not known.
+        looks: [n, 5] float32, how photos look at them: the unit vector to the middle of the photos that show each; the angle
+            between it and the farthest of these, radians; and how many they are. None where it is not known.
     """
 
     table: np.ndarray

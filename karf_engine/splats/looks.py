@@ -15,9 +15,9 @@ from .gaussians import Gaussians
 from .rasterizer import splatted
 
 SIDE = 256  # pixels of the pictures in which is looked
-VISIBLE = 0.2  # transmittance before a Gaussian from which on a photo shows it
+VISIBLE = 0.05  # pixels that a Gaussian must fill there, by what it is blended with: less hardly moves it
 ENOUGH = 2.0  # photos that must show it: what only one shows is guesswork too
-KNOWN, UNKNOWN = np.radians(30), np.radians(60)  # beyond the photo that looks at it most from aside
+KNOWN, UNKNOWN = np.radians(10), np.radians(40)  # beyond the photo that looks at it most from aside
 
 
 def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> np.ndarray:
@@ -36,12 +36,13 @@ def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[],
     for camera in cameras:
         small = camera.without_distortion().reduced(SIDE)
         directions.append(_directions(centers, small.position))
-        shown.append(splatted(gaussians, small).transmittances() >= VISIBLE)
+        shown.append(splatted(gaussians, small).weights() >= VISIBLE)
         step()
-    middle = sum(is_shown[:, None] * each for is_shown, each in zip(shown, directions, strict=True))
+    looks = list(zip(shown, directions, strict=True))
+    middle = sum(is_shown[:, None] * each for is_shown, each in looks)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-6)
     widest = np.zeros(len(centers), np.float32)
-    for is_shown, each in zip(shown, directions, strict=True):
+    for is_shown, each in looks:
         widest = np.maximum(widest, np.where(is_shown, _angles(middle, each), 0))
     return np.column_stack([middle, widest, np.sum(shown, axis=0)]).astype(np.float32)
 
@@ -54,12 +55,12 @@ def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
         eye: [3], world.
 
     Returns:
-        [n] float32 in [0, 1]: 1 where two photos show it and none of its photos looks from more than 30 degrees nearer to
-        the middle of them all; 0 where no photo shows it, or from 60 degrees beyond.
+        [n] float32 in [0, 1]: 1 where two photos show it and no photo looks at it from more than KNOWN nearer to the middle of
+        them all; 0 where no photo shows it, or from UNKNOWN beyond.
     """
-    middle, widest, count = gaussians.looks[:, :3], gaussians.looks[:, 3], gaussians.looks[:, 4]
-    beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest
-    known = np.clip((UNKNOWN - beyond) / (UNKNOWN - KNOWN), 0, 1) * np.minimum(count / ENOUGH, 1)
+    middle, widest, count = np.split(gaussians.looks, (3, 4), axis=1)
+    beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest[:, 0]
+    known = np.clip((UNKNOWN - beyond) / (UNKNOWN - KNOWN), 0, 1) * np.minimum(count[:, 0] / ENOUGH, 1)
     return (known * known * (3 - 2 * known)).astype(np.float32)  # no seam where it begins and ends
 
 

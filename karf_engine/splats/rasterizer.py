@@ -60,7 +60,7 @@ class SplattedView:
         self._colors = None
         if sure is not None:
             self._colors = self.colors
-            _fade(self._splats, sure)
+            _fade(self._splats, sure, np.flatnonzero((sure < 1) & (np.diff(self.slots) > 0)))
         self.image = np.empty((camera.height, camera.width, 4), np.float32)
         share(blend, n_tiles, *self._of_tiles, np.asarray(background, np.float32), self.image)
         self.depths = self._splats["depth"]
@@ -87,16 +87,13 @@ class SplattedView:
         share(blend_values, len(self._starts) - 1, *self._of_tiles, np.ascontiguousarray(values), result)
         return result
 
-    def transmittances(self) -> np.ndarray:
-        """How much light comes through from each Gaussian, [n] float32 >= 0: the mean over its area; 0 of unseen ones."""
+    def weights(self) -> np.ndarray:
+        """What each Gaussian is blended with, [n] float32 >= 0: the sum over all pixels."""
         slopes = np.empty(len(self._entries), SLOPES)
         share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, np.ones_like(self.image[..., :3]), slopes)
-        seen = np.flatnonzero(np.diff(self.slots))
-        splats, result = self._splats[seen], np.zeros(len(self._table), np.float32)
+        seen, result = np.flatnonzero(np.diff(self.slots)), np.zeros(len(self._table), np.float32)
         if len(seen):
-            weights = np.add.reduceat(slopes["red"], self.slots[seen])  # a color's slope is what it is blended with
-            areas = 2 * np.pi / np.sqrt(splats["a"] * splats["c"] - splats["b"] ** 2)
-            result[seen] = weights / (areas * splats["opacity"])
+            result[seen] = np.add.reduceat(slopes["red"], self.slots[seen])  # the slope of the picture by its color
         return result
 
     def backward(self, gradient: np.ndarray, gradients: np.ndarray) -> None:
@@ -111,9 +108,8 @@ class SplattedView:
         share(project_back, len(self._table), self._table, self._camera, self._splats, self.slots, slopes, gradients)
 
 
-def _fade(splats: np.ndarray, sure: np.ndarray) -> None:
-    """Turn the colors of those gray that are not sure."""
-    rows = np.flatnonzero(sure < 1)
+def _fade(splats: np.ndarray, sure: np.ndarray, rows: np.ndarray) -> None:
+    """Turn the colors of these rows gray as far as they are not sure."""
     share_of_gray = (1 - sure[rows]) * UNSURE
     for name in ("red", "green", "blue"):
         splats[name][rows] = splats[name][rows] * sure[rows] + share_of_gray

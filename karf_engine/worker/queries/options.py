@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...errors import BadRequest
+from ...io.arguments import check_choice
 from ...palettes.edit_files import edit_from_json
 
 if TYPE_CHECKING:
@@ -20,6 +21,15 @@ def needed(options: dict[str, Any], name: str, kind: type[Value]) -> Value:
     if type(value) is not kind:
         raise BadRequest(f"The option {name} = {value!r:.200} is not of type {kind.__name__}.", "Correct the query.")
     return value
+
+
+def fade(model: Model, options: dict[str, Any]) -> None:
+    """Let a model's splats show what no photo does as the option `unseen` says, `faded` or `shown`; by default as the project's
+    setting `render.unseen`. Raises BadRequest for another option."""
+    unseen = options.get("unseen") or model.settings.render.unseen
+    check_choice("unseen", unseen, ("faded", "shown"))
+    if model.splatted is not None:
+        model.splatted.fades = unseen == "faded"
 
 
 def edit_of(model: Model, content: Any) -> Edit | None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...capture.camera import Camera
 from ...capture.transforms_frames import camera_from_json
 from ...errors import BadRequest
 from ...palettes.compositing import Planes, write_planes
-from .options import needed
+from .options import fade, needed
 from .session import Session
+
+if TYPE_CHECKING:
+    from ...recolor.model import Model
 
 SIDES = range(1, 8193)  # pixels that a preview may be long
 COARSE_SIDE = 256  # pixels: up to here fewer samples a ray do
@@ -19,7 +22,8 @@ BAND_RAYS = 1 << 14  # rendered between two looks at whether another camera is w
 def preview(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """Render a camera, whose lens distortion is left out, from what is learned of a project now.
 
-    Options: `project`; `camera`, as a frame of a CAMERAS.json; `long_side`, the pixels to which its picture is reduced.
+    Options: `project`; `camera`, as a frame of a CAMERAS.json; `long_side`, the pixels to which its picture is reduced;
+    `unseen`, see `fade`.
     Before palettes are learned the planes have no swatches: the picture is the scene as learned.
 
     Returns:
@@ -33,17 +37,18 @@ def preview(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     if long_side not in SIDES:
         raise BadRequest(f"The option long_side = {long_side} is out of range.", f"Allowed: 1 to {SIDES[-1]}.")
     camera = camera_from_json(needed(options, "camera", dict), "the query").without_distortion().reduced(long_side)
-    planes = _planes(session, needed(options, "project", str), camera)
+    model = session.model(needed(options, "project", str))
+    fade(model, options)
+    planes = _planes(session, model, camera)
     path = session.file("preview.npz")
     write_planes(path, planes)
     return {"planes": str(path), "size": [camera.width, camera.height]}
 
 
-def _planes(session: Session, project: str, camera: Camera) -> Planes:
+def _planes(session: Session, model: Model, camera: Camera) -> Planes:
     from ...recolor.frames import bands_of, joined, planes_of  # need torch, without which some kinds can be answered
     from ...recolor.model import MASK_SAMPLES, WEIGHT_SAMPLES
 
-    model = session.model(project)
     session.check()
     if model.splats is not None:
         return planes_of(model.render(camera), model.objects)

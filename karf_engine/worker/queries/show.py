@@ -12,7 +12,7 @@ from ...capture.transforms_frames import camera_from_json
 from ...errors import BadRequest
 from ...palettes.edge_shape import shaped_edges
 from .arrays import write_arrays
-from .options import edit_of, needed
+from .options import edit_of, fade, needed
 from .session import Session
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...recolor.frames import Frame
     from ...recolor.model import Model
 
-PASSES = ("color", "alpha", "depth", "cryptomatte", "weights")
+PASSES = ("color", "alpha", "depth", "cryptomatte", "weights", "seen")
 BAND_RAYS = 1 << 14  # of the field, between two looks at whether another picture is wanted by now: half a second
 
 
@@ -28,13 +28,14 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """Render a camera, whose lens distortion is left out, with an edit; splats where they are learned.
 
     Options: `project`; `camera`, as a frame of a CAMERAS.json; `edit`, as edit.json, by default none; `passes`, a list of
-    `PASSES`, by default the color; `cryptomatte`, what the names of its layers begin with.
+    `PASSES`, by default the color; `cryptomatte`, what the names of its layers begin with; `unseen`, see `fade`.
 
     color: [H, W, 3] sRGB in [0, 1]; with alpha it is straight, without what lies behind the scene.
     alpha: [H, W] in [0, 1], how much of each pixel the scene covers.
     depth: [H, W] along the optical axis, world units; 0 where the scene covers less than half of the pixel.
     cryptomatte: [L, H, W, 4], layers of two pairs of id and coverage.
     weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
+    seen: [H, W] in [0, 1], how well photos know what splats show there; 1 of voxels.
     Mattes and weights end where the edit's edges end.
 
     Returns:
@@ -51,6 +52,7 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     camera = camera_from_json(needed(options, "camera", dict), "the query").without_distortion()
     model = session.model(needed(options, "project", str))
     edit = edit_of(model, options.get("edit"))
+    fade(model, options)
     begun = time.perf_counter()
     if passes == ["color"]:
         arrays = {"color": _color(session, model, camera, edit)}
@@ -122,4 +124,6 @@ def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> di
     if "weights" in passes:
         none = np.zeros((len(model.objects), 0, camera.height, camera.width))
         found["weights"] = none if frame.palette_weights is None else frame.palette_weights
+    if "seen" in passes:
+        found["seen"] = np.ones(frame.opacity.shape, np.float32) if frame.seen is None else frame.seen
     return found
