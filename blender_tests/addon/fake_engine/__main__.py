@@ -139,6 +139,7 @@ def show(job, options):
         "depth": np.where(upper, distance, 0) * np.ones((1, width)),
         "cryptomatte": np.broadcast_to([0.5, 1.0, 0.0, 0.0], (1, height, width, 4)),
         "weights": np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width)),
+        "seen": np.full((height, width), 0.75 if options["unseen"] == "faded" else 0.25),
     }
     metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
     asked = {name: arrays[name] for name in options.get("passes", ["color"])}

@@ -116,6 +116,12 @@ def test_cryptomatte_and_weights_are_passes(addon, scene, render):
         np.testing.assert_allclose(passes[f"pot {index}"], SHARES[index])
 
 
+@pytest.mark.parametrize("fades, seen", [(True, 0.75), (False, 0.25)])
+def test_how_well_photos_know_it_is_a_pass_and_the_checkbox_reaches_the_engine(addon, scene, render, fades, seen):
+    scene.view_layers[0].karf.use_seen, scene.karf.fade_unseen = True, fades
+    assert (render()["Seen"] == seen).all()
+
+
 def test_a_border_renders_that_part_of_the_picture(scene, render):
     whole = render()["Combined"]
     settings = scene.render

@@ -48,6 +48,18 @@ def test_what_is_written_is_read_again_bit_by_bit(path, degree):
     assert (found.degree, found.n_solid, len(found)) == (degree, 23, 30)
 
 
+def test_how_photos_look_at_them_is_kept(path):
+    looks = np.random.default_rng(0).random((30, 5), np.float32)
+    save_gaussians(replace(gaussians(), looks=looks), path)
+    assert_array_equal(load_gaussians(path).looks, looks)
+
+
+@pytest.mark.parametrize("looks", [np.zeros((29, 5), np.float32), np.zeros((30, 4), np.float32), np.zeros((30, 5))])
+def test_looks_of_other_gaussians_are_refused(path, looks):
+    save_gaussians(replace(gaussians(), looks=looks), path)
+    refused(path)
+
+
 @pytest.mark.parametrize("screen_filter", [PLAIN_FILTER, ANTIALIASED_FILTER])
 def test_the_screen_filter_of_another_program_is_kept(path, screen_filter):
     save_gaussians(replace(gaussians(), screen_filter=screen_filter), path)

@@ -1,6 +1,7 @@
 """The recolored picture of any camera, asked of the engine as Blender asks it."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,18 @@ def test_before_palettes_are_learned_it_is_the_scene_as_learned(session, asked, 
     Project(project).finish("geometry", "again")
     color = arrays_of(show(session, asked | {"project": str(project)}))["color"]
     assert np.array_equal(color, Model.load(project).render(camera).base)
+
+
+def test_what_no_photo_shows_fades_unless_it_is_asked_for(session, asked, model, camera):
+    from_behind = replace(camera, camera_to_world=np.diag([1.0, -1, -1, 1]) @ camera.camera_to_world)
+    asked = asked | {"camera": camera_to_json(from_behind), "edit": None, "passes": ["color", "seen"]}
+    found = {each: arrays_of(show(session, asked | {"unseen": each})) for each in ("faded", "shown")}
+    seen = found["faded"]["seen"]
+    assert np.array_equal(seen, found["shown"]["seen"]) and seen.min() < 0.1
+    assert np.array_equal(arrays_of(show(session, asked))["color"], found["faded"]["color"])
+    unknown = seen < 0.1
+    faded, shown = (np.abs(found[each]["color"][unknown] - 0.5).max() for each in ("faded", "shown"))
+    assert faded < 0.06 and shown > 0.3
 
 
 def test_passes_are_those_of_the_frame(session, asked, model, camera, edit):
