@@ -1,12 +1,14 @@
 """What strokes of correction are worth: the masks of held-out views before, after one stroke an object, and after two.
 
-    python -m tools.marking.strokes PROJECT --truth DIR [--choose worst suggested random] [--hand line along] [--json FILE]
+    python -m tools.marking.strokes PROJECT --truth DIR [--choose worst suggested random] [--hand line along] [--look 8]
+        [--json FILE]
 
 PROJECT is learned; DIR has `labels/` as the demo has them, or true masks as <object>[/<split>]/<photo stem>.png. A stroke
 is drawn as a hand would where the masks are worst among training views, in the largest error that is wide enough to be
 hit with a brush, "this is it" or "this is not": a short line (`--hand line`), or along all of the error (`along`). An
 object without such an error gets none. With `--choose suggested` it is drawn in the view that the engine suggests, with
-`random` in any, with as many seeds as wanted.
+`random` in any, with as many seeds as wanted. One who sees nothing to correct there looks at the next view; `--look` says
+at how many in all.
 
 The ceiling is what the surface can show: every training view is corrected in all of its pixels. Where the ceiling
 contradicts a view's truth, the truth of the other views does, and no stroke is drawn, but with `--any-error`. `agreeing`
@@ -49,16 +51,29 @@ class Way:
         choose: the views: `worst`, `suggested` or `random`.
         hand: one of `HANDS`.
         seed: of random views.
+        look: at how many suggested or random views, one after the other, until one has an error to correct.
         shown: the masks that must agree with the truth where a stroke is drawn.
     """
 
     choose: str
     hand: str
     seed: int
+    look: int
     shown: Truth
 
     def __str__(self) -> str:
-        return f"{self.choose} {self.seed} {self.hand}" if self.choose == "random" else f"{self.choose} {self.hand}"
+        chosen = f"{self.choose} {self.seed}" if self.choose == "random" else self.choose
+        return f"{chosen} {self.hand}" + (f", {self.look} views" if self.look > 1 else "")
+
+
+@dataclass(frozen=True)
+class ErrorToHit:
+    """An error of an object's mask. view: its name. iou: of the mask. pixels: [H, W] bool. is_it: the object lacks there."""
+
+    view: str
+    iou: float
+    pixels: np.ndarray
+    is_it: bool
 
 
 def main() -> None:
@@ -85,6 +100,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--choose", nargs="+", choices=views, default=["worst"], help="the view to stroke")
     parser.add_argument("--hand", nargs="+", choices=HANDS, default=["line"], help="how strokes are drawn")
     parser.add_argument("--seeds", type=int, default=1, help="how many times random views are drawn")
+    parser.add_argument("--look", type=int, default=1, help="suggested or random views to look at for an error")
     parser.add_argument("--every", type=int, default=1, help="look for errors in every so many-th training view")
     parser.add_argument("--any-error", action="store_true", help="correct what the truth of other views denies, too")
     parser.add_argument("--learn", action="store_true", help="also learn F_s, in a scratch project")
@@ -97,7 +113,7 @@ def ways(options: argparse.Namespace, shown: Truth) -> Iterator[Way]:
     """All ways of drawing strokes that are asked for."""
     for choose, hand in product(options.choose, options.hand):
         for seed in range(options.seeds if choose == "random" else 1):
-            yield Way(choose, hand, seed, shown)
+            yield Way(choose, hand, seed, options.look, shown)
 
 
 def iou_after_marks(project: Path, truth: Path, choices: Sequence[str]) -> tuple[float, dict[str, list[float]]]:
@@ -116,7 +132,7 @@ def iou_after_marks(project: Path, truth: Path, choices: Sequence[str]) -> tuple
     before, after = scores(scene)["mean"], {}
     for choose in choices:
         seeds = range(RANDOM_SEEDS if choose == "random" else 1)
-        played = [play(scene, Way(choose, "line", seed, shown)) for seed in seeds]
+        played = [play(scene, Way(choose, "line", seed, 1, shown)) for seed in seeds]
         after[choose] = np.mean([[row["mean"] for row in rows.values()] for rows in played], 0).round(4).tolist()
     return before, after
 
@@ -126,7 +142,7 @@ def play(scene: Scene, way: Way) -> dict[str, dict]:
     rows, random = {}, np.random.default_rng(way.seed)
     with tempfile.TemporaryDirectory() as folder:
         for number in range(1, STROKES + 1):
-            shown = {view.name: scene.correcting.masks(view) for view in candidates(scene, way.choose, random)}
+            shown = {view.name: scene.correcting.masks(view) for view in candidates(scene, way, random)}
             for name in scene.correcting.objects:
                 draw_stroke(scene, shown, name, way, Path(folder))
             seconds = solve(scene, Path(folder))
@@ -136,37 +152,43 @@ def play(scene: Scene, way: Way) -> dict[str, dict]:
     return rows
 
 
-def candidates(scene: Scene, choose: str, random: np.random.Generator) -> list[View]:
-    """The views that the next strokes may be drawn in; all of them where the worst is looked for."""
-    if choose == "worst":
+def candidates(scene: Scene, way: Way, random: np.random.Generator) -> list[View]:
+    """The views that the next strokes may be drawn in, in order; all of them where the worst is looked for."""
+    if way.choose == "worst":
         return scene.learned
+    if way.choose == "random":
+        return [scene.learned[random.integers(len(scene.learned))] for _ in range(way.look)]
     known = {view.name: view for view in scene.learned}
     suggested = [known[name] for name in scene.correcting.suggestions().scores if name in known]
-    return suggested[:1] if choose == "suggested" else [scene.learned[random.integers(len(scene.learned))]]
+    return suggested[: way.look]
 
 
 def draw_stroke(scene: Scene, shown: dict[str, Masks], name: str, way: Way, folder: Path) -> None:
-    """Add a stroke to an object's corrections, in the view of these where its mask is worst and a stroke can be drawn.
+    """Add a stroke to an object's corrections: in the first view that shows an error that a brush would hit, or the worst.
 
-    shown: the objects' masks in the views that may be chosen.
+    shown: the objects' masks in the views that may be chosen, in the order in which they are looked at.
     """
-    worst = None
-    for view in scene.learned:
-        true = scene.truth(view, name) if view.name in shown else None
-        if true is None or not true.any():
-            continue
-        found = shown[view.name][name]
-        error, is_it = largest_error(found, true, true == way.shown(view, name))
-        if can_be_hit(error) and (worst is None or iou(found, true) < worst[0]):
-            worst = iou(found, true), view, error, is_it
-    if worst is None:
+    errors = errors_to_hit(scene, shown, name, way)
+    found = min(errors, key=lambda error: error.iou, default=None) if way.choose == "worst" else next(errors, None)
+    if found is None:
         print(f"  {name}: no error that a brush would hit")
         return
-    value, view, error, is_it = worst
-    drawn = HANDS[way.hand](error)
-    said = "is" if is_it else "is not"
-    print(f"  {name}: {view.name}, IoU {value:.3f}, {said}, {drawn.sum()} of {error.sum()} pixels")
-    add_to(folder / name / f"{view.name}.png", drawn, is_it)
+    drawn = HANDS[way.hand](found.pixels)
+    said = "is" if found.is_it else "is not"
+    print(f"  {name}: {found.view}, IoU {found.iou:.3f}, {said}, {drawn.sum()} of {found.pixels.sum()} pixels")
+    add_to(folder / name / f"{found.view}.png", drawn, found.is_it)
+
+
+def errors_to_hit(scene: Scene, shown: dict[str, Masks], name: str, way: Way) -> Iterator[ErrorToHit]:
+    """An object's largest error in each view that shows one that a brush would hit. Arguments as of `draw_stroke`."""
+    known = {view.name: view for view in scene.learned}
+    for view, masks in shown.items():
+        true = scene.truth(known[view], name)
+        if true is None or not true.any():
+            continue
+        pixels, is_it = largest_error(masks[name], true, true == way.shown(known[view], name))
+        if can_be_hit(pixels):
+            yield ErrorToHit(view, iou(masks[name], true), pixels, is_it)
 
 
 def agreeing(scene: Scene) -> dict[str, float]:
