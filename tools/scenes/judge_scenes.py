@@ -26,7 +26,7 @@ from karf_engine.compute.progress import TerminalEmit
 from karf_engine.io.files import write_json
 from karf_engine.io.images import write_png
 from karf_engine.metrics.images import mse_outside
-from karf_engine.project.settings import PRESETS
+from karf_engine.project.settings import PRESETS, with_overrides
 
 from ..judging.causes import split_by_cause
 from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene, worst_row
@@ -74,6 +74,8 @@ def main() -> None:
     # print has a judge of its own, `judging.packaging`: its photos are larger than what presets learn from
     scenes = options.scenes or [name for name in found if not (options.captures / name / "print").exists()]
     for scene in scenes:
+        check_size(options.captures / scene, options)
+    for scene in scenes:
         summary = judge(options.captures / scene, options.out / scene, options)
         table[scene] = figures(summary)
         print(f"{scene}: {rounded(table[scene])}", flush=True)
@@ -84,6 +86,17 @@ def main() -> None:
     worst = sorted(scenes, key=lambda scene: -table[scene]["ciede2000"])[:SHEET_SCENES]
     rows = [[iio.imread(options.out / scene / "worst_view.png") / 255] for scene in worst]
     write_sheet(options.out / "worst.png", rows)
+
+
+def check_size(capture: Path, options: argparse.Namespace) -> None:
+    """End before anything is learned where photos are larger than what is learned from: true masks have the photos' size."""
+    learned = with_overrides(PRESETS[options.preset], options.overrides).geometry.long_side
+    side = max(Truth(capture).labels("test")[0].shape)
+    if side > learned:
+        raise SystemExit(
+            f"{capture}: photos of {side} pixels, and the preset {options.preset} learns from {learned}: they cannot be judged "
+            f"here. Add --set geometry.long_side={side}, or learn by karf all and judge by tools.judging."
+        )
 
 
 def means_of(table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
