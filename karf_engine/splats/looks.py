@@ -14,7 +14,7 @@ from ..capture.camera import Camera
 from .gaussians import Gaussians
 from .rasterizer import splatted
 
-SIDE = 256  # pixels of the pictures in which is looked
+SIDE = 256  # pixels, to which photos are reduced
 VISIBLE = 0.05  # pixels that a Gaussian must fill there, by what it is blended with: less hardly moves it
 ENOUGH = 2.0  # photos that must show it: what only one shows is guesswork too
 KNOWN, UNKNOWN = np.radians(10), np.radians(40)  # beyond the photo that looks at it most from aside
@@ -31,19 +31,16 @@ def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[],
     Returns:
         `Gaussians.looks`.
     """
-    centers = gaussians.table[:, :3]
-    directions, shown = [], []
+    centers, shown = gaussians.table[:, :3], []
     for camera in cameras:
-        small = camera.without_distortion().reduced(SIDE)
-        directions.append(_directions(centers, small.position))
-        shown.append(splatted(gaussians, small).weights() >= VISIBLE)
+        shown.append(splatted(gaussians, camera.without_distortion().reduced(SIDE)).weights() >= VISIBLE)
         step()
-    looks = list(zip(shown, directions, strict=True))
-    middle = sum(is_shown[:, None] * each for is_shown, each in looks)
+    eyes = [camera.position for camera in cameras]
+    middle = sum(is_shown[:, None] * _directions(centers, eye) for is_shown, eye in zip(shown, eyes, strict=True))
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), 1e-6)
     widest = np.zeros(len(centers), np.float32)
-    for is_shown, each in looks:
-        widest = np.maximum(widest, np.where(is_shown, _angles(middle, each), 0))
+    for is_shown, eye in zip(shown, eyes, strict=True):
+        widest = np.maximum(widest, np.where(is_shown, _angles(middle, _directions(centers, eye)), 0))
     return np.column_stack([middle, widest, np.sum(shown, axis=0)]).astype(np.float32)
 
 
@@ -55,8 +52,8 @@ def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
         eye: [3], world.
 
     Returns:
-        [n] float32 in [0, 1]: 1 where two photos show it and no photo looks at it from more than KNOWN nearer to the middle of
-        them all; 0 where no photo shows it, or from UNKNOWN beyond.
+        [n] float32 in [0, 1]: 1 where two photos show it, and the place is at most KNOWN beyond the farthest of these from their
+        middle; 0 where no photo shows it, or from UNKNOWN beyond.
     """
     middle, widest, count = np.split(gaussians.looks, (3, 4), axis=1)
     beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest[:, 0]
