@@ -26,7 +26,7 @@ STAGE_VERSIONS = {  # of their code: goes up when the same inputs would give ano
     "segmentation": 5,
     "palette": 1,
     "recoloring": 1,
-    "splats": 3,
+    "splats": 4,
 }
 BUILT_ON = {"segmentation": "geometry", "palette": "segmentation", "recoloring": "palette", "splats": "geometry"}
 

@@ -6,43 +6,47 @@ its own (`fields/wide_baseline.py`), so its pictures are worth more there than n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
-from ..compute.neighbors import tree_of
-from ..fields.extent import focus_point
+from ..fields.extent import focus_point, upright_axes
 from ..fields.scene import Scene
 from ..fields.wide_baseline import is_wide
 from ..io.color import to_bytes
 from .fit import Photo
 
-PICTURES = 6  # between a photo and its neighbors
-NEIGHBORS = 4  # of a camera, among which two are drawn
+PICTURES = 6  # a photo
 SIDE = 256  # pixels of a picture at most: the field is no finer
 
 
 def cameras_between(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
     """Cameras between those of the photos, where these stand far apart; else none.
 
-    For each there are PICTURES, at random places among it and two of its neighbors. They look at what it looks at, and
-    are turned with the direction from there.
+    PICTURES for each photo: its camera, turned all round what the photos look at about what is up, by even steps from a
+    random angle. So new cameras of the photos' heights are never far from one, on whatever side.
 
     Args:
         scene: As learned.
         cameras: Pinholes of the photos.
-        seed: Of the places.
+        seed: Of the angles.
     """
     focus = focus_point(list(cameras))
     if scene.background_kind != "opaque" or not is_wide(list(cameras), focus):
         return []
-    places = np.stack([camera.position for camera in cameras])
-    _, neighbors = tree_of(places).query(places, min(NEIGHBORS + 1, len(places)))
-    random = np.random.default_rng([seed, 2])
-    return list(_between(cameras, places - focus.numpy(), neighbors[:, 1:], focus.numpy(), random))
+    up, random = upright_axes(list(cameras))[2], np.random.default_rng([seed, 2])
+    found = []
+    for camera in cameras:
+        for angle in 2 * np.pi * (np.arange(PICTURES) + random.random()) / PICTURES:
+            turn = Rotation.from_rotvec(angle * up).as_matrix()
+            pose = camera.camera_to_world.copy()
+            pose[:3, :3] = turn @ pose[:3, :3]
+            pose[:3, 3] = focus.numpy() + turn @ (camera.position - focus.numpy())
+            found.append(replace(camera, camera_to_world=pose))
+    return found
 
 
 def pictures_of(scene: Scene, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> list[Photo]:
@@ -60,28 +64,3 @@ def pictures_of(scene: Scene, cameras: Sequence[Camera], step: Callable[[], None
         pictures.append(Photo(small, to_bytes(scene.render(small, 1).color.cpu().numpy()), None, None))
         step()
     return pictures
-
-
-def _between(
-    cameras: Sequence[Camera],
-    offsets: np.ndarray,
-    neighbors: np.ndarray,
-    focus: np.ndarray,
-    random: np.random.Generator,
-) -> Iterator[Camera]:
-    distances = np.linalg.norm(offsets, axis=1)
-    directions = offsets / distances[:, None]
-    for number, camera in enumerate(cameras):
-        for _ in range(PICTURES):
-            corners = [number, *random.choice(neighbors[number], 2, replace=False)]
-            weights = random.dirichlet(np.ones(3))
-            turn = _turn(directions[number], weights @ directions[corners])
-            pose = camera.camera_to_world.copy()
-            pose[:3, :3] = turn @ pose[:3, :3]
-            pose[:3, 3] = focus + weights @ distances[corners] * (turn @ directions[number])
-            yield replace(camera, camera_to_world=pose)
-
-
-def _turn(of: np.ndarray, to: np.ndarray) -> np.ndarray:
-    """The smallest rotation [3, 3] of one direction to another, of any lengths."""
-    return Rotation.align_vectors(to[None], of[None])[0].as_matrix()

@@ -26,6 +26,7 @@ from .rasterizer import SplattedView, pinhole
 
 WINDOW = 400  # pixels: of larger photos a window of at most this side and height is learned from at a time
 HALVED = 0.6  # share of the iterations, at first, that show photos at half their size
+PHOTO_EVERY = 3  # iterations, where there are pictures between the photos: the others show these
 LAST_RATE = 0.05  # all rates fall to this share
 LEAST_PIXELS = 0.1  # scale of a Gaussian where a photo shows it largest, pixels: nothing is finer than photos show
 
@@ -116,8 +117,8 @@ class SplatFit:
             iterations: Photos to show, or windows of them.
             seed: Of their order.
             rates: How fast.
-            between: Pictures of the field, of cameras between the photos; where there are any, every second iteration
-                shows one.
+            between: Pictures of the field, of cameras between the photos; where there are any, two of three iterations
+                show one.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
@@ -197,7 +198,15 @@ class SplatFit:
     @property
     def _looks(self) -> int:
         """At photos, or at pictures between them, before the one of this iteration."""
-        return self.done // 2 if self._between[0] else self.done
+        if not self._between[0]:
+            return self.done
+        at_photos = -(-self.done // PHOTO_EVERY)
+        return self.done - at_photos if self._is_between else at_photos
+
+    @property
+    def _is_between(self) -> bool:
+        """Whether this iteration shows a picture between the photos."""
+        return bool(self._between[0]) and self.done % PHOTO_EVERY != 0
 
     def _number(self, count: int) -> int:
         """Of the picture of this iteration, of so many: each once in a round, in an order of its own."""
@@ -211,11 +220,10 @@ class SplatFit:
 
     def _photo(self, random: np.random.Generator) -> tuple[Photo, int | None]:
         """The next picture, of a large one a window, and the photo's number; None between the photos."""
-        is_between = bool(self._between[0]) and self.done % 2 == 1
-        sizes = self._between if is_between else (self._photos, self._halves)
+        sizes = self._between if self._is_between else (self._photos, self._halves)
         photos = sizes[0 if self.done >= HALVED * self.iterations else 1]
         number = self._number(len(photos))
-        return _window(photos[number], random), None if is_between else number
+        return _window(photos[number], random), None if self._is_between else number
 
     def _hold_behind(self) -> None:
         """What is behind keeps its place and shape, and looks the same from everywhere."""

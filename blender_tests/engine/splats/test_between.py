@@ -1,4 +1,4 @@
-"""Between photos that stand far apart there are cameras which look at the same thing, and the field's pictures."""
+"""Between photos that stand far apart, all round, there are cameras which look at the same thing, and the field's pictures."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -50,18 +50,24 @@ def test_there_are_none_where_photos_stand_close_or_are_cut_out():
     assert cameras_between(scene(), ring(2), 0) == []
 
 
-def test_they_look_at_what_the_photos_look_at_from_no_farther_out():
+def test_they_look_at_what_the_photos_look_at_each_from_its_photos_height_and_distance():
     cameras = ring(10)
-    heights = [camera.position[2] for camera in cameras]
     for number, camera in enumerate(cameras_between(scene(), cameras, 0)):
-        towards = MIDDLE - camera.position
+        own, towards = cameras[number // PICTURES], MIDDLE - camera.position
         assert_allclose(np.linalg.norm(towards), 4, atol=1e-6)
         assert_allclose(-camera.camera_to_world[:3, 2], towards / 4, atol=1e-6)
-        own = cameras[number // PICTURES]
-        beside = (own.position - MIDDLE) @ (camera.position - MIDDLE) / 16
-        assert beside > np.cos(np.radians(80)), "not on another side than its photo"
-        assert min(heights) - 0.1 < camera.position[2] < max(heights) + 1
+        assert_allclose(camera.position[2], own.position[2], atol=1e-6)
+        assert_allclose(camera.camera_to_world[2, :3], own.camera_to_world[2, :3], atol=1e-6)
         assert (camera.width, camera.fx) == (own.width, own.fx)
+
+
+@pytest.mark.parametrize("photos", [ring(10), ring(10)[:6]], ids=["all round", "from one side"])
+def test_they_stand_on_all_sides(photos):
+    between = cameras_between(scene(), photos, 0)
+    beside = np.stack([camera.position - MIDDLE for camera in between])[:, :2]
+    angles = np.sort(np.arctan2(*beside.T))
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    assert np.degrees(gaps.max()) < 360 / PICTURES + 1
 
 
 def test_the_seed_says_where():

@@ -161,14 +161,16 @@ def test_no_gaussian_becomes_finer_than_the_photos_show():
 # ------------------------------------------------------------------------------------------ pictures between the photos
 def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
     photos, between = [photo_of(camera) for camera in CAMERAS[:2]], [photo_of(camera) for camera in CAMERAS[2:5]]
-    fit, shown = SplatFit(unlearned(), photos, 12, 0, between=between), []
+    fit, shown = SplatFit(unlearned(), photos, 18, 0, between=between), []
     spy_on_photos(fit, shown, monkeypatch)
     fit.run(progress())
     places = [tuple(photo.camera.camera_to_world[:2, 3]) for photo in shown]
     of_cameras = [tuple(camera.camera_to_world[:2, 3]) for camera in CAMERAS]
-    for round_of_photos in (places[0:4:2], places[4:8:2], places[8:12:2]):
-        assert set(round_of_photos) == set(of_cameras[:2])
-    assert set(places[1:6:2]) == set(places[7:12:2]) == set(of_cameras[2:5])
+    of_photos, of_pictures = places[::3], [place for number, place in enumerate(places) if number % 3]
+    for first in range(0, 6, 2):
+        assert set(of_photos[first : first + 2]) == set(of_cameras[:2])
+    for first in range(0, 12, 3):
+        assert set(of_pictures[first : first + 3]) == set(of_cameras[2:5])
 
 
 def test_what_no_photo_shows_is_learned_from_pictures_between_them():
