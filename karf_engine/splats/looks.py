@@ -53,11 +53,13 @@ def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
 
     Returns:
         [n] float32 in [0, 1]: 1 where two photos show it, and the place is at most KNOWN beyond the farthest of these from their
-        middle; 0 where no photo shows it, or from UNKNOWN beyond.
+        middle; 0 where no photo shows it, or from UNKNOWN beyond. What is behind the scene counts as known: it goes on smoothly
+        from what photos show of it.
     """
     middle, widest, count = np.split(gaussians.looks, (3, 4), axis=1)
     beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest[:, 0]
     known = np.clip((UNKNOWN - beyond) / (UNKNOWN - KNOWN), 0, 1) * np.minimum(count[:, 0] / ENOUGH, 1)
+    known[gaussians.n_solid :] = 1
     return (known * known * (3 - 2 * known)).astype(np.float32)  # no seam where it begins and ends
 
 
