@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
+from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.capture.training_images import load_views
 from karf_engine.compute.progress import TerminalEmit
@@ -107,7 +108,7 @@ def looked_at(model: karf.Model, view: View) -> tuple[np.ndarray, np.ndarray]:
     return ciede2000(srgb_to_lab(frame.base), srgb_to_lab(photo)).ravel(), frame.seen.ravel()
 
 
-def photo_of(model: karf.Model, view: View):
+def photo_of(model: karf.Model, view: View) -> tuple[np.ndarray, Camera]:
     """A view's photo at the working size, [H, W, 3], and its camera."""
     image = load_views([view], model.settings.geometry.long_side)[0]
     return over(image.color, image.alpha), image.camera
