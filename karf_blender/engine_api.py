@@ -31,6 +31,7 @@ from ..karf_engine.errors import (
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
 from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.io.containment import inside
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.names import file_name, is_file_name, same_but_for_case
@@ -190,6 +191,7 @@ __all__ = [
     "folder_line",
     "hex_to_rgb",
     "hold_out",
+    "inside",
     "is_file_name",
     "lab_chroma",
     "lab_hue",
