@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from functools import partial
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -60,8 +60,10 @@ def _compiled(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Ke
     import numba
 
     numba.config.CACHE_DIR = str(cache_folder())
-    compiled = partial(numba.njit, function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
-    try:
-        return compiled(cache=True)
-    except RuntimeError:  # there is no folder that could be written: each process compiles for itself
-        return compiled(cache=False)
+    compiled = numba.njit(function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
+    # no folder that could be written, or another numba within: each process compiles for itself
+    with suppress(RuntimeError, ImportError, AttributeError, TypeError):
+        from .kernel_cache import KernelCache
+
+        compiled._cache = KernelCache(function)
+    return compiled

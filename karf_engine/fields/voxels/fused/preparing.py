@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import llvmlite.binding
@@ -34,8 +35,9 @@ def stamp_of(n_features: int) -> Path:
 
 def begin(n_features: int) -> subprocess.Popen | None:
     """Start compiling in a process beside; None if all is there already."""
-    if stamp_of(n_features).exists():
-        return None
+    with suppress(OSError):  # the folder may not be entered
+        if stamp_of(n_features).exists():
+            return None
     # the engine may run as a folder, off the path that a child gets
     root = str(Path(__file__).parents[4])
     code = f"import sys; sys.path.insert(0, {root!r}); from {__spec__.name} import prepare; prepare({n_features})"
