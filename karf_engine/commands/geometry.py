@@ -116,7 +116,9 @@ def with_marked(project: Project, capture: Capture, masks: Path | None) -> Captu
     A mark of later does not make finished geometry outdated: this is no part of its fingerprint.
     """
     folders = [folder for folder in (project.masks_folder, project.corrections_folder, masks) if folder is not None]
-    return with_split(capture, set().union(*(marked_views(folder, capture) for folder in folders)), "train")
+    return with_split(
+        capture, set().union(*(marked_views(project.marks(folder), capture) for folder in folders)), "train"
+    )
 
 
 def _inputs(capture: Capture, nerf: Path | None) -> list:
@@ -213,7 +215,7 @@ def import_scene(
 
 def preview(job: Job, scene: Scene, training_image: TrainingImage) -> None:
     """Write the view of a training image as rendered."""
-    path = job.project.folder / "preview.png"
+    path = job.project.path("preview.png")
     write_png(path, scene.render(training_image.camera, 1).color.cpu().numpy())
     job.emit("preview", path=str(path))
 

@@ -86,7 +86,7 @@ def known_failure(error: BaseException) -> KarfError | None:
         return error
     if is_out_of_memory(error):
         return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
-    number = _system_number(error)
+    number = system_number(error)
     if number is None:
         return None
     file = getattr(error, "filename", None) or "a file"
@@ -110,7 +110,7 @@ def translated() -> Iterator[None]:
         raise known from error
 
 
-def _system_number(error: BaseException) -> int | None:
+def system_number(error: BaseException) -> int | None:
     """The system's number of a failed call, also where a library has it in its message alone."""
     is_windows = os.name == "nt"
     if isinstance(error, OSError) and error.errno:

@@ -1,37 +1,50 @@
-"""Files written whole or not at all, JSON, and checksums: the base of every module that touches the disk.
+"""Write files whole or not at all, read and write JSON, compute checksums: the base of every module that touches the disk.
 
-A file is written to a temporary name, flushed to disk and renamed, so that a killed process leaves the last good state.
+A file is written in a temporary folder beside it, flushed to disk and renamed, so that a killed process leaves the last
+good state. The folder's name tells which process of which computer made it: once that has ended, what it left is removed.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
+import platform
+import re
+import shutil
+import stat
+import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import DataError
+from ..errors import DataError, KarfError
+from .failures import system_number
 from .inputs import MOST_JSON, check_file
 
-TEMPORARY = ".tmp"  # prefix of the names of temporary files, safetensors' own included
-STALE_SECONDS = 3600.0  # age at which a temporary file is no longer being written
+HOST = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+TEMPORARY = re.compile(r"\.karf-([0-9a-f]{8})-(\d{1,10})-[a-z0-9_]{8}")  # computer, process, chance
 HELD = (5, 32, 33, 1224)  # Windows errors: access denied, sharing violation, lock violation, mapped by a process
 HELD_SECONDS = 3.0  # for which virus scanners, indexers and thumbnails hold a new file there, at most
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # of these no source is to blame
+PROBE_BYTES = 1 << 20  # more than any file system keeps in reserve for a file that is open
 
 
 def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file whole or not at all; on any failure `path` stays as it was.
+
+    A link is kept: the file that it leads to is written. So are the rights of an existing file.
 
     Args:
         path: The file; its folder is made.
         write: Called with the path of a temporary file of the same suffix, which is then flushed to disk and renamed.
 
     Raises:
-        OSError: The disk takes no more, or the folder cannot be written.
+        OSError: The disk takes no more, the folder cannot be written, or the file is read-only; names `path`.
 
     Examples:
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -39,23 +52,38 @@ def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
         ...     (Path(folder) / "note.txt").read_text()
         'done'
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # keep the suffix: image and npz writers choose the format by it. Nothing else of the name: it may be of full length
-    handle, name = tempfile.mkstemp(prefix=TEMPORARY, suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
+    rights = _rights_of(target)
+    folder = None
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # a folder of its own: libraries put temporary files of theirs beside what they write
+        folder = Path(tempfile.mkdtemp(prefix=f".karf-{HOST}-{os.getpid()}-", dir=target.parent))
+        temporary = folder / f"new{path.suffix}"  # image and npz writers choose the format by the suffix
         write(temporary)
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
-        temporary.chmod(0o666 & ~_umask())
-        replace(temporary, path)
+        temporary.chmod(rights)
+        replace(temporary, target)
+    except KarfError:
+        raise
+    except Exception as error:
+        number = _write_failure(error, target.parent, folder)
+        if number is None:
+            raise
+        raise OSError(number, getattr(error, "strerror", None) or os.strerror(number), str(path)) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        if folder:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file's content whole or not at all. Raises OSError that names the file that failed, source or target."""
+    atomic_write(target, lambda temporary: shutil.copyfile(source, temporary))
 
 
 def replace(source: Path, target: Path) -> None:
-    """Give a file or folder another name, over what had it; on Windows, wait while another program holds either.
+    """Rename a file or folder over what has the name, durably; on Windows, wait while another program holds either.
 
     Raises:
         OSError: It cannot be renamed, or is held for more than `HELD_SECONDS`.
@@ -64,17 +92,66 @@ def replace(source: Path, target: Path) -> None:
     while True:
         try:
             source.replace(target)
-            return
+            break
         except OSError as error:
             if getattr(error, "winerror", None) not in HELD or time.monotonic() > patient_until:
                 raise
         time.sleep(0.05)
+    _flush_folder(target.parent)
+
+
+def _flush_folder(folder: Path) -> None:
+    """Flush a folder's names to disk, where the system has that."""
+    if os.name == "nt":
+        return
+    with suppress(OSError):  # some network drives refuse; the rename is done
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _rights_of(target: Path) -> int:
+    """Return the mode for a new version of a file. Raises PermissionError where the file is read-only."""
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        return 0o666 & ~_umask()
+    if not mode & 0o222 or not os.access(target, os.W_OK):  # an administrator may write anything, but did not mean to
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
+    return stat.S_IMODE(mode)
 
 
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def _write_failure(error: Exception, parent: Path, folder: Path | None) -> int | None:
+    """Return the system's number for a write that failed; None where something else did, such as reading a source."""
+    number = system_number(error)
+    if number is None:
+        return _probe(folder) if folder else None
+    if number in NO_ROOM or not isinstance(error, OSError) or error.filename is None:
+        return number
+    return number if str(error.filename).startswith(str(parent / ".karf-")) else None
+
+
+def _probe(folder: Path) -> int | None:
+    """Return the number of the error with which the disk takes no more in a folder; None where it takes more.
+
+    Libraries in C++ report a full disk in words of their own.
+    """
+    try:
+        with (folder / "probe").open("wb") as stream:
+            stream.write(bytes(PROBE_BYTES))
+            stream.flush()
+            os.fsync(stream.fileno())
+    except OSError as error:
+        return error.errno
+    return None
 
 
 def write_json(path: Path, content: Any) -> None:
@@ -114,13 +191,37 @@ def read_json(path: Path, what: str) -> Any:
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of a file's bytes, as hexadecimal text."""
+    """Return the SHA-256 of a file's bytes as hexadecimal text. Raises DataError where it is not a regular file."""
+    check_file(path)
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def remove_temporaries(folder: Path, older_than: float = STALE_SECONDS) -> None:
-    """Delete temporary files that killed processes left in a folder, once they are this many seconds old."""
-    for path in folder.glob(f"{TEMPORARY}*"):
-        if time.time() - path.stat().st_mtime >= older_than:
-            path.unlink(missing_ok=True)
+def remove_temporaries(folder: Path) -> None:
+    """Remove the temporary folders that ended processes of this computer left in a folder; all else stays."""
+    with suppress(OSError):  # no such folder
+        for path in folder.iterdir():
+            made = TEMPORARY.fullmatch(path.name)
+            if made and made[1] == HOST and not is_running(int(made[2])):
+                shutil.rmtree(path, ignore_errors=True)  # follows no link
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process of this computer has this number."""
+    if sys.platform == "win32":
+        import ctypes
+
+        kernel = ctypes.windll.kernel32
+        handle = kernel.OpenProcess(0x1000, False, pid)  # PROCESS_QUERY_LIMITED_INFORMATION
+        code = ctypes.c_ulong()
+        running = handle and kernel.GetExitCodeProcess(handle, ctypes.byref(code)) and code.value == 259  # STILL_ACTIVE
+        if handle:
+            kernel.CloseHandle(handle)
+        return bool(running)
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # another user's
+        pass
+    return True

@@ -33,7 +33,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError
+from ..io.containment import check_tree, inside, is_link
 from ..io.files import checksum, remove_temporaries, replace
+from ..io.names import check_name
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
 HOLDOUT_BEFORE = 8  # N of every Nth photo held out in projects that do not record it
@@ -50,120 +52,137 @@ class Project:
         self.folder = Path(folder).absolute()
 
     # --- names -----------------------------------------------------------------------------------------------------
+    def path(self, *names: str) -> Path:
+        """The path of these names in the project.
+
+        Raises:
+            DataError: A link on the way leads out of the project; see `io.containment`.
+        """
+        return inside(self.folder, *names)
+
     @property
     def state_file(self) -> Path:
         """Schema, capture, settings, and what each stage finished; see `project.state`."""
-        return self.folder / "project.json"
+        return self.path("project.json")
 
     @property
     def capture_file(self) -> Path:
         """The canonical capture; see `capture.capture`."""
-        return self.folder / "capture.json"
+        return self.path("capture.json")
 
     @property
     def masks_folder(self) -> Path:
         """Coarse masks as given, `<object>/<view>.png`."""
-        return self.folder / "masks"
+        return self.path("masks")
 
     @property
     def corrections_folder(self) -> Path:
         """Partial marks as drawn, `<object>/<view>.png`; see `segmentation.corrections`."""
-        return self.folder / "corrections"
+        return self.path("corrections")
 
     @property
     def volumes_file(self) -> Path:
         """Boxes and meshes that objects must be inside or outside of; see `project.volumes`."""
-        return self.folder / "volumes.json"
+        return self.path("volumes.json")
 
     @property
     def geometry_file(self) -> Path:
         """The radiance field."""
-        return self.folder / "geometry.safetensors"
+        return self.path("geometry.safetensors")
 
     def checkpoint_file(self, stage: str) -> Path:
         """The training state of a stage that was interrupted."""
-        return self.folder / f"unfinished_{stage}.safetensors"
+        return self.path(f"unfinished_{stage}.safetensors")
 
     @property
     def segmentation_file(self) -> Path:
         """The segmentation field F_s."""
-        return self.folder / "segmentation.safetensors"
+        return self.path("segmentation.safetensors")
 
     @property
     def segmentation_report(self) -> Path:
         """What the segmentation measured."""
-        return self.folder / "segmentation.json"
+        return self.path("segmentation.json")
 
     @property
     def surface_file(self) -> Path:
         """Surface samples of the objects' rays."""
-        return self.folder / "surface.safetensors"
+        return self.path("surface.safetensors")
 
     @property
     def doubts_file(self) -> Path:
         """How unsure the labels of surface points are."""
-        return self.folder / "doubts.npz"
+        return self.path("doubts.npz")
 
     @property
     def palette_file(self) -> Path:
         """Palettes as extracted, then as learned; see `palettes.palette`."""
-        return self.folder / "palette.json"
+        return self.path("palette.json")
 
     @property
     def object_colors_file(self) -> Path:
         """Each object's color histogram with its palette weights."""
-        return self.folder / "object_colors.npz"
+        return self.path("object_colors.npz")
 
     @property
     def recoloring_file(self) -> Path:
         """The recoloring field F_w."""
-        return self.folder / "recoloring.safetensors"
+        return self.path("recoloring.safetensors")
 
     @property
     def splats_file(self) -> Path:
         """The scene as Gaussians."""
-        return self.folder / "splats.safetensors"
+        return self.path("splats.safetensors")
 
     @property
     def points_file(self) -> Path:
         """Points on the scene's surface, as the 3D View shows them."""
-        return self.folder / "points.npz"
+        return self.path("points.npz")
 
     @property
     def planes_folder(self) -> Path:
         """Edit planes of captured views; see `palettes.compositing`."""
-        return self.folder / "planes"
+        return self.path("planes")
 
     def planes_file(self, view: str) -> Path:
         """Edit planes of the captured view with this name."""
-        return self.planes_folder / f"{view}.npz"
+        return self.path("planes", f"{view}.npz")
 
     @property
     def looks_folder(self) -> Path:
         """The cached renderings of captured views; see `recolor.render_cache`."""
-        return self.folder / "looks"
+        return self.path("looks")
 
     @property
     def photos_folder(self) -> Path:
         """Photos without lens distortion, as Blender shows them behind its cameras."""
-        return self.folder / "photos"
+        return self.path("photos")
 
     @property
     def outputs_folder(self) -> Path:
         """Where the stage at work gathers its outputs, under the names that they will have in the project."""
-        return self.folder / ".outputs"
+        return self.path(".outputs")
 
     def new_job(self, stage: str) -> Path:
         """A fresh, empty job folder for a stage: `jobs/<time>-<number>-<stage>`."""
         stamp = time.strftime("%Y%m%d-%H%M%S")
         for attempt in range(1000):
-            job = self.folder / "jobs" / f"{stamp}-{attempt:03d}-{stage}"
+            job = self.path("jobs", f"{stamp}-{attempt:03d}-{stage}")
             try:
                 job.mkdir(parents=True)
                 return job
             except FileExistsError:
                 continue
         raise DataError(f"{self.folder / 'jobs'} is full of jobs of this second.", "Try again.")
+
+    def marks(self, folder: Path) -> Path:
+        """Return a folder of masks or corrections, once no link in it leads out of the project where it lies in it.
+
+        Raises:
+            DataError: A link leads out; see `io.containment`.
+        """
+        folder = folder.absolute()
+        return check_tree(self.folder, folder) if folder.is_relative_to(self.folder) else folder
 
     # --- state -----------------------------------------------------------------------------------------------------
     def create(self, capture: str) -> None:
@@ -271,7 +290,7 @@ class Project:
 
     @property
     def _decided_file(self) -> Path:
-        return self.outputs_folder / self.state_file.name
+        return self.path(".outputs", "project.json")
 
     @property
     def is_interrupted(self) -> bool:
@@ -282,8 +301,8 @@ class Project:
         """Complete a commit that was interrupted. Call it only while holding the lock for writing."""
         if not self.is_interrupted:
             return
-        for path in sorted(self.outputs_folder.iterdir()):
-            target = self.folder / path.name
+        for path in sorted(check_tree(self.folder, self.outputs_folder).iterdir()):
+            target = self.path(path.name)
             if path == self._decided_file or (
                 path.is_dir() and target.exists() and _contents(path) == _contents(target)
             ):
@@ -295,7 +314,7 @@ class Project:
 
     def _set_aside(self, folder: Path) -> None:
         """Make way for a new folder: what its files were stays, as the earlier ones."""
-        earlier = folder.with_name(f"earlier_{folder.name}")
+        earlier = self.path(f"earlier_{folder.name}")
         shutil.rmtree(earlier, ignore_errors=True)
         replace(folder, earlier)
 
@@ -323,7 +342,7 @@ class Project:
         """Whether all outputs of a finished stage are as they were written."""
         try:
             for name in self.require(stage).get("files", {}):
-                self.checked(self.folder / name)
+                self.checked(self.path(check_name(name, self.state_file, "a file")))
         except DataError:
             return False
         return True
@@ -341,15 +360,12 @@ class Project:
         """Delete what killed jobs left, except a commit to recover. Call it only while holding the lock for writing."""
         if not self.is_interrupted:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
-        for folder in (self.folder, self.planes_folder):  # only the engine writes here
-            remove_temporaries(folder, older_than=0.0)
-        for folder in (
-            self.photos_folder,
-            *self.masks_folder.glob("*/"),
-            *self.corrections_folder.glob("*/"),
-            *self.looks_folder.glob("*/"),
-        ):
+        for folder in (self.folder, self.planes_folder, self.photos_folder):
             remove_temporaries(folder)
+        for folder in (self.masks_folder, self.corrections_folder, self.looks_folder):
+            for path in folder.glob("*/"):
+                if not is_link(path):
+                    remove_temporaries(path)
 
 
 def _contents(folder: Path) -> dict[str, str]:

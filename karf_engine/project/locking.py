@@ -1,22 +1,21 @@
 """Locks of a project: one job writes, and readers never see half of a stage's outputs.
 
-Both are locks of the operating system, which frees them when their process ends, however it ends. On network drives
-without such locks the library falls back to a file with the owner's process and host, and checks whether it is alive.
+Both are those of `io.locks`.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
-from ..errors import BadRequest
-from ..io.files import write_json
+from ..errors import BadRequest, KarfError
+from ..io.files import read_json, write_json
+from ..io.locks import acquire
 from . import Project
 
 COMMIT_SECONDS = 60.0  # wait for a commit: it renames a few files, which may take a while on a slow network drive
@@ -29,10 +28,10 @@ def writing(project: Project) -> Iterator[None]:
     Raises:
         BadRequest: Another job holds it.
     """
-    holder = project.folder / "lock.json"
-    lock = FileLock(project.folder / "lock", timeout=0)
+    holder = project.path("lock.json")
+    _check_lease(project, "lock")
     try:
-        lock.acquire()
+        lock = acquire(project.path("lock"))
     except Timeout:
         raise BadRequest(
             "{folder} is in use by {name}.",
@@ -72,22 +71,30 @@ def consistent(project: Project) -> Iterator[None]:
     Raises:
         BadRequest: Another job holds the lock for more than `COMMIT_SECONDS`.
     """
-    lock = FileLock(project.folder / "commit.lock", timeout=COMMIT_SECONDS)
-    with suppress(OSError):
-        try:
-            lock.acquire()
-        except Timeout:
-            raise BadRequest(f"{project.folder} is being changed by another job.", "Try again.") from None
+    _check_lease(project, "commit.lock")
+    lock = None
+    try:
+        lock = acquire(project.path("commit.lock"), COMMIT_SECONDS)
+    except Timeout:
+        raise BadRequest(f"{project.folder} is being changed by another job.", "Try again.") from None
+    except OSError:
+        pass
     try:
         yield
     finally:
-        lock.release()
+        if lock:
+            lock.release()
+
+
+def _check_lease(project: Project, name: str) -> None:
+    """Raise DataError where a link stands in the place of a lock's lease."""
+    project.path(f"{name}.lease")
 
 
 def _name(holder: Path) -> str:
     """The process that holds a project, for messages."""
     try:
-        content = json.loads(holder.read_text(encoding="utf-8"))
+        content = read_json(holder, "lock")
         return f"process {int(content['pid'])} on {content['host']}"
-    except (OSError, ValueError, KeyError, TypeError):  # it is being written, or its owner could not write
+    except (KarfError, OSError, ValueError, KeyError, TypeError):  # it is being written, or its owner could not write
         return "another job"

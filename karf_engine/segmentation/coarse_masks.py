@@ -6,7 +6,6 @@ Photos of several cameras lie in subfolders, and masks may lie in the same: MASK
 from __future__ import annotations
 
 import itertools
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from ..capture.capture import Capture, View
 from ..capture.mask_names import fits_view, mask_files
 from ..capture.training_images import TrainingImage, undistort
 from ..errors import DataError, Message
-from ..io.files import atomic_write
+from ..io.files import copy_file
 from ..io.image_size import MOST_PHOTO_BYTES
 from ..io.images import read_mask, resize
 from ..io.inputs import check_file
@@ -188,4 +187,4 @@ def copy_masks(masks: list[CoarseMask], folder: Path) -> None:
     """Copy the masks into a folder, laid out as <object>/<view's name>.png (or as the mask's own format)."""
     for mask in masks:
         target = folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}"
-        atomic_write(target, lambda temporary, source=mask.path: shutil.copyfile(source, temporary))
+        copy_file(mask.path, target)

@@ -52,7 +52,7 @@ REQUIRED = (
     Package("numpy", Range("2.0.2", "3")),
     Package("scipy", Range("1.15.3", "2")),
     Package("safetensors", Range("0.4.5", "1")),
-    Package("filelock", Range("3.16.1", "5")),
+    Package("filelock", Range("4.2.11", "5")),
     Package("imageio", Range("2.36", "3")),
     Package("PIL", Range("11", "14")),
     Package("cv2", Range("5.0.0.93", "6")),

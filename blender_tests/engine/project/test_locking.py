@@ -111,6 +111,6 @@ def test_a_project_in_which_nothing_can_be_written_can_be_read(project, monkeypa
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(locking.FileLock, "acquire", refuse)
+    monkeypatch.setattr(locking, "acquire", refuse)
     with consistent(project):
         assert project.state()

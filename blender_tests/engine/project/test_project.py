@@ -3,13 +3,17 @@
 import json
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.io.files import atomic_write, read_json, write_json
+from karf_engine.io.files import HOST, atomic_write, read_json, write_json
 from karf_engine.project import BUILT_ON, STAGE_ORDER, Project
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture
@@ -26,7 +30,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path):
 
     def fail(temporary):
         temporary.write_text("half")
-        raise RuntimeError("the disk is full")
+        raise RuntimeError("no such color")
 
     with pytest.raises(RuntimeError):
         atomic_write(path, fail)
@@ -45,7 +49,7 @@ def test_a_written_file_keeps_its_suffix_on_the_way_and_has_the_usual_rights(tmp
 
     atomic_write(tmp_path / "new" / "a.png", write)
     (tmp_path / "plain").write_text("x")
-    assert seen[0].suffix == ".png" and seen[0].parent == tmp_path / "new" and not seen[0].exists()
+    assert seen[0].suffix == ".png" and seen[0].parent.parent == tmp_path / "new" and not seen[0].exists()
     rights = [stat.S_IMODE(file.stat().st_mode) for file in (tmp_path / "new" / "a.png", tmp_path / "plain")]
     assert rights[0] == rights[1]
 
@@ -251,14 +255,33 @@ def test_a_project_made_before_there_were_checksums_is_believed(project):
 
 
 def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(project):
-    left = [project.outputs_folder / "a.png", project.folder / ".tmp-1.png", project.planes_folder / ".tmp-2.npz"]
-    others = [project.photos_folder / ".tmp-3.png", project.masks_folder / "pot" / ".tmp-4.png"]
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    dead, alive, elsewhere = f"{HOST}-{ended.pid}", f"{HOST}-{os.getpid()}", f"{'0' * 8}-{ended.pid}"
+    folders = [project.folder, project.planes_folder, project.photos_folder, project.masks_folder / "pot"]
+    left = [project.outputs_folder / "a.png", *(folder / f".karf-{dead}-abcdefgh/new.png" for folder in folders)]
+    others = [folder / f".karf-{name}-abcdefgh/new.png" for folder in folders for name in (alive, elsewhere)]
+    others += [project.folder / ".tmp.drivedownload/a.png", project.folder / ".tmp-1.png"]
+    others += [project.folder / f".karf-{dead}/a.png", project.planes_folder / ".tmp-2.npz"]
     for path in left + others:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("half")
-    os.utime(others[0], (0, 0))
+        os.utime(path, (0, 0))
+    (project.folder / ".tmp-nothing").symlink_to("nowhere")
     project.remove_leftovers()
-    assert [path.exists() for path in left + others] == [False] * 4 + [True]
+    assert not any(path.parent.exists() and path.exists() for path in left) and all(path.exists() for path in others)
+    assert (project.folder / ".tmp-nothing").is_symlink()
+
+
+def test_a_killed_writer_leaves_nothing_once_its_process_has_ended(project):
+    script = (
+        "import os, sys; from pathlib import Path; from karf_engine.io.files import HOST, atomic_write\n"
+        "atomic_write(Path(sys.argv[1]), lambda temporary: (temporary.write_text('half'), os._exit(9)))"
+    )
+    subprocess.run([sys.executable, "-c", script, str(project.palette_file)], cwd=ROOT, check=False)
+    assert len(list(project.folder.glob(".karf-*/new.json"))) == 1 and not project.palette_file.exists()
+    project.remove_leftovers()
+    assert not list(project.folder.glob(".karf-*"))
 
 
 def test_a_file_whose_name_is_as_long_as_a_name_can_be_is_written(tmp_path):

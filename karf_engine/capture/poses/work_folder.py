@@ -9,7 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
+
+from ...io.locks import acquire
 
 LOCK = ".karf-work"  # lock file held while the folder is worked in; the system releases it when the process ends
 YOUNG = 10.0  # seconds in which a folder's maker may not hold its lock yet
@@ -21,8 +23,11 @@ def work_folder(parent: Path, prefix: str) -> Iterator[Path]:
     _remove_left(parent, prefix)
     folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
     try:
-        with FileLock(folder / LOCK):
+        lock = acquire(folder / LOCK)
+        try:
             yield folder
+        finally:
+            lock.release()
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -36,7 +41,7 @@ def _remove_left(parent: Path, prefix: str) -> None:
         if time.time() - lock.stat().st_mtime < YOUNG:
             continue
         try:
-            FileLock(lock).acquire(timeout=0).lock.release()
+            acquire(lock).release()
         except (Timeout, OSError):  # at work, or another user's
             continue
         shutil.rmtree(folder, ignore_errors=True)

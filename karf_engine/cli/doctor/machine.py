@@ -20,6 +20,7 @@ GB = 1e9
 LITTLE_MEMORY = 4 * GB  # the preset demo learns in 1 GB; Blender and the system need as much again
 LITTLE_DISK = 2 * GB  # a project and its pictures take tens of megabytes to some gigabytes
 NO_DISK = 0.1 * GB  # no project fits
+ONE_AT_A_TIME = "Let one program at a time work on a project there, or choose a folder on another disk."
 
 
 def findings(folder: Path) -> Iterator[Finding]:
@@ -84,21 +85,27 @@ def disk(folder: Path) -> Finding:
 def locks(folder: Path) -> Finding:
     """Whether a second holder of a lock is kept out in this folder."""
     try:
-        from filelock import FileLock, Timeout
+        from filelock import SoftFileLease, Timeout
+
+        from ...io.locks import acquire
     except ImportError:
         return Finding("locks", OK, "Locks are not tried without the package filelock.")
     try:
         with tempfile.TemporaryDirectory(prefix=".karf-doctor-", dir=folder) as inside:
-            first, second = (FileLock(Path(inside) / "lock", timeout=0, is_singleton=False) for _ in range(2))
-            with first:
-                second.acquire()
-                second.release()
+            lock = acquire(Path(inside) / "lock")
+            try:
+                if isinstance(lock, SoftFileLease):
+                    sentence = f"{folder} is on a file system without locks: a file with the owner's name stands in."
+                    return Finding("locks", WARNING, sentence, ONE_AT_A_TIME)
+                acquire(Path(inside) / "lock").release()
+            finally:
+                lock.release()
     except Timeout:
         return Finding("locks", OK, f"Locks work in {folder}.")
     except OSError as error:
         return _unwritable("locks", error)
-    remedy = "Let one program at a time work on a project there, or choose a folder on another disk."
-    return Finding("locks", WARNING, f"Locks do not hold in {folder}: two jobs could write at once.", remedy)
+    sentence = f"Locks do not hold in {folder}: two jobs could write at once."
+    return Finding("locks", WARNING, sentence, ONE_AT_A_TIME)
 
 
 def temporary() -> Finding:

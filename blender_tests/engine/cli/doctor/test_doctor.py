@@ -136,6 +136,8 @@ def test_locks_are_tried_and_nothing_is_left(tmp_path):
 def test_locks_that_do_not_hold_are_a_warning(monkeypatch, tmp_path):
     import filelock
 
+    from karf_engine.io import locks as io_locks
+
     class Loose(filelock.FileLock):
         def _acquire(self):
             self._context.lock_file_fd = os.open(os.devnull, os.O_RDONLY)
@@ -144,7 +146,7 @@ def test_locks_that_do_not_hold_are_a_warning(monkeypatch, tmp_path):
             os.close(self._context.lock_file_fd)
             self._context.lock_file_fd = None
 
-    monkeypatch.setattr(filelock, "FileLock", Loose)
+    monkeypatch.setattr(io_locks, "FileLock", Loose)
     found = machine.locks(tmp_path)
     assert found.status == WARNING and "two jobs could write at once" in found.sentence
 

@@ -1,0 +1,91 @@
+"""Files that are written: links and rights are kept, and a failure names the file that could not be written."""
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from karf_engine.io import files
+from karf_engine.io.files import atomic_write, copy_file, write_json
+
+
+def failing(error):
+    def write(temporary):
+        temporary.write_text("half")
+        raise error
+
+    return write
+
+
+NO_ROOM = OSError(errno.ENOSPC, "No space left on device")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        NO_ROOM,
+        OSError(errno.EDQUOT, "Disk quota exceeded", "/film/source.png"),
+        RuntimeError("Error while serializing: I/O error: No space left on device (os error 28)"),
+    ],
+)
+def test_what_could_not_be_written_is_named_and_not_what_it_came_from(tmp_path, error):
+    with pytest.raises(OSError) as caught:
+        atomic_write(tmp_path / "a.exr", failing(error))
+    assert caught.value.filename == str(tmp_path / "a.exr") and caught.value.errno in (errno.ENOSPC, errno.EDQUOT)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_library_that_fails_without_a_reason_on_a_full_disk_is_told_as_that(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_probe", lambda folder: errno.ENOSPC)
+    with pytest.raises(OSError, match=r"a\.exr") as caught:
+        atomic_write(tmp_path / "a.exr", failing(RuntimeError("unable to write")))
+    assert caught.value.errno == errno.ENOSPC
+
+
+def test_an_error_of_another_kind_stays_what_it_is(tmp_path):
+    with pytest.raises(RuntimeError, match="no such layer"):
+        atomic_write(tmp_path / "a.exr", failing(RuntimeError("no such layer")))
+
+
+def test_a_source_that_is_missing_is_the_one_that_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught:
+        copy_file(tmp_path / "gone.png", tmp_path / "a.png")
+    assert caught.value.filename == str(tmp_path / "gone.png")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
+def test_a_linked_file_stays_a_link_and_what_it_leads_to_is_written(tmp_path):
+    (tmp_path / "edits").mkdir()
+    write_json(tmp_path / "edits" / "blue.json", {"old": True})
+    (tmp_path / "edit.json").symlink_to("edits/blue.json")
+    write_json(tmp_path / "edit.json", {"new": True})
+    assert (tmp_path / "edit.json").is_symlink()
+    assert "new" in (tmp_path / "edits" / "blue.json").read_text()
+
+
+def test_a_read_only_file_is_refused_and_stays_as_it_is(tmp_path):
+    path = tmp_path / "edit.json"
+    write_json(path, {"old": True})
+    path.chmod(0o444)
+    with pytest.raises(PermissionError) as caught:
+        write_json(path, {"new": True})
+    assert caught.value.filename == str(path) and "old" in path.read_text()
+    path.chmod(0o644)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of POSIX")
+def test_a_file_keeps_its_rights(tmp_path):
+    path = tmp_path / "edit.json"
+    write_json(path, {"old": True})
+    path.chmod(0o640)
+    write_json(path, {"new": True})
+    assert path.stat().st_mode & 0o777 == 0o640
+
+
+@pytest.mark.skipif(os.name == "nt", reason="folders are not flushed there")
+def test_a_rename_is_flushed_to_disk_with_its_folder(tmp_path, monkeypatch):
+    flushed = []
+    monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(Path(f"/proc/self/fd/{handle}").readlink()))
+    write_json(tmp_path / "a.json", {})
+    assert flushed[-1] == tmp_path
