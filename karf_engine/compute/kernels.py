@@ -9,18 +9,26 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ..errors import is_out_of_memory
+
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 # all liberties but those that let NaN and infinity vanish: training must see them and stop
 MATH = {"contract", "reassoc", "nsz", "arcp", "afn"}
 
 
 def has_kernels() -> bool:
-    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off."""
+    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off.
+
+    Raises:
+        Exception: It is there, and memory does not suffice to load it.
+    """
     if os.environ.get("KARF_KERNELS", "on") == "off":
         return False
     try:
         import numba  # noqa: F401
-    except (ImportError, OSError):  # not there, or not made for this numpy or processor
+    except (ImportError, OSError) as error:  # not there, or not made for this numpy or processor
+        if is_out_of_memory(error):
+            raise
         return False
     return True
 
