@@ -90,7 +90,7 @@ def write_bundle(arguments: argparse.Namespace) -> int:
     """A job for a render farm."""
     from ..commands.farm import bundle  # needs numpy, without which `doctor` still has something to say
 
-    say(f"wrote {bundle.write_bundle(options_of(arguments))}")
+    say(f"wrote {bundle.write_bundle(options_of(arguments), say)}")
     return 0
 
 

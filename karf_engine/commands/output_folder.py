@@ -18,7 +18,7 @@ def new_folder(out: Path) -> Iterator[Path]:
         BadRequest: `out` is there already and is not empty.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder for the capture.")
+        raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")
     out.parent.mkdir(parents=True, exist_ok=True)
     with work_folder(out.parent, f".{out.name[:100]}-") as work:
         folder = work / "capture"

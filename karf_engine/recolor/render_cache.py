@@ -4,15 +4,17 @@ field and refines no edge again.
     looks/<scene>/<camera>.safetensors   color, depth, opacity and probabilities, as float32, exactly as rendered
     looks/<scene>/<photo>.safetensors    the objects' mattes in a photo, exactly as refined
 
-`<scene>` stands for what was learned, `<camera>` for the camera and `<photo>` for the pixels of photo and look, so that
-nothing of anything else is ever taken. They may be deleted. Nothing is kept where the project cannot be written to, or
-where as much is kept already as may be.
+`<scene>` stands for what was learned, `<camera>` for the camera and `<photo>` for the pixels of photo and look, each 16
+hexadecimal digits, so that nothing of anything else is ever taken. Each file holds the checksum of its tensors: a damaged
+one is rendered again. They may be deleted. Nothing is kept where the project cannot be written to, or where as much is
+kept already as may be.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,14 +27,16 @@ from ..capture.camera import Camera
 from ..errors import DataError
 from ..fields.scene import Picture
 from ..io.checkpoints import load_tensors, restoring, save_tensors
+from ..io.containment import is_link
 from ..project import Project
 from .frames import Frame
 from .matting.marks import Marks
 from .matting.matte import Matte
 from .matting.refine import mattes_of
 
-SCHEMA = "karf-look/1"  # the number goes up when the same inputs would be rendered to other pictures
-MATTES = "karf-mattes/2"  # the number goes up when the same inputs would be refined to other mattes
+SCHEMA = "karf-look/2"  # the number goes up when the same inputs would be rendered to other pictures
+MATTES = "karf-mattes/3"  # the number goes up when the same inputs would be refined to other mattes
+MARK = re.compile("[0-9a-f]{16}")  # names of folders here, and of files before their ending
 MOST_BYTES = 1 << 30  # size of a project's cache: photos of 800 pixels take 20 MB each
 
 
@@ -43,16 +47,15 @@ class RenderCache:
         learned = [project.finished(stage) or {} for stage in ("geometry", "segmentation")]
         scene = [[facts.get("fingerprint"), facts.get("files")] for facts in learned]
         self._project = project
-        self._all = project.looks_folder
-        self._folder = self._all / _mark(SCHEMA, scene)
+        self._folder = project.path(project.looks_folder.name, _mark(SCHEMA, scene))
 
     def find(self, camera: Camera, n_objects: int, device: torch.device) -> Frame | None:
         """The look through this camera; None where it is not kept, or damaged."""
         path = self._path(camera)
         try:
-            tensors, _ = load_tensors(path, SCHEMA, device)
+            tensors, _ = _load(path, SCHEMA)
             with restoring(path):
-                return _frame_of(tensors, n_objects, camera)
+                return _frame_of({name: tensor.to(device) for name, tensor in tensors.items()}, n_objects, camera)
         except DataError:
             return None
 
@@ -80,7 +83,7 @@ class RenderCache:
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]
         drawn = [] if marks.drawn is None else [np.ascontiguousarray(marks.drawn)]
         contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays + drawn]
-        path = self._folder / f"{_mark(MATTES, edges, contents, marks.thin)}.safetensors"
+        path = self._file(_mark(MATTES, edges, contents, marks.thin))
         known = _read_mattes(path, len(probabilities))
         if known is None:
             known = mattes_of(edges, *arrays, marks, seed)
@@ -94,22 +97,45 @@ class RenderCache:
         with suppress(OSError, SafetensorError):
             self._forget_others()
             new = sum(tensor.nbytes for tensor in tensors.values())
-            if sum(path.stat().st_size for path in self._folder.glob("*")) + new <= MOST_BYTES:
-                save_tensors(path, tensors, schema, facts)
+            if sum(path.lstat().st_size for path in self._folder.glob("*")) + new <= MOST_BYTES:
+                save_tensors(path, tensors, schema, facts | {"checksum": _checksum(tensors)})
 
     def _forget_others(self) -> None:
         """Remove the renderings of what was learned before, and nothing else that may lie there."""
-        for path in self._all.glob("*/*.safetensors"):
-            if path.parent != self._folder and not path.parent.is_symlink():
-                path.unlink()
-        for folder in self._all.glob("*/"):
+        for folder in self._folder.parent.glob("*/"):
+            if folder == self._folder or not MARK.fullmatch(folder.name) or is_link(folder):
+                continue
+            for path in folder.glob("*.safetensors"):
+                if MARK.fullmatch(path.stem):
+                    path.unlink()
             with suppress(OSError):  # not empty
                 folder.rmdir()
 
     def _path(self, camera: Camera) -> Path:
         pose = camera.camera_to_world.tolist()
         lens = {name: value for name, value in vars(camera).items() if name != "camera_to_world"}
-        return self._folder / f"{_mark(pose, lens)}.safetensors"
+        return self._file(_mark(pose, lens))
+
+    def _file(self, mark: str) -> Path:
+        return self._project.path(*self._folder.relative_to(self._project.folder).parts, f"{mark}.safetensors")
+
+
+def _load(path: Path, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+    """The tensors and facts of a file. Raises DataError where it is missing, or not as it was written."""
+    tensors, facts = load_tensors(path, schema)
+    with restoring(path):
+        if facts["checksum"] != _checksum(tensors):
+            raise ValueError("its checksum differs")
+    return tensors, facts
+
+
+def _checksum(tensors: dict[str, torch.Tensor]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        array = tensors[name].detach().cpu().contiguous().numpy()
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
+        digest.update(array)
+    return digest.hexdigest()
 
 
 def _frame_of(tensors: dict[str, torch.Tensor], n_objects: int, camera: Camera) -> Frame:
@@ -136,7 +162,7 @@ def _tensors_of(mattes: list[Matte]) -> tuple[dict[str, torch.Tensor], str, dict
 def _read_mattes(path: Path, n_objects: int) -> list[Matte] | None:
     """The mattes of a file; None where it is not there, or damaged."""
     try:
-        tensors, facts = load_tensors(path, MATTES)
+        tensors, facts = _load(path, MATTES)
         with restoring(path):
             places = facts["places"]
             if len(places) != n_objects:

@@ -164,6 +164,31 @@ def test_a_damaged_look_is_rendered_again(copy, renders, damage):
     assert len(renders) == 2
 
 
+def test_a_look_whose_numbers_were_altered_is_rendered_again(copy, renders):
+    model = Model(copy)
+    camera = model.working_camera(first_test_view(model))
+    first = model.look(camera)
+    (path,) = copy.looks_folder.rglob("*.safetensors")
+    tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.SCHEMA)
+    tensors["color"][:10, :10] = 0.5
+    save_tensors(path, tensors, karf_engine.recolor.render_cache.SCHEMA, facts)
+    assert np.array_equal(Model(copy).look(camera).color, first.color)
+    assert len(renders) == 2
+
+
+def test_of_earlier_looks_only_what_was_written_here_is_removed(copy, tmp_path):
+    earlier, elsewhere = copy.looks_folder / ("0" * 16), tmp_path / "models"
+    for folder in (earlier, elsewhere, copy.looks_folder / "mine"):
+        folder.mkdir(parents=True)
+        for name in ("1" * 16, "lora"):
+            (folder / f"{name}.safetensors").write_bytes(b"")
+    (copy.looks_folder / ("2" * 16)).symlink_to(elsewhere)
+    model = Model(copy)
+    model.look(model.working_camera(first_test_view(model)))
+    assert [path.name for path in earlier.iterdir()] == ["lora.safetensors"]
+    assert len(list(elsewhere.iterdir())) == 2 and len(list((copy.looks_folder / "mine").iterdir())) == 2
+
+
 def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(copy, monkeypatch):
     def refuse(*_, **__):
         raise PermissionError("read only")

@@ -17,9 +17,7 @@ template alone.
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,19 +27,33 @@ from ...capture.capture import View
 from ...capture.chosen_views import choose_views
 from ...errors import BadRequest
 from ...export.frame_options import FrameOptions
-from ...io.files import write_json
+from ...io.files import copy_file, write_json
 from ...io.options import Options
 from ...palettes.palette import read_palettes
 from ...palettes.palette_files import read_edit_file
 from ...project import Project
 from ...project.contents import capture_of
 from ..options import FarmOptions
-from .packing import pack_capture, pack_engine, pack_masks, pack_project
-from .template import CAMERAS, CAPTURE, ENGINE, MASKS, PROJECT, Frames, learning_job, render_job
+from ..output_folder import new_folder
+from .packing import (
+    capture_files,
+    check_copy,
+    copy_files,
+    listed,
+    mask_files,
+    pack_engine,
+    project_files,
+    write_project,
+)
+from .template import CAMERAS, CAPTURE, ENGINE, PROJECT, Frames, learning_job, render_job
 
 
-def write_bundle(options: FarmOptions) -> Path:
+def write_bundle(options: FarmOptions, tell: Callable[[str], None] = lambda line: None) -> Path:
     """Write a bundle that renders frames of a learned project, or with masks one that learns a capture first.
+
+    Args:
+        options: What is rendered.
+        tell: Called with a line for each folder that files are packed from, before anything is written.
 
     Returns:
         The bundle's folder, absolute.
@@ -51,34 +63,42 @@ def write_bundle(options: FarmOptions) -> Path:
             an edit is not of this project, or `out` is taken.
     """
     if options.masks is not None:
-        return _learning_bundle(options)
+        return _learning_bundle(options, tell)
     if options.preset is not None:
         raise BadRequest("A learned project has its preset.", "Leave --preset out, or give --masks to learn a capture.")
-    return _render_bundle(options)
+    return _render_bundle(options, tell)
 
 
-def _render_bundle(options: FarmOptions) -> Path:
+def _render_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
     learned, edit = Project(options.source), options.edit
     learned.require("geometry")
     chosen, captured = choose_views(capture_of(learned), options.views)
     if isinstance(edit, Path) and edit.is_dir():
         edit = [edit / f"{view.name}.json" for view in chosen]
     _check_edits(learned, edit)
-    with _new_folder(options.out) as folder:
-        pack_project(learned, folder / PROJECT, chosen if captured else ())
+    recolored = chosen if captured else ()
+    files = project_files(learned, recolored, options.photos)
+    for line in listed(files):
+        tell(line)
+    with new_folder(options.out.absolute()) as folder:
+        copy_files(files, folder)
+        write_project(learned, folder / PROJECT, recolored)
         frames = _pack_frames(folder, options, (chosen, captured), edit)
         _finish(folder, render_job(f"KaRF {learned.folder.name}", frames), options.python)
     return options.out.absolute()
 
 
-def _learning_bundle(options: FarmOptions) -> Path:
+def _learning_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
     opened = open_capture(options.source, holdout=options.holdout)
     chosen = choose_views(opened, options.views)
     settings = ["--preset", options.preset or "demo", "--holdout", str(options.holdout)]
     settings += [part for text in options.overrides for part in ("--set", text)]
-    with _new_folder(options.out) as folder:
-        name = pack_capture(options.source, opened, folder / CAPTURE)
-        pack_masks(options.masks, folder / MASKS)
+    files = capture_files(options.source, opened, options.photos) + mask_files(options.masks)
+    for line in listed(files):
+        tell(line)
+    with new_folder(options.out.absolute()) as folder:
+        copy_files(files, folder)
+        name = check_copy(options.source, opened, folder / CAPTURE)
         (folder / PROJECT).mkdir()
         frames = _pack_frames(folder, replace(options, overrides=()), chosen, options.edit)
         machine = options.narrowed(Options).to_arguments()
@@ -102,7 +122,7 @@ def _pack_frames(
     """Copy cameras and edits. chosen: the views, and whether they are captured ones."""
     found, captured = chosen
     if not captured:
-        shutil.copyfile(options.views, folder / CAMERAS)
+        copy_file(Path(options.views), folder / CAMERAS)
     views = options.views if captured else CAMERAS
     arguments = tuple(options.narrowed(FrameOptions).to_arguments())
     return Frames(views, _pack_edits(folder, edit, found), len(found), options.per_task, arguments)
@@ -114,13 +134,13 @@ def _pack_edits(folder: Path, edit: Path | Sequence[Path] | None, views: Sequenc
         return ""
     if isinstance(edit, Path):
         name = f"edit{edit.suffix}"
-        shutil.copyfile(edit, folder / name)
+        copy_file(edit, folder / name)
         return name
     if len(edit) != len(views):
         raise BadRequest(f"There are {len(edit)} edits for {len(views)} views.", "Give one for each view.")
     (folder / "edits").mkdir()
     for path, view in zip(edit, views, strict=True):
-        shutil.copyfile(path, folder / "edits" / f"{view.name}.json")
+        copy_file(path, folder / "edits" / f"{view.name}.json")
     return "edits"
 
 
@@ -130,22 +150,3 @@ def _finish(folder: Path, template: dict[str, Any], python: str) -> None:
     write_json(folder / "asset_references.json", {"assetReferences": nothing})
     write_json(folder / "parameter_values.json", {"parameterValues": [{"name": "EnginePython", "value": python}]})
     write_json(folder / "template.json", template)
-
-
-@contextmanager
-def _new_folder(out: Path) -> Iterator[Path]:
-    """A folder that becomes `out` once the body is done. Raises BadRequest where that is taken."""
-    out = out.absolute()
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise BadRequest(f"{out} is not empty.", "Choose a new folder for the bundle.")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = out.with_name(f".{out.name}.unfinished")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    unfinished.mkdir()
-    try:
-        yield unfinished
-        if out.exists():
-            out.rmdir()
-        unfinished.replace(out)
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)

@@ -1,23 +1,61 @@
-"""What a bundle takes along: copies that lie beside one another, with paths that lead from one to the other."""
+"""What a bundle takes along: copies that lie beside one another, with paths that lead from one to the other.
+
+All files are found and checked first, so that they can be shown before any is copied. A file is taken from the folder that
+it belongs to, or from one that the user named: a project or capture from elsewhere may name or link to any file.
+"""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 from ...capture import open_capture
 from ...capture.capture import Capture, View, capture_to_json
-from ...capture.reading import PHOTO_SUFFIXES
 from ...errors import BadRequest, DataError
-from ...io.files import checksum, write_json
+from ...io.containment import check_tree, is_link, leads_out
+from ...io.files import checksum, copy_file, write_json
+from ...io.image_size import image_header
 from ...project import Project
 from ...project.contents import capture_of
 from ...project.state import write_state
+from .template import CAPTURE, MASKS, PROJECT
 
 PHOTOS = "photos"
+CAMERA_SUFFIXES = (".json", ".bin", ".txt", ".npy", ".ply")  # of what readers of captures open besides photos
 ENGINE_FOLDER = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class PackedFile:
+    """A file to pack.
+
+    Attributes:
+        source: Where it is now.
+        target: Its path in the bundle.
+    """
+
+    source: Path
+    target: Path
+
+
+def listed(files: Iterable[PackedFile]) -> list[str]:
+    """Return a line for each folder that files are packed from: how many, how large, the first and the last name."""
+    lines = []
+    for folder, group in groupby(sorted(files, key=lambda file: file.source), lambda file: file.source.parent):
+        sources = [file.source for file in group]
+        size = sum(source.stat().st_size for source in sources)
+        names = sources[0].name if len(sources) == 1 else f"{sources[0].name} .. {sources[-1].name}"
+        lines.append(f"packing {len(sources)} files, {size / 1e6:.1f} MB, of {folder}: {names}")
+    return lines
+
+
+def copy_files(files: Iterable[PackedFile], bundle: Path) -> None:
+    """Copy files to their places in a bundle. Raises OSError that names the file that failed."""
+    for file in files:
+        copy_file(file.source, bundle / file.target)
 
 
 def pack_engine(target: Path) -> None:
@@ -25,18 +63,18 @@ def pack_engine(target: Path) -> None:
     shutil.copytree(ENGINE_FOLDER, target / ENGINE_FOLDER.name, ignore=shutil.ignore_patterns("__pycache__"))
 
 
-def pack_project(project: Project, target: Path, views: Sequence[View]) -> None:
-    """Copy what rendering needs of a project.
+def project_files(project: Project, views: Sequence[View], photos: Path | None) -> list[PackedFile]:
+    """Return the files that rendering needs of a project.
 
     Args:
         project: The project, with its geometry learned.
-        target: The copy's folder; photos go beside it.
-        views: Captured views whose photos are taken along; the copy knows no photos of others.
+        views: Captured views whose photos are taken along.
+        photos: A folder that the user named, whose photos may be packed too.
 
     Raises:
-        DataError: A file is damaged or missing.
+        BadRequest: A photo lies neither in the capture's folder, nor in the project, nor in `photos`.
+        DataError: A file is damaged, missing or not a picture.
     """
-    target.mkdir()
     learned = (
         project.geometry_file,
         project.segmentation_file,
@@ -47,15 +85,22 @@ def pack_project(project: Project, target: Path, views: Sequence[View]) -> None:
         project.recoloring_file,
         project.splats_file,
     )
-    for source in learned:
-        if source.exists():
-            shutil.copyfile(project.checked(source), target / source.name)
+    files = [PackedFile(project.checked(path), Path(PROJECT, path.name)) for path in learned if path.exists()]
+    source = capture_of(project).source
+    places = [source if source.is_dir() else source.parent, project.folder, photos]
+    for view in views:
+        if view.image:
+            files.append(PackedFile(_checked_picture(view.image, places), Path(PHOTOS, _photo_name(view))))
+    return files
+
+
+def write_project(project: Project, target: Path, views: Sequence[View]) -> None:
+    """Write project.json and capture.json of a packed project, which knows the photos of these views alone."""
     capture = capture_of(project)
     content = capture_to_json(replace(capture, source=Path(capture.source.name)))
-    photos = {view.name: _pack_photo(view, target.parent / PHOTOS) for view in views if view.image}
+    photos = {view.name: _photo_name(view) for view in views if view.image}
     for entry in content["views"]:
-        photo = photos.get(entry["name"])
-        entry["image"] = f"../{PHOTOS}/{photo.name}" if photo else None
+        entry["image"] = f"../{PHOTOS}/{photos[entry['name']]}" if entry["name"] in photos else None
     packed = target / project.capture_file.name
     write_json(packed, content)
     state = project.state() | {"capture": capture.source.name}
@@ -63,69 +108,90 @@ def pack_project(project: Project, target: Path, views: Sequence[View]) -> None:
     write_state(target / project.state_file.name, state)
 
 
-def pack_capture(path: Path, capture: Capture, target: Path) -> str:
-    """Copy a capture's folder: its photos, and all files in it that are none.
+def capture_files(path: Path, capture: Capture, photos: Path | None) -> list[PackedFile]:
+    """Return the files of a capture: its photos, and what readers of captures open besides.
 
     Args:
         path: The capture's folder or file, as `open_capture` takes it.
         capture: What it holds.
-        target: The copy's folder.
-
-    Returns:
-        What to open in the copy; empty for the folder itself.
+        photos: A folder that the user named, to which photos may be linked.
 
     Raises:
-        BadRequest: A photo lies outside the capture's folder.
-        DataError: The copy would be another capture.
+        BadRequest: A photo lies outside the capture's folder, or is a link that leads out of it and of `photos`.
+        DataError: A photo is missing or not a picture.
     """
-    path = path.absolute()
-    folder = path if path.is_dir() else path.parent
-    photos = {view.image for view in capture.views if view.image}
-    for photo in sorted(photos):
+    folder = _folder_of(path)
+    found = []
+    for photo in sorted({view.image for view in capture.views if view.image}):
         if not photo.is_relative_to(folder):
             raise BadRequest(
                 f"The photo {photo} lies outside the capture's folder {folder}.", "Put capture and photos together."
             )
-    for source in _files_of(folder):
-        if source.suffix.lower() not in PHOTO_SUFFIXES or source in photos:
-            _copy(source, target / source.relative_to(folder))
+        found.append(_checked_picture(photo, [folder, photos]))
+    splats = {capture.splats.path} if capture.splats else set()
+    for file in _files_of(folder):
+        if (file.suffix.lower() in CAMERA_SUFFIXES or file in splats) and not leads_out(folder, file):
+            found.append(file)
+    return [PackedFile(file, Path(CAPTURE, file.relative_to(folder))) for file in found]
+
+
+def check_copy(path: Path, capture: Capture, target: Path) -> str:
+    """Return what to open in a copy of a capture; empty for the folder itself.
+
+    Raises:
+        DataError: The copy would be another capture.
+    """
     name = "" if path.is_dir() else path.name
     if [view.name for view in open_capture(target / name).views] != [view.name for view in capture.views]:
-        raise DataError(f"A copy of {folder} is another capture.", "Put its photos and camera files in one folder.")
+        raise DataError(
+            f"A copy of {_folder_of(path)} is another capture.", "Put its photos and camera files in one folder."
+        )
     return name
 
 
-def pack_masks(masks: Path, target: Path) -> None:
-    """Copy a folder of masks, `<object>/<photo stem>.png`. Raises DataError where it holds none."""
-    pictures = [path for path in _files_of(masks) if path.suffix.lower() == ".png"] if masks.is_dir() else []
+def mask_files(masks: Path) -> list[PackedFile]:
+    """Return the masks of a folder, `<object>/<photo stem>.png`.
+
+    Raises:
+        DataError: The folder holds none, one is not a picture, or a link leads out of the folder.
+    """
+    masks = masks.absolute()
+    found = _files_of(check_tree(masks, masks)) if masks.is_dir() else []
+    pictures = [path for path in found if path.suffix.lower() == ".png"]
     if not pictures:
         raise DataError(f"{masks} has no masks.", "Give the folder that holds <object>/<photo name>.png.")
-    for source in pictures:
-        _copy(source, target / source.relative_to(masks))
+    return [PackedFile(_checked_picture(path, [masks]), Path(MASKS, path.relative_to(masks))) for path in pictures]
 
 
-def _pack_photo(view: View, folder: Path) -> Path:
-    photo = folder / f"{view.name}{view.image.suffix}"
-    _copy(view.image, photo)
-    return photo
+def _photo_name(view: View) -> str:
+    return f"{view.name}{view.image.suffix}"
 
 
-def _copy(source: Path, target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        shutil.copyfile(source, target)
-    except FileNotFoundError as error:
-        raise DataError(f"{source} is missing.", "Bring it back, or choose other views.") from error
+def _checked_picture(path: Path, places: Sequence[Path | None]) -> Path:
+    """Return a picture's path, once its links lead to a picture in one of the places."""
+    if path.exists() and all(place is None or leads_out(place, path) for place in places):
+        raise BadRequest(
+            f"The photo {path.resolve()} lies outside of {places[0]}.", "To pack it too, name its folder: --photos DIR."
+        )
+    image_header(path)
+    return path
+
+
+def _folder_of(path: Path) -> Path:
+    path = path.absolute()
+    return path if path.is_dir() else path.parent
 
 
 def _files_of(folder: Path) -> list[Path]:
-    """All files below a folder but hidden ones, and those of projects and bundles that lie in it."""
+    """All files below a folder but hidden ones, and those of projects and bundles that lie in it. Follows no folder's link."""
     found = []
     for path in sorted(folder.iterdir()):
         if path.name.startswith("."):
             continue
         if path.is_file():
             found.append(path)
+        elif is_link(path) or not path.is_dir():
+            continue
         elif not (path / "project.json").exists() and not (path / "template.json").exists():
             found += _files_of(path)
     return found

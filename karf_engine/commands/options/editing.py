@@ -181,5 +181,8 @@ class FarmOptions(FrameOptions):
     holdout: int = option("with --masks: hold out every Nth photo, as for geometry", 0, metavar="N")
     views: str = option("as for render", "all")
     edit: Path | tuple[Path, ...] | None = option("as for render: recolored frames too", None, metavar="FILE")
+    photos: Path | None = option(
+        "a folder outside of capture and project whose photos may be packed", None, metavar="DIR"
+    )
     per_task: int = option("frames a task", 10, metavar="N", minimum=1)
     python: str = option("of the farm's machines, with the engine's packages", "python3")

@@ -1,5 +1,6 @@
 """Bundles: all that a job reads, with paths that lead from one file of the bundle to another."""
 
+import json
 import shutil
 
 import numpy as np
@@ -11,12 +12,15 @@ pytest.importorskip("scipy")
 import karf_engine as karf
 from blender_tests.engine.commands.farm.sequences import write_sequence
 from blender_tests.engine.conftest import run_engine
+from karf_engine.commands.farm.bundle import write_bundle
+from karf_engine.commands.options import FarmOptions
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.files import read_json
 from karf_engine.palettes.edit_files import write_edit
 from karf_engine.palettes.palette import Edit
 from karf_engine.project import Project
 from karf_engine.project.contents import capture_of
+from karf_engine.project.state import write_state
 
 
 @pytest.fixture
@@ -88,7 +92,7 @@ def test_a_folder_of_edits_is_taken_along_for_the_views_that_are_rendered(learne
 def test_a_bundle_is_never_written_over(learned, tmp_path):
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "note").write_text("mine")
-    with pytest.raises(BadRequest, match="is not empty"):
+    with pytest.raises(BadRequest, match="and is not empty"):
         karf.render_bundle(learned.project, tmp_path / "taken", views="test")
     assert [path.name for path in (tmp_path / "taken").iterdir()] == ["note"]
 
@@ -113,6 +117,84 @@ def test_photos_outside_the_captures_folder_are_refused(still_life, tmp_path):
     (capture / "transforms_train.json").write_text(text.replace("./train", str(tmp_path / "train")))
     with pytest.raises(BadRequest, match="lies outside"):
         karf.learning_bundle(capture, still_life.masks, tmp_path / "bundle")
+
+
+def linked(place, target):
+    place.unlink()
+    place.symlink_to(target)
+
+
+@pytest.fixture
+def film(still_life, learned, tmp_path):
+    """A capture and its project in one folder, beside what nobody wants to send away."""
+    (tmp_path / "id_rsa").write_text("secret")
+    shutil.copytree(still_life.capture, tmp_path / "film" / "capture")
+    shutil.copytree(still_life.masks, tmp_path / "film" / "masks")
+    project = Project(shutil.copytree(learned.project, tmp_path / "film" / "project"))
+    shutil.copytree(still_life.capture, tmp_path / "pictures")
+    return tmp_path / "film", project
+
+
+def with_photo(project, photo):
+    """Let the project say that this is the photo of its test views."""
+    content = json.loads(project.capture_file.read_text())
+    for view in content["views"]:
+        view["image"], view["image_from_here"] = str(photo), None
+    project.capture_file.write_text(json.dumps(content))
+    state = project.state()
+    state["stages"]["geometry"]["files"].pop("capture.json", None)
+    write_state(project.state_file, state)
+
+
+def test_a_photo_that_is_not_a_picture_or_lies_elsewhere_is_never_packed(film, tmp_path):
+    _, project = film
+    for photo in (tmp_path / "id_rsa", tmp_path / "pictures" / "train" / "r_0.png"):
+        with_photo(project, photo)
+        with pytest.raises(BadRequest, match="lies outside of"):
+            karf.render_bundle(project.folder, tmp_path / "bundle", views="test")
+    with_photo(project, project.folder / "secret.png")
+    shutil.copy(tmp_path / "id_rsa", project.folder / "secret.png")
+    with pytest.raises(DataError, match=r"secret\.png cannot be read"):
+        karf.render_bundle(project.folder, tmp_path / "bundle", views="test")
+    assert not (tmp_path / "bundle").exists()
+
+
+def test_a_place_that_the_user_names_is_packed_too(film, tmp_path):
+    _, project = film
+    with_photo(project, tmp_path / "pictures" / "train" / "r_0.png")
+    bundle = karf.render_bundle(project.folder, tmp_path / "bundle", views="test", photos=tmp_path / "pictures")
+    assert len(list((bundle / "photos").iterdir())) == 2
+
+
+def test_links_of_a_capture_that_lead_out_are_packed_only_where_the_user_named_their_place(film, tmp_path):
+    folder, _ = film
+    photo = folder / "capture" / "train" / "r_0.png"
+    linked(photo, tmp_path / "pictures" / "train" / "r_0.png")
+    (folder / "capture" / "notes.txt").symlink_to(tmp_path / "id_rsa")
+    (folder / "capture" / "keys.json").symlink_to(tmp_path / "id_rsa")
+    with pytest.raises(BadRequest, match="--photos"):
+        karf.learning_bundle(folder / "capture", folder / "masks", tmp_path / "bundle")
+    named = {"photos": tmp_path / "pictures"}
+    bundle = karf.learning_bundle(folder / "capture", folder / "masks", tmp_path / "bundle", **named)
+    assert (bundle / "capture" / "train" / "r_0.png").read_bytes() == photo.read_bytes()
+    assert not list(bundle.rglob("notes.txt")) and not list(bundle.rglob("keys.json"))
+    linked(next((folder / "masks").rglob("*.png")), tmp_path / "id_rsa")
+    with pytest.raises(DataError, match="is a link to"):
+        karf.learning_bundle(folder / "capture", folder / "masks", tmp_path / "other", **named)
+
+
+def test_what_is_packed_is_listed_before_anything_is_written(film, tmp_path):
+    _, project = film
+    lines = []
+    options = FarmOptions.of(source=project.folder, out=tmp_path / "bundle", views="test")
+
+    def tell(line):
+        assert not list(tmp_path.glob("*bundle*"))
+        lines.append(line)
+
+    write_bundle(options, tell)
+    assert any(f"of {project.folder}: " in line for line in lines)
+    assert any(line.startswith("packing 2 files") for line in lines)
 
 
 def test_a_part_of_the_views_is_rendered_as_it_is_among_all(sequence, tmp_path):
