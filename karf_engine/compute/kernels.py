@@ -69,8 +69,8 @@ def _compiled(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Ke
 
     numba.config.CACHE_DIR = str(cache_folder())
     compiled = numba.njit(function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
-    # no folder that could be written, or another numba within: each process compiles for itself
-    with suppress(RuntimeError, ImportError, AttributeError, TypeError):
+    # no folder that could be written, one whose name is not UTF-8, or another numba within: each process compiles for itself
+    with suppress(RuntimeError, ImportError, AttributeError, TypeError, UnicodeError):
         from .kernel_cache import KernelCache
 
         compiled._cache = KernelCache(function)

@@ -92,6 +92,7 @@ def _library() -> Any:
 @lru_cache(maxsize=4)
 def _config(place: str) -> Any:
     library = _library()
+    place.encode()  # the library takes UTF-8 alone
     try:
         return library.Config.CreateFromFile(place or BUILT_IN)
     except (library.Exception, library.ExceptionMissingFile) as error:

@@ -61,6 +61,8 @@ def known_failure(error: BaseException) -> KarfError | None:
         return error
     if is_out_of_memory(error):
         return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
+    if isinstance(error, UnicodeEncodeError):  # the only texts that cannot be encoded are names of files
+        return DataError(f"{error.object!r:.400} holds bytes that are not UTF-8.", "Rename that file or folder.")
     number = system_number(error)
     if number is None:
         return None

@@ -60,7 +60,7 @@ def explaining(path: Path) -> Iterator[None]:
         with needing_packages():
             yield
     except Exception as error:  # packages raise anything
-        if isinstance(error, KarfError) or is_out_of_memory(error):
+        if isinstance(error, KarfError | UnicodeEncodeError) or is_out_of_memory(error):
             raise
         raise damaged(path, _words(error)) from error
 

@@ -6,6 +6,7 @@ Without it they are compiled where they are first called, which takes as long an
 from __future__ import annotations
 
 import hashlib
+import os
 import subprocess
 import sys
 from contextlib import suppress
@@ -30,7 +31,7 @@ def stamp_of(n_features: int) -> Path:
     """The empty file that says: these kernels are compiled for this processor, this Python and this numba."""
     sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
     names = f"{n_features} {numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()} {Path(__file__)}"
-    return cache_folder() / f"compiled-{hashlib.sha256(sources + names.encode()).hexdigest()[:20]}"
+    return cache_folder() / f"compiled-{hashlib.sha256(sources + os.fsencode(names)).hexdigest()[:20]}"
 
 
 def begin(n_features: int) -> subprocess.Popen | None:
