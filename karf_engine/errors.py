@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import sys
 from typing import Any
@@ -9,6 +10,18 @@ from typing import Any
 INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where pip's name is another
 LONGEST = 1500  # letters of a sentence or a value in it: what is quoted of a file may be without end
 PLACE = re.compile(r"\{(\w+)((?:![rs])?)((?::[^{}]*)?)\}")  # of a value in a template: name, conversion, format
+# torch on the processor, OpenCV and C++ libraries have no error class of their own for it
+MEMORY_MESSAGES = (
+    "out of memory",
+    "allocate memory",
+    "unable to allocate",
+    "insufficient memory",
+    "not enough memory",
+    "bad_alloc",
+    "storage size calculation overflowed",
+    "larger than the maximum possible size",
+    "failed to map segment from shared object",  # the system's loader of libraries
+)
 CONVERSIONS = {"": lambda value: value, "!r": repr, "!s": str}
 
 
@@ -165,6 +178,24 @@ def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
         if error_class.code == code:
             return error_class(sentence, hint)
     return KarfError(sentence, hint)
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether this is a failed allocation, on an accelerator or in main memory, by any library.
+
+    Examples:
+        >>> is_out_of_memory(RuntimeError("CUDA out of memory.")), is_out_of_memory(ValueError("no"))
+        (True, False)
+    """
+    if isinstance(error, KarfError):
+        return isinstance(error, OutOfMemory)
+    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
+        return True
+    if getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES):
+        return True
+    # packages that cannot load a library of theirs say so in words of their own, or try others
+    before = error.__cause__ or error.__context__
+    return isinstance(error, ImportError | OSError) and before is not None and is_out_of_memory(before)
 
 
 def missing_package(name: str) -> MissingDependency:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..engine_api import file_name, masks_of_view, same_but_for_case
+from ..engine_api import file_name, known_as, masks_of_view, same_but_for_case
 from ..pictures.tints import tints_of
 from ..project import captures, folders
 from ..swatches import object_masks
@@ -51,7 +51,7 @@ def sync(scene: bpy.types.Scene) -> None:
     folder = masks_folder(scene)
     found = sorted(path.name for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
     for name in [*found, *scene.karf.objects.keys()]:
-        if name not in marking.objects and not name.startswith("."):
+        if known_as(name, marking.objects.keys()) not in marking.objects and not name.startswith("."):
             _append(scene, name)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_choice, check_fields, checked
 from ..io.color_spaces import ColorSpace
-from ..io.names import check_name, check_names
+from ..io.names import check_name, check_names, folded
 from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera, read_camera
 
@@ -226,7 +226,8 @@ def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
 def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     """Names for (split, stem) pairs: the stem where it is unique in the capture, else split_stem, else numbered.
 
-    NeRF-synthetic captures call the first photo of every split r_0. Names that differ by case alone are not unique.
+    NeRF-synthetic captures call the first photo of every split r_0. Names that differ by case or Unicode form alone are
+    not unique.
 
     Examples:
         >>> unique_names([("train", "r_0"), ("test", "r_0"), ("train", "r_1")])
@@ -234,14 +235,14 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     """
     count: dict[str, int] = {}
     for _, stem in stems:
-        count[stem.casefold()] = count.get(stem.casefold(), 0) + 1
+        count[folded(stem)] = count.get(folded(stem), 0) + 1
     names, taken, numbers = [], set(), {}
     for split, stem in stems:
-        name = base = stem if count[stem.casefold()] == 1 else f"{split}_{stem}"
-        while name.casefold() in taken:
+        name = base = stem if count[folded(stem)] == 1 else f"{split}_{stem}"
+        while folded(name) in taken:
             numbers[base] = numbers.get(base, 1) + 1
             name = f"{base}_{numbers[base]}"
-        taken.add(name.casefold())
+        taken.add(folded(name))
         names.append(name)
     return names
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import DataError
+from ..errors import DataError, is_out_of_memory
 from ..io.image_size import image_size
 from .camera import Camera
 from .capture import Capture
@@ -85,6 +85,8 @@ def _load(file: Path) -> np.ndarray:
             raise ValueError("it holds no numbers")
         return np.array(stored, np.float64)
     except Exception as error:  # numpy raises nearly anything on damaged headers
+        if is_out_of_memory(error):
+            raise
         raise DataError(
             f"{file} is not a complete array of numbers: {str(error).rstrip('.') or type(error).__name__}.",
             "Copy or export the file again.",

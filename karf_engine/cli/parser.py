@@ -23,7 +23,7 @@ def make_parser() -> argparse.ArgumentParser:
         prog="karf_engine",
         description="KaRF: segment objects in a captured scene from coarse masks and recolor them by palettes.",
         epilog="Exit codes: 0 done, 2 bad request, 3 missing dependency, 4 bad data, 5 out of memory, 6 cancelled, "
-        "7 diverged, 70 internal error.",
+        "7 diverged, 70 internal error, 141 nobody reads the output any more.",
     )
     parser.add_argument("--version", action="version", version=f"karf_engine {__version__}")
     commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from functools import partial
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
+
+from ..errors import is_out_of_memory
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 # all liberties but those that let NaN and infinity vanish: training must see them and stop
@@ -15,12 +17,18 @@ MATH = {"contract", "reassoc", "nsz", "arcp", "afn"}
 
 
 def has_kernels() -> bool:
-    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off."""
+    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off.
+
+    Raises:
+        Exception: It is there, and memory does not suffice to load it.
+    """
     if os.environ.get("KARF_KERNELS", "on") == "off":
         return False
     try:
         import numba  # noqa: F401
-    except (ImportError, OSError):  # not there, or not made for this numpy or processor
+    except (ImportError, OSError) as error:  # not there, or not made for this numpy or processor
+        if is_out_of_memory(error):
+            raise
         return False
     return True
 
@@ -60,8 +68,10 @@ def _compiled(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Ke
     import numba
 
     numba.config.CACHE_DIR = str(cache_folder())
-    compiled = partial(numba.njit, function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
-    try:
-        return compiled(cache=True)
-    except RuntimeError:  # there is no folder that could be written: each process compiles for itself
-        return compiled(cache=False)
+    compiled = numba.njit(function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
+    # no folder that could be written, one whose name is not UTF-8, or another numba within: each process compiles for itself
+    with suppress(RuntimeError, ImportError, AttributeError, TypeError, UnicodeError):
+        from .kernel_cache import KernelCache
+
+        compiled._cache = KernelCache(function)
+    return compiled

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from ..errors import BadRequest
+from ..errors import BadRequest, is_out_of_memory
 from . import cores
 from .process_group import ProcessGroup
 
@@ -67,6 +67,8 @@ def find_device(name: str | None) -> torch.device:
     try:
         torch.ones(1, device=name).sum().item()  # a driver may be too old, or the card too new for this torch
     except (RuntimeError, AssertionError) as error:
+        if is_out_of_memory(error):
+            raise
         reason = str(error).partition("\n")[0]
         raise BadRequest(f"Device {name!r} does not answer: {reason}", "Use --device cpu, or another torch.") from error
     return torch.device(name)

@@ -10,6 +10,7 @@ import OpenEXR
 from ..io.color import srgb_to_linear, to_bytes
 from ..io.files import atomic_write
 from ..io.images import encoded
+from ..io.library_paths import save_exr
 
 
 def write_frame(path: Path, color: np.ndarray, kind: str) -> None:
@@ -52,4 +53,4 @@ def _light(color: np.ndarray) -> np.ndarray:
 
 def _write_exr(path: Path, pixels: np.ndarray) -> None:
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"RGBA" if pixels.shape[-1] == 4 else "RGB": pixels}).write(str(path))
+    save_exr(OpenEXR.File(header, {"RGBA" if pixels.shape[-1] == 4 else "RGB": pixels}), path)

@@ -17,6 +17,7 @@ the primaries of Rec. 709; or the named space.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from ..io.color import srgb_to_linear
 from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
 from ..io.images import full_value
+from ..io.library_paths import save_exr
 from ..recolor.layers import Layers
 from . import cryptomatte
 from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers
@@ -74,7 +76,7 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
         **cryptomatte.header(names),
     }
     channels = _planes(objects, layers, space) | cryptomatte.channels(names, layers.coverage)
-    atomic_write(path, lambda temporary: OpenEXR.File(header, channels).write(str(temporary)))
+    atomic_write(path, partial(save_exr, OpenEXR.File(header, channels)))
 
 
 def _color_facts(space: ColorSpace | None, factors: str) -> dict[str, object]:

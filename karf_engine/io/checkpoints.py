@@ -16,6 +16,7 @@ from torch import Tensor
 from ..errors import DataError
 from .failures import is_out_of_memory
 from .files import atomic_write
+from .library_paths import library_path
 
 AGAIN = "Run the stage that writes it again."
 # what code raises that makes something of a damaged file's tensors and metadata
@@ -34,7 +35,12 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: 
     # one entry: safetensors writes several in any order, and equal results must be equal bytes
     header = {"karf": json.dumps({"schema": schema, "facts": metadata})}
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    atomic_write(path, lambda temporary: save_file(stored, temporary, header))
+
+    def write(temporary: Path) -> None:
+        with library_path(temporary) as writable:
+            save_file(stored, writable, header)
+
+    atomic_write(path, write)
 
 
 def load_tensors(
@@ -51,7 +57,7 @@ def load_tensors(
         DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite.
     """
     try:
-        with safe_open(path, "pt") as stored:
+        with library_path(path) as readable, safe_open(readable, "pt") as stored:
             header = _header(stored.metadata() or {})
             found = header.get("schema")
             known = (schema,) if isinstance(schema, str) else schema
@@ -63,6 +69,8 @@ def load_tensors(
     except FileNotFoundError as error:
         raise DataError("{path} does not exist.", "Run the stage that writes it.", path=path) from error
     except (SafetensorError, OSError, RecursionError, *DAMAGE) as error:
+        if is_out_of_memory(error):
+            raise
         raise _damaged(path, error) from error
     for name, tensor in tensors.items():
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():

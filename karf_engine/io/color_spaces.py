@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import BadRequest, DataError, missing_extra
+from ..errors import BadRequest, DataError, is_out_of_memory, missing_extra
 
 SRGB = "srgb_rec709_scene"  # IEC 61966-2-1's curve and primaries, by the name that the Color Interop Forum gives it
 BUILT_IN = "ocio://default"
@@ -83,6 +83,8 @@ def _library() -> Any:
     try:
         import PyOpenColorIO
     except ImportError as error:
+        if is_out_of_memory(error):
+            raise
         raise missing_extra("opencolorio", EXTRA) from error
     return PyOpenColorIO
 
@@ -90,6 +92,7 @@ def _library() -> Any:
 @lru_cache(maxsize=4)
 def _config(place: str) -> Any:
     library = _library()
+    place.encode()  # the library takes UTF-8 alone
     try:
         return library.Config.CreateFromFile(place or BUILT_IN)
     except (library.Exception, library.ExceptionMissingFile) as error:

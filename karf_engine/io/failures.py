@@ -1,6 +1,6 @@
 """The system's errors as sentences and remedies: full disks, missing permissions, memory that ran out. Without torch.
 
-Libraries report the same failure by many classes of exceptions; all of them are recognized here and nowhere else.
+Libraries report the same failure by many classes of exceptions; all of them are recognized here, those of memory in `errors`, and nowhere else.
 """
 
 from __future__ import annotations
@@ -11,19 +11,8 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ..errors import DataError, KarfError, OutOfMemory
+from ..errors import DataError, KarfError, OutOfMemory, is_out_of_memory
 
-# torch on the processor, OpenCV and C++ libraries have no error class of their own for it
-MEMORY_MESSAGES = (
-    "out of memory",
-    "allocate memory",
-    "unable to allocate",
-    "insufficient memory",
-    "not enough memory",
-    "bad_alloc",
-    "storage size calculation overflowed",
-    "larger than the maximum possible size",
-)
 DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
 # safetensors has the system's number in its message alone; the second form is that of its versions before 0.5
 NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)")
@@ -51,20 +40,6 @@ SYSTEM_ERRORS = {  # by number: sentence and remedy
 }
 
 
-def is_out_of_memory(error: BaseException) -> bool:
-    """Whether this is a failed allocation, on an accelerator or in main memory, by any library.
-
-    Examples:
-        >>> is_out_of_memory(RuntimeError("CUDA out of memory.")), is_out_of_memory(ValueError("no"))
-        (True, False)
-    """
-    if isinstance(error, KarfError):
-        return isinstance(error, OutOfMemory)
-    if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":
-        return True
-    return getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES)
-
-
 def first_line(error: BaseException) -> str:
     """A library's message about a damaged file, short enough to stand within a sentence.
 
@@ -86,6 +61,8 @@ def known_failure(error: BaseException) -> KarfError | None:
         return error
     if is_out_of_memory(error):
         return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
+    if isinstance(error, UnicodeEncodeError):  # the only texts that cannot be encoded are names of files
+        return DataError(f"{error.object!r:.400} holds bytes that are not UTF-8.", "Rename that file or folder.")
     number = system_number(error)
     if number is None:
         return None

@@ -27,11 +27,31 @@ def file_name(text: str) -> str:
         >>> file_name("IMG_0001"), file_name("a/b?"), file_name("NUL.png")
         ('IMG_0001', 'a_b_', '_NUL.png')
     """
-    name = FORBIDDEN.sub("_", unicodedata.normalize("NFC", text))  # macOS writes letters and accents one by one
+    name = FORBIDDEN.sub("_", one_form(text))
     name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
     if name.rstrip(". ") != name:  # Windows drops them
         name = name.rstrip(". ") + "_"
     return f"_{name}" if RESERVED.fullmatch(name) or not name else name
+
+
+def one_form(name: str) -> str:
+    """The name in the form that is the same on every system: macOS may write letters and accents one by one.
+
+    Examples:
+        >>> one_form("cafe\\u0301") == "caf\\u00e9"
+        True
+    """
+    return unicodedata.normalize("NFC", name)
+
+
+def folded(name: str) -> str:
+    """What is equal for names that Windows or macOS take for one: in either case, in any Unicode form."""
+    return unicodedata.normalize("NFC", one_form(name).casefold())
+
+
+def known_as(name: str, names: Iterable[str]) -> str:
+    """The one of these names that is the same in another Unicode form; the name itself where none is."""
+    return next((known for known in names if one_form(known) == one_form(name)), name)
 
 
 def is_file_name(value: Any) -> bool:
@@ -70,7 +90,7 @@ def check_names(values: Any, path: Path, what: str) -> list[str]:
     if not isinstance(values, Iterable) or isinstance(values, str | dict):
         raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")
     names = [check_name(value, path, what) for value in values]
-    if len(set(names)) < len(names):
+    if len(set(map(one_form, names))) < len(names):
         raise DataError(f"{path} has {what} twice by one name.", "Run the stage that writes it again.")
     return names
 
@@ -84,6 +104,6 @@ def same_but_for_case(names: Iterable[str]) -> tuple[str, str] | None:
     """
     first: dict[str, str] = {}
     for name in names:
-        if first.setdefault(name.casefold(), name) != name:
-            return first[name.casefold()], name
+        if first.setdefault(folded(name), name) != name:
+            return first[folded(name)], name
     return None

@@ -10,7 +10,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from ..errors import MissingDependency
+from ..errors import MissingDependency, is_out_of_memory
 
 GROUPS = ("karf.fields", "karf.heads", "karf.layers", "karf.formats", "karf.labels")
 
@@ -38,6 +38,8 @@ def load_plugin(group: str, name: str) -> Any:
     try:
         return entry.load()
     except Exception as error:  # whatever another's module raises
+        if is_out_of_memory(error):
+            raise
         raise MissingDependency(
             "{value!r}, which the package {package} brings as {group} {name!r}, cannot be loaded: {reason}",
             "Update or uninstall that package.",

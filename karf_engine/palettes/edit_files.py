@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import DataError
 from ..io.arguments import check_choice, checked
 from ..io.files import write_json
+from ..io.names import known_as
 from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, shaped_edges
 from .palette import (
     BRIGHTEST,
@@ -88,7 +89,8 @@ def edit_from_json(
     if not isinstance(objects, dict):
         raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
     colors, added, edges = {palette.name: palette.colors.copy() for palette in palettes}, {}, {}
-    for name, entry in objects.items():
+    for written, entry in objects.items():
+        name = known_as(written, colors)
         if name not in colors:
             raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
         where = f"{path}: edit of {name!r}"

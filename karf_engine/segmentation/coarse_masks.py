@@ -20,7 +20,7 @@ from ..io.files import copy_file
 from ..io.image_size import MOST_PHOTO_BYTES
 from ..io.images import read_mask, resize
 from ..io.inputs import check_file
-from ..io.names import file_name, is_file_name, same_but_for_case
+from ..io.names import file_name, is_file_name, one_form, same_but_for_case
 
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 
@@ -70,13 +70,13 @@ def object_folders(folder: Path) -> list[Path]:
     """The folders of a folder's objects, in order.
 
     Raises:
-        DataError: two are one but for upper and lower case.
+        DataError: two are one but for upper and lower case, or for the Unicode form of their letters.
     """
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     if same := same_but_for_case(path.name for path in objects):
         raise DataError(
             f"{folder} names two objects {same[0]!r} and {same[1]!r}, one folder on Windows and macOS.",
-            "Rename one of the folders.",
+            "Rename one of the folders; the same letters may be written in two Unicode forms.",
         )
     return objects
 
@@ -97,7 +97,8 @@ def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
     files = mask_files(folder)
     for path in files:
         check_file(path, MOST_PHOTO_BYTES)
-    masks = [CoarseMask(folder.name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
+    name = one_form(folder.name)
+    masks = [CoarseMask(name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
     for first, second in itertools.pairwise(sorted(masks, key=lambda mask: mask.view.name)):
         if first.view.name == second.view.name:
             raise DataError(

@@ -10,6 +10,8 @@ from typing import Any
 from ..errors import BadRequest, Message
 
 ABSOLUTE = re.compile(r"/|[A-Za-z]:[\\/]|\\\\")  # on either kind of system
+# what may come before a folder's path within a sentence: no part of a longer path, and no drive
+START = r"(?<![^\s'\"(\[{<=,:;])(?<!\b[A-Za-z]:)"
 END = r"(?=$|[\\/\s'\",:;)\]]|\.(?:\s|$))"  # what may follow a folder's path within a sentence
 
 
@@ -76,14 +78,15 @@ class PathMap:
             return _each(value, self.theirs)
         if isinstance(value, Message):
             return Message(self.theirs(str(value.key)), **_each(value.values, self.theirs))
-        if isinstance(value, str):
-            for theirs, ours in self.folders:
-                value = re.sub(
-                    _pattern(ours) + r"([^\s'\",:;)\]]*)",
-                    lambda found, theirs=theirs: theirs + _separated(found[1], theirs),
-                    value,
-                )
+        if isinstance(value, str) and self.folders:
+            any_folder = "|".join(f"({_pattern(ours)})" for _, ours in self.folders)
+            return re.sub(f"{START}(?:{any_folder})" + r"([^\s'\",:;)\]]*)", self._theirs, value)
         return value
+
+    def _theirs(self, found: re.Match[str]) -> str:
+        *folders, tail = found.groups()
+        theirs = next(pair[0] for pair, folder in zip(self.folders, folders, strict=True) if folder is not None)
+        return theirs + _separated(tail, theirs)
 
 
 def _each(value: list | dict, change: Any) -> list | dict:

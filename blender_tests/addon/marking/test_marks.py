@@ -301,6 +301,14 @@ def test_two_objects_never_share_a_folder(addon, project_scene):
     assert [addon.steps.add_object(project_scene, name) for name in ("pot", "pot", "Pot")] == ["pot", "pot 2", "Pot 3"]
 
 
+def test_one_word_in_two_unicode_forms_is_listed_once(addon, project_scene):
+    composed, decomposed = "caf\u00e9", "cafe\u0301"
+    addon.steps.add_object(project_scene, composed)
+    (addon.objects.masks_folder(project_scene) / decomposed).mkdir(parents=True)
+    addon.objects.sync(project_scene)
+    assert project_scene.karf.marking.objects.keys() == [composed]
+
+
 def test_a_renamed_object_keeps_its_marks_and_undo_renames_it_back(bpy, addon, marked):
     scene = bpy.context.scene
     addon.steps.mark_stroke(scene, [(5, 5)], 3)

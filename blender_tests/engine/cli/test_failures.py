@@ -181,3 +181,59 @@ def test_options_of_another_type_are_named_to_the_caller(tmp_path, monkeypatch, 
     assert main(["run", str(tmp_path)]) == BadRequest.exit_code
     last = list(EventReader(tmp_path).poll())[-1]
     assert last.kind == "error" and last["code"] == "request" and words in last["sentence"] and last["hint"]
+
+
+# ------------------------------------------------------------------------------------------------------ standard output
+@pytest.mark.skipif(os.name == "nt", reason="pipes end otherwise there")
+@pytest.mark.parametrize("verb", ["settings", "doctor --quick"])
+@pytest.mark.parametrize("buffered", ["", "1"])
+def test_a_command_whose_output_nobody_reads_ends_quietly_as_by_sigpipe(verb, buffered):
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "karf_engine", *verb.split()]
+    environment = os.environ | {"PYTHONUNBUFFERED": buffered}
+    done = subprocess.run(command, cwd=ROOT, env=environment, stdout=writing, stderr=subprocess.PIPE, timeout=120)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+# ------------------------------------------------------------------------------------------------------------- packages
+LITTLE_MEMORY = """
+import resource, sys
+from pathlib import Path
+import numpy
+from karf_engine.compute.kernels import has_kernels
+from karf_engine.io.color_spaces import color_space
+from karf_engine.io.failures import known_failure
+from karf_engine.splats.formats.checking import needing_packages
+
+def gaussians():
+    with needing_packages():
+        import {package}
+
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + (8 << 20),) * 2)
+try:
+    {use}
+    sys.exit("has enough")
+except Exception as error:
+    known = known_failure(error)
+    sys.exit(repr(error) if known is None else known.exit_code)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited and told in Linux's way")
+@pytest.mark.parametrize(
+    ("package", "use"),
+    [
+        ("numba", "has_kernels()"),
+        ("PyOpenColorIO", "color_space('ACEScg')"),
+        ("gsply", "gaussians()"),
+        ("pxr.Usd", "gaussians()"),
+    ],
+)
+def test_a_package_that_memory_does_not_suffice_for_is_not_called_missing(package, use):
+    pytest.importorskip(package.partition(".")[0])
+    code = LITTLE_MEMORY.format(package=package, use=use)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 5, done.stderr

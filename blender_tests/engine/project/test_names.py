@@ -1,9 +1,12 @@
 """Names that become files: the same on Windows, macOS and Linux, and no two that one of them takes for one."""
 
+from pathlib import Path
+
 import pytest
 
 from karf_engine.capture.capture import unique_names
-from karf_engine.io.names import file_name, is_file_name
+from karf_engine.errors import DataError
+from karf_engine.io.names import check_names, file_name, is_file_name, known_as, same_but_for_case
 
 RESERVED = ["CON", "nul", "aux.png", "Com1", "lpt9.tar.gz", "COM¹", "conin$", "CONOUT$", "prn .txt"]
 
@@ -28,6 +31,16 @@ def test_what_windows_drops_or_refuses_is_changed(name):
 def test_letters_with_accents_are_the_same_however_a_system_writes_them():
     composed, decomposed = "caf\u00e9", "cafe\u0301"
     assert file_name(decomposed) == file_name(composed) == composed
+
+
+def test_names_in_two_unicode_forms_are_one():
+    composed, decomposed = "caf\u00e9", "CAFE\u0301"
+    assert same_but_for_case([composed, decomposed]) == (composed, decomposed)
+    assert known_as(decomposed.lower(), ["pot", composed]) == composed
+    with pytest.raises(DataError, match="twice by one name"):
+        check_names([composed, decomposed.lower()], Path("palette.json"), "an object")
+    names = unique_names([("train", composed), ("train", decomposed)])
+    assert same_but_for_case(names) is None
 
 
 def test_photos_whose_names_differ_by_case_alone_become_views_that_any_disk_keeps_apart():

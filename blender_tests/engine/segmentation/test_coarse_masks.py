@@ -17,9 +17,11 @@ from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import DataError
 from karf_engine.io.images import write_png
 from karf_engine.segmentation.coarse_masks import copy_masks, find_masks, load_mask, marked_views
+from karf_engine.segmentation.corrections import find_corrections
 
 MASK = np.zeros((12, 18), bool)
 MASK[2:8, 4:12] = True
+COMPOSED, DECOMPOSED = "caf\u00e9", "cafe\u0301"
 
 
 @pytest.fixture
@@ -166,6 +168,19 @@ def test_two_objects_that_differ_by_case_alone_are_named(tmp_path, capture):
     for name in ("pot", "Pot"):
         write_png(tmp_path / "masks" / name / "a.png", MASK)
     assert "two objects 'Pot' and 'pot', one folder on Windows" in error_of(find_masks, tmp_path / "masks", capture)
+
+
+def test_two_folders_of_one_word_in_two_unicode_forms_are_named(tmp_path, capture):
+    for name in (COMPOSED, DECOMPOSED):
+        write_png(tmp_path / "masks" / name / "a.png", MASK)
+    assert "names two objects" in error_of(find_masks, tmp_path / "masks", capture)
+
+
+def test_masks_and_corrections_in_two_unicode_forms_are_of_one_object(tmp_path, capture):
+    for folder, name in (("masks", COMPOSED), ("corrections", DECOMPOSED)):
+        write_png(tmp_path / folder / name / "a.png", MASK)
+    marks = find_masks(tmp_path / "masks", capture) + find_corrections(tmp_path / "corrections", capture)
+    assert {mark.object_name for mark in marks} == {COMPOSED}
 
 
 @pytest.mark.parametrize("name", ["CON", "a:b", "pot.", "po\nt", os.fsdecode(b"p\xffot")])

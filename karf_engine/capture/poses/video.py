@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import Cancelled, DataError
 from ...io.images import write_png
+from ...io.library_paths import library_path
 
 MOST_FRAMES = 100
 SHARPNESS_WIDTH = 480  # pixels of the width at which sharpness is measured; at full size grain counts as sharpness
@@ -47,7 +48,8 @@ def _count(video: Path, should_stop: Callable[[], bool]) -> int:
 
 def _frames(video: Path, should_stop: Callable[[], bool], decode: bool = True) -> Iterator[np.ndarray | None]:
     """Frames as uint8 [H, W, 3] in OpenCV's order (blue first); without `decode`, one None a frame."""
-    reader = cv2.VideoCapture(str(video))
+    with library_path(video) as readable:
+        reader = cv2.VideoCapture(readable)
     try:
         while reader.grab():
             if should_stop():

@@ -7,6 +7,7 @@ engine renders so many from there on.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -66,7 +67,7 @@ def learning_job(name: str, capture: str, settings: Sequence[str], machine: Sequ
         *_frame_parameters(frames),
     ]
     project = "{{Param.Project}}"
-    opened = "/".join(("{{Param.Capture}}", *([capture] if capture else [])))
+    opened = "/".join(("{{Param.Capture}}", *_literal([capture] if capture else [])))
     stages = {
         "Geometry": ("geometry", opened, "--project", project, "--masks", "{{Param.Masks}}", *_literal(settings)),
         "Segmentation": ("segmentation", project, "--masks", "{{Param.Masks}}"),
@@ -89,7 +90,7 @@ def _job(name: str, parameters: list[Json], steps: list[Json]) -> Json:
     name = "".join(letter for letter in name if letter.isprintable())[:LONGEST_NAME]
     return {
         "specificationVersion": VERSION,
-        "name": name.replace("{{", "{"),
+        "name": re.sub(r"([{}])\1+", r"\1", name),
         "parameterDefinitions": [python, engine, *parameters],
         "steps": steps,
     }
@@ -141,6 +142,6 @@ def _parameter(name: str, kind: str, default: str | int, text: str) -> Json:
 def _literal(arguments: Sequence[str]) -> list[str]:
     """Arguments as they are: a template would read two braces as the name of a value."""
     for text in arguments:
-        if "{{" in text:
+        if "{{" in text or "}}" in text:
             raise BadRequest(f"{text!r} holds two braces, which no job template can hold.", "Choose another name.")
     return list(arguments)

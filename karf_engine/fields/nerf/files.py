@@ -99,6 +99,8 @@ def network_of_state(path: Path, state: dict[str, Any]) -> NerfNetwork:
         network = NerfNetwork(shape)
         network.load_state_dict(state)
     except (KeyError, IndexError, AttributeError, TypeError, ValueError, RuntimeError) as error:
+        if is_out_of_memory(error):
+            raise
         raise DataError(
             f"{path} holds a network of another kind ({first_line(error)}).",
             "It must be a vanilla NeRF that sees viewing directions, with one layer for them.",

@@ -22,6 +22,7 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from ...io.files import atomic_write
 from ...io.images import encoded, paste
+from ...io.library_paths import library_path, save_exr
 from .stored import StoredPhoto
 
 SUFFIXES = {"png": ".png", "tiff": ".tif", "exr": ".exr"}  # file suffix by kind; all else becomes PNG
@@ -190,7 +191,8 @@ def _tiff_facts(photo: StoredPhoto) -> ImageFileDirectory_v2:
 
 # ------------------------------------------------------------------------------------------------------------------ EXR
 def _write_exr(path: Path, photo: StoredPhoto) -> None:
-    file = OpenEXR.File(str(photo.path))
+    with library_path(photo.path) as readable:
+        file = OpenEXR.File(readable)
     header = file.header()
     window, shown = np.array(header["dataWindow"]), np.array(header["displayWindow"])
     width, height = (shown[1] - shown[0] + 1).tolist()
@@ -207,14 +209,14 @@ def _write_exr(path: Path, photo: StoredPhoto) -> None:
     else:
         channel.pixels = pixels
     header["compression"] = _lossless(header["compression"])
-    file.write(str(path))
+    save_exr(file, path)
 
 
 def _write_new_exr(path: Path, photo: StoredPhoto, compression: OpenEXR.Compression) -> None:
     """A reduced photo: its colors alone."""
     header = {"compression": _lossless(compression), "type": OpenEXR.scanlineimage}
     channels = "RGBA" if photo.pixels.shape[-1] == 4 else "RGB"
-    OpenEXR.File(header, {channels: np.ascontiguousarray(photo.pixels)}).write(str(path))
+    save_exr(OpenEXR.File(header, {channels: np.ascontiguousarray(photo.pixels)}), path)
 
 
 def _lossless(compression: OpenEXR.Compression) -> OpenEXR.Compression:

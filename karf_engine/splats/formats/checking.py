@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...capture.limits import LARGEST_POSITION
-from ...errors import DataError, KarfError, missing_extra
+from ...errors import DataError, KarfError, is_out_of_memory, missing_extra
 from ...io.inputs import MOST_BYTES
 from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
 
@@ -43,6 +43,8 @@ def needing_packages() -> Iterator[None]:
     try:
         yield
     except ImportError as error:
+        if is_out_of_memory(error):
+            raise
         raise missing_extra(error.name or "gsply", EXTRA) from error
 
 
@@ -57,9 +59,9 @@ def explaining(path: Path) -> Iterator[None]:
     try:
         with needing_packages():
             yield
-    except KarfError:
-        raise
     except Exception as error:  # packages raise anything
+        if isinstance(error, KarfError | UnicodeEncodeError) or is_out_of_memory(error):
+            raise
         raise damaged(path, _words(error)) from error
 
 

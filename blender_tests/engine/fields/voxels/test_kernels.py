@@ -299,3 +299,10 @@ def test_kernels_are_compiled_beside_also_where_the_engine_runs_as_a_folder(tmp_
     assert preparing.begin(12).wait(120) == 0
     assert preparing.stamp_of(12).exists()
     assert preparing.begin(12) is None
+
+
+def test_kernels_are_compiled_beside_where_it_cannot_be_told_whether_they_are_there(monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/" + "x" * 5000)  # the system refuses to look it up
+    compiling = preparing.begin(12)
+    compiling.kill()
+    compiling.wait()

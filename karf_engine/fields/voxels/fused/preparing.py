@@ -6,8 +6,10 @@ Without it they are compiled where they are first called, which takes as long an
 from __future__ import annotations
 
 import hashlib
+import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import llvmlite.binding
@@ -29,13 +31,14 @@ def stamp_of(n_features: int) -> Path:
     """The empty file that says: these kernels are compiled for this processor, this Python and this numba."""
     sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
     names = f"{n_features} {numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()} {Path(__file__)}"
-    return cache_folder() / f"compiled-{hashlib.sha256(sources + names.encode()).hexdigest()[:20]}"
+    return cache_folder() / f"compiled-{hashlib.sha256(sources + os.fsencode(names)).hexdigest()[:20]}"
 
 
 def begin(n_features: int) -> subprocess.Popen | None:
     """Start compiling in a process beside; None if all is there already."""
-    if stamp_of(n_features).exists():
-        return None
+    with suppress(OSError):  # the folder may not be entered
+        if stamp_of(n_features).exists():
+            return None
     # the engine may run as a folder, off the path that a child gets
     root = str(Path(__file__).parents[4])
     code = f"import sys; sys.path.insert(0, {root!r}); from {__spec__.name} import prepare; prepare({n_features})"

@@ -1,0 +1,52 @@
+"""Job templates hold names as they are: none of them is read as the name of one of the job's values."""
+
+import re
+
+import pytest
+
+from karf_engine.commands.farm.template import Frames, learning_job, render_job
+from karf_engine.errors import BadRequest
+
+FRAMES = Frames("all", "", 4, 2)
+BRACES = ["{{Param.EnginePython}}", "{{{Param.EnginePython}}}", "{{", "}}", "{{{{Session.WorkingDirectory}}}}"]
+REFERENCE = re.compile(r"\{\{((?:Task\.)?Param\.\w+)\}\}")
+
+
+def check(job):
+    """Check that whatever has two braces refers to a value of the job."""
+    known = {f"Param.{each['name']}" for each in job["parameterDefinitions"]} | {"Task.Param.Frame"}
+    texts = [job["name"], *(text for step in job["steps"] for text in step["script"]["actions"]["onRun"]["args"])]
+    for text in texts:
+        assert set(REFERENCE.findall(text)) <= known
+        assert not re.search(r"\{\{|\}\}", REFERENCE.sub("", text))
+
+
+@pytest.mark.parametrize("name", BRACES)
+def test_braces_in_a_projects_name_are_no_value_of_the_job(name):
+    for job in (render_job(f"KaRF {name}", FRAMES), learning_job(f"KaRF {name}", "", (), (), FRAMES)):
+        check(job)
+        assert not REFERENCE.search(job["name"])
+
+
+@pytest.mark.parametrize("name", BRACES)
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda name: render_job("film", Frames(name, "", 4, 2)),
+        lambda name: render_job("film", Frames("all", "", 4, 2, ("--background", name))),
+        lambda name: learning_job("film", f"{name}.json", (), (), FRAMES),
+        lambda name: learning_job("film", "", ("--set", name), (), FRAMES),
+        lambda name: learning_job("film", "", (), ("--device", name), FRAMES),
+    ],
+    ids=["views", "options of a render", "file of a capture", "settings", "device"],
+)
+def test_braces_in_an_argument_are_refused(make, name):
+    with pytest.raises(BadRequest, match="two braces"):
+        make(name)
+
+
+def test_single_braces_stay():
+    job = learning_job("film {a}", "cameras {b}.json", ("--set", 'geometry.levels=[{"voxels": 8}]'), (), FRAMES)
+    check(job)
+    assert job["name"] == "film {a}"
+    assert "{{Param.Capture}}/cameras {b}.json" in job["steps"][0]["script"]["actions"]["onRun"]["args"]

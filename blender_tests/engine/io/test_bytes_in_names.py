@@ -1,0 +1,121 @@
+"""Folders whose names are not UTF-8, which Linux allows: every kind of file works there, or a sentence says why not."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+cv2 = pytest.importorskip("cv2")
+OpenEXR = pytest.importorskip("OpenEXR")
+
+from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.splats.clouds import cloud
+from blender_tests.engine.splats.formats.files import ENDS
+from karf_engine.capture.poses.video import write_sharpest_frames
+from karf_engine.errors import KarfError
+from karf_engine.export.frame_formats import write_frame
+from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.io.color_spaces import color_space
+from karf_engine.io.failures import translated
+from karf_engine.io.files import read_json, write_json
+from karf_engine.io.images import read_photo, write_png
+from karf_engine.io.library_paths import library_path
+from karf_engine.splats.formats.registry import read_splats, write_splats
+from karf_engine.splats.formats.splat_file import SplatFile
+
+ODD = os.fsdecode(b"caf\xe9")  # in Latin-1, as an old disk has it
+COLOR = np.full((8, 8, 3), 0.5, np.float32)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    made = tmp_path / ODD
+    try:
+        made.mkdir()
+    except OSError:
+        pytest.skip("this system's names are Unicode")
+    return made
+
+
+def tensors(path):
+    save_tensors(path, {"a": torch.ones(3)}, "test 1", {"of": "a test"})
+    loaded, facts = load_tensors(path, "test 1")
+    assert loaded["a"].tolist() == [1, 1, 1] and facts == {"of": "a test"}
+
+
+def json(path):
+    write_json(path, {"photo": str(path)})
+    assert read_json(path, "test") == {"photo": str(path)}
+
+
+def picture(path):
+    write_png(path, np.uint8(COLOR * 255))
+    assert read_photo(path).shape == (8, 8, 3)
+
+
+def frame(path):
+    write_frame(path, COLOR, "exr32")
+    with library_path(path) as readable:
+        assert OpenEXR.File(readable).channels()["RGB"].pixels.shape == (8, 8, 3)
+
+
+def film(path):
+    plain = path.parents[1] / "film.mp4"
+    writer = cv2.VideoWriter(str(plain), cv2.VideoWriter.fourcc(*"mp4v"), 25, (64, 64))
+    for number in range(4):
+        writer.write(np.full((64, 64, 3), number, np.uint8))
+    writer.release()
+    shutil.copyfile(plain, path)
+    (path.parent / "frames").mkdir()
+    assert write_sharpest_frames(path, path.parent / "frames", lambda: False)
+
+
+def gaussians(path):
+    write_splats(path, SplatFile(cloud(9)))
+    assert len(read_splats(path).table) == 9
+
+
+@pytest.mark.parametrize(
+    ("work", "name"),
+    [
+        (tensors, "scene.safetensors"),
+        (json, "edit.json"),
+        (picture, "photo.png"),
+        (frame, "frame.exr"),
+        (film, "film.mp4"),
+        *((gaussians, f"cloud{end}") for end in ENDS if not end.startswith(".usd")),
+    ],
+)
+def test_a_file_there_is_written_and_read(folder, work, name):
+    work(folder / name)
+
+
+@pytest.mark.parametrize("end", [".usda", ".usdc"])
+def test_where_a_library_takes_only_unicode_the_path_and_the_remedy_are_named(folder, end):
+    pytest.importorskip("pxr")
+    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translated():
+        write_splats(folder / f"cloud{end}", SplatFile(cloud(9)))
+
+
+def test_a_color_configuration_there_is_refused_by_a_sentence(folder):
+    pytest.importorskip("PyOpenColorIO")
+    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translated():
+        color_space("ACEScg", str(folder / "config.ocio"))
+
+
+def test_a_file_whose_own_name_is_not_utf8_is_reached(tmp_path, folder):
+    path = folder / ODD
+    path.write_bytes(b"content")
+    with library_path(path) as readable:
+        assert Path(readable).read_bytes() == b"content"
+
+
+def test_a_project_there_renders(folder, learned):
+    shutil.copytree(learned.project, folder / "project")
+    out = folder / "frames"
+    done = run_engine("render", folder / "project", "--views", "test", "--layers", "--planes", "--depth", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in out.iterdir()} >= {"render", "masks", "layers", "planes", "depth"}

@@ -1,0 +1,49 @@
+"""Paths for libraries in C that take UTF-8 alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import OpenEXR
+
+
+@contextmanager
+def library_path(path: Path) -> Iterator[str]:
+    """Yield a path by which such a library reaches a file, whatever the bytes of its name and its folders' names.
+
+    Linux allows any bytes. What has other ones than UTF-8 is opened here, and named by the number of its handle.
+
+    Args:
+        path: The file. It may be missing, if its own name is UTF-8.
+
+    Raises:
+        OSError: The folder, or a file whose own name is not UTF-8, cannot be opened.
+    """
+    if _is_utf8(str(path)):
+        yield str(path)
+        return
+    opened, rest = (path.parent, f"/{path.name}") if _is_utf8(path.name) else (path, "")
+    handle = os.open(opened, os.O_RDONLY)
+    try:
+        yield f"/dev/fd/{handle}{rest}"
+    finally:
+        os.close(handle)
+
+
+def _is_utf8(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def save_exr(file: OpenEXR.File, path: Path) -> None:
+    """Write an EXR file. Raises RuntimeError where it cannot be written."""
+    with library_path(path) as writable:
+        file.write(writable)
