@@ -11,7 +11,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import BadRequest, KarfError, Project, read_json
+from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, stage_mark
 from . import folders
 
 GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
@@ -61,18 +61,25 @@ def _written(path: Path) -> float:
 
 def _state(scene: bpy.types.Scene) -> Mapping[str, Any]:
     """The content of the project's project.json; empty where nothing was learned yet."""
-    if not scene.karf.project:
-        return {}
-    folder = folders.absolute(scene.karf.project)
+    return _state_of(folders.project_of(scene)) if scene.karf.project else {}
+
+
+def _state_of(project: Project) -> Mapping[str, Any]:
     try:
-        return _read_state(folder, Project(folder).state_file.stat().st_mtime_ns)
+        return _read_state(project.folder, *_key_of(project.state_file))
     except (OSError, KarfError):
         return {}
 
 
 @lru_cache(maxsize=4)
-def _read_state(folder: Path, written: int) -> Mapping[str, Any]:
+def _read_state(folder: Path, written: int, size: int) -> Mapping[str, Any]:
     return MappingProxyType(Project(folder).state())
+
+
+def _key_of(path: Path) -> tuple[int, int]:
+    """When a file was written, and its size: whether it is the one that was read. Raises OSError where it is gone."""
+    found = path.stat()
+    return found.st_mtime_ns, found.st_size
 
 
 def planes_file(scene: bpy.types.Scene) -> Path:
@@ -93,50 +100,43 @@ def is_prepared(scene: bpy.types.Scene) -> bool:
 
 
 def is_current(project: Project, view: str) -> bool:
-    """True if the view's planes exist and are no older than what they were made from."""
-    sources = (project.palette_file, project.recoloring_file)
+    """True if the view has planes, and these were made from what is learned now."""
+    file = project.planes_file(view)
     try:
-        made = project.planes_file(view).stat().st_mtime_ns
-        return all(source.stat().st_mtime_ns <= made for source in sources if source.exists())
+        return _planes_made_from(file, *_key_of(file)) == stage_mark(_state_of(project), "recoloring")
     except OSError:
         return False
 
 
+@lru_cache(maxsize=64)
+def _planes_made_from(file: Path, written: int, size: int) -> str:
+    return planes_made_from(file)
+
+
 def seen_folder(scene: bpy.types.Scene) -> Path:
-    """Where the engine puts how it sees single views: a rendering, the objects' masks, and where these are unsure."""
-    return folders.project_of(scene).folder / "seen"
+    """Where the engine puts how it sees single views: a rendering, the objects' masks, and where these are unsure.
+
+    Named by what is learned: what was rendered before is in other folders.
+    """
+    project = folders.project_of(scene)
+    return project.folder / "seen" / stage_mark(_state_of(project), "segmentation")
 
 
 def seen_rendering(scene: bpy.types.Scene) -> Path | None:
-    """What is learned of the active view, rendered; None where there is none since it was learned."""
+    """What is learned of the active view, rendered; None where there is none since it was learned or segmented."""
     file = seen_folder(scene) / "render" / f"{scene.karf.active_view}.png"
-    return file if _is_newer(file, folders.project_of(scene).geometry_file) else None
-
-
-def seen_mask(scene: bpy.types.Scene, name: str, view: str) -> Path:
-    """The file of an object's mask in a view, as it was segmented."""
-    return seen_folder(scene) / "masks" / name / f"{view}.png"
+    return file if file.is_file() else None
 
 
 def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
     """The masks of the active view by object, as they were segmented last; empty where they were not asked for since."""
     files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
-    segmented = folders.project_of(scene).segmentation_report
-    return {file.parent.name: file for file in files if _is_newer(file, segmented)}
+    return {file.parent.name: file for file in files}
 
 
 def seen_doubts(scene: bpy.types.Scene) -> list[Path]:
     """Pictures of what is unsure of each object in the active view; none where they were not rendered since."""
-    files = sorted(seen_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))
-    segmented = folders.project_of(scene).doubts_file
-    return [file for file in files if _is_newer(file, segmented)]
-
-
-def _is_newer(file: Path, source: Path) -> bool:
-    try:
-        return source.stat().st_mtime_ns <= file.stat().st_mtime_ns
-    except OSError:
-        return False
+    return sorted(seen_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))
 
 
 def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
