@@ -3,7 +3,10 @@
 Every function reads the disk; drawing asks `disk.contents_of`.
 """
 
+import os
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +18,7 @@ from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_
 from . import folders
 
 GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
+LOOK_SECONDS = 30.0  # after which masks that others have overwritten in place are noticed
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
@@ -48,11 +52,43 @@ def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
     """When a mask, correction or volume was written last, in seconds as the disk counts; folders too, which know of
     those taken away."""
     roots = [folders.absolute(scene.karf.masks)] if scene.karf.masks else []
-    roots = [root for root in (*roots, project.corrections_folder) if root.is_dir()]
-    objects = [each for root in roots for each in root.iterdir() if each.is_dir()]
-    marks = [path for each in objects for path in (each, *each.rglob("*.png"))]
-    marks += [project.volumes_file] if project.volumes_file.exists() else []
-    return max((path.stat().st_mtime for path in marks), default=0.0)
+    objects = [each for root in (*roots, project.corrections_folder) for each in _folders_in(root)]
+    written = [_marks_below(each)[1] for each in objects]
+    written += [project.volumes_file.stat().st_mtime] if project.volumes_file.exists() else []
+    return max(written, default=0.0)
+
+
+def _folders_in(root: Path) -> list[Path]:
+    """The folders in one that may not be there, in order."""
+    return sorted(each for each in root.iterdir() if each.is_dir()) if root.is_dir() else []
+
+
+def _marks_below(folder: Path) -> tuple[int, float]:
+    """The number of PNG files below a folder, and when one of them or a folder was written last, in seconds."""
+    look = int(time.monotonic() // LOOK_SECONDS)
+    count, written, folders = _marks_in(folder, folder.stat().st_mtime_ns, look)
+    below = [_marks_below(each) for each in folders]
+    return count + sum(own for own, _ in below), max([written, *(own for _, own in below)])
+
+
+@lru_cache(maxsize=4096)
+def _marks_in(folder: Path, written_ns: int, look: int) -> tuple[int, float, tuple[Path, ...]]:
+    """The same of a folder alone, and the folders in it; kept until it has another time, or for a while."""
+    count, written, folders = 0, written_ns / 1e9, []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                folders.append(Path(entry.path))
+            elif entry.name.lower().endswith(".png"):
+                count += 1
+                with suppress(OSError):  # a link to nowhere
+                    written = max(written, entry.stat().st_mtime)
+    return count, written, tuple(folders)
+
+
+def forget_marks() -> None:
+    """Look into all folders of masks at the next question."""
+    _marks_in.cache_clear()
 
 
 def _written(path: Path) -> float:
@@ -141,10 +177,8 @@ def seen_doubts(scene: bpy.types.Scene) -> list[Path]:
 
 def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
     """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
-    folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
-    if folder is None or not folder.is_dir():
-        return {}
-    counts = {each.name: len(list(each.rglob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
+    objects = _folders_in(folders.absolute(scene.karf.masks)) if scene.karf.masks else []
+    counts = {each.name: _marks_below(each)[0] for each in objects}
     return {name: count for name, count in counts.items() if count}
 
 
