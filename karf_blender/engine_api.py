@@ -81,6 +81,7 @@ from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.palettes.reference_light import ReferenceLight
 from ..karf_engine.palettes.swatch_picture import Part, SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.project import Project
+from ..karf_engine.project.jobs import new_job
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.state import stage_mark
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
@@ -205,6 +206,7 @@ __all__ = [
     "mean_weights",
     "nearest_names",
     "nearest_weights",
+    "new_job",
     "observed_points",
     "open_capture",
     "palette_only",
