@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import Message, Request
+from ..engine_api import Message, Request, inside
 from ..marking import asking
 from ..pictures import editors
 from ..project import contents
@@ -37,7 +37,7 @@ def show_masks(scene: bpy.types.Scene) -> None:
 
 def _take_masks(folder: Path, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     for name, file in values["masks"].items():
-        target = folder / "masks" / name / f"{view}.png"
+        target = inside(folder, "masks", name, f"{view}.png")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
     shown.of(scene).load_masks()
