@@ -5,6 +5,7 @@ import shutil
 from contextlib import suppress
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from ..layout import Layout
@@ -18,12 +19,11 @@ PLACES = (
 
 
 @pytest.fixture
-def outside(tmp_path):
+def outside(addon, tmp_path):
     """A folder that looks like what the extension writes, and belongs to somebody else."""
     folder = tmp_path / "outside"
-    for name in ("pot/photo_0.png", "photo_0.png", "20200101-000000-000-warm/log", "recolor/photo_0.png"):
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(b"mine")
+    for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
+        addon.images.write_png(folder / name, np.ones((16, 24, 3)))
     return folder
 
 
