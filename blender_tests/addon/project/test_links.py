@@ -33,15 +33,16 @@ def files(folder):
 
 def use_everything(bpy, addon, scene):
     """What an artist does with a project; what is refused is refused in a sentence."""
-    steps, errors = addon.steps, (addon.engine_api.KarfError, OSError)
+    steps, errors = addon.steps, (addon.engine_api.KarfError, OSError, KeyError)
     actions = (
         lambda: addon.disk.refresh(),
         lambda: addon.sidebar.draw_steps(Layout(bpy, []), context_of(bpy)),
         lambda: addon.palettes.import_learned(scene),
         lambda: steps.show_photo(scene),
-        lambda: steps.add_object(scene, "pot"),
+        lambda: addon.objects.sync(scene),
+        lambda: setattr(scene.karf.marking, "active", scene.karf.marking.objects.find("pot")),
         lambda: steps.mark_stroke(scene, [(5, 5)], 3),
-        lambda: setattr(scene.karf.marking.objects[0], "name", "kettle"),
+        lambda: setattr(scene.karf.marking.objects["pot"], "name", "kettle"),
         lambda: addon.objects.remove(scene),
         lambda: addon.headless.segment(),
         lambda: addon.headless.extract_palette(),
