@@ -31,6 +31,7 @@ from ..karf_engine.errors import (
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
 from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from ..karf_engine.io.containment import inside
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.names import file_name, is_file_name, known_as, same_but_for_case
@@ -43,7 +44,7 @@ from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
 from ..karf_engine.palettes.colorways.reached import shown as shown_colors
-from ..karf_engine.palettes.compositing import Planes, read_planes, stack_palettes
+from ..karf_engine.palettes.compositing import Planes, planes_made_from, read_planes, stack_palettes
 from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
 from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
 from ..karf_engine.palettes.edges_in_space import Borders
@@ -81,7 +82,9 @@ from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.palettes.reference_light import ReferenceLight
 from ..karf_engine.palettes.swatch_picture import Part, SwatchPicture, palette_only, photo_plus_change
 from ..karf_engine.project import Project
+from ..karf_engine.project.jobs import new_job
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
+from ..karf_engine.project.state import stage_mark
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
 from ..karf_engine.worker.findings import ERROR, OK, VERDICT, WARNING, Finding
 from ..karf_engine.worker.protocol import (
@@ -190,6 +193,7 @@ __all__ = [
     "folder_line",
     "hex_to_rgb",
     "hold_out",
+    "inside",
     "is_file_name",
     "known_as",
     "lab_chroma",
@@ -205,6 +209,7 @@ __all__ = [
     "mean_weights",
     "nearest_names",
     "nearest_weights",
+    "new_job",
     "observed_points",
     "open_capture",
     "palette_only",
@@ -212,6 +217,7 @@ __all__ = [
     "photo_plus_change",
     "pigment_of_swatch",
     "plan_colorways",
+    "planes_made_from",
     "proposed",
     "reached_by",
     "reached_color",
@@ -237,6 +243,7 @@ __all__ = [
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",
+    "stage_mark",
     "summarize",
     "undistorted",
     "undistorted_near",

@@ -11,6 +11,8 @@ from ..engine_api import REQUEST_FILE, EventReader, Finding
 from .failures import log_tail
 
 SHORTEST_NAME = 3  # letters of a name: shorter ones are found in every text
+LETTER = r"[^\W\d_]"
+LOGIN = re.compile(r"""(?<=://)[^\s/?#"'<>]+@""")
 
 
 def compose(job: Path, sentence: str, versions: Mapping[str, str]) -> str:
@@ -30,28 +32,27 @@ def _text(entries: Mapping[str, str]) -> str:
 
 
 def anonymous(text: str) -> str:
-    """The text without the names of the user's own folder, of the user and of the computer."""
-    text = without_home(text, str(Path.home()))
+    """The text without the names of the user's own folder, of the user and of the computer, and without logins in URLs."""
+    text = LOGIN.sub("<login>@", without_home(text, str(Path.home())))
     for name, stand_in in ((_user(), "<user>"), (platform.node(), "<computer>")):
         text = without_name(text, name, stand_in)
     return text
 
 
 def without_home(text: str, home: str) -> str:
-    """The text with `~` for the user's own folder, also where its backslashes are doubled."""
+    """The text with `~` for the user's own folder, also where its backslashes are doubled, or more follows its name."""
     home = home.rstrip("/\\")
     spellings = {home, home.replace("\\", "\\\\"), home.replace("\\", "/")} - {""}
     for spelling in spellings:
-        # a point may end a sentence, or belong to another folder's name
-        text = re.sub(re.escape(spelling) + r"(?=$|[^\w.-]|\.(?:\s|$))", "~", text, flags=re.MULTILINE)
+        text = re.sub(rf"{re.escape(spelling)}(?!{LETTER})", "~", text)
     return text
 
 
 def without_name(text: str, name: str, stand_in: str) -> str:
-    """The text with a stand-in for a name where it is a word of its own."""
+    """The text with a stand-in for a name between whatever is no letter, such as in `<name>_tmp`."""
     if len(name) < SHORTEST_NAME:
         return text
-    return re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", stand_in, text, flags=re.IGNORECASE)
+    return re.sub(rf"(?<!{LETTER}){re.escape(name)}(?!{LETTER})", stand_in, text, flags=re.IGNORECASE)
 
 
 def _user() -> str:

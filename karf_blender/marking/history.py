@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import atomic_write
+from ..engine_api import atomic_write, inside
 
 Files = Mapping[Path, bytes | None]  # contents; None: there is no such file
 
@@ -104,6 +104,8 @@ def forget() -> None:
 
 
 def _write(files: Files) -> None:
+    for path in files:
+        _check(path)
     for path, content in files.items():
         if path not in _Memory.before:
             _Memory.before[path] = path.read_bytes() if path.exists() else None
@@ -112,6 +114,12 @@ def _write(files: Files) -> None:
         else:
             atomic_write(path, lambda temporary, content=content: temporary.write_bytes(content))
         _Memory.now[path] = content
+
+
+def _check(path: Path) -> None:
+    """Raise DataError where a link on the way from a root to a file leads out of the root."""
+    root = next((root for root in _Memory.roots if path.is_relative_to(root)), path.parent)
+    inside(root, *path.relative_to(root).parts)
 
 
 def _remove(path: Path) -> None:

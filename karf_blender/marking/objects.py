@@ -19,9 +19,15 @@ def masks_folder(scene: bpy.types.Scene) -> Path:
 
     Raises:
         BadRequest: There is no project.
+        DataError: It is a link that leads out of the project.
     """
-    chosen = scene.karf.masks
-    return folders.absolute(chosen) if chosen else folders.project_of(scene).masks_folder
+    if not scene.karf.masks:
+        return folders.project_of(scene).masks_folder
+    folder = folders.absolute(scene.karf.masks)
+    project = folders.project_of(scene) if scene.karf.project else None
+    if project and folder.is_relative_to(project.folder):
+        return project.path(*folder.relative_to(project.folder).parts)
+    return folder
 
 
 def corrections_folder(scene: bpy.types.Scene) -> Path:

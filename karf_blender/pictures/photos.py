@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..engine_api import Camera, DataError, View, find_header, linear_to_srgb, undistorted, wrong_size
+from ..engine_api import Camera, DataError, View, find_header, inside, linear_to_srgb, undistorted, wrong_size
 from . import images
 
 SHOWN_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full photo would block Blender for seconds
@@ -75,7 +75,7 @@ def straightened(view: View, folder: Path) -> Path:
 def _copy(view: View, folder: Path, purpose: object) -> Path:
     """The name of a copy of the photo as it is now, for a purpose."""
     made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
-    return folder / f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png"
+    return inside(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
 
 
 def _shown(camera: Camera) -> Camera:

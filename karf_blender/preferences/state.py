@@ -42,7 +42,7 @@ class Engine:
     @property
     def is_managed(self) -> bool:
         """Whether the engine runs in the managed environment."""
-        return self.managed.is_usable and self.python == home.Home(self.folder).python
+        return self.managed.is_usable and self.python == home.Home(self.folder, self.managed.environment).python
 
 
 class _Memory:

@@ -3,7 +3,10 @@
 Every function reads the disk; drawing asks `disk.contents_of`.
 """
 
+import os
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -11,10 +14,11 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import BadRequest, KarfError, Project, read_json
+from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, stage_mark
 from . import folders
 
 GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
+LOOK_SECONDS = 30.0  # after which masks that others have overwritten in place are noticed
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
@@ -48,11 +52,43 @@ def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
     """When a mask, correction or volume was written last, in seconds as the disk counts; folders too, which know of
     those taken away."""
     roots = [folders.absolute(scene.karf.masks)] if scene.karf.masks else []
-    roots = [root for root in (*roots, project.corrections_folder) if root.is_dir()]
-    objects = [each for root in roots for each in root.iterdir() if each.is_dir()]
-    marks = [path for each in objects for path in (each, *each.rglob("*.png"))]
-    marks += [project.volumes_file] if project.volumes_file.exists() else []
-    return max((path.stat().st_mtime for path in marks), default=0.0)
+    objects = [each for root in (*roots, project.corrections_folder) for each in _folders_in(root)]
+    written = [_marks_below(each)[1] for each in objects]
+    written += [project.volumes_file.stat().st_mtime] if project.volumes_file.exists() else []
+    return max(written, default=0.0)
+
+
+def _folders_in(root: Path) -> list[Path]:
+    """The folders in one that may not be there, in order."""
+    return sorted(each for each in root.iterdir() if each.is_dir()) if root.is_dir() else []
+
+
+def _marks_below(folder: Path) -> tuple[int, float]:
+    """The number of PNG files below a folder, and when one of them or a folder was written last, in seconds."""
+    look = int(time.monotonic() // LOOK_SECONDS)
+    count, written, folders = _marks_in(folder, folder.stat().st_mtime_ns, look)
+    below = [_marks_below(each) for each in folders]
+    return count + sum(own for own, _ in below), max([written, *(own for _, own in below)])
+
+
+@lru_cache(maxsize=4096)
+def _marks_in(folder: Path, written_ns: int, look: int) -> tuple[int, float, tuple[Path, ...]]:
+    """The same of a folder alone, and the folders in it; kept until it has another time, or for a while."""
+    count, written, folders = 0, written_ns / 1e9, []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                folders.append(Path(entry.path))
+            elif entry.name.lower().endswith(".png"):
+                count += 1
+                with suppress(OSError):  # a link to nowhere
+                    written = max(written, entry.stat().st_mtime)
+    return count, written, tuple(folders)
+
+
+def forget_marks() -> None:
+    """Look into all folders of masks at the next question."""
+    _marks_in.cache_clear()
 
 
 def _written(path: Path) -> float:
@@ -61,18 +97,25 @@ def _written(path: Path) -> float:
 
 def _state(scene: bpy.types.Scene) -> Mapping[str, Any]:
     """The content of the project's project.json; empty where nothing was learned yet."""
-    if not scene.karf.project:
-        return {}
-    folder = folders.absolute(scene.karf.project)
+    return _state_of(folders.project_of(scene)) if scene.karf.project else {}
+
+
+def _state_of(project: Project) -> Mapping[str, Any]:
     try:
-        return _read_state(folder, Project(folder).state_file.stat().st_mtime_ns)
+        return _read_state(project.folder, *_key_of(project.state_file))
     except (OSError, KarfError):
         return {}
 
 
 @lru_cache(maxsize=4)
-def _read_state(folder: Path, written: int) -> Mapping[str, Any]:
+def _read_state(folder: Path, written: int, size: int) -> Mapping[str, Any]:
     return MappingProxyType(Project(folder).state())
+
+
+def _key_of(path: Path) -> tuple[int, int]:
+    """When a file was written, and its size: whether it is the one that was read. Raises OSError where it is gone."""
+    found = path.stat()
+    return found.st_mtime_ns, found.st_size
 
 
 def planes_file(scene: bpy.types.Scene) -> Path:
@@ -93,58 +136,49 @@ def is_prepared(scene: bpy.types.Scene) -> bool:
 
 
 def is_current(project: Project, view: str) -> bool:
-    """True if the view's planes exist and are no older than what they were made from."""
-    sources = (project.palette_file, project.recoloring_file)
+    """True if the view has planes, and these were made from what is learned now."""
+    file = project.planes_file(view)
     try:
-        made = project.planes_file(view).stat().st_mtime_ns
-        return all(source.stat().st_mtime_ns <= made for source in sources if source.exists())
+        return _planes_made_from(file, *_key_of(file)) == stage_mark(_state_of(project), "recoloring")
     except OSError:
         return False
 
 
+@lru_cache(maxsize=64)
+def _planes_made_from(file: Path, written: int, size: int) -> str:
+    return planes_made_from(file)
+
+
 def seen_folder(scene: bpy.types.Scene) -> Path:
-    """Where the engine puts how it sees single views: a rendering, the objects' masks, and where these are unsure."""
-    return folders.project_of(scene).folder / "seen"
+    """Where the engine puts how it sees single views: a rendering, the objects' masks, and where these are unsure.
+
+    Named by what is learned: what was rendered before is in other folders.
+    """
+    project = folders.project_of(scene)
+    return project.folder / "seen" / stage_mark(_state_of(project), "segmentation")
 
 
 def seen_rendering(scene: bpy.types.Scene) -> Path | None:
-    """What is learned of the active view, rendered; None where there is none since it was learned."""
+    """What is learned of the active view, rendered; None where there is none since it was learned or segmented."""
     file = seen_folder(scene) / "render" / f"{scene.karf.active_view}.png"
-    return file if _is_newer(file, folders.project_of(scene).geometry_file) else None
-
-
-def seen_mask(scene: bpy.types.Scene, name: str, view: str) -> Path:
-    """The file of an object's mask in a view, as it was segmented."""
-    return seen_folder(scene) / "masks" / name / f"{view}.png"
+    return file if file.is_file() else None
 
 
 def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
     """The masks of the active view by object, as they were segmented last; empty where they were not asked for since."""
     files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
-    segmented = folders.project_of(scene).segmentation_report
-    return {file.parent.name: file for file in files if _is_newer(file, segmented)}
+    return {file.parent.name: file for file in files}
 
 
 def seen_doubts(scene: bpy.types.Scene) -> list[Path]:
     """Pictures of what is unsure of each object in the active view; none where they were not rendered since."""
-    files = sorted(seen_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))
-    segmented = folders.project_of(scene).doubts_file
-    return [file for file in files if _is_newer(file, segmented)]
-
-
-def _is_newer(file: Path, source: Path) -> bool:
-    try:
-        return source.stat().st_mtime_ns <= file.stat().st_mtime_ns
-    except OSError:
-        return False
+    return sorted(seen_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))
 
 
 def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
     """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
-    folder = folders.absolute(scene.karf.masks) if scene.karf.masks else None
-    if folder is None or not folder.is_dir():
-        return {}
-    counts = {each.name: len(list(each.rglob("*.png"))) for each in sorted(folder.iterdir()) if each.is_dir()}
+    objects = _folders_in(folders.absolute(scene.karf.masks)) if scene.karf.masks else []
+    counts = {each.name: _marks_below(each)[0] for each in objects}
     return {name: count for name, count in counts.items() if count}
 
 

@@ -66,6 +66,12 @@ def contents_of(scene: bpy.types.Scene) -> Contents:
 
 def refresh() -> bool:
     """Read the disk for all scenes of the open file; True where something has changed. Never raises."""
+    contents.forget_marks()
+    return _refresh()
+
+
+def _refresh() -> bool:
+    """The same, without looking into folders of masks whose times have not changed."""
     before = _Memory.scenes
     _Memory.scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
     has_new_engine, has_new_book = state.refresh(), color_book.refresh()
@@ -116,7 +122,7 @@ def _view(scene: bpy.types.Scene) -> tuple[bool, bool, bool]:
 
 # --- timer and handlers --------------------------------------------------------------------------------------------
 def _tick() -> float:
-    if refresh():
+    if _refresh():
         windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return REFRESH_SECONDS
 

@@ -41,7 +41,7 @@ def project_of(scene: bpy.types.Scene) -> Project:
 
 def out_folder(scene: bpy.types.Scene) -> Path:
     """Where pictures are written: the chosen folder, else `out` in the project."""
-    return absolute(scene.karf.out) if scene.karf.out else project_of(scene).folder / "out"
+    return absolute(scene.karf.out) if scene.karf.out else project_of(scene).path("out")
 
 
 def nerf_of(scene: bpy.types.Scene) -> str:

@@ -81,7 +81,7 @@ def _copy(old: Path, new: Path) -> None:
     partial = new.with_name(f".{new.name}.partial")
     try:
         shutil.rmtree(partial, ignore_errors=True)
-        shutil.copytree(old, partial, ignore=shutil.ignore_patterns(USERS))
+        shutil.copytree(old, partial, symlinks=True, ignore=shutil.ignore_patterns(USERS))
         partial.rename(new)
     except OSError as error:  # shutil's own errors are among them
         shutil.rmtree(partial, ignore_errors=True)

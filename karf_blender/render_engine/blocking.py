@@ -14,7 +14,7 @@ import bpy
 from .. import preferences
 from ..engine.failures import disk_errors
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import WARM, Cancelled, KarfError, Request
+from ..engine_api import WARM, Cancelled, KarfError, Request, new_job
 from ..project import folders
 from ..tasks import timer
 
@@ -86,7 +86,7 @@ def _worker(scene: bpy.types.Scene) -> Worker:
     if _Memory.worker is None:
         project = folders.project_of(scene)
         with disk_errors():
-            folder = project.new_job(WARM)
+            folder = new_job(project, WARM)
         options = {"idle_minutes": IDLE_MINUTES} | ({"threads": threads} if threads else {})
         worker = Worker()
         worker.begin(python, Request(WARM, project.folder, options), folder, threads)

@@ -57,7 +57,7 @@ def _take_answer(shows_map: bool, scene: bpy.types.Scene, values: dict[str, Any]
     messages = [Message.from_json(each) for each in values["advice"]]
     scene.karf.advice = "\n".join(map(kept, messages))
     scene.karf.is_poor = values["is_poor"]
-    path = folders.project_of(scene).folder / "inspection" / "more_photos.png"
+    path = folders.project_of(scene).path("inspection", "more_photos.png")
     path.parent.mkdir(exist_ok=True)
     shutil.move(values["picture"], path)
     if shows_map:

@@ -70,7 +70,7 @@ def colorways(
     if light is not None:
         options["light"] = light.matrix.ravel().tolist()
     if colors.edges(scene):
-        edges = folders.project_of(scene).folder / "colorways_edges.json"
+        edges = folders.project_of(scene).path("colorways_edges.json")
         save_edit(scene, edges)
         options["edges"] = str(edges)
     return requests.task(

@@ -1,7 +1,9 @@
 """Looking at what is learned of the active view: the objects' masks over it, and the field's own rendering."""
 
+import re
 import shutil
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -16,6 +18,8 @@ from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests
 
+MARK = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `contents.seen_folder`
+
 
 def show_masks(scene: bpy.types.Scene) -> None:
     """Draw the objects' masks over the active view; where it is neither prepared nor was looked at, as soon as they come.
@@ -28,12 +32,12 @@ def show_masks(scene: bpy.types.Scene) -> None:
     _reveal(scene)
     if shown.of(scene).known_masks() is None:
         view = scene.karf.active_view
-        queries.send(scene, "masks", {"view": view}, partial(_take_masks, view))
+        queries.send(scene, "masks", {"view": view}, partial(_take_masks, _fresh_folder(scene), view))
 
 
-def _take_masks(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+def _take_masks(folder: Path, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     for name, file in values["masks"].items():
-        target = contents.seen_mask(scene, name, view)
+        target = folder / "masks" / name / f"{view}.png"
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
     shown.of(scene).load_masks()
@@ -43,8 +47,18 @@ def _take_masks(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> No
 
 def see_view(scene: bpy.types.Scene) -> Task:
     """The task that renders what is learned of the active view, and the masks of its objects."""
-    job = requests.seen(scene, contents.seen_folder(scene))
+    job = requests.seen(scene, _fresh_folder(scene))
     return requests.task(scene, "Look at View", job, finish=_present)
+
+
+def _fresh_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of what is learned now, once those of what was learned before are removed."""
+    own = contents.seen_folder(scene)
+    if not own.parent.is_symlink() and own.parent.is_dir():
+        for folder in own.parent.iterdir():
+            if folder != own and MARK.fullmatch(folder.name) and not folder.is_symlink():
+                shutil.rmtree(folder, ignore_errors=True)
+    return own
 
 
 def _present(owner: Owner, request: Request) -> None:

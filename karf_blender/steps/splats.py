@@ -76,7 +76,7 @@ def export_splat(
     if axes != "capture":
         options["matrix"] = _matrix_of(karf.rig, path, axes).ravel().tolist()
     if len(karf.objects):
-        edit = folders.project_of(scene).folder / "exported_edit.json"
+        edit = folders.project_of(scene).path("exported_edit.json")
         save_edit(scene, edit)
         options["edit"] = str(edit)
 

@@ -263,11 +263,11 @@ def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
 
 def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:
     """Write an edit to a new file of the project, whose name ends in a mark. Raises DataError where it cannot be."""
-    folder = folders.project_of(scene).folder / "edits"
+    project = folders.project_of(scene)
     stamp, number = time.strftime("%Y%m%d-%H%M%S") + mark, 2
-    file = folder / f"kept-{stamp}.json"
+    file = project.path("edits", f"kept-{stamp}.json")
     while file.exists():
-        file, number = folder / f"kept-{stamp}-{number}.json", number + 1
+        file, number = project.path("edits", f"kept-{stamp}-{number}.json"), number + 1
     try:
         write_edit(file, edit)
     except OSError as error:

@@ -123,12 +123,12 @@ class ShownScene:
         """The active view with its planes, read from disk where they are not the ones in memory.
 
         Raises:
-            KarfError: There are none, or they are older than the palettes, or damaged.
+            KarfError: There are none, or they were made from other palettes, or are damaged.
         """
         file = contents.planes_file(self.scene)
         if not contents.is_prepared(self.scene):
             raise DataError(
-                "{file} (edit planes) is older than the palettes."
+                "{file} (edit planes) was made from other palettes."
                 if file.exists()
                 else "{file} (edit planes) does not exist.",
                 "Press Prepare in step 6.",

@@ -15,7 +15,7 @@ import bpy
 from .. import preferences, progress
 from ..engine.failures import disk_error, disk_errors
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import WARM, Event, KarfError, Request
+from ..engine_api import WARM, Event, KarfError, Request, new_job
 from ..host import rendering, windows
 from ..project import folders
 from . import timer
@@ -121,7 +121,7 @@ def _worker(scene: bpy.types.Scene) -> Worker:
     if _Memory.worker is None:
         project = folders.project_of(scene)
         with disk_errors():
-            folder = project.new_job(WARM)
+            folder = new_job(project, WARM)
         worker = Worker()
         worker.begin(python, Request(WARM, project.folder, {"threads": threads} if threads else {}), folder, threads)
         _Memory.worker = worker

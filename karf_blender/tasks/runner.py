@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 from .. import engine_api, preferences, progress
 from ..engine.failures import disk_errors, log_tail
 from ..engine.worker import Worker
-from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request
+from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request, new_job
 from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
@@ -45,7 +45,7 @@ class _Running:
         request = self.task.requests[self._done]
         self._began = time.monotonic()
         with disk_errors():
-            folder = Project(request.project).new_job(request.stage)
+            folder = new_job(Project(request.project), request.stage)
         _worker.begin(self._python, request, folder, self._threads)
 
     def advance(self) -> bool:

@@ -65,7 +65,7 @@ def extract_palettes(arguments: argparse.Namespace) -> int:
         raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
     from ..palettes.project_edit import edit_of  # needs numpy, without which `doctor` still has something to say
 
-    edit_of(project, arguments.edit).save(arguments.out)
+    edit_of(project, arguments.edit).save(project.contained(arguments.out))
     return 0
 
 

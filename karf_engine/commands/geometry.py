@@ -117,7 +117,7 @@ def with_marked(project: Project, capture: Capture, masks: Path | None) -> Captu
     """
     folders = [folder for folder in (project.masks_folder, project.corrections_folder, masks) if folder is not None]
     return with_split(
-        capture, set().union(*(marked_views(project.marks(folder), capture) for folder in folders)), "train"
+        capture, set().union(*(marked_views(project.contained(folder), capture) for folder in folders)), "train"
     )
 
 

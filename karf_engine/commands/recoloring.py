@@ -82,7 +82,7 @@ def whole_scene(job: Job, field: Field, segmentation: SegmentationField) -> tupl
 def _cache_again(job: Job, field: Field) -> CachedViews:
     capture, settings = job.capture(), job.settings.segmentation
     report = SegmentationReport.read(job.project.checked(job.project.segmentation_report))
-    masks = find_masks(job.project.marks(job.project.masks_folder), capture)
+    masks = find_masks(job.project.contained(job.project.masks_folder), capture)
     views = [capture.view(name) for name in report.views]
     masked = load_masked_views(masks, views, job.settings.geometry.long_side, settings, report.objects)
     if masked.names != report.views:

@@ -45,9 +45,11 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
     job = open_job(options, emit, should_stop)
     job.project.require("geometry")
     capture = job.capture()
-    folder = job.project.marks(options.masks or job.project.masks_folder)
+    folder = job.project.contained(options.masks or job.project.masks_folder)
     masks = find_masks(folder, capture)
-    corrections = find_corrections(job.project.marks(options.corrections or job.project.corrections_folder), capture)
+    corrections = find_corrections(
+        job.project.contained(options.corrections or job.project.corrections_folder), capture
+    )
     volumes_file = options.volumes or job.project.volumes_file
     volumes = read_volumes(volumes_file)
     # without corrections and volumes, the fingerprint is that of before there were any

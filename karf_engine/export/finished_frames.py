@@ -89,7 +89,7 @@ def model_mark(project: Project, settings: Settings) -> ModelMark:
     """What stands for a project as it is now."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
-    folder = project.marks(project.masks_folder)
+    folder = project.contained(project.masks_folder)
     masks = {path.relative_to(folder).as_posix(): file_digest(path) for path in mask_files(folder)}
     return ModelMark(fingerprint(VERSION, learned, to_dict(settings.render)), fingerprint(masks))
 

@@ -17,6 +17,7 @@ from ..palettes.added import palettes_with, spread_objects
 from ..palettes.compositing import write_planes
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import AddedColor, Edit
+from ..project.state import stage_mark
 from ..recolor.frames import Frame, planes_of, with_alpha
 from ..recolor.full_resolution import PhotoView
 from ..recolor.layers import Layers
@@ -147,7 +148,7 @@ class _Files:
         planes = planes_of(frame, self.model.objects)
         if self.captured:
             own = self.model.project.planes_file(self.view.name)
-            write_planes(own, planes)
+            write_planes(own, planes, stage_mark(self.model.project.state(), "recoloring"))
             self.artifact("planes", own)
         if self.options.out:
             write_planes(self._path("planes", ".npz"), planes)

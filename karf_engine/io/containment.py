@@ -34,7 +34,9 @@ def inside(root: Path, *names: str) -> Path:
 
 
 def check_tree(root: Path, folder: Path) -> Path:
-    """Return a folder below `root`, once no link in it, at any depth, leads out of `root`. Links to nothing are ignored.
+    """Return a folder below `root`, once no link in it, at any depth, leads out of `root`.
+
+    Hidden links to nothing, such as those of programs that synchronize folders, are ignored.
 
     Raises:
         DataError: As `inside`.
@@ -42,7 +44,7 @@ def check_tree(root: Path, folder: Path) -> Path:
     inside(root, *folder.relative_to(root).parts)
     for place, folders, files in os.walk(folder):  # follows no links
         for path in (Path(place, name) for name in (*folders, *files)):
-            if is_link(path) and path.exists():
+            if is_link(path) and (path.exists() or not path.name.startswith(".")):
                 _check_target(root, path)
     return folder
 

@@ -10,11 +10,9 @@ import errno
 import hashlib
 import json
 import os
-import platform
 import re
 import shutil
 import stat
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -25,8 +23,9 @@ from typing import Any
 from ..errors import DataError, KarfError
 from .failures import system_number
 from .inputs import MOST_JSON, check_file
+from .processes import host_name, is_running
 
-HOST = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+HOST = hashlib.sha256(host_name().encode()).hexdigest()[:8]
 TEMPORARY = re.compile(r"\.karf-([0-9a-f]{8})-(\d{1,10})-[a-z0-9_]{8}")  # computer, process, chance
 HELD = (5, 32, 33, 1224)  # Windows errors: access denied, sharing violation, lock violation, mapped by a process
 HELD_SECONDS = 3.0  # for which virus scanners, indexers and thumbnails hold a new file there, at most
@@ -204,24 +203,3 @@ def remove_temporaries(folder: Path) -> None:
             made = TEMPORARY.fullmatch(path.name)
             if made and made[1] == HOST and not is_running(int(made[2])):
                 shutil.rmtree(path, ignore_errors=True)  # follows no link
-
-
-def is_running(pid: int) -> bool:
-    """Whether a process of this computer has this number."""
-    if sys.platform == "win32":
-        import ctypes
-
-        kernel = ctypes.windll.kernel32
-        handle = kernel.OpenProcess(0x1000, False, pid)  # PROCESS_QUERY_LIMITED_INFORMATION
-        code = ctypes.c_ulong()
-        running = handle and kernel.GetExitCodeProcess(handle, ctypes.byref(code)) and code.value == 259  # STILL_ACTIVE
-        if handle:
-            kernel.CloseHandle(handle)
-        return bool(running)
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:  # another user's
-        pass
-    return True

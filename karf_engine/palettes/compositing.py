@@ -54,8 +54,13 @@ class Planes:
     gains: tuple[float, float, float] = ALIKE
 
 
-def write_planes(path: Path, planes: Planes) -> None:
+def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
     """Write planes as a compressed npz, atomically.
+
+    Args:
+        path: The file.
+        planes: Its content.
+        made_from: What `planes_made_from` shall return.
 
     Examples:
         >>> import tempfile
@@ -74,6 +79,7 @@ def write_planes(path: Path, planes: Planes) -> None:
             probabilities=planes.probabilities.astype(np.float16),
             base=planes.base,
             **({} if planes.gains == ALIKE else {"gains": np.array(planes.gains)}),
+            **({"made_from": np.array(made_from)} if made_from else {}),
         )
 
     atomic_write(path, write)
@@ -100,6 +106,24 @@ def read_planes(path: Path) -> Planes:
     planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays, gains)
     _check(path, planes)
     return planes
+
+
+def planes_made_from(path: Path) -> str:
+    """Return what `write_planes` noted as `made_from`; empty where there is no note or no readable file.
+
+    Examples:
+        >>> import tempfile
+        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_planes(Path(folder) / "view.npz", planes, "5d41402abc4b2a76")
+        ...     planes_made_from(Path(folder) / "view.npz")
+        '5d41402abc4b2a76'
+    """
+    try:
+        (made_from,) = read_arrays(path, ("made_from",), "edit planes", AGAIN)
+    except DataError:
+        return ""
+    return str(made_from)
 
 
 def _gains(path: Path) -> tuple[float, float, float]:

@@ -27,6 +27,7 @@ A stage's outputs are gathered in a folder of their own until all are there, and
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from pathlib import Path
@@ -175,14 +176,17 @@ class Project:
                 continue
         raise DataError(f"{self.folder / 'jobs'} is full of jobs of this second.", "Try again.")
 
-    def marks(self, folder: Path) -> Path:
-        """Return a folder of masks or corrections, once no link in it leads out of the project where it lies in it.
+    def contained(self, path: Path | str) -> Path:
+        """Return a path, absolute; where it lies in the project, once no link on the way to it or in it leads out.
+
+        Args:
+            path: Of a file or folder, such as masks or an output, in the project or anywhere else.
 
         Raises:
             DataError: A link leads out; see `io.containment`.
         """
-        folder = folder.absolute()
-        return check_tree(self.folder, folder) if folder.is_relative_to(self.folder) else folder
+        path = Path(os.path.normpath(Path(path).absolute()))
+        return check_tree(self.folder, path) if path.is_relative_to(self.folder) else path
 
     # --- state -----------------------------------------------------------------------------------------------------
     def create(self, capture: str) -> None:

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..errors import DataError
 from ..io.files import read_json, write_json
+from ..io.fingerprints import fingerprint
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
@@ -82,6 +84,21 @@ def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
         if BUILT_ON.get(name) in outdated:
             outdated.add(name)
     return state | {"stages": {name: summary for name, summary in state["stages"].items() if name not in outdated}}
+
+
+def stage_mark(state: Mapping[str, Any], stage: str) -> str:
+    """Return a text that changes when a stage, or one that it builds on, has another result or none.
+
+    Args:
+        state: As `read_state` returns it; empty where nothing was learned.
+        stage: One of `STAGE_ORDER`.
+    """
+    summaries = {}
+    while stage:
+        summary = state.get("stages", {}).get(stage, {})
+        summaries[stage] = [summary.get("fingerprint"), summary.get("files")]
+        stage = BUILT_ON.get(stage, "")
+    return fingerprint(summaries)
 
 
 def _is_summary(summary: Any) -> bool:

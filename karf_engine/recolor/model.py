@@ -335,7 +335,9 @@ class Model:
             over(training_image.color, training_image.alpha),
         )
         rendered = to_bytes(seen.color * np.float32(view.gains))
-        marks = straightened(marks_of(self.project.marks(self.project.masks_folder), self.objects, view), view.camera)
+        marks = straightened(
+            marks_of(self.project.contained(self.project.masks_folder), self.objects, view), view.camera
+        )
         mattes = self._mattes_of(to_bytes(base), seen.probabilities, rendered, marks)
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
@@ -361,7 +363,7 @@ class Model:
         """
         _check_size(size, ("photo",))
         seen = self.look(self.working_camera(view))
-        marks = marks_of(self.project.marks(self.project.masks_folder), self.objects, view)
+        marks = marks_of(self.project.contained(self.project.masks_folder), self.objects, view)
         return full_resolution_view(view, size, seen, marks, self._mattes_of, self.objects, self.palettes)
 
     def _mattes_of(

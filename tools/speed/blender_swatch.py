@@ -104,6 +104,7 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     compositing.write_planes(
         project / "planes" / "view.npz",
         compositing.Planes(names, weights, weights.sum(axis=1), np.rint(base * 255).astype(np.uint8)),
+        importlib.import_module(f"{MODULE}.karf_engine.project.state").stage_mark({}, "recoloring"),
     )
     palette = importlib.import_module(f"{MODULE}.karf_engine.palettes.palette")
     ramp = np.linspace(0, 1, colors, dtype=np.float32)[:, None] * np.float32([0.9, 0.4, 0.2])  # one paint

@@ -30,6 +30,7 @@ from karf_engine.palettes.compositing import Planes, write_planes
 from karf_engine.palettes.edit_files import read_edit
 from karf_engine.palettes.palette import Palette, read_palettes, write_palettes
 from karf_engine.project import Project
+from karf_engine.project.state import stage_mark
 from karf_engine.worker.protocol import PROTOCOL, WARM, EventWriter, Request, decode_line
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
@@ -340,7 +341,8 @@ def views_of(project, which):
 
 
 def write_view_planes(project, view):
-    write_planes(project.planes_file(view.name), planes_of(view.camera))
+    made_from = stage_mark(project.state(), "recoloring")
+    write_planes(project.planes_file(view.name), planes_of(view.camera), made_from)
 
 
 def planes_of(camera):

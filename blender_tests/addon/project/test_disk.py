@@ -3,6 +3,7 @@
 import builtins
 import os
 import shutil
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -86,6 +87,52 @@ def test_the_timer_notices_what_others_do_to_the_disk(bpy, addon, learned, timed
     assert not addon.disk.refresh()
     addon.folders.project_of(learned).planes_file("photo_0").unlink()
     assert addon.disk.refresh() and "Prepare" in draw_all(bpy, addon)[0]
+
+
+@pytest.fixture
+def many_masks(addon, learned, timed, tmp_path):
+    """A folder of 500 masks of one object, some in a subfolder, which the timer has read; returns one of them."""
+    (tmp_path / "masks" / "pot" / "left").mkdir(parents=True)
+    masks = [tmp_path / "masks" / "pot" / place / f"{n}.png" for place in ("", "left") for n in range(250)]
+    for mask in masks:
+        mask.touch()
+    learned.karf.masks = str(tmp_path / "masks")
+    addon.disk._tick()
+    return masks[-1]
+
+
+def test_the_timer_walks_through_no_folder_of_masks_that_is_as_before(addon, learned, many_masks, monkeypatch):
+    calls = []
+
+    def counted(function):
+        return lambda *arguments, **options: (calls.append(arguments), function(*arguments, **options))[1]
+
+    monkeypatch.setattr(addon.contents.time, "monotonic", lambda: 1e6)
+    for owner, name in DISK[:6]:
+        monkeypatch.setattr(owner, name, counted(getattr(owner, name)))
+    addon.disk.refresh()
+    calls.clear()
+    addon.disk._tick()
+    assert 0 < len(calls) < 60 and addon.disk.contents_of(learned).masks == {"pot": 500}
+
+
+@pytest.mark.parametrize("change", ["add", "remove", "overwrite"])
+def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, monkeypatch, change):
+    project, later = addon.folders.project_of(learned), time.time() + 60
+    project.finish("segmentation", "s")
+    project.segmentation_file.touch()
+    addon.disk._tick()
+    assert "segmentation" not in addon.disk.contents_of(learned).outdated
+    if change == "overwrite":
+        os.utime(many_masks, (later, later))
+        monkeypatch.setattr(addon.contents.time, "monotonic", lambda: 1e9)  # a while later
+    else:
+        many_masks.with_name("more.png").touch() if change == "add" else many_masks.unlink()
+        os.utime(many_masks.parent, (later, later))
+    addon.disk._tick()
+    found = addon.disk.contents_of(learned)
+    assert found.masks == {"pot": {"add": 501, "remove": 499, "overwrite": 500}[change]}
+    assert "segmentation" in found.outdated
 
 
 def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned, timed, tmp_path):

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from karf_engine.palettes.compositing import Planes, write_planes
+from karf_engine.palettes.compositing import Planes
 from karf_engine.palettes.object_colors import ColorHistogram, write_object_colors
+
+from ..prepared import write_current_planes
 
 RED, YELLOW, BLUE = (0.8, 0.2, 0.1), (0.9, 0.9, 0.5), (0.1, 0.3, 0.9)
 
@@ -19,7 +21,7 @@ def pots(addon, learned):
     base = np.empty((16, 24, 3), np.uint8)
     base[:, :12], base[:, 12:] = np.rint(255 * np.array(RED)), np.rint(255 * np.array(YELLOW))
     planes = Planes(("lid", "pot"), weights, weights.sum(1), base)
-    write_planes(addon.folders.project_of(learned).planes_file(learned.karf.active_view), planes)
+    write_current_planes(addon, learned, planes)
     addon.shown.forget(learned)
     addon.shown.of(learned).refresh()
     return learned

@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from karf_engine.palettes.compositing import Planes, delta_composite, paper_composite, stack_palettes, write_planes
+from karf_engine.palettes.compositing import Planes, delta_composite, paper_composite, stack_palettes
 from karf_engine.palettes.edge_planes import reshaped
 from karf_engine.palettes.edge_shape import EdgeShape
+
+from ..prepared import write_current_planes
 
 RED, YELLOW, GRAY, BLUE = (0.8, 0.2, 0.1), (0.9, 0.9, 0.5), (0.5, 0.5, 0.5), (0.1, 0.3, 0.9)
 HEIGHT, WIDTH = 16, 24
@@ -22,7 +24,7 @@ def pots(addon, learned):
     weights[1, 1] = coverage[1]
     base = np.where(coverage[1][..., None] > 0, RED, GRAY)
     planes = Planes(("lid", "pot"), weights, coverage, np.rint(255 * base).astype(np.uint8))
-    write_planes(addon.folders.project_of(learned).planes_file(learned.karf.active_view), planes)
+    write_current_planes(addon, learned, planes)
     addon.shown.forget(learned)
     addon.headless.set_swatch("pot", 1, BLUE)
     return learned

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from karf_engine.palettes.compositing import Planes, write_planes
+from karf_engine.palettes.compositing import Planes
+
+from ..prepared import write_current_planes
 
 RED, GRAY, BLUE = (0.8, 0.2, 0.1), (0.5, 0.5, 0.5), (0.1, 0.3, 0.9)
 GAINS = 0.75, 1.0, 1.1
@@ -18,7 +20,7 @@ def photograph(addon, scene, gains):
     weights[1, 1] = coverage[1]
     base = np.where(coverage[1][..., None] > 0, RED, GRAY) * gains
     planes = Planes(("lid", "pot"), weights, coverage, np.rint(255 * base).astype(np.uint8), gains)
-    write_planes(addon.folders.project_of(scene).planes_file(scene.karf.active_view), planes)
+    write_current_planes(addon, scene, planes)
     addon.shown.forget(scene)
     reds = addon.engine_api.ColorHistogram(np.array([RED, np.multiply(RED, 0.6)]), np.ones(2), np.eye(3)[[1, 1]])
     addon.shown.of(scene).learned_histogram = lambda name: reds

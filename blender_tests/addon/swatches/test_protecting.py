@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from karf_engine.palettes.compositing import Planes, write_planes
+from karf_engine.palettes.compositing import Planes
 from karf_engine.palettes.object_colors import ColorHistogram, write_object_colors
 from karf_engine.palettes.palette import Palette, write_palettes
+
+from ..prepared import write_current_planes
 
 GREEN = (0.1, 0.6, 0.15)
 PALETTE = np.array([[0, 0, 0], [0.9, 0.05, 0.1], [0.65, 0.85, 0.85]], np.float32)
@@ -22,7 +24,7 @@ def can(addon, learned):
     project, palettes = addon.folders.project_of(learned), [Palette("can", PALETTE)]
     write_palettes(project.palette_file, palettes, shared=False)
     write_object_colors(project.object_colors_file, {"can": ColorHistogram(shares @ PALETTE, np.ones(2), shares)})
-    write_planes(project.planes_file(learned.karf.active_view), Planes(("can",), weights, weights.sum(1), base))
+    write_current_planes(addon, learned, Planes(("can",), weights, weights.sum(1), base))
     addon.palettes.import_learned(learned)
     addon.shown.forget(learned)
     addon.shown.of(learned).refresh()

@@ -1,9 +1,9 @@
 """Swatches to pixels: exact values, undo, keyframes, save and load."""
 
-import importlib
-
 import numpy as np
 import pytest
+
+from ..prepared import write_current_planes
 
 
 def test_the_whole_way_from_capture_to_swatches(bpy, addon, capture_folder, tmp_path):
@@ -181,7 +181,7 @@ def test_learning_anew_makes_prepared_views_stale(addon, learned):
     project = addon.folders.project_of(learned)
     assert addon.contents.is_current(project, "photo_0")
     addon.headless.prepare_views("photo_1")
-    project.recoloring_file.write_text("new")
+    project.finish("recoloring", "anew")
     assert not addon.contents.is_current(project, "photo_1")
 
 
@@ -191,8 +191,7 @@ def test_pictures_of_views_of_different_sizes_share_one_image(addon, learned):
     half = type(small)(
         small.objects, small.palette_weights[..., :8, :], small.probabilities[..., :8, :], small.base[:8]
     )
-    compositing = importlib.import_module(addon.engine_api.Planes.__module__)
-    compositing.write_planes(addon.contents.planes_file(learned), half)
+    write_current_planes(addon, learned, half)
     addon.headless.show_view()
     assert learned.karf.result == image and tuple(image.size) == (24, 8)
     np.testing.assert_array_equal(shown(addon, learned), base()[:8])
@@ -227,7 +226,7 @@ def test_a_view_that_is_not_prepared_shows_its_own_photo(addon, learned):
 
 def test_a_view_prepared_for_older_palettes_shows_its_own_photo(addon, learned):
     addon.headless.prepare_views("photo_1")
-    addon.folders.project_of(learned).recoloring_file.write_text("new")
+    addon.folders.project_of(learned).finish("recoloring", "anew")
     learned.karf.active_view = "photo_1"
     np.testing.assert_array_equal(shown(addon, learned), photo(addon, learned, "photo_1"))
 
@@ -243,7 +242,7 @@ def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mo
     planes = addon.engine_api.read_planes(addon.contents.planes_file(learned))
     larger = np.concatenate([planes.palette_weights, planes.palette_weights[:, :1]], axis=1)
     larger = type(planes)(planes.objects, larger, planes.probabilities, planes.base)
-    importlib.import_module(type(planes).__module__).write_planes(addon.contents.planes_file(learned), larger)
+    write_current_planes(addon, learned, larger)
     learned.karf.compositing = mode
     with pytest.raises(addon.engine_api.DataError, match="other palettes"):
         addon.shown.of(learned).edited()

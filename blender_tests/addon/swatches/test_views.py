@@ -105,7 +105,7 @@ def test_the_learned_scene_is_shown_once_it_was_rendered(bpy, addon, learned, se
     assert bpy.ops.karf.see_view() == {"FINISHED"}
     np.testing.assert_array_equal(shown(addon, learned), np.broadcast_to([0, 0, 255], photo.shape))
     assert addon.disk.contents_of(learned).is_rendered
-    addon.folders.project_of(learned).geometry_file.write_text("new")
+    addon.folders.project_of(learned).finish("geometry", "anew")
     assert not addon.disk.contents_of(learned).is_rendered
 
 
@@ -119,7 +119,7 @@ def test_what_is_unsure_of_any_object_is_orange_once_it_was_rendered(bpy, addon,
     assert addon.disk.contents_of(learned).is_doubted
     # the fake engine is unsure of the lid on the left and of the pot on the right
     np.testing.assert_array_equal(shown(addon, learned), np.broadcast_to([255, 140, 10], photo.shape))
-    addon.folders.project_of(learned).doubts_file.write_text("new")
+    addon.folders.project_of(learned).finish("segmentation", "anew")
     assert not addon.disk.contents_of(learned).is_doubted
 
 
@@ -152,7 +152,7 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     assert addon.shown.of(project_scene).known_masks() is None
     bpy.ops.karf.show_masks()
     assert addon.shown.of(project_scene).known_masks() is not None and seeing.show_masks
-    addon.folders.project_of(project_scene).segmentation_report.write_text("{}")
+    addon.folders.project_of(project_scene).finish("segmentation", "anew")
     addon.shown.of(project_scene).show_unedited()
     assert addon.shown.of(project_scene).known_masks() is None
 

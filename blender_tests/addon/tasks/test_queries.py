@@ -1,10 +1,15 @@
 """Queries: one worker for many, none that outlives the extension, and no error that is lost."""
 
 import errno
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from ..timers import run_to_end
+
+ROOT = Path(__file__).parents[3]
 
 
 def query(addon, scene, **options):
@@ -38,6 +43,17 @@ def test_one_process_answers_one_query_after_the_other_and_knows_the_project(add
     assert (first["options"]["side"], second["options"]["side"]) == (96, 192)
     assert first["options"]["project"] == str(addon.folders.project_of(project_scene).folder)
     assert first["pid"] == second["pid"]
+
+
+def test_what_a_blender_that_crashed_has_left_goes_with_the_next_worker(addon, project_scene):
+    code = "import sys; from karf_engine.project import Project, jobs; jobs.new_job(Project(sys.argv[1]), 'warm')"
+    command = [sys.executable, "-c", code, str(addon.folders.project_of(project_scene).folder)]
+    subprocess.run(command, cwd=ROOT, check=True)
+    (left,) = jobs_of(addon, project_scene)
+    (left / "answer.npz").touch()
+    query(addon, project_scene)
+    (job,) = jobs_of(addon, project_scene)
+    assert not (job / "answer.npz").exists()
 
 
 def test_what_the_worker_refuses_is_raised_and_the_worker_stays(addon, project_scene):

@@ -25,10 +25,11 @@ from karf_engine.io.color import linear_to_srgb
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
-from karf_engine.palettes.compositing import read_planes
+from karf_engine.palettes.compositing import planes_made_from, read_planes
 from karf_engine.palettes.edit_files import read_edit
 from karf_engine.palettes.palette import read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project.state import stage_mark
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.model import Model
 
@@ -167,8 +168,10 @@ def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, 
     assert np.array_equal(planes.base, np.rint(still_life.photos["test/r_0"].color * 255))
     total = planes.palette_weights.sum(1, dtype=np.float32)
     np.testing.assert_allclose(total, planes.probabilities.astype(np.float32), atol=4e-3)
-    in_project = read_planes(Project(learned.project).planes_file("test_r_0"))
+    project = Project(learned.project)
+    in_project = read_planes(project.planes_file("test_r_0"))
     assert np.array_equal(in_project.palette_weights, planes.palette_weights)
+    assert planes_made_from(project.planes_file("test_r_0")) == stage_mark(project.state(), "recoloring")
 
 
 @pytest.mark.parametrize("views", ["train", "test_r_1,r_3"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import re
@@ -119,6 +120,22 @@ def run(arguments: Sequence[str], before: Callable[[], object] | None = None) ->
     return Child(arguments, before).wait()
 
 
+def run_all(commands: Sequence[Sequence[str]]) -> tuple[list[int | None], str]:
+    """Run commands one after the other in one process; their exit codes, None for those that never ended, and the text."""
+    done = Child(["several", *map(json.dumps, commands)]).wait()
+    codes = [int(code) for code in re.findall(r"^code (\d+)$", done.text, re.MULTILINE)]
+    return codes + [None] * (len(commands) - len(codes)), done.text
+
+
+def _run_one(arguments: Sequence[str]) -> int:
+    from karf_engine.cli import main
+
+    try:
+        return main(list(arguments))
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else 1
+
+
 def _become(arguments: Sequence[str], out: Connection, before: Callable[[], object] | None) -> None:
     """In the new process: run the command and end."""
     code = 99
@@ -129,16 +146,17 @@ def _become(arguments: Sequence[str], out: Connection, before: Callable[[], obje
         sys.stdout, sys.stderr = (open(number, "w", buffering=1, closefd=False) for number in (1, 2))
         if before is not None:
             before()
-        from karf_engine.cli import main
-
-        code = main(list(arguments))
+        if arguments[0] == "several":
+            for command in arguments[1:]:
+                print(f"code {_run_one(json.loads(command))}", flush=True)
+            code = 0
+        else:
+            code = _run_one(arguments)
         sys.stdout.flush()
         sys.stderr.flush()
     except KeyboardInterrupt:  # it came before the command began
         code = 6
         os.write(2, b"cancelled; nothing was begun.\n")
-    except SystemExit as ended:
-        code = ended.code if isinstance(ended.code, int) else 1
     except BaseException as error:  # what the engine let through is a finding, told in what is printed
         os.write(2, f"Traceback: {error!r}\n".encode())
     finally:

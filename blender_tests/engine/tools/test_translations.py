@@ -45,7 +45,7 @@ def test_sentences_of_errors_are_found_with_places_for_their_values():
     assert {
         "The scene {name} has no capture.",
         "Import a capture first.",
-        "{file} (edit planes) is older than the palettes.",
+        "{file} (edit planes) was made from other palettes.",
         "The pictures are in {folder}.",
     } <= translations.sentences(translations.ROOT)
     assert "{path} marks nothing of {name}." in translations.sentences(translations.ENGINE)

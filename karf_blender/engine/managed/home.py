@@ -1,7 +1,7 @@
 """The folder of the managed environment: what lies in it, what state it is in, what may be deleted. No bpy.
 
-An environment counts only when `installed.json` is there, which is written last. `karf-engine.json` says that the
-folder is KaRF's: nothing else is ever deleted.
+The environment counts that `installed.json` names, which is written last. `karf-engine.json` says that the folder is
+KaRF's: nothing else is ever deleted.
 """
 
 import os
@@ -12,7 +12,7 @@ from typing import Any
 
 from ...engine_api import BadRequest, DataError, KarfError, read_json, write_json
 from ..failures import disk_errors
-from . import recipes
+from . import environments, recipes
 
 SCHEMA = "karf-managed/1"
 LISTS = ("packages", "uv")  # names of the requirements files
@@ -21,9 +21,10 @@ NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "out
 
 @dataclass(frozen=True)
 class Home:
-    """A folder that an environment is made in."""
+    """A folder that environments are made in, and the name of one of them."""
 
     folder: Path
+    name: str = environments.FIRST
 
     @property
     def mark(self) -> Path:
@@ -35,7 +36,7 @@ class Home:
 
     @property
     def environment(self) -> Path:
-        return self.folder / "env"
+        return self.folder / self.name
 
     @property
     def cache(self) -> Path:
@@ -70,7 +71,7 @@ class Status:
     """What is in a folder.
 
     state: `none`, `unfinished`, `broken`, `outdated` or `ready`. sentence: the same for people. build, extras, python
-    and torch: of the environment, or of the one that was begun.
+    and torch: of the environment that counts, or of the one that was begun. environment: its name.
     """
 
     state: str
@@ -79,6 +80,7 @@ class Status:
     extras: tuple[str, ...] = ()
     python: str = ""
     torch: str = ""
+    environment: str = environments.FIRST
 
     @property
     def is_usable(self) -> bool:
@@ -88,18 +90,19 @@ class Status:
 
 def status(folder: Path) -> Status:
     """What state a folder is in. Reads two small files; never raises."""
-    home = Home(folder)
     try:
-        mark = _read(home.mark)
+        mark = _read(Home(folder).mark)
+        begun = _chosen(mark)
     except (KarfError, LookupError, TypeError):
         return Status(NONE, "No engine is installed.")
-    known = {"build": mark["build"], "extras": tuple(mark["extras"]), "python": mark["python"]}
+    home = counting(folder)
     try:
-        installed = _read(home.installed)
+        installed = _read(Home(folder).installed) if home else {}
+        mark = {**mark, **installed.get("chosen", {})}
         torch, digest = str(installed["torch"]), installed["digest"]
+        known = {**_chosen(mark), "torch": torch, "environment": home.name}
     except (KarfError, LookupError, TypeError):
-        return Status(UNFINISHED, "The installation is not finished; what was fetched is kept.", **known)
-    known["torch"] = torch
+        return Status(UNFINISHED, "The installation is not finished; what was fetched is kept.", **begun)
     if not home.python.is_file():
         gone = "The environment's Python is gone, as after a move or update of Blender; Repair makes it anew."
         return Status(BROKEN, gone, **known)
@@ -110,8 +113,17 @@ def status(folder: Path) -> Status:
 
 def python_in(folder: Path) -> Path | None:
     """The Python of the environment in a folder, where it is finished and there."""
-    home = Home(folder)
-    return home.python if home.installed.is_file() and home.python.is_file() else None
+    home = counting(folder)
+    return home.python if home and home.python.is_file() else None
+
+
+def counting(folder: Path) -> Home | None:
+    """The environment that counts, there or not; None where none was finished."""
+    try:
+        name = _read(Home(folder).installed).get("environment", environments.FIRST)
+        return Home(folder, name) if environments.NAME.fullmatch(name) else None
+    except (KarfError, LookupError, TypeError):
+        return None
 
 
 def claim(home: Home, mark: dict[str, Any]) -> None:
@@ -138,7 +150,7 @@ def check_free(folder: Path) -> None:
 
 
 def remove(folder: Path) -> None:
-    """Delete the environment and all that belongs to it.
+    """Delete the environments and all that belongs to them.
 
     Raises:
         BadRequest: The folder is not KaRF's.
@@ -155,7 +167,7 @@ def removing(folder: Path) -> Iterator[None]:
         raise BadRequest(f"{folder} was not made by KaRF; nothing was deleted.", "Delete it by hand if you mean it.")
     with disk_errors():
         home.installed.unlink(missing_ok=True)  # from here on nobody starts it
-        for path in (home.environment, home.cache):
+        for path in (*environments.found(folder), home.cache):
             # on Windows so written, paths may have any length
             start = Path(f"\\\\?\\{path}") if os.name == "nt" else path
             for root, folders, names in os.walk(start, topdown=False):
@@ -191,6 +203,10 @@ def _read(path: Path) -> dict[str, Any]:
     if content["schema"] != SCHEMA:
         raise DataError(f"{path} is of another version of KaRF.", "Remove the engine and install it anew.")
     return content
+
+
+def _chosen(mark: dict[str, Any]) -> dict[str, Any]:
+    return {"build": mark["build"], "extras": tuple(mark["extras"]), "python": mark["python"]}
 
 
 def _is_ours(folder: Path) -> bool:

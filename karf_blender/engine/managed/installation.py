@@ -2,7 +2,7 @@
 
 Installing, resuming, repairing and updating are the same: what is there is surveyed, what is missing, changed or of
 another version is put in place, and the result is tested. Only then does the environment count. One that counted before
-does so until something in it changes: an update without network leaves a working engine.
+is left alone and does so until then, whatever ends the installation; the next one removes it, since jobs may run in it.
 """
 
 import json
@@ -25,9 +25,7 @@ HERE = Path(__file__).parent
 KILL_SECONDS = 5.0
 LOOK_SECONDS = 2.0  # interval between two looks into the cache
 FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
-TESTING = "Testing"
 KEPT = {"pip", "setuptools", "uv", "wheel"}  # an environment's own tools
-CHANGING = ("Prepared ", "Uninstalled ", "Installed ")  # what uv says before and while it changes the environment
 EXTRA_IMPORTS = {"photos": ("pycolmap",), "fast": ("numba",)}
 
 
@@ -58,8 +56,6 @@ class Installation:
         has_exited = self._process.poll() is not None
         lines = self._new_lines()
         self._said += lines
-        if any(line.startswith(CHANGING) for line in lines):
-            self._spoil()
         self._show(lines)
         if has_exited:
             self._finish_step()
@@ -96,9 +92,9 @@ class Installation:
         """Claim the folder and write the lists of files."""
         planned, place = self.plan, self.plan.home
         self._was = home.status(place.folder)
-        mark = {"build": planned.build, "backend": planned.backend, "extras": list(planned.choices.extras)}
-        mark |= {"platform": planned.recipe.platform, "python": planned.recipe.python}
-        home.claim(place, mark)
+        self._mark = {"build": planned.build, "backend": planned.backend, "extras": list(planned.choices.extras)}
+        self._mark |= {"platform": planned.recipe.platform, "python": planned.recipe.python}
+        home.claim(place, self._mark)
         with disk_errors():
             lists.write(place.folder, planned.recipe.platform, planned.recipe.python, planned.lists, recipes.FILE)
             place.log.write_text("", encoding="utf-8")
@@ -106,8 +102,9 @@ class Installation:
     def _work(self) -> Generator[Step, list[str], None]:
         """The commands, each after what the one before has said."""
         planned, place = self.plan, self.plan.home
+        if planned.counting:
+            yield planned.copy_environment()
         if self._needs_new_environment():
-            self._spoil()
             if not (place.environment / "pyvenv.cfg").is_file():  # uv replaces only environments
                 shutil.rmtree(place.environment, ignore_errors=True)
             yield planned.make_environment()
@@ -120,35 +117,30 @@ class Installation:
         if planned.tools and (found["installed"].get("uv") != planned.tools[0].version or "uv" in found["damaged"]):
             yield planned.fetch_uv()
         if superfluous and not planned.unchecked:
-            self._spoil()
             yield Step("Removing what is not needed", self._uninstall(superfluous))
         yield planned.put_packages(tuple(sorted(set(found["damaged"]) & wanted.keys())))
         if planned.unchecked:
             yield planned.put_torch(("torch",) if "torch" in found["damaged"] else ())
         extras = [name for extra in planned.choices.extras for name in EXTRA_IMPORTS[extra]]
-        said = yield self._python(TESTING, HERE / "selftest.py", *(package.name for package in REQUIRED), *extras)
+        said = yield self._python("Testing", HERE / "selftest.py", *(package.name for package in REQUIRED), *extras)
         tested = _answer(said)
         failures.check_build(planned, tested)
         digest = planned.recipe.digest(planned.build, planned.backend, planned.choices.extras)
         with disk_errors():
-            write_json(place.installed, {"schema": home.SCHEMA, "digest": digest, **tested})
+            named = {"environment": place.name, "chosen": self._mark}
+            write_json(place.installed, {"schema": home.SCHEMA, "digest": digest, **tested, **named})
         clean = (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache))
         yield Step("Cleaning up", clean, is_needed=False)
 
     def _needs_new_environment(self) -> bool:
         """Whether there is none, one of another build or Python, or one that was not finished before it had a package."""
         planned, was = self.plan, self._was
-        is_other = (was.build, was.python) != (planned.build, planned.recipe.python)
+        is_other = not planned.is_copied and (was.build, was.python) != (planned.build, planned.recipe.python)
         return (
             is_other
             or not planned.home.python.is_file()
             or not planned.home.has_package("uv" if planned.tools else "*")
         )
-
-    def _spoil(self) -> None:
-        """From here on the environment does not count."""
-        with disk_errors():
-            self.plan.home.installed.unlink(missing_ok=True)
 
     def _python(self, title: str, script: Path, *arguments: str) -> Step:
         return Step(title, (str(self.plan.home.python), "-I", "-B", "-X", "utf8", str(script), *arguments))
@@ -219,8 +211,6 @@ class Installation:
             kept = "What was fetched is kept; Install goes on from there."
             self._end(Cancelled("The installation was cancelled.", kept))
         elif code and self._step.is_needed:
-            if self._step.title == TESTING:
-                self._spoil()
             self._end(failures.explained(self.plan, self._step, self._said, processes.ending(self._process)))
         else:
             self._before += self._step.bytes

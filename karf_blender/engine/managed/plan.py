@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...engine_api import BadRequest, DataError
-from . import home, lists, machine, recipes, shells, sources, starters, wheelhouse
+from . import environments, home, lists, machine, recipes, shells, sources, starters, wheelhouse
 from .home import Home
 from .machine import Machine
 from .recipes import Recipe, Wheel
@@ -22,7 +22,7 @@ ESTIMATES = {  # bytes of a build of torch that no recipe has, by system and bui
     ("windows", "cuda"): 2_900_000_000,
 }
 LONGEST_PATH = 259  # letters of a path on Windows, unless it is set up otherwise
-LONGEST_INSIDE = 150  # letters of the longest path below the folder that Python opens; uv itself knows no limit
+LONGEST_INSIDE = 153  # letters of the longest path below the folder that Python opens; uv itself knows no limit
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ class Plan:
 
     build: `cpu`, `cuda`, `rocm` or `mps`. backend: uv's option for that build; empty: the recipe has it.
     wheels: the files, with sizes and hashes. unchecked: what else comes, without a hash of ours. estimate: bytes of it.
-    free_bytes: what the folder's disk has. is_begun: whether some of it is there already.
+    free_bytes: what the folder's disk has. is_begun: whether some of it is there already. counting: the environment
+    that counts until this one is ready. is_copied: whether this one begins as its copy. home: the new environment.
     """
 
     choices: Choices
@@ -82,10 +83,9 @@ class Plan:
     estimate: int
     free_bytes: int
     is_begun: bool
-
-    @property
-    def home(self) -> Home:
-        return Home(self.choices.folder)
+    counting: Home | None
+    is_copied: bool
+    home: Home
 
     @property
     def torch_source(self) -> str:
@@ -164,6 +164,12 @@ class Plan:
         named = [f"{name}={','.join(parts)}" for name, parts in self.lists.items()]
         command = [*python, lists.__file__, str(self.choices.folder), self.recipe.platform, self.recipe.python, *named]
         return Step("Writing the lists of files", tuple(command))
+
+    def copy_environment(self) -> Step:
+        """Remove environments that do not count, and copy the one that does where the new one begins as it is."""
+        names = [self.counting.name, *([self.home.name] if self.is_copied else [])]
+        python = [str(self.counting.python), "-I", "-B", "-X", "utf8", environments.__file__]
+        return Step("Copying what is there", (*python, str(self.choices.folder), *names), is_needed=False)
 
     def make_environment(self) -> Step:
         """Make the environment, in place of one that may be there."""
@@ -259,7 +265,13 @@ def make(
     source = sources.find(variables, choices.wheels)
     free = _free_bytes(choices.folder)
     is_begun = Home(choices.folder).mark.is_file()
-    plan = Plan(choices, here, starter, source, recipe, build, backend, wheels, unchecked, estimate, free, is_begun)
+    counting, was = home.counting(choices.folder), home.status(choices.folder)
+    is_copied = was.is_usable and (was.build, was.python) == (build, recipe.python)
+    new = Home(choices.folder, environments.unused(choices.folder) if counting else environments.FIRST)
+    plan = Plan(
+        *(choices, here, starter, source, recipe, build, backend, wheels, unchecked, estimate, free, is_begun),
+        *(counting if was.is_usable else None, is_copied, new),
+    )
     if choices.wheels is not None:
         wheelhouse.check(choices.wheels, plan.wheels + plan.tools)
     _check_space(plan)
@@ -274,7 +286,8 @@ def _free_bytes(folder: Path) -> int:
 def _check_space(plan: Plan) -> None:
     needed = plan.disk_bytes
     if plan.free_bytes < needed:  # then it is worth to count what is there already
-        needed -= max(home.measure(plan.choices.folder), default=0)
+        kept = (plan.counting if plan.is_copied else plan.home).environment, plan.home.cache
+        needed -= sum(max(home.measure(folder), default=0) for folder in kept)
     if plan.free_bytes < needed:
         raise DataError(
             f"The disk of {plan.choices.folder} has {size_text(plan.free_bytes)} free; the engine needs about "

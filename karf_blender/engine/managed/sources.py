@@ -45,10 +45,10 @@ def shown(url: str) -> str:
     """An address without the password in it.
 
     Examples:
-        >>> shown("https://name:secret@mirror.example/simple")
+        >>> shown("https://name:p@ss@mirror.example/simple")
         'https://mirror.example/simple'
     """
-    return re.sub(r"(?<=//)[^/@]*@", "", url)
+    return re.sub(r"(?<=//)[^/?#]*@", "", url)
 
 
 def _pip_files(variables: Mapping[str, str]) -> Iterator[Path]:

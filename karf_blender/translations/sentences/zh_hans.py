@@ -208,7 +208,7 @@ TEXTS = {
     ),
     "Make room there, then choose the project again.": "请在那里腾出空间，然后重新选择项目。",
     "{file} (edit planes) does not exist.": "{file}（编辑平面）不存在。",
-    "{file} (edit planes) is older than the palettes.": "{file}（编辑平面）早于调色板。",
+    "{file} (edit planes) was made from other palettes.": "{file}（编辑平面）由其他调色板生成。",
     "{file} was made for other palettes.": "{file} 是为其他调色板制作的。",
     "{file} was made for the objects {objects}.": "{file} 是为物体 {objects} 制作的。",
     "Press Prepare in step 6.": "请按第 6 步的“准备”。",

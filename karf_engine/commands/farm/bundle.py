@@ -72,6 +72,7 @@ def write_bundle(options: FarmOptions, tell: Callable[[str], None] = lambda line
 def _render_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
     learned, edit = Project(options.source), options.edit
     learned.require("geometry")
+    learned.contained(options.out)
     chosen, captured = choose_views(capture_of(learned), options.views)
     if isinstance(edit, Path) and edit.is_dir():
         edit = [edit / f"{view.name}.json" for view in chosen]

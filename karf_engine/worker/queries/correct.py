@@ -44,9 +44,9 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     geometry = project.require("geometry")["fingerprint"]
     capture = capture_of(project)
     view = capture.view(needed(options, "view", str))
-    masks = find_masks(project.marks(Path(options.get("masks") or project.masks_folder)), capture)
+    masks = find_masks(project.contained(Path(options.get("masks") or project.masks_folder)), capture)
     corrections = find_corrections(
-        project.marks(Path(options.get("corrections") or project.corrections_folder)), capture
+        project.contained(Path(options.get("corrections") or project.corrections_folder)), capture
     )
 
     def begun() -> Correcting:

@@ -14,7 +14,7 @@ import pytest
 from ...conftest import MODULE
 from . import wheels as making
 
-ROOM = "failures home installation lists machine plan progress recipes shells sources starters wheelhouse".split()
+ROOM = "environments failures home installation lists machine plan progress recipes shells sources starters wheelhouse".split()
 PYTHON = f"{sys.version_info.major}.{sys.version_info.minor}"
 
 

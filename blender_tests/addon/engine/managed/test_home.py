@@ -1,5 +1,7 @@
 """The folder: what may be claimed, what is removed, how much it takes."""
 
+import json
+
 import pytest
 
 
@@ -28,6 +30,27 @@ def test_remove_deletes_what_is_ours_and_keeps_what_was_put_beside_it(managed, i
     managed.home.remove(place)
     assert [path.name for path in place.iterdir()] == ["notes.md"]
     assert managed.home.status(place).state == "none"
+
+
+def test_remove_deletes_all_environments_and_follows_no_link(managed, install, place, tmp_path):
+    install()
+    install()
+    (tmp_path / "films").mkdir()
+    (tmp_path / "films" / "pots.blend").touch()
+    (place / "env-7").symlink_to(tmp_path / "films", target_is_directory=True)
+    (place / "env-old").mkdir()
+    managed.home.remove(place)
+    assert sorted(path.name for path in place.iterdir()) == ["env-7", "env-old"]
+    assert (tmp_path / "films" / "pots.blend").exists()
+
+
+@pytest.mark.parametrize("name", ["../elsewhere", "env-x", "", 7, None])
+def test_a_name_that_no_environment_has_counts_for_nothing(managed, install, place, name):
+    install()
+    installed = json.loads((place / "installed.json").read_text())
+    (place / "installed.json").write_text(json.dumps(installed | {"environment": name}))
+    assert managed.home.python_in(place) is None and managed.home.status(place).state == "unfinished"
+    assert install().state == "ready"
 
 
 def test_a_file_under_two_names_is_counted_once(managed, tmp_path):

@@ -1,5 +1,6 @@
 """Installing, stopping, going on, repairing and updating, with tiny wheels and without network."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -12,8 +13,9 @@ from .conftest import PYTHON, finish
 
 
 def site(place):
-    """Where the environment's packages lie."""
-    (folder,) = [*place.glob("env/lib/python*/site-packages"), *place.glob("env/Lib/site-packages")]
+    """Where the packages of the environment that counts lie."""
+    name = json.loads((place / "installed.json").read_text())["environment"]
+    (folder,) = [*place.glob(f"{name}/lib/python*/site-packages"), *place.glob(f"{name}/Lib/site-packages")]
     return folder
 
 

@@ -1,0 +1,93 @@
+"""An update is made beside the engine that works, which works on whenever and however it ends."""
+
+import subprocess
+import time
+
+import pytest
+
+from .conftest import finish
+
+STEPS = (
+    "Copying what is there",
+    "Looking at what is there",
+    "Removing what is not needed",
+    "Installing packages",
+    "Testing",
+)
+
+
+@pytest.fixture
+def outdated(kitchen, install, planned):
+    """An engine with one package too many, whose update has a newer one."""
+    install(planned(extras=("photos",)))
+    kitchen.add("base", "scipy", "1.1", {"scipy/__init__.py": "name = 'newer'\n"})
+    kitchen.write()
+
+
+def said_by(python, code="import scipy; print(scipy.name)"):
+    return subprocess.run([python, "-I", "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def begin(managed, plan, title):
+    """The installation at the step of this title."""
+    work = managed.installation.Installation(plan)
+    while work.progress.title != title:
+        work.poll()
+        assert not work.ended
+        time.sleep(0.002)
+    return work
+
+
+@pytest.mark.parametrize("title", STEPS)
+@pytest.mark.parametrize("outlives", [True, False], ids=["its child lives on", "its child dies too"])
+def test_blender_may_be_killed_at_any_step(managed, outdated, install, planned, place, title, outlives):
+    python = managed.home.python_in(place)
+    work = begin(managed, planned(), title)
+    if not outlives:
+        managed.processes.send(work._process, managed.processes.KILL)
+    work._process.wait()  # nobody polls any more
+    assert managed.home.status(place).is_usable and managed.home.python_in(place) == python
+    assert said_by(python) == "scipy" and said_by(python, "import pycolmap, torch; print(3)") == "3"
+    assert install().state == "ready"
+    assert said_by(managed.home.python_in(place)) == "newer"
+
+
+def test_what_was_begun_before_is_removed_and_what_runs_is_left_alone(managed, outdated, install, planned, place):
+    first = managed.home.python_in(place)
+    program = "import sys; print(3, flush=True); sys.stdin.readline(); import scipy; print(scipy.name)"
+    running = subprocess.Popen([first, "-I", "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert running.stdout.readline() == "3\n"
+    work = begin(managed, planned(), "Looking at what is there")
+    managed.processes.end(work._process)
+    install()
+    assert running.communicate("\n")[0] == "scipy\n"
+    names = {path.name for path in place.glob("env*")}
+    assert names == {"env", managed.home.status(place).environment}
+    install()
+    assert {path.name for path in place.glob("env*")} == {*names, managed.home.status(place).environment} - {"env"}
+
+
+def test_cancelled_or_failed_it_leaves_the_engine_that_works(kitchen, managed, outdated, install, planned, place):
+    python = managed.home.python_in(place)
+    work = begin(managed, planned(), "Looking at what is there")
+    work.cancel()
+    finish(work)
+    with pytest.raises(managed.api.Cancelled):
+        work.check()
+    kitchen.add("base", "scipy", "1.2", {"scipy/__init__.py": "raise ImportError('no BLAS on this computer')\n"})
+    kitchen.write()
+    with pytest.raises(managed.api.MissingDependency, match="no BLAS"):
+        install()
+    assert managed.home.python_in(place) == python and said_by(python) == "scipy"
+    assert managed.home.status(place).extras == ("photos",)
+
+
+@pytest.mark.parametrize("has_links", [True, False])
+def test_a_copy_is_of_hard_links_where_the_disk_has_them(managed, monkeypatch, tmp_path, has_links):
+    (tmp_path / "env").mkdir()
+    (tmp_path / "env" / "a.py").write_text("1")
+    if not has_links:
+        monkeypatch.setattr("pathlib.Path.hardlink_to", lambda *_: (_ for _ in ()).throw(OSError("not here")))
+    managed.environments.copy(tmp_path / "env", tmp_path / "env-2")
+    assert (tmp_path / "env-2" / "a.py").read_text() == "1"
+    assert (tmp_path / "env" / "a.py").stat().st_nlink == 1 + has_links

@@ -1,0 +1,12 @@
+"""Edit planes that count as made from what a project has learned."""
+
+from karf_engine.palettes.compositing import write_planes
+from karf_engine.project import Project
+from karf_engine.project.state import stage_mark
+
+
+def write_current_planes(addon, scene, planes):
+    """Write edit planes of the scene's active view."""
+    project = Project(addon.folders.project_of(scene).folder)
+    made_from = stage_mark(project.state(), "recoloring")
+    write_planes(project.planes_file(scene.karf.active_view), planes, made_from)

@@ -1,0 +1,117 @@
+"""A project from elsewhere with a link in place of a file or folder: no command changes a byte outside of it."""
+
+import json
+import shutil
+
+import pytest
+
+pytest.importorskip("torch")
+
+from blender_tests.engine.faults.engine import run_all
+
+# what a finished project does not have, and commands make or look for
+MADE = (
+    *(".outputs", "lock", "lock.json", "lock.lease", "commit.lock", "earlier_masks", "corrections", "volumes.json"),
+    *("preview.png", "jobs", "photos", "out", "out/recolor", "points.npz", "unfinished_geometry.safetensors"),
+)
+
+
+def link_to_folder(path, outside):
+    path.symlink_to(outside)
+
+
+def link_to_file(path, outside):
+    path.symlink_to(outside / "geometry.safetensors")
+
+
+def link_to_nothing(path, outside):
+    path.symlink_to(outside / "made_by_a_link")
+
+
+def link_to_device(path, outside):
+    path.symlink_to("/dev/zero")
+
+
+def link_to_itself(path, outside):
+    path.symlink_to(path.name)
+
+
+KINDS = (link_to_folder, link_to_file, link_to_nothing, link_to_device, link_to_itself)
+
+
+@pytest.fixture(scope="module")
+def commands(bench):
+    """Every command that is given a project, those that change it last."""
+    out, made = str(bench.project / "out"), bench.folder / "made"
+    project, view = str(bench.project), ("--views", "test_r_0", "--threads", "1")
+    sheet = bench.folder / "sheet.json"
+    sheet.write_text(json.dumps([{"colorway": "blue", "object": "ball", "hex": "#3059b8"}]))
+    return [
+        ["palette", project, "--json"],
+        ["palette", project, "--out", str(bench.project / "out" / "edit.json")],
+        [*bench.match[:-1], str(bench.project / "out" / "match.json")],
+        ["farm", project, "--out", str(made / "farm"), *view],
+        ["points", project, "--out", str(bench.project / "points.npz"), "--count", "1000", "--threads", "1"],
+        ["export-splat", project, "--out", str(bench.project / "out" / "a.ply"), "--threads", "1"],
+        ["colorways", project, "--sheet", str(sheet), "--out", out, *view],
+        ["render", project, "--out", out, "--planes", "--layers", "--depth", *view],
+        *(bench.command(stage, True, stage) for stage in ("splats", "recoloring", "palette", "segmentation")),
+        bench.command("geometry", True),
+    ]
+
+
+@pytest.fixture(scope="module")
+def complete(bench, commands):
+    """A project in which every command has run once."""
+    bench.restore(bench.complete.folder)
+    codes, text = run_all(commands[:8])
+    shutil.rmtree(bench.folder / "made", ignore_errors=True)
+    assert codes == [0] * 8, text
+    return shutil.copytree(bench.project, bench.folder / "complete")
+
+
+def entries(project):
+    """Files and folders of a project, of each folder below its first level only the first."""
+    found = sorted(path.relative_to(project) for path in project.rglob("*"))
+    first = {(path.parent, project.joinpath(path).is_dir()): path for path in reversed(found) if len(path.parts) > 1}
+    return sorted({path for path in found if len(path.parts) == 1} | {*first.values()})
+
+
+def state_of(folder, but):
+    """What lies in a folder, to the byte; `but`: folders in it that do not count."""
+    paths = [path for path in folder.rglob("*") if not any(path.is_relative_to(own) for own in but)]
+    return {path: path.read_bytes() if path.is_file() and not path.is_symlink() else None for path in paths}
+
+
+def test_a_link_in_place_of_any_file_or_folder_changes_nothing_outside(bench, commands, complete, few, subtests):
+    outside = shutil.copytree(bench.complete.folder, bench.folder / "outside")
+    own = (bench.project, bench.folder / "made")
+    places = [*entries(complete), *MADE]
+    for number, place in enumerate(places):
+        for kind in KINDS[number % len(KINDS) :][:1] if few else KINDS:
+            with subtests.test(place=str(place), kind=kind.__name__):
+                bench.restore(complete)
+                path = bench.project / place
+                path.parent.mkdir(parents=True, exist_ok=True)
+                shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+                kind(path, outside)
+                before = state_of(bench.folder, own)
+                codes, text = run_all(commands)
+                assert "Traceback" not in text and "Internal error" not in text, text
+                assert None not in codes and all(code in (0, 2, 4) for code in codes), (codes, text)
+                after = state_of(bench.folder, own)
+                assert sorted(path for path in before.keys() | after if before.get(path, 0) != after.get(path, 0)) == []
+                shutil.rmtree(bench.folder / "made", ignore_errors=True)
+
+
+def test_a_project_that_is_reached_through_a_link_works(bench, commands, complete):
+    bench.restore(None)
+    real = shutil.copytree(complete, bench.folder / "real")
+    bench.project.symlink_to(real)
+    try:
+        codes, text = run_all(commands[3:8])
+        assert codes == [0] * 5, text
+    finally:
+        bench.project.unlink()
+        shutil.rmtree(real)
+        shutil.rmtree(bench.folder / "made", ignore_errors=True)
