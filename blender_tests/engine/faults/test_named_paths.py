@@ -1,9 +1,11 @@
 """What cannot be written is named, by every command that writes, and memory that runs out is told as that."""
 
 import errno
+import os
 import shutil
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -41,10 +43,10 @@ COMMANDS = {
     "layers": "render {project} --views {inputs}/cameras.json --layers --out {out}/frames",
     "frames as EXR": "render {project} --views {inputs}/cameras.json --format exr16 --out {out}/frames --edit {inputs}/edit.json",
     "colorways": "colorways {project} --sheet {inputs}/sheet.csv --views test --out {out}/colorways",
-    "points": "points {project} --out {out}/points.ply --count 99",
-    "points to recolor": "points {project} --out {out}/points.npz --count 99",
+    "points": "points {project} --out {out}/points.ply --count 1000",
+    "points to recolor": "points {project} --out {out}/points.npz --count 1000",
     **{f"export-splat {end}": f"export-splat {{project}} --out {{out}}/cloud{end}" for end in (".ply", ".spz", ".gltf", ".usdc")},
-    "import-splat": "import-splat {inputs}/cloud.ply --out {out}/capture --views 3 --size 32",
+    "import-splat": "import-splat {inputs}/cloud.ply --out {out}/capture --views 3 --size 64",
     "poses": "poses {capture}/train --out {out}/capture",
     "farm": "farm {project} --views test --out {out}/bundle --edit {inputs}/edit.json",
     "farm that learns": "farm {capture} --masks {masks} --out {out}/bundle",
@@ -60,12 +62,23 @@ def no_bytes(_: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
 
 
+def no_bytes_and_no_links(disk: Path) -> None:
+    """The same, where the given files lie on another disk."""
+    no_bytes(disk)
+    os.link = refused
+
+
+def refused(*_: object) -> None:
+    raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+
+
 FAULTS = {
     "disk full": partial(refuse_changes, number=errno.ENOSPC),
     "quota": partial(refuse_changes, number=errno.EDQUOT),
     "read-only disk": partial(refuse_changes, number=errno.EROFS),
     "no right": partial(refuse_changes, number=errno.EACCES),
     "no byte can be written": no_bytes,
+    "no byte, on another disk": no_bytes_and_no_links,
     "no memory": no_memory_at_changes,
 }
 
@@ -110,8 +123,15 @@ def desk(still_life, learned, tmp_path_factory):
         yield Desk(still_life.capture, still_life.masks, inputs, learned.project, folder / "disk")
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("name", COMMANDS)
+EVERYWHERE = ("disk full", "no byte can be written", "no memory")
+CASES = [
+    *product(COMMANDS, EVERYWHERE),
+    *product(("edit", "frames as EXR", "export-splat .usdc", "farm"), ["quota", "read-only disk", "no right"]),
+    *product(("poses", "import-splat"), ["no byte, on another disk"]),
+]
+
+
+@pytest.mark.parametrize(("name", "fault"), CASES)
 def test_the_path_that_could_not_be_written_is_named(desk, name, fault):
     ended = engine.run(desk.clear(name), partial(FAULTS[fault], desk.disk))
     assert ended.code == (OUT_OF_MEMORY if fault == "no memory" else BAD_DATA), ended.text
