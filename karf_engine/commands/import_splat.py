@@ -7,7 +7,6 @@ shows the Gaussians from cameras that are chosen around them. OUT appears only w
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +26,7 @@ from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
-from ..io.files import read_json
+from ..io.files import copy_file, read_json
 from ..io.images import straight, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
@@ -86,7 +85,7 @@ def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
     try:
         os.link(splat.resolve(), linked)
     except OSError:  # another disk, or a file system without links
-        shutil.copyfile(splat, linked)
+        copy_file(splat, linked)
     return linked
 
 

@@ -24,6 +24,7 @@ from ..capture.poses.work_folder import work_folder
 from ..capture.reading import photos_in
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
+from ..io.files import copy_file, naming
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
 from .options.capturing import PosesOptions
@@ -98,10 +99,10 @@ def _take(photo: Path, folder: Path) -> str:
         try:
             os.link(photo.resolve(), folder / photo.name)
         except OSError:  # another disk, or a file system without links
-            shutil.copyfile(photo, folder / photo.name)
+            copy_file(photo, folder / photo.name)
         return photo.name
     if header.kind == "jpeg":  # keeps the Exif focal length, where the search for the lens begins
-        with Image.open(photo) as picture:
+        with naming(folder / photo.name), Image.open(photo) as picture:
             upright = ImageOps.exif_transpose(picture)
             upright.save(folder / photo.name, quality=95, exif=upright.getexif())
         return photo.name

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
 from ..capture.mask_names import mask_files
+from ..io.files import naming
 from ..io.fingerprints import file_digest, fingerprint
 from ..palettes.edge_shape import shaped_edges
 from ..palettes.palette import AddedColor, Edit
@@ -63,7 +64,7 @@ class FinishedFrames:
         """Add a line for a frame whose files are written, with what was measured of it; `frames` stay as read."""
         sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
-        with (self.folder / NOTE).open("a", encoding="utf-8") as stream:
+        with naming(self.folder / NOTE), (self.folder / NOTE).open("a", encoding="utf-8") as stream:
             stream.write(f"\n{json.dumps(entry)}\n")  # a line that was cut off before must not swallow this one
 
 

@@ -8,14 +8,15 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from ..errors import DataError, KarfError, OutOfMemory, is_out_of_memory
 
 DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
-# safetensors has the system's number in its message alone; the second form is that of its versions before 0.5
-NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)")
+# safetensors has the system's number in its message alone, in the second form before 0.5; and so do copies of folders
+NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)|\[Errno (\d+)\]")
 WINDOWS_ERRORS = {  # its own numbers, which libraries that are not written in Python report
     2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EACCES, 8: errno.ENOMEM, 14: errno.ENOMEM, 19: errno.EROFS,
     32: errno.EACCES, 33: errno.EACCES, 39: errno.ENOSPC, 112: errno.ENOSPC, 206: errno.ENAMETOOLONG,
@@ -67,6 +68,8 @@ def known_failure(error: BaseException) -> KarfError | None:
     if number is None:
         return None
     file = getattr(error, "filename", None) or "a file"
+    if isinstance(error, shutil.Error):  # of copies, each (source, target, reason)
+        file = error.args[0][0][1]
     reason = getattr(error, "strerror", None) or str(error)
     sentence, hint = SYSTEM_ERRORS.get(
         number, (f"{{file}} cannot be read or written: {reason}.", "Check the disk or the network drive.")
@@ -96,5 +99,5 @@ def system_number(error: BaseException) -> int | None:
     if any(word in str(error) for word in DISK_FULL_MESSAGES):
         return errno.ENOSPC
     found = NUMBER_IN_TEXT.search(str(error))
-    number = int(found[1] or found[2]) if found else None
+    number = int(found[found.lastindex]) if found else None
     return WINDOWS_ERRORS.get(number, number) if is_windows else number

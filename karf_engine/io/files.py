@@ -15,8 +15,8 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +79,24 @@ def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
 def copy_file(source: Path, target: Path) -> None:
     """Copy a file's content whole or not at all. Raises OSError that names the file that failed, source or target."""
     atomic_write(target, lambda temporary: shutil.copyfile(source, temporary))
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Let a write that fails in the block name this file or folder where what failed names none, or gives no reason.
+
+    Raises:
+        OSError: The disk takes no more, or the path cannot be written.
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, KarfError) and error.code != KarfError.code:
+            raise
+        number = system_number(error) or _probe(path if path.is_dir() else path.parent)
+        if number is None or getattr(error, "filename", None):
+            raise
+        raise OSError(number, getattr(error, "strerror", None) or os.strerror(number), str(path)) from error
 
 
 def replace(source: Path, target: Path) -> None:

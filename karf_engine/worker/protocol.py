@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError, Message
+from ..io.files import naming
 from ..io.inputs import MOST_JSON, check_file
 
 PROTOCOL = 1
@@ -79,7 +80,8 @@ class Request:
             "project": str(self.project),
             "options": self.options,
         }
-        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        with naming(path):
+            path.write_text(json.dumps(content, indent=1), encoding="utf-8")
         return path
 
     @classmethod
@@ -231,8 +233,9 @@ class EventWriter:
 
     def __call__(self, kind: str, /, **values: Any) -> None:
         try:
-            self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
-            self._stream.flush()
+            with naming(self._path):
+                self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
+                self._stream.flush()
         except OSError:
             self._begin_anew()
             raise

@@ -22,27 +22,47 @@ REMOVALS = ("os.remove", "os.rmdir")
 def record_changes(folder: Path, record: Path, flushes: bool) -> None:
     """Write what changes a file to a record, one change a line."""
     handle = os.open(record, os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
-    _at_each_change(folder, lambda event: os.write(handle, f"{event}\n".encode()), flushes)
+    _at_each_change(folder, lambda event, _: os.write(handle, f"{event}\n".encode()), flushes)
 
 
 def die_at_change(folder: Path, number: int) -> None:
     """Be killed just before the change of this number, counted from 1."""
     count = itertools.count(1)
-    _at_each_change(folder, lambda event: next(count) == number and os.kill(os.getpid(), signal.SIGKILL), False)
+    _at_each_change(folder, lambda event, _: next(count) == number and os.kill(os.getpid(), signal.SIGKILL), False)
 
 
 def no_room_from_change(folder: Path, number: int) -> None:
     """Let the change of this number and each after it fail that needs room: a removal needs none."""
     count = itertools.count(1)
 
-    def act(event: str) -> None:
+    def act(event: str, _: str) -> None:
         if next(count) >= number and not event.startswith(REMOVALS):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     _at_each_change(folder, act, True)
 
 
-def _at_each_change(folder: Path, act: Callable[[str], object], flushes: bool) -> None:
+def refuse_changes(folder: Path, number: int) -> None:
+    """Let each change fail with the system's error of this number, which names the path as the system's calls do."""
+
+    def act(event: str, path: str) -> None:
+        if not event.startswith(REMOVALS):
+            raise OSError(number, os.strerror(number), path)
+
+    _at_each_change(folder, act, False)
+
+
+def no_memory_at_changes(folder: Path) -> None:
+    """Let each change fail for want of memory."""
+
+    def act(event: str, _: str) -> None:
+        if not event.startswith(REMOVALS):
+            raise MemoryError
+
+    _at_each_change(folder, act, False)
+
+
+def _at_each_change(folder: Path, act: Callable[[str, str], object], flushes: bool) -> None:
     root, flush = str(folder), os.fsync
 
     def hook(event: str, arguments: tuple) -> None:
@@ -52,10 +72,10 @@ def _at_each_change(folder: Path, act: Callable[[str], object], flushes: bool) -
         path = os.fsdecode(arguments[0]) if isinstance(arguments[0], str | bytes | os.PathLike) else ""
         vain = {"os.mkdir": True, "os.remove": False}.get(event)  # what is there already, or no longer
         if path.startswith(root) and (vain is None or os.path.lexists(path) != vain):
-            act(f"{event} {Path(path).suffix or Path(path).name}")
+            act(f"{event} {Path(path).suffix or Path(path).name}", path)
 
     def flushed(handle) -> None:
-        act("fsync")
+        act("fsync", "")
         flush(handle)
 
     if flushes:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...compute.progress import Emit, Progress
+from ...io.files import naming
 from .child import Message, child_messages
 
 LONG_SIDE = 1600  # pixels of the longer side of the photos in which features are found
@@ -78,7 +79,7 @@ def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> S
         Cancelled: `should_stop` returned true.
         KarfError: pycolmap fails.
     """
-    with child_messages("pycolmap", _reconstruct, task) as messages:
+    with naming(task.work), child_messages("pycolmap", _reconstruct, task) as messages:
         return _follow(messages, task, emit, should_stop)
 
 

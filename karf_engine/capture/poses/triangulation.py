@@ -15,6 +15,7 @@ import numpy as np
 
 from ...compute.progress import Progress
 from ...io.color import to_bytes
+from ...io.files import naming
 from ...io.images import encoded
 from ..camera import Camera
 from ..capture import SparsePoints
@@ -47,7 +48,7 @@ def triangulate(training_images: list[TrainingImage], threads: int, progress: Pr
 
     progress: gets one step for each training image. Raises KarfError where pycolmap fails, and what progress raises.
     """
-    with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder:
+    with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder, naming(folder):
         task = _Task(
             folder, [f"{n:05d}.png" for n in range(len(training_images))], [p.camera for p in training_images], threads
         )

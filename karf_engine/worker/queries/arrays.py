@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ...io.files import naming
+
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Write arrays as float32, one behind the other, plainly: they are read at once, by a process of this computer.
@@ -16,7 +18,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]
         `pixels`, the file; `arrays`, of each its `shape`, `dtype` and `offset` in bytes.
     """
     placed, offset = {}, 0
-    with path.open("wb") as stream:
+    with naming(path), path.open("wb") as stream:
         for name, array in arrays.items():
             pixels = np.ascontiguousarray(array, np.float32)
             stream.write(pixels.data)

@@ -1,0 +1,138 @@
+"""What cannot be written is named, by every command that writes, and memory that runs out is told as that."""
+
+import errno
+import os
+import shutil
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch")
+
+import resource
+
+from blender_tests.engine.commands.farm.sequences import write_sequence
+from blender_tests.engine.conftest import QUICK
+from blender_tests.engine.faults import engine
+from blender_tests.engine.faults.traps import no_memory_at_changes, refuse_changes
+from blender_tests.engine.splats.clouds import cloud
+from karf_engine.project import Project
+from karf_engine.project.state import without_stage, write_state
+from karf_engine.splats.formats import ply
+from karf_engine.splats.formats.splat_file import SplatFile
+from karf_engine.worker.protocol import Request
+
+BAD_DATA, OUT_OF_MEMORY = 4, 5
+# a row: what is run. Stages of the project are learned anew, so they have something to write
+COMMANDS = {
+    "inspect": "inspect {capture} --out {out}/inspected",
+    "mark": "mark {capture} --view train_r_0 --object pot --out {out}/masks --box 4,4,20,20",
+    "all": "all {capture} --masks {masks} --project {out}/project",
+    "geometry": "geometry {capture} --project {out}/project",
+    "segmentation": "segmentation {project} --masks {masks}",
+    "palette": "palette {project}",
+    "edit": "palette {project} --out {out}/edit.json",
+    "palette of Adobe": "palette {project} --out {out}/edit.ase",
+    "recoloring": "recoloring {project}",
+    "splats": "splats {project}",
+    "match": "match {project} --object ball --from #b5302c --to #3059b8 --out {out}/edit.json",
+    "render": "render {project} --views test --planes --depth --layers --out {out}/frames --edit {inputs}/edit.json",
+    "layers": "render {project} --views {inputs}/cameras.json --layers --out {out}/frames",
+    "frames as EXR": "render {project} --views {inputs}/cameras.json --format exr16 --out {out}/frames --edit {inputs}/edit.json",
+    "colorways": "colorways {project} --sheet {inputs}/sheet.csv --views test --out {out}/colorways",
+    "points": "points {project} --out {out}/points.ply --count 1000",
+    "points to recolor": "points {project} --out {out}/points.npz --count 1000",
+    **{f"export-splat {end}": f"export-splat {{project}} --out {{out}}/cloud{end}" for end in (".ply", ".spz", ".gltf", ".usdc")},
+    "import-splat": "import-splat {inputs}/cloud.ply --out {out}/capture --views 3 --size 64",
+    "poses": "poses {capture}/train --out {out}/capture",
+    "farm": "farm {project} --views test --out {out}/bundle --edit {inputs}/edit.json",
+    "farm that learns": "farm {capture} --masks {masks} --out {out}/bundle",
+    "run": "run {out}/job",
+}  # fmt: skip
+
+STAGES = ("segmentation", "palette", "recoloring", "splats")
+LEARNING = ("all", "geometry")
+
+
+def no_bytes(_: Path) -> None:
+    """Let no file get a byte, whichever library writes it; the system names no path then."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+
+
+def no_bytes_and_no_links(disk: Path) -> None:
+    """The same, where the given files lie on another disk."""
+    no_bytes(disk)
+    os.link = refused
+
+
+def refused(*_: object) -> None:
+    raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+
+
+FAULTS = {
+    "disk full": partial(refuse_changes, number=errno.ENOSPC),
+    "quota": partial(refuse_changes, number=errno.EDQUOT),
+    "read-only disk": partial(refuse_changes, number=errno.EROFS),
+    "no right": partial(refuse_changes, number=errno.EACCES),
+    "no byte can be written": no_bytes,
+    "no byte, on another disk": no_bytes_and_no_links,
+    "no memory": no_memory_at_changes,
+}
+
+
+@dataclass(frozen=True)
+class Desk:
+    """What commands are given. learned: a project; disk: the folder below which they write, which faults befall."""
+
+    capture: Path
+    masks: Path
+    inputs: Path
+    learned: Path
+    disk: Path
+
+    def clear(self, name: str) -> list[str]:
+        """Lay out what a row of COMMANDS needs; returns its command line."""
+        shutil.rmtree(self.disk, ignore_errors=True)
+        (self.disk / "out" / "job").mkdir(parents=True)
+        project = Project(self.disk / "project")
+        shutil.copytree(self.learned, project.folder)
+        if name in STAGES:
+            write_state(project.state_file, without_stage(project.state(), name))
+        places = {"project": project.folder, "out": self.disk / "out"} | vars(self)
+        Request("match", project.folder, MATCH | {"out": f"{places['out']}/edit.json"}).write(self.disk / "out" / "job")
+        settings = [part for text in QUICK for part in ("--set", text)] if name in LEARNING else []
+        return [word.format(**places) for word in COMMANDS[name].split()] + settings
+
+
+MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
+
+
+@pytest.fixture(scope="module")
+def desk(still_life, learned, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("named paths")
+    inputs = folder / "inputs"
+    inputs.mkdir()
+    write_sequence(learned.project, inputs, 2)
+    ply.write(inputs / "cloud.ply", SplatFile(cloud()))
+    (inputs / "sheet.csv").write_text("colorway,object,hex\nGreen,ball,#1ec040\n")
+    with pytest.MonkeyPatch.context() as patch:
+        engine.prepare(patch)
+        yield Desk(still_life.capture, still_life.masks, inputs, learned.project, folder / "disk")
+
+
+EVERYWHERE = ("disk full", "no byte can be written", "no memory")
+CASES = [
+    *product(COMMANDS, EVERYWHERE),
+    *product(("edit", "frames as EXR", "export-splat .usdc", "farm"), ["quota", "read-only disk", "no right"]),
+    *product(("poses", "import-splat"), ["no byte, on another disk"]),
+]
+
+
+@pytest.mark.parametrize(("name", "fault"), CASES)
+def test_the_path_that_could_not_be_written_is_named(desk, name, fault):
+    ended = engine.run(desk.clear(name), partial(FAULTS[fault], desk.disk))
+    assert ended.code == (OUT_OF_MEMORY if fault == "no memory" else BAD_DATA), ended.text
+    assert fault == "no memory" or str(desk.disk) in ended.sentence
