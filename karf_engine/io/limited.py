@@ -35,13 +35,16 @@ FEW_RESERVATIONS = {"OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}  # eac
 AGAIN = "Export or copy the file again."
 
 
-def run_limited(work: Callable[[Path], Mapping[str, np.ndarray]], path: Path, names: Sequence[str]) -> list[np.ndarray]:
-    """Call `work(path)` in a child process that ends with this one.
+def run_limited(
+    work: Callable[..., Mapping[str, np.ndarray]], path: Path, names: Sequence[str], *more: str
+) -> list[np.ndarray]:
+    """Call `work(path, *more)` in a child process that ends with this one.
 
     Args:
         work: A function of a module of this package.
         path: The file that it reads.
         names: Of the arrays that it gives.
+        *more: Its further arguments.
 
     Returns:
         The arrays, in the order of the names.
@@ -54,9 +57,9 @@ def run_limited(work: Callable[[Path], Mapping[str, np.ndarray]], path: Path, na
     seconds = LEAST_SECONDS + SECONDS_PER_MEGABYTE * size // 10**6
     root = str(Path(__file__).parents[2])  # the engine may run as a folder, off the path that a child gets
     code = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import main; main(*sys.argv[1:])"
-    limits = (LEAST_BYTES + BYTES_PER_BYTE * size, seconds)
+    n_bytes = LEAST_BYTES + BYTES_PER_BYTE * size
     with tempfile.TemporaryDirectory() as folder:
-        arguments = [work.__module__, work.__name__, path, folder, *map(str, limits)]
+        arguments = [work.__module__, work.__name__, path, folder, str(n_bytes), str(seconds), json.dumps(more)]
         command = [sys.executable, "-I", "-B", "-X", "utf8", "-c", code, *arguments]
         with subprocess.Popen(
             command, env=os.environ | FEW_RESERVATIONS,
@@ -76,12 +79,12 @@ def run_limited(work: Callable[[Path], Mapping[str, np.ndarray]], path: Path, na
         return read_arrays(Path(folder) / RESULT, names, "result", AGAIN)
 
 
-def main(module: str, name: str, path: str, folder: str, n_bytes: str, seconds: str) -> None:
+def main(module: str, name: str, path: str, folder: str, n_bytes: str, seconds: str, more: str) -> None:
     """What the child does: arrays or a sentence into the folder."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _limit(int(n_bytes), int(seconds))
     try:
-        arrays = getattr(import_module(module), name)(Path(path))
+        arrays = getattr(import_module(module), name)(Path(path), *json.loads(more))
         np.savez(Path(folder) / RESULT, **arrays)
     except Exception as error:
         if is_out_of_memory(error):
