@@ -139,7 +139,7 @@ def _audit(event: str, arguments: tuple) -> None:
     elif event in CHANGES or (event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING):
         targets = arguments[:2] if event in ("os.rename", "os.link", "os.symlink") else arguments[:1]
         if event in ("os.remove", "os.rmdir") and arguments[1] >= 0:  # within an open folder
-            targets = (os.path.join(os.readlink(f"/proc/self/fd/{arguments[1]}"), os.fsdecode(arguments[0])),)
+            targets = (Path(f"/proc/self/fd/{arguments[1]}").readlink() / os.fsdecode(arguments[0]),)
         note = next((f"writes outside: {event} {path}" for path in map(_outside, targets) if path), "")
     if note:
         _notes.append(note)

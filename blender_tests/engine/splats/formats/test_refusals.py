@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 import struct
 import sys
 import tracemalloc
@@ -10,6 +11,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from blender_tests.engine.peak import peak_of
 from blender_tests.engine.splats.clouds import GROUPS
 from blender_tests.engine.splats.formats.files import packaged, refused, unit_cloud, write_sog, written
 from karf_engine.errors import BadRequest, MissingDependency
@@ -285,6 +287,28 @@ def test_nodes_move_what_is_in_them(tmp_path):
     found = read_splats(path).table
     np.testing.assert_allclose(found[:, :3], (2 * TABLE[:, :3] + (1, 2, 3)) * (1, -1, -1), atol=1e-6)
     np.testing.assert_allclose(found[:, 3:6], TABLE[:, 3:6] + np.log(2), atol=1e-6)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="others have no such figures")
+def test_one_file_that_many_buffers_name_is_read_once(tmp_path):
+    count, size = 300, 4 << 20
+    path = written(tmp_path, ".gltf", unit_cloud(1, 0))
+    content = json.loads(path.read_text())
+    (tmp_path / "0.bin").write_bytes(bytes(size))
+    for number in range(count):
+        os.link(tmp_path / "0.bin", tmp_path / f"{number + 1}.bin")
+    content["buffers"] = [{"uri": f"{number}.bin", "byteLength": size} for number in range(count)]
+    content["bufferViews"] = [{"buffer": number, "byteLength": size} for number in range(count)]
+    used, attributes = content["accessors"], content["meshes"][0]["primitives"][0]["attributes"]
+    content["accessors"] = [accessor | {"bufferView": view} for view in range(count) for accessor in used]
+    primitive = content["meshes"][0]["primitives"][0]
+    content["meshes"][0]["primitives"] = [
+        primitive | {"attributes": {name: number + view * len(used) for name, number in attributes.items()}}
+        for view in range(count)
+    ]
+    path.write_text(json.dumps(content))
+    code = "from karf_engine.splats.formats.registry import read_splats; read_splats(Path(sys.argv[1]))"
+    assert peak_of(code, path, fails_with="no quaternion") < 400 << 20
 
 
 @pytest.mark.parametrize(("data", "words"), [(b"{", "Expecting property name"), (b"glTF\2\0\0\0", "unpack_from")])
