@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from torch import Tensor
 from ..errors import DataError
 from .failures import is_out_of_memory
 from .files import atomic_write
+from .inputs import check_file
 
 AGAIN = "Run the stage that writes it again."
 # what code raises that makes something of a damaged file's tensors and metadata
@@ -48,8 +50,11 @@ def load_tensors(
         device: Where the tensors are to be.
 
     Raises:
-        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite.
+        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite, or of a type that
+            cannot be checked.
     """
+    if path.exists():
+        check_file(path, sys.maxsize)
     try:
         with safe_open(path, "pt") as stored:
             header = _header(stored.metadata() or {})
@@ -65,7 +70,11 @@ def load_tensors(
     except (SafetensorError, OSError, RecursionError, *DAMAGE) as error:
         raise _damaged(path, error) from error
     for name, tensor in tensors.items():
-        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+        try:
+            is_finite = torch.isfinite(tensor).all()
+        except NotImplementedError as error:  # of types such as float8_e4m3fn
+            raise DataError(f"{path} holds {name!r:.200} as {tensor.dtype}, which is not read.", AGAIN) from error
+        if not is_finite:
             raise DataError(f"{path} holds values in {name!r:.200} that are not finite.", AGAIN)
     return {name: tensor.to(device) for name, tensor in tensors.items()}, metadata
 
