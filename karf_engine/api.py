@@ -12,6 +12,9 @@ checked before anything is done, and these:
 
 They raise `KarfError`: its subclasses (see `errors`) say whose fault it is, its `sentence` what is wrong and its `hint`
 what to do about it. Full disks, missing rights and memory that ran out are reported in the same way.
+
+Ctrl-C saves what is learned so far and then raises KeyboardInterrupt; a second one does not wait. Torch's number of
+threads, its random state and its treatment of denormal numbers are as before after each call.
 """
 
 from __future__ import annotations
@@ -40,7 +43,9 @@ from .commands.options import (
     SegmentationOptions,
     SplatsOptions,
 )
+from .compute.interrupts import stop_on_interrupt
 from .compute.progress import Emit, TerminalEmit
+from .compute.torch_state import preserved_torch_state
 from .errors import missing_package
 from .io.arguments import check_type, checked
 from .io.failures import translated
@@ -270,7 +275,7 @@ def load(project: PathLike, device: str | None = None) -> Model:
         from .recolor.model import Model
     except ModuleNotFoundError as error:
         raise missing_package(error.name) from error
-    with translated():
+    with translated(), preserved_torch_state():
         return Model.load(project, device)
 
 
@@ -404,8 +409,8 @@ def _run(kind: type[Options], **given: Any) -> None:
         in_memory["capture"] = given["capture"]
         given["capture"] = _path_of(given["capture"])
     emit = run.get("emit") or _events_to(run.get("progress"))
-    with translated():
-        run_command(kind.of(**given), emit, run.get("should_stop") or (lambda: False), **in_memory)
+    with translated(), preserved_torch_state(), stop_on_interrupt(run.get("should_stop")) as should_stop:
+        run_command(kind.of(**given), emit, should_stop, **in_memory)
 
 
 def _is_opened(capture: Any) -> bool:

@@ -1,8 +1,11 @@
 """The door: what a researcher imports, with plain values and no command line, job or Blender."""
 
 import errno
+import math
+import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
@@ -47,6 +50,36 @@ def test_a_scene_is_learned_and_told_of_in_lines(still_life, tmp_path):
     )
     assert model.objects == ["ball", "block"] and len(model.palettes) == 2
     assert any(line.startswith("segmentation ") for line in lines)
+
+
+def test_torch_is_left_as_the_caller_had_it(learned, tmp_path):
+    import torch
+
+    def state():
+        return torch.get_num_threads(), torch.get_rng_state().tolist(), math.ulp(0.0) * 1.0
+
+    torch.set_num_threads(2)
+    torch.manual_seed(5)
+    before = state()
+    karf.learn_splats(learned.project, threads=1, device="cpu")
+    karf.render(learned.project, tmp_path / "out", views="test", threads=1, device="cpu")
+    karf.load(learned.project, device="cpu")
+    assert state() == before
+    torch.set_num_threads(1)
+
+
+def test_ctrl_c_saves_what_is_learned_so_far(still_life, tmp_path):
+    project = tmp_path / "project"
+
+    def interrupt(kind, **values):
+        if kind == "progress" and values["stage"] == "geometry":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    learning = {"project": project, "overrides": QUICK, "threads": 1, "device": "cpu"}
+    with pytest.raises(KeyboardInterrupt):
+        karf.learn_geometry(still_life.capture, **learning, emit=interrupt)
+    assert (project / "unfinished_geometry.safetensors").exists()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_frame_is_arrays(model):

@@ -12,6 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from ..commands.dispatch import run_command
+from ..compute.interrupts import stop_on_interrupt
 from ..compute.progress import TerminalEmit
 from ..errors import BadRequest
 from ..io.files import read_json
@@ -31,7 +32,8 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 def run_command_line(arguments: argparse.Namespace) -> int:
     """A command in this process; its events go to the terminal."""
-    run_command(options_of(arguments), TerminalEmit(), lambda: False)
+    with stop_on_interrupt() as should_stop:
+        run_command(options_of(arguments), TerminalEmit(), should_stop)
     return 0
 
 
