@@ -34,6 +34,7 @@ from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srg
 from ..karf_engine.io.containment import inside
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
+from ..karf_engine.io.inputs import check_file
 from ..karf_engine.io.names import file_name, is_file_name, known_as, same_but_for_case
 from ..karf_engine.io.options import Options, bounds_of
 from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
@@ -177,6 +178,7 @@ __all__ = [
     "atomic_write",
     "bounds_of",
     "camera_to_json",
+    "check_file",
     "checksum",
     "ciede2000",
     "color_to_text",

@@ -108,7 +108,7 @@ def _write(files: Files) -> None:
         _check(path)
     for path, content in files.items():
         if path not in _Memory.before:
-            _Memory.before[path] = path.read_bytes() if path.exists() else None
+            _Memory.before[path] = path.read_bytes() if path.is_file() else None
         if content is None:
             _remove(path)
         else:

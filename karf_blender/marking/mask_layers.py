@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..engine_api import KarfError, View, masks_of_view
+from ..engine_api import KarfError, View, check_file, masks_of_view
 from ..host import windows
 from ..pictures import images
 from ..project import captures
@@ -100,14 +100,20 @@ def _found(root: Path, names: list[str], view: View) -> list[tuple[str, Path]]:
     return [(name, files[0]) for name in names if (files := masks_of_view(root / name, view))]
 
 
+def _decoded(file: Path) -> np.ndarray | None:
+    """What `png.decode` gives of a file. Raises DataError where it is a folder, a pipe or a device."""
+    check_file(file)
+    return png.decode(file.read_bytes())
+
+
 def _read_mask(file: Path) -> np.ndarray:
-    own = png.decode(file.read_bytes())
+    own = _decoded(file)
     is_plain = own is not None and own.shape[-1] == 1 and own.max() == 255
     return own[..., 0] > 127 if is_plain else images.read_mask(file)
 
 
 def _read_correction(file: Path) -> np.ndarray:
-    own = png.decode(file.read_bytes())
+    own = _decoded(file)
     if own is None or own.shape[-1] == 1:
         return images.read_correction(file)
     return np.where(own[..., 1] > 127, np.where(own[..., 0] > 127, 1, -1), 0)

@@ -137,10 +137,10 @@ def is_prepared(scene: bpy.types.Scene) -> bool:
 
 def is_current(project: Project, view: str) -> bool:
     """True if the view has planes, and these were made from what is learned now."""
-    file = project.planes_file(view)
     try:
+        file = project.planes_file(view)
         return _planes_made_from(file, *_key_of(file)) == stage_mark(_state_of(project), "recoloring")
-    except OSError:
+    except (OSError, KarfError):
         return False
 
 
@@ -155,7 +155,7 @@ def seen_folder(scene: bpy.types.Scene) -> Path:
     Named by what is learned: what was rendered before is in other folders.
     """
     project = folders.project_of(scene)
-    return project.folder / "seen" / stage_mark(_state_of(project), "segmentation")
+    return project.path("seen", stage_mark(_state_of(project), "segmentation"))
 
 
 def seen_rendering(scene: bpy.types.Scene) -> Path | None:

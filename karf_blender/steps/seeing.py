@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import Message, Request
+from ..engine_api import Message, Request, inside
 from ..marking import asking
 from ..pictures import editors
 from ..project import contents
@@ -32,12 +32,13 @@ def show_masks(scene: bpy.types.Scene) -> None:
     _reveal(scene)
     if shown.of(scene).known_masks() is None:
         view = scene.karf.active_view
-        queries.send(scene, "masks", {"view": view}, partial(_take_masks, _fresh_folder(scene), view))
+        queries.send(scene, "masks", {"view": view}, partial(_take_masks, _fresh_folder(scene).name, view))
 
 
-def _take_masks(folder: Path, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+def _take_masks(mark: str, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    folder = contents.seen_folder(scene).with_name(mark)  # of what was learned when they were asked for
     for name, file in values["masks"].items():
-        target = folder / "masks" / name / f"{view}.png"
+        target = inside(folder, "masks", name, f"{view}.png")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
     shown.of(scene).load_masks()

@@ -23,7 +23,7 @@ def edit_of(look: bpy.types.PropertyGroup) -> Edit:
     scene = look.id_data
     try:
         content = json.loads(look.edit)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(
             "The look {name!r} is no edit: {error}.", "Remove it, and keep it again.", name=look.name, error=error
         ) from error

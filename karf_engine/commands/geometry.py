@@ -17,6 +17,7 @@ import numpy as np
 from ..capture import hold_out, in_space, open_capture
 from ..capture.capture import ALIKE, Capture, SparsePoints, capture_to_json, with_gains, with_split
 from ..capture.poses.triangulation import triangulate
+from ..capture.reading import read_bytes
 from ..capture.training_images import TrainingImage
 from ..compute import cores
 from ..compute.kernels import has_kernels
@@ -129,7 +130,7 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
     if capture.splats is not None:
         inputs.append(file_digest(capture.splats.path))
     if nerf is not None:
-        inputs.append(hashlib.sha256(nerf.read_bytes()).hexdigest())
+        inputs.append(hashlib.sha256(read_bytes(nerf)).hexdigest())
     return inputs
 
 

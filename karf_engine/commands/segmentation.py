@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from ..capture.capture import ALIKE
+from ..capture.reading import read_bytes
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.protocol import Field
@@ -78,7 +79,7 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
 
 
 def _digests(marks: list[CoarseMask]) -> list:
-    return [[mark.object_name, mark.view.name, hashlib.sha256(mark.path.read_bytes()).hexdigest()] for mark in marks]
+    return [[mark.object_name, mark.view.name, hashlib.sha256(read_bytes(mark.path)).hexdigest()] for mark in marks]
 
 
 def _label(

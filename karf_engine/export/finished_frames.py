@@ -16,6 +16,7 @@ from ..capture.capture import Capture, View, capture_to_json
 from ..capture.mask_names import mask_files
 from ..io.files import naming
 from ..io.fingerprints import file_digest, fingerprint
+from ..io.inputs import check_file
 from ..palettes.edge_shape import shaped_edges
 from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project
@@ -42,13 +43,20 @@ class FinishedFrames:
 
     @classmethod
     def read(cls, folder: Path) -> FinishedFrames:
-        """The note of a folder; lines that were cut off by a kill are passed over."""
+        """The note of a folder; lines that were cut off by a kill are passed over.
+
+        Raises:
+            DataError: A folder, a pipe or a device has its name.
+        """
         path, frames = folder / NOTE, {}
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ():
+        if not path.exists():
+            return cls(folder)
+        check_file(path)
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
                 entry = json.loads(line)
                 frames[str(entry["frame"])] = entry | {"made_from": entry["made_from"], "files": dict(entry["files"])}
-            except (ValueError, KeyError, TypeError):
+            except (ValueError, KeyError, TypeError, RecursionError):
                 continue
         return cls(folder, frames)
 

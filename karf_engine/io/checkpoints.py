@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from torch import Tensor
 from ..errors import DataError
 from .failures import is_out_of_memory
 from .files import atomic_write
+from .inputs import check_file
 from .library_paths import library_path
 
 AGAIN = "Run the stage that writes it again."
@@ -54,8 +56,11 @@ def load_tensors(
         device: Where the tensors are to be.
 
     Raises:
-        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite.
+        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite, or of a type that
+            cannot be checked.
     """
+    if path.exists():
+        check_file(path, sys.maxsize)
     try:
         with library_path(path) as readable, safe_open(readable, "pt") as stored:
             header = _header(stored.metadata() or {})
@@ -73,7 +78,11 @@ def load_tensors(
             raise
         raise _damaged(path, error) from error
     for name, tensor in tensors.items():
-        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+        try:
+            is_finite = torch.isfinite(tensor).all()
+        except NotImplementedError as error:  # of types such as float8_e4m3fn
+            raise DataError(f"{path} holds {name!r:.200} as {tensor.dtype}, which is not read.", AGAIN) from error
+        if not is_finite:
             raise DataError(f"{path} holds values in {name!r:.200} that are not finite.", AGAIN)
     return {name: tensor.to(device) for name, tensor in tensors.items()}, metadata
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import BadRequest, DataError, is_out_of_memory, missing_extra
+from .limited import run_limited
 
 SRGB = "srgb_rec709_scene"  # IEC 61966-2-1's curve and primaries, by the name that the Color Interop Forum gives it
 BUILT_IN = "ocio://default"
@@ -47,6 +48,7 @@ class ColorSpace:
     @property
     def interop_id(self) -> str:
         """What the Color Interop Forum calls the space; empty where its configuration does not say."""
+        _check(self)
         return _config(self.config).getColorSpace(self.name).getInteropID()
 
 
@@ -65,18 +67,37 @@ def color_space(name: str, config: str | None = None) -> ColorSpace:
     """
     place = os.environ.get(VARIABLE, "") if config is None else config
     found = ColorSpace(name, place if "://" in place or not place else str(Path(place).absolute()))
-    known = _config(found.config)
-    if known.getColorSpace(name) is None:
+    _check(found)
+    return found
+
+
+@lru_cache(maxsize=8)
+def _check(space: ColorSpace) -> None:
+    """Raise what `color_space` does. A file, and the tables that it names, are tried in a child process."""
+    if not space.config or "://" in space.config:
+        _require(space)
+    else:
+        run_limited(try_configuration, Path(space.config), (), space.name)
+
+
+def try_configuration(path: Path, name: str) -> dict[str, np.ndarray]:
+    """What a child process does: read a configuration and make a space's ways. Raises as `color_space`; gives nothing."""
+    _require(ColorSpace(name, str(path)))
+    return {}
+
+
+def _require(space: ColorSpace) -> None:
+    known = _config(space.config)
+    if known.getColorSpace(space.name) is None:
         names = [*known.getColorSpaceNames()]
         words = {word.lower(): each for each in names for word in (each, *known.getColorSpace(each).getAliases())}
-        near = list(dict.fromkeys(words[word] for word in difflib.get_close_matches(name.lower(), words, 5, 0.4)))
+        near = list(dict.fromkeys(words[word] for word in difflib.get_close_matches(space.name.lower(), words, 5, 0.4)))
         raise BadRequest(
-            f"There is no color space {name!r:.200} in {_said(found.config)}.",
+            f"There is no color space {space.name!r:.200} in {_said(space.config)}.",
             f"Nearest: {', '.join(near)}." if near else f"It has {', '.join(names)}.",
         )
-    found.to_srgb(np.zeros(3, np.float32))
-    found.from_srgb(np.zeros(3, np.float32))
-    return found
+    for is_to_srgb in (True, False):
+        _new_processor(space, is_to_srgb)
 
 
 def _library() -> Any:
@@ -104,6 +125,11 @@ def _config(place: str) -> Any:
 
 @lru_cache(maxsize=8)
 def _processor(space: ColorSpace, is_to_srgb: bool) -> Any:
+    _check(space)
+    return _new_processor(space, is_to_srgb)
+
+
+def _new_processor(space: ColorSpace, is_to_srgb: bool) -> Any:
     library, config = _library(), _config(space.config)
     between = library.Config
     convert = between.GetProcessorToBuiltinColorSpace if is_to_srgb else between.GetProcessorFromBuiltinColorSpace

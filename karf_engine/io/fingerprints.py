@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from .inputs import check_file
+
 WHOLE_BYTES, END_BYTES = 2**20, 2**18  # files up to here count whole, larger ones by their ends
 
 
@@ -19,8 +21,11 @@ def file_digest(path: Path) -> list:
     """What tells a file from another one in its place: its size, and a hash of its content.
 
     Of a file over 1 MiB, its first and last 256 KiB: whoever takes another picture changes these.
+
+    Raises:
+        DataError: The file is missing, or is a folder, a pipe or a device.
     """
-    size = path.stat().st_size
+    size = check_file(path)
     with path.open("rb") as stream:
         if size <= WHOLE_BYTES:
             content = stream.read()

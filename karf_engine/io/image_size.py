@@ -40,6 +40,7 @@ class ImageHeader:
         orientation: 1..8 as in Exif.
         kind: `png`, `jpeg`, `webp`, `tiff`, `bmp` or `exr`.
         deep: Whether colors have more than 8 bits a channel.
+        depth: Bytes of a channel's value.
         premultiplied: Whether colors are multiplied by alpha.
     """
 
@@ -49,6 +50,7 @@ class ImageHeader:
     kind: str = ""
     deep: bool = False
     premultiplied: bool = False
+    depth: int = 1
 
     @property
     def swaps_sides(self) -> bool:
@@ -105,7 +107,7 @@ def webp_size(data: bytes) -> tuple[int, int]:
     return header.stored
 
 
-def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL) -> None:
+def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL, depth: int = 1) -> None:
     """Refuse a picture file that claims more pixels than are read of a file of its length.
 
     Args:
@@ -113,12 +115,13 @@ def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXEL
         width: Claimed, pixels.
         height: Claimed, pixels.
         of_small: How many pixels are read of the smallest file.
+        depth: Bytes of a channel's value; of more than two, so many fewer pixels are read.
 
     Raises:
         DataError: It claims more.
     """
     length = path.stat().st_size
-    most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length))
+    most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length)) * 2 // max(2, depth)
     if width * height > most:
         raise DataError(
             f"{path} has {width}x{height} pixels in {length:,} bytes; at most {most // 10**6} million are read of that.",
@@ -265,7 +268,8 @@ def _tiff_header(stream: BinaryIO) -> ImageHeader | None:
         return None
     deep = max(fields.get(0x0102, (1,))) > 8 and fields.get(0x0115, (1,))[0] > 1
     premultiplied = fields.get(0x0152, (0,))[0] == 1  # ExtraSamples: associated alpha
-    return ImageHeader(fields[0x0100][0], fields[0x0101][0], _orientation(fields), "tiff", deep, premultiplied)
+    width, height, depth = fields[0x0100][0], fields[0x0101][0], max(fields.get(0x0102, (1,))) // 8
+    return ImageHeader(width, height, _orientation(fields), "tiff", deep, premultiplied, depth)
 
 
 def _bmp_header(head: bytes) -> ImageHeader:

@@ -26,6 +26,7 @@ from .files import atomic_write
 from .image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # pixels of up to four channels: each takes several copies of floats
+ROWS = 256  # that are converted together
 BACK = {6: 8, 8: 6}  # the Exif orientation that undoes another; all others undo themselves
 MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # pixels of drawings, which compress well
 
@@ -85,7 +86,7 @@ def read_pixels(
     """
     with decoding(path):
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
-        check_pixels(path, *header.stored, of_small)
+        check_pixels(path, *header.stored, of_small, header.depth)
         if header.kind == "exr":
             return _read_exr(path, header, space), header
         pixels = _read_deep(path) if header.deep else _read_plain(path, upright, of_small)
@@ -116,7 +117,13 @@ def _read_plain(path: Path, upright: bool, of_small: int) -> np.ndarray:
 
 def _read_deep(path: Path) -> np.ndarray:
     """Colors of more than 8 bits, which Pillow would cut to 8."""
-    return iio.imread(path.read_bytes(), plugin="opencv", index=0, flags=cv2.IMREAD_UNCHANGED)
+    pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise ValueError("OpenCV cannot decode it")
+    if pixels.ndim == 3:  # blue first; in place, since a copy of a large picture is much
+        blue = pixels[..., 0].copy()
+        pixels[..., 0], pixels[..., 2] = pixels[..., 2], blue
+    return pixels
 
 
 def oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
@@ -176,12 +183,19 @@ def display_colors(light: np.ndarray, space: ColorSpace | None = None) -> np.nda
 
     space: that the light is in; None: linear, with the primaries of sRGB.
     """
+    shown = np.empty((*light.shape[:2], max(3, light.shape[-1])), np.float32)
+    for start in range(0, len(light), ROWS):  # the curve is computed in double precision: of a whole picture too much
+        shown[start : start + ROWS] = _display_colors(light[start : start + ROWS], space)
+    return shown
+
+
+def _display_colors(light: np.ndarray, space: ColorSpace | None) -> np.ndarray:
     light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
     if light.shape[-1] == 4:
         light[..., :3] = straight(light)
     colors = light[..., :3] if light.shape[-1] > 1 else np.repeat(light, 3, -1)
     colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1) if space is None else in_srgb(colors, space)
-    return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1).astype(np.float32)
+    return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1)
 
 
 def paste(stored: np.ndarray, canvas: np.ndarray, corner: np.ndarray) -> None:
@@ -202,11 +216,10 @@ def _mode_to_read(stored: dict[str, Any]) -> str | None:
 
 
 def _as_colors(pixels: np.ndarray) -> np.ndarray:
-    if pixels.ndim == 2:
-        pixels = np.repeat(pixels[..., None], 3, axis=-1)
-    colors = pixels.astype(np.float32)
+    colors = pixels.astype(np.float32, copy=not pixels.flags.writeable)
     colors /= full_value(pixels)
-    return np.clip(colors, 0, 1, out=colors)
+    np.clip(colors, 0, 1, out=colors)
+    return colors if colors.ndim == 3 else np.repeat(colors[..., None], 3, axis=-1)
 
 
 def full_value(pixels: np.ndarray) -> int:

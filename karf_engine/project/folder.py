@@ -20,9 +20,10 @@ A stage's outputs are gathered in a folder of their own until all are there, and
     planes/<view>.npz            edit planes of a captured view (see palettes.compositing)
     looks/<scene>/<camera>.safetensors  cached renderings of captured views (see recolor/render_cache.py)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras
-    jobs/<time>-<stage>/         request, events and log of each job
+    jobs/<time>-<number>-<stage>/  request, events and log of each job (see project.jobs)
     .outputs/                    outputs of a stage at work
     lock, lock.json, commit.lock who may write now (see locking)
+    .karf-*/                     a file that is being written (see io.files)
 """
 
 from __future__ import annotations

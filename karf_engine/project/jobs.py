@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import platform
 import re
 import shutil
 from contextlib import suppress
 from pathlib import Path
 
 from ..errors import KarfError
+from ..io.containment import is_link
 from ..io.files import read_json, write_json
+from ..io.processes import host_name, is_running
 from .folder import Project
 
 KEPT = 20  # the newest, for their logs
 NAME = re.compile(r"\d{8}-\d{6}-\d{3}-[a-z-]+")  # as `Project.new_job` makes them
 OWNER_FILE = "owner.json"
 ANSWERING = "-warm"  # of the stage that answers queries, whose folders are large
-SYNCHRONIZE, NO_SUCH_PROCESS, STILL_RUNS = 0x100000, 87, 0x102  # of Windows
 
 
 def new_job(project: Project, stage: str) -> Path:
@@ -29,7 +28,7 @@ def new_job(project: Project, stage: str) -> Path:
     """
     prune_jobs(project)
     job = project.new_job(stage)
-    write_json(job / OWNER_FILE, {"pid": os.getpid(), "host": _host()})
+    write_json(job / OWNER_FILE, {"pid": os.getpid(), "host": host_name()})
     return job
 
 
@@ -38,11 +37,9 @@ def prune_jobs(project: Project) -> None:
 
     Folders of processes that run, or may run on another computer, stay; so does what has another name. Never raises.
     """
-    root = project.folder / "jobs"
-    with suppress(OSError):
-        if root.resolve() != project.folder.resolve() / "jobs":  # a link
-            return
-        jobs = sorted(path for path in root.iterdir() if NAME.fullmatch(path.name) and not path.is_symlink())
+    with suppress(OSError, KarfError):
+        root = project.path("jobs")
+        jobs = sorted(path for path in root.iterdir() if NAME.fullmatch(path.name) and not is_link(path))
         for age, job in enumerate(reversed(jobs)):
             is_left = job.name.endswith(ANSWERING) and (job / OWNER_FILE).exists()
             if (age >= KEPT or is_left) and _is_over(job):
@@ -55,32 +52,6 @@ def _is_over(job: Path) -> bool:
         return True
     try:
         owner = read_json(job / OWNER_FILE, "job's owner")
-        return owner["host"] == _host() and not _runs(int(owner["pid"]))
+        return owner["host"] == host_name() and not is_running(int(owner["pid"]))
     except (KarfError, LookupError, TypeError, ValueError, OverflowError, OSError):
         return False
-
-
-def _host() -> str:
-    """The name of this computer, on Linux with that of the container in which process numbers count."""
-    with suppress(OSError):
-        return f"{platform.node()} {Path('/proc/self/ns/pid').readlink()}"
-    return platform.node()
-
-
-def _runs(pid: int) -> bool:
-    """Whether a process of this computer runs."""
-    if os.name == "nt":  # where `os.kill` would end it
-        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
-        handle = kernel.OpenProcess(SYNCHRONIZE, False, pid)
-        if not handle:
-            return ctypes.get_last_error() != NO_SUCH_PROCESS
-        runs = kernel.WaitForSingleObject(handle, 0) == STILL_RUNS
-        kernel.CloseHandle(handle)
-        return runs
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # another user's
-        return True
-    return True

@@ -1,5 +1,6 @@
 """Marks on photos: what they write, how they are reopened, corrected and taken back."""
 
+import os
 import shutil
 
 import numpy as np
@@ -86,6 +87,14 @@ def test_a_mask_of_the_users_own_folder_is_corrected_in_its_file_and_others_are_
     np.testing.assert_array_equal(addon.images.read_mask(changed), disc(8, 8, 5) & ~disc(8, 8, 2))
     after = {path: path.read_bytes() for path in given.rglob("*.png")}
     assert {path for path in after if after[path] != before.get(path)} == {changed} and len(after) == 3
+
+
+@pytest.mark.skipif(os.name == "nt", reason="it has no such pipes")
+def test_a_pipe_in_place_of_a_mask_is_named_and_never_waited_for(addon, marked):
+    file_of(addon, marked).parent.mkdir(parents=True)
+    os.mkfifo(file_of(addon, marked))
+    with pytest.raises(addon.engine_api.DataError, match=r"photo_0\.png is a pipe"):
+        addon.steps.mark_stroke(marked, [(5, 5)], 3)
 
 
 def test_a_mask_of_the_size_that_is_learned_from_is_reopened(addon, marked, tmp_path):

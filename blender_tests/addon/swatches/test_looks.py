@@ -203,9 +203,10 @@ def test_without_objects_there_are_no_looks(addon, two):
     assert not len(two.karf.looks) and not two.karf.look
 
 
-def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two):
+@pytest.mark.parametrize("text", ["{", "[" * 100_000])
+def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two, text):
     before = all_colors(addon, two)
-    two.karf.looks["A"].edit = "{"
+    two.karf.looks["A"].edit = text
     with pytest.raises(RuntimeError, match="The look 'A' is no edit"):
         bpy.ops.karf.choose_look(name="A")
     assert all_colors(addon, two) == before

@@ -1,5 +1,6 @@
 """Photos and layers in named color spaces: read as sRGB and written back in their own, to a step of 16 bits."""
 
+import os
 import sys
 from dataclasses import replace
 
@@ -15,7 +16,7 @@ from karf_engine.capture.capture import capture_from_json, capture_to_json
 from karf_engine.capture.training_images import photo_of
 from karf_engine.errors import BadRequest, DataError, MissingDependency
 from karf_engine.export.layers import write_layers
-from karf_engine.io import color_spaces
+from karf_engine.io import color_spaces, limited
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.io.color_spaces import ColorSpace, color_space
 from karf_engine.io.images import encoded
@@ -191,6 +192,7 @@ def test_an_unknown_space_is_named_with_the_nearest_ones():
 
 def test_a_configuration_that_cannot_be_read_is_named(tmp_path):
     path = tmp_path / "broken.ocio"
+    path.write_text("colorspaces: 3")
     with pytest.raises(DataError, match=r"broken\.ocio cannot be read"):
         color_space("ACEScg", str(path))
     path.write_text("ocio_profile_version: 99")
@@ -199,7 +201,27 @@ def test_a_configuration_that_cannot_be_read_is_named(tmp_path):
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch):
-    color_spaces._config.cache_clear()
+    color_spaces._config.cache_clear(), color_spaces._check.cache_clear()
     monkeypatch.setitem(sys.modules, "PyOpenColorIO", None)
     with pytest.raises(MissingDependency, match=r"opencolorio.*karf\[color\]"):
         color_space("ACEScg")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="pipes, and devices without end")
+def test_a_configuration_without_end_is_refused(tmp_path):
+    os.mkfifo(tmp_path / "config.ocio")
+    with pytest.raises(DataError, match=r"config\.ocio is a pipe or a device"):
+        color_space("studio", str(tmp_path / "config.ocio"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="pipes, and devices without end")
+@pytest.mark.parametrize("is_pipe", [True, False])
+def test_a_table_without_end_is_refused(is_pipe, tmp_path, monkeypatch):
+    monkeypatch.setattr(limited, "LEAST_SECONDS", 3)
+    path, table = tmp_path / "config.ocio", tmp_path / "table.spi1d"
+    path.write_text(
+        CONFIG.replace("<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}", f"<FileTransform> {{src: {table}}}")
+    )
+    os.mkfifo(table) if is_pipe else table.symlink_to("/dev/zero")
+    with pytest.raises(DataError, match=r"config\.ocio cannot be read: it"):
+        color_space("studio", str(path))

@@ -2,6 +2,7 @@
 
 import io
 import struct
+import sys
 import tracemalloc
 import zlib
 
@@ -12,9 +13,11 @@ pytest.importorskip("imageio")
 pytest.importorskip("scipy")
 pytest.importorskip("OpenEXR")
 
+import cv2
 import OpenEXR
 from PIL import Image
 
+from blender_tests.engine.peak import peak_of
 from blender_tests.engine.reference.capture_files import png_bytes
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.training_images import background_kind
@@ -104,6 +107,41 @@ def test_a_mask_of_a_large_photo_is_read_though_it_packs_well(tmp_path):
     Image.fromarray(picture).save(tmp_path / "a.png", compress_level=1)
     assert (tmp_path / "a.png").stat().st_size < picture.size // 50
     assert read_mask(tmp_path / "a.png").sum() == 50 * 60
+
+
+def deep_mask(path):
+    cv2.imwrite(str(path), np.zeros((10_000, 10_000, 4), np.uint16))
+
+
+def float_photo(path):
+    cv2.imwrite(str(path), np.zeros((4_000, 4_000, 3), np.float32), [cv2.IMWRITE_TIFF_COMPRESSION, 8])
+
+
+def larger_float_photo(path):
+    cv2.imwrite(str(path), np.zeros((5_600, 5_600, 3), np.float32), [cv2.IMWRITE_TIFF_COMPRESSION, 8])
+
+
+def photo_of_light(path):
+    light = np.random.default_rng(0).random((3_000, 4_000, 4), np.float32).astype(np.float16)
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGBA": light}).write(
+        str(path)
+    )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="others have no such figures")
+@pytest.mark.parametrize(
+    ("name", "make", "read", "fails_with", "megabytes"),
+    [
+        ("mask.png", deep_mask, "read_mask", "", 1_900),  # of which OpenCV takes 1,600
+        ("photo.tif", float_photo, "read_photo", "", 600),
+        ("larger.tif", larger_float_photo, "read_photo", "DataError", 200),
+        ("photo.exr", photo_of_light, "read_photo", "", 700),
+    ],
+)
+def test_deep_pictures_take_little_more_memory_than_their_pixels(name, make, read, fails_with, megabytes, tmp_path):
+    make(tmp_path / name)
+    code = f"from karf_engine.io.images import {read}; {read}(Path(sys.argv[1]))"
+    assert peak_of(code, tmp_path / name, fails_with=fails_with) < megabytes * 10**6
 
 
 def test_a_jpeg_with_an_empty_segment_is_named(tmp_path):

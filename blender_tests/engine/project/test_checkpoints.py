@@ -10,6 +10,7 @@ pytest.importorskip("safetensors")
 
 from safetensors.torch import save_file
 
+from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.errors import DataError
 from karf_engine.io.checkpoints import load_tensors, save_tensors
 
@@ -84,6 +85,18 @@ def test_another_schema_is_named(path):
 def test_values_that_are_not_finite_are_refused_by_name(path, value):
     save_tensors(path, TENSORS | {"bad": torch.tensor([0.0, value])}, SCHEMA, {})
     assert "values in 'bad' that are not finite" in refusal(path)
+
+
+@pytest.mark.parametrize("kind", ["float8_e4m3fn", "float8_e4m3fnuz", "float8_e5m2fnuz"])
+def test_numbers_of_a_type_that_cannot_be_checked_are_refused_by_name(path, kind):
+    save_tensors(path, TENSORS | {"bad": torch.zeros(4).to(getattr(torch, kind))}, SCHEMA, {})
+    assert f"holds 'bad' as torch.{kind}, which is not read" in refusal(path)
+
+
+@pytest.mark.parametrize("make", NO_FILES)
+def test_what_lies_in_place_of_a_file_is_never_waited_for(make, tmp_path):
+    make(tmp_path / "a.safetensors")
+    assert "not a file" in refusal(tmp_path / "a.safetensors")
 
 
 class _Trap:

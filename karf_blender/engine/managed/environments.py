@@ -1,7 +1,7 @@
 """The environments in the engine's folder: those that do not count are removed, and the one that does is copied.
 
 An update works on the copy, so that the engine works until the copy takes its place, whatever ends it. The installation
-runs this file with the Python of the environment that counts, so that it imports nothing but the standard library:
+runs this file with the Python of the one that counts, so that it imports nothing but the standard library:
 
     python environments.py FOLDER COUNTING [COPY]
 """
@@ -9,7 +9,9 @@ runs this file with the Python of the environment that counts, so that it import
 import os
 import re
 import shutil
+import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 FIRST = "env"
@@ -29,10 +31,31 @@ def unused(folder: Path) -> str:
 
 
 def clear(folder: Path, counting: str) -> None:
-    """Remove the others, as far as the system allows."""
+    """Remove the others, but for those in which a program runs, such as a job of the engine."""
     for path in found(folder):
-        if path.name != counting:
+        if path.name != counting and not _is_used(path):
             shutil.rmtree(path, ignore_errors=True)
+
+
+def _is_used(path: Path) -> bool:
+    if os.name == "nt":  # where no folder of open files can be renamed
+        try:
+            path.rename(path.with_name(f"{FIRST}-0")).rename(path)
+        except OSError:
+            return True
+        return False
+    return os.fsencode(path / "bin") in _command_lines()
+
+
+def _command_lines() -> bytes:
+    """Those of all processes, where the system tells them."""
+    lines = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # ended meanwhile
+            lines.append(file.read_bytes())
+    if not lines:  # not Linux
+        lines.append(subprocess.run(["ps", "-axww", "-o", "command="], capture_output=True).stdout)
+    return b"\n".join(lines)
 
 
 def copy(source: Path, target: Path) -> None:

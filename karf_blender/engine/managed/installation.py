@@ -2,7 +2,8 @@
 
 Installing, resuming, repairing and updating are the same: what is there is surveyed, what is missing, changed or of
 another version is put in place, and the result is tested. Only then does the environment count. One that counted before
-is left alone and does so until then, whatever ends the installation; the next one removes it, since jobs may run in it.
+is left alone and does so until then, whatever ends the installation. It is removed then, or where a job still runs in
+it, by the next one.
 """
 
 import json
@@ -129,6 +130,7 @@ class Installation:
         with disk_errors():
             named = {"environment": place.name, "chosen": self._mark}
             write_json(place.installed, {"schema": home.SCHEMA, "digest": digest, **tested, **named})
+        yield planned.remove_former()
         clean = (planned.uv, "cache", "clean", "--force", "--cache-dir", str(place.cache))
         yield Step("Cleaning up", clean, is_needed=False)
 

@@ -167,9 +167,15 @@ class Plan:
 
     def copy_environment(self) -> Step:
         """Remove environments that do not count, and copy the one that does where the new one begins as it is."""
-        names = [self.counting.name, *([self.home.name] if self.is_copied else [])]
-        python = [str(self.counting.python), "-I", "-B", "-X", "utf8", environments.__file__]
-        return Step("Copying what is there", (*python, str(self.choices.folder), *names), is_needed=False)
+        return self._environments("Copying what is there", self.counting, *([self.home.name] if self.is_copied else []))
+
+    def remove_former(self) -> Step:
+        """Remove all environments but the new one."""
+        return self._environments("Removing what was there before", self.home)
+
+    def _environments(self, title: str, counting: Home, *copies: str) -> Step:
+        python = [str(counting.python), "-I", "-B", "-X", "utf8", environments.__file__]
+        return Step(title, (*python, str(self.choices.folder), counting.name, *copies), is_needed=False)
 
     def make_environment(self) -> Step:
         """Make the environment, in place of one that may be there."""

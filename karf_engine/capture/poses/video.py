@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ...errors import Cancelled, DataError
 from ...io.images import write_png
+from ...io.inputs import check_file
 from ...io.library_paths import library_path
 
 MOST_FRAMES = 100
@@ -38,6 +40,7 @@ def write_sharpest_frames(video: Path, folder: Path, should_stop: Callable[[], b
 
 def _count(video: Path, should_stop: Callable[[], bool]) -> int:
     """Number of frames; headers often lie about it, so they are counted."""
+    check_file(video, sys.maxsize)
     count = sum(1 for _ in _frames(video, should_stop, decode=False))
     if count == 0:
         raise DataError(

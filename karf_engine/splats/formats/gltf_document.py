@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ...capture.reading import read_bytes
-from ...io.inputs import MOST_JSON
+from ...io.inputs import MOST_BYTES, MOST_JSON, check_file
 from ...io.names import is_file_name
 from .checking import damaged
 
@@ -35,7 +35,7 @@ class Document:
 
     Attributes:
         json: What it says.
-        size: Bytes, with those of the buffers that have been read.
+        size: Bytes, with those of the files beside it that have been read.
 
     Raises:
         DataError: The file is missing, or is no glTF.
@@ -51,6 +51,7 @@ class Document:
         self.size = len(data)
         self.json = json.loads(text)
         self._buffers: dict[int, bytes] = {}
+        self._files: dict[tuple[int, int], bytes] = {}  # by what the system knows them by: many names may mean one
 
     def placed_primitives(self) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
         """Each primitive of the scene's meshes, and the matrix [4, 4] that moves it into the scene; as often as it is there."""
@@ -107,7 +108,6 @@ class Document:
         if number not in self._buffers:
             uri = item(self.json["buffers"], number).get("uri")
             self._buffers[number] = self._binary if uri is None and number == 0 and self._binary else self._fetched(uri)
-            self.size += len(self._buffers[number])
         return self._buffers[number]
 
     def _fetched(self, uri: Any) -> bytes:
@@ -119,7 +119,13 @@ class Document:
         name = unquote(uri)
         if not is_file_name(name):
             raise damaged(self.path, f"it wants {uri[:100]!r}, which is no file beside it")
-        return read_bytes(self.path.with_name(name))
+        path = self.path.with_name(name)
+        check_file(path, MOST_BYTES - self.size)
+        file = path.stat().st_dev, path.stat().st_ino
+        if file not in self._files:
+            self._files[file] = read_bytes(path)
+            self.size += len(self._files[file])
+        return self._files[file]
 
 
 def item(values: Any, number: Any) -> dict[str, Any]:

@@ -13,13 +13,11 @@ Precision: as glTF: float32 on both sides, opacity to 2e-7, the logarithm of a s
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...capture.reading import read_bytes
 from ...errors import DataError
 from ...io.files import atomic_write
 from ...io.inputs import check_file
@@ -29,13 +27,12 @@ from ..similarity import turned
 from .checking import check_count, checked, damaged, explaining, log_scales, logits, needing_packages, opacities
 from .splat_file import SplatFile
 from .turning import UPRIGHT
-from .usd_crate import check_counts
-from .usd_layer import check_size, other_files
 
 if TYPE_CHECKING:
-    from pxr import Usd
+    from pxr import Sdf, Usd
 
 NAME = "/Gaussians"
+MOST_PRIMS = 10_000  # of the composed stage
 SIGMAS = 3  # as far as a Gaussian counts for the bounds
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # into y up
 
@@ -49,20 +46,12 @@ def read(path: Path) -> SplatFile:
     """
     size = check_file(path)
     with explaining(path):
-        from pxr import Usd, UsdGeom
+        from pxr import Tf
 
-        stage = _stage(path)
-        axes = UPRIGHT @ (Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4))
-        tables, count = [], 0
-        for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-            if prim.GetTypeName() == "ParticleField3DGaussianSplat":
-                matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
-                table = _table(path, prim, count, size)
-                count += len(table)
-                tables.append(turned(table, axes @ matrix))
-        if not tables:
-            raise damaged(path, "it has no ParticleField3DGaussianSplat")
-        return SplatFile(checked(path, np.concatenate(tables)))
+        try:
+            return SplatFile(checked(path, np.concatenate(_tables(path, size))))
+        except Tf.ErrorException as error:  # whose words may be of damaged letters
+            raise damaged(path, "usd-core cannot read it") from error
 
 
 def write(path: Path, splats: SplatFile) -> None:
@@ -83,21 +72,47 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 # --------------------------------------------------------------------------------------------------------------- reading
+def _tables(path: Path, size: int) -> list[np.ndarray]:
+    """The table of each prim of Gaussians; size: of the file, bytes."""
+    from pxr import Usd, UsdGeom
+
+    stage = _stage(path)
+    axes = UPRIGHT @ (Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4))
+    tables, count = [], 0
+    for number, prim in enumerate(stage.Traverse(Usd.TraverseInstanceProxies())):
+        if number == MOST_PRIMS:  # instances double themselves without taking memory
+            raise damaged(path, f"it has more than {MOST_PRIMS:,} prims, those that appear again by references counted")
+        if prim.GetTypeName() == "ParticleField3DGaussianSplat":
+            matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
+            table = _table(path, prim, count, size)
+            count += len(table)
+            tables.append(turned(table, axes @ matrix))
+    if not tables:
+        raise damaged(path, "it has no ParticleField3DGaussianSplat")
+    return tables
+
+
 def _stage(path: Path) -> Usd.Stage:
     """The stage of one file without any other."""
-    from pxr import Sdf, Tf, Usd
+    from pxr import Sdf, Usd
 
-    check_counts(read_bytes(path))
-    layer = None
-    with suppress(Tf.ErrorException):  # whose words may be of damaged letters
-        layer = Sdf.Layer.OpenAsAnonymous(str(path))
-    if layer is None:
-        raise damaged(path, "usd-core finds no USD in it")
-    others = other_files(layer)
+    layer = Sdf.Layer.OpenAsAnonymous(str(path))
+    others = [*filter(None, layer.GetCompositionAssetDependencies()), *_with_clips(layer)]
     if others:
         raise DataError(f"{path} refers to other files, such as {others[0]}.", "Flatten it: usdcat --flatten.")
-    check_size(layer)
-    return Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+    stage = Usd.Stage.Open(layer, Usd.Stage.LoadNone)
+    errors = stage.GetCompositionErrors()
+    if errors:
+        raise damaged(path, f"its prims cannot be composed ({errors[0]})")
+    return stage
+
+
+def _with_clips(layer: Sdf.Layer) -> list[str]:
+    """The prims, those of variants too, whose values lie in other files."""
+    paths: list[Sdf.Path] = []
+    layer.Traverse(layer.pseudoRoot.path, paths.append)
+    prims = filter(None, map(layer.GetPrimAtPath, paths))
+    return [f"the value clips of {prim.path}" for prim in prims if prim.HasInfo("clips")]
 
 
 def _table(path: Path, prim: Usd.Prim, n_before: int, size: int) -> np.ndarray:

@@ -28,6 +28,10 @@ def said_by(python, code="import scipy; print(scipy.name)"):
     return subprocess.run([python, "-I", "-c", code], capture_output=True, text=True, check=True).stdout.strip()
 
 
+def names(place):
+    return {path.name for path in place.glob("env*")}
+
+
 def begin(managed, plan, title):
     """The installation at the step of this title."""
     work = managed.installation.Installation(plan)
@@ -50,9 +54,12 @@ def test_blender_may_be_killed_at_any_step(managed, outdated, install, planned, 
     assert said_by(python) == "scipy" and said_by(python, "import pycolmap, torch; print(3)") == "3"
     assert install().state == "ready"
     assert said_by(managed.home.python_in(place)) == "newer"
+    assert names(place) == {managed.home.status(place).environment}
 
 
-def test_what_was_begun_before_is_removed_and_what_runs_is_left_alone(managed, outdated, install, planned, place):
+def test_the_environments_of_before_go_and_those_in_which_a_job_runs_stay_until_the_next_update(
+    managed, outdated, install, planned, place
+):
     first = managed.home.python_in(place)
     program = "import sys; print(3, flush=True); sys.stdin.readline(); import scipy; print(scipy.name)"
     running = subprocess.Popen([first, "-I", "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -60,11 +67,10 @@ def test_what_was_begun_before_is_removed_and_what_runs_is_left_alone(managed, o
     work = begin(managed, planned(), "Looking at what is there")
     managed.processes.end(work._process)
     install()
+    assert names(place) == {"env", managed.home.status(place).environment}
     assert running.communicate("\n")[0] == "scipy\n"
-    names = {path.name for path in place.glob("env*")}
-    assert names == {"env", managed.home.status(place).environment}
     install()
-    assert {path.name for path in place.glob("env*")} == {*names, managed.home.status(place).environment} - {"env"}
+    assert names(place) == {managed.home.status(place).environment}
 
 
 def test_cancelled_or_failed_it_leaves_the_engine_that_works(kitchen, managed, outdated, install, planned, place):

@@ -1,13 +1,18 @@
 """Files of Gaussians that the engine only reads, and how far two tables are from each other."""
 
 import json
+import re
 import zipfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from blender_tests.engine.splats.clouds import GROUPS, cloud
+from karf_engine.errors import DataError
 from karf_engine.splats.formats.ply import property_names
+from karf_engine.splats.formats.registry import read_splats, write_splats
+from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 
 ENDS = (".ply", ".compressed.ply", ".spz", ".glb", ".gltf", ".usda", ".usdc", ".usd")  # that are written
@@ -121,3 +126,26 @@ def _square(values: np.ndarray) -> np.ndarray:
 
 def _opaque(picture: np.ndarray) -> np.ndarray:
     return np.concatenate([picture, np.full((*picture.shape[:2], 1), 255)], 2)
+
+
+def packaged(end: str) -> None:
+    """Skip where the package of this kind is not installed."""
+    for name in {".usda": ["pxr"], ".usdc": ["pxr"], ".ply": [], ".glb": [], ".gltf": [], ".splat": []}.get(
+        end, ["gsply"]
+    ):
+        pytest.importorskip(name)
+
+
+def refused(path: Path, words: str) -> None:
+    """Assert that a sentence with such words refuses a file, and names it."""
+    with pytest.raises(DataError) as caught:
+        read_splats(path)
+    assert str(path) in caught.value.sentence and caught.value.hint
+    assert re.search(words, caught.value.sentence), caught.value.sentence
+
+
+def written(folder: Path, end: str, table: np.ndarray | None = None) -> Path:
+    """A file of these Gaussians, by default of 20 of degree 1."""
+    packaged(end)
+    write_splats(folder / f"cloud{end}", SplatFile(unit_cloud(20, 1) if table is None else table))
+    return folder / f"cloud{end}"

@@ -1,0 +1,75 @@
+"""A project from elsewhere with a link in place of a file or folder: the extension changes nothing outside of it."""
+
+import os
+import shutil
+from contextlib import suppress
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ..layout import Layout
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
+PLACES = (
+    *("project.json", "capture.json", "palette.json", "geometry.safetensors", "segmentation.json", "planes", "photos"),
+    *("planes/photo_0.npz", "masks", "masks/pot", "masks/pot/photo_0.png", "corrections", "corrections/pot"),
+    *("jobs", "edits", "seen", "inspection", "out", "out/recolor", "volumes.json", "colorways_edges.json", "lock"),
+)
+
+
+@pytest.fixture
+def outside(addon, tmp_path):
+    """A folder that looks like what the extension writes, and belongs to somebody else."""
+    folder = tmp_path / "outside"
+    for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
+        addon.images.write_png(folder / name, np.ones((16, 24, 3)))
+    return folder
+
+
+def files(folder):
+    return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+def use_everything(bpy, addon, scene):
+    """What an artist does with a project; what is refused is refused in a sentence."""
+    steps, errors = addon.steps, (addon.engine_api.KarfError, OSError, KeyError)
+    actions = (
+        lambda: addon.disk.refresh(),
+        lambda: addon.sidebar.draw_steps(Layout(bpy, []), context_of(bpy)),
+        lambda: addon.palettes.import_learned(scene),
+        lambda: steps.show_photo(scene),
+        lambda: addon.objects.sync(scene),
+        lambda: setattr(scene.karf.marking, "active", scene.karf.marking.objects.find("pot")),
+        lambda: steps.mark_stroke(scene, [(5, 5)], 3),
+        lambda: setattr(scene.karf.marking.objects["pot"], "name", "kettle"),
+        lambda: addon.objects.remove(scene),
+        lambda: addon.headless.segment(),
+        lambda: addon.headless.extract_palette(),
+        lambda: addon.headless.prepare_views(),
+        lambda: addon.headless.render_view(),
+        lambda: addon.palettes._write_kept(scene, addon.edits.current_edit(scene)),
+        lambda: addon.disk.refresh(),
+    )
+    for action in actions:
+        with suppress(*errors):
+            action()
+
+
+def context_of(bpy):
+    space = SimpleNamespace(show_region_ui=True)
+    areas = [SimpleNamespace(type="VIEW_3D", spaces=SimpleNamespace(active=space))]
+    scene, manager = bpy.context.scene, bpy.context.window_manager
+    return SimpleNamespace(scene=scene, window_manager=manager, area=areas[0], screen=SimpleNamespace(areas=areas))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_link_in_place_of_any_file_or_folder_changes_nothing_outside(bpy, addon, learned, outside, place):
+    target = outside / "made_by_a_link" if "." in place or place == "lock" else outside
+    path = addon.folders.project_of(learned).folder / place
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    path.symlink_to(target)
+    before = files(outside)
+    use_everything(bpy, addon, learned)
+    assert files(outside) == before
