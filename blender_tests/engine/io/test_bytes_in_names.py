@@ -102,6 +102,7 @@ def test_where_a_library_takes_only_unicode_the_path_and_the_remedy_are_named(fo
 
 def test_a_color_configuration_there_is_refused_by_a_sentence(folder):
     pytest.importorskip("PyOpenColorIO")
+    (folder / "config.ocio").write_text("ocio_profile_version: 2\n")
     with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translated():
         color_space("ACEScg", str(folder / "config.ocio"))
 
