@@ -56,11 +56,11 @@ def run_limited(
     size = check_file(path)
     seconds = LEAST_SECONDS + SECONDS_PER_MEGABYTE * size // 10**6
     root = str(Path(__file__).parents[2])  # the engine may run as a folder, off the path that a child gets
-    code = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import main; main(*sys.argv[1:])"
+    program = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import main; main(*sys.argv[1:])"
     n_bytes = LEAST_BYTES + BYTES_PER_BYTE * size
     with tempfile.TemporaryDirectory() as folder:
         arguments = [work.__module__, work.__name__, path, folder, str(n_bytes), str(seconds), json.dumps(more)]
-        command = [sys.executable, "-I", "-B", "-X", "utf8", "-c", code, *arguments]
+        command = [sys.executable, "-I", "-B", "-X", "utf8", "-c", program, *arguments]
         with subprocess.Popen(
             command, env=os.environ | FEW_RESERVATIONS,
             stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,

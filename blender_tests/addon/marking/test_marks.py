@@ -1,10 +1,11 @@
 """Marks on photos: what they write, how they are reopened, corrected and taken back."""
 
-import os
 import shutil
 
 import numpy as np
 import pytest
+
+from blender_tests.engine.reference.no_files import NO_FILES
 
 SHAPE = 16, 24
 
@@ -89,10 +90,10 @@ def test_a_mask_of_the_users_own_folder_is_corrected_in_its_file_and_others_are_
     assert {path for path in after if after[path] != before.get(path)} == {changed} and len(after) == 3
 
 
-@pytest.mark.skipif(os.name == "nt", reason="it has no such pipes")
-def test_a_pipe_in_place_of_a_mask_is_named_and_never_waited_for(addon, marked):
+@pytest.mark.parametrize("make", NO_FILES[1:])
+def test_what_lies_in_place_of_a_mask_is_named_and_never_waited_for(addon, marked, make):
     file_of(addon, marked).parent.mkdir(parents=True)
-    os.mkfifo(file_of(addon, marked))
+    make(file_of(addon, marked))
     with pytest.raises(addon.engine_api.DataError, match=r"photo_0\.png is a pipe"):
         addon.steps.mark_stroke(marked, [(5, 5)], 3)
 

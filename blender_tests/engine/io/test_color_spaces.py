@@ -1,6 +1,5 @@
 """Photos and layers in named color spaces: read as sRGB and written back in their own, to a step of 16 bits."""
 
-import os
 import sys
 from dataclasses import replace
 
@@ -10,6 +9,7 @@ import pytest
 pytest.importorskip("PyOpenColorIO")
 OpenEXR = pytest.importorskip("OpenEXR")
 
+from blender_tests.engine.reference.no_files import NO_FILES
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import Capture, View, in_space
 from karf_engine.capture.capture import capture_from_json, capture_to_json
@@ -207,21 +207,20 @@ def test_without_the_package_the_extra_is_named(monkeypatch):
         color_space("ACEScg")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="pipes, and devices without end")
-def test_a_configuration_without_end_is_refused(tmp_path):
-    os.mkfifo(tmp_path / "config.ocio")
-    with pytest.raises(DataError, match=r"config\.ocio is a pipe or a device"):
+@pytest.mark.parametrize("make", NO_FILES)
+def test_what_lies_in_place_of_a_configuration_is_named_and_never_waited_for(make, tmp_path):
+    make(tmp_path / "config.ocio")
+    with pytest.raises(DataError, match=r"config\.ocio is a .*, not a file"):
         color_space("studio", str(tmp_path / "config.ocio"))
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="pipes, and devices without end")
-@pytest.mark.parametrize("is_pipe", [True, False])
-def test_a_table_without_end_is_refused(is_pipe, tmp_path, monkeypatch):
+@pytest.mark.parametrize("make", NO_FILES[1:])
+def test_a_table_without_end_is_refused(make, tmp_path, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_SECONDS", 3)
     path, table = tmp_path / "config.ocio", tmp_path / "table.spi1d"
     path.write_text(
         CONFIG.replace("<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}", f"<FileTransform> {{src: {table}}}")
     )
-    os.mkfifo(table) if is_pipe else table.symlink_to("/dev/zero")
+    make(table)
     with pytest.raises(DataError, match=r"config\.ocio cannot be read: it"):
         color_space("studio", str(path))
