@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,8 @@ MADE = (
     *(".outputs", "lock", "lock.json", "lock.lease", "commit.lock", "earlier_masks", "corrections", "volumes.json"),
     *("preview.png", "jobs", "photos", "out", "out/recolor", "points.npz", "unfinished_geometry.safetensors"),
 )
+READING = 8  # of the commands below: what they write does not change what is learned
+OF_READING = ("out", "jobs", "photos", "points.npz", "planes", "looks")  # what no stage that learns makes or looks for
 
 
 def link_to_folder(path, outside):
@@ -64,9 +67,9 @@ def commands(bench):
 def complete(bench, commands):
     """A project in which every command has run once."""
     bench.restore(bench.complete.folder)
-    codes, text = run_all(commands[:8])
+    codes, text = run_all(commands[:READING])
     shutil.rmtree(bench.folder / "made", ignore_errors=True)
-    assert codes == [0] * 8, text
+    assert codes == [0] * READING, text
     return shutil.copytree(bench.project, bench.folder / "complete")
 
 
@@ -86,7 +89,7 @@ def state_of(folder, but):
 def test_a_link_in_place_of_any_file_or_folder_changes_nothing_outside(bench, commands, complete, few, subtests):
     outside = shutil.copytree(bench.complete.folder, bench.folder / "outside")
     own = (bench.project, bench.folder / "made")
-    places = [*entries(complete), *MADE]
+    places = [*entries(complete), *map(Path, MADE)]
     for number, place in enumerate(places):
         for kind in KINDS[number % len(KINDS) :][:1] if few else KINDS:
             with subtests.test(place=str(place), kind=kind.__name__):
@@ -96,7 +99,8 @@ def test_a_link_in_place_of_any_file_or_folder_changes_nothing_outside(bench, co
                 shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
                 kind(path, outside)
                 before = state_of(bench.folder, own)
-                codes, text = run_all(commands)
+                some = few and place.parts[0] in OF_READING
+                codes, text = run_all(commands[:READING] if some else commands)
                 assert "Traceback" not in text and "Internal error" not in text, text
                 assert None not in codes and all(code in (0, 2, 4) for code in codes), (codes, text)
                 after = state_of(bench.folder, own)
@@ -109,7 +113,7 @@ def test_a_project_that_is_reached_through_a_link_works(bench, commands, complet
     real = shutil.copytree(complete, bench.folder / "real")
     bench.project.symlink_to(real)
     try:
-        codes, text = run_all(commands[3:8])
+        codes, text = run_all(commands[3:READING])
         assert codes == [0] * 5, text
     finally:
         bench.project.unlink()
