@@ -33,7 +33,7 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # of these no 
 PROBE_BYTES = 1 << 20  # more than any file system keeps in reserve for a file that is open
 
 
-def atomic_write(path: Path, write: Callable[[Path], None]) -> None:
+def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file whole or not at all; on any failure `path` stays as it was.
 
     A link is kept: the file that it leads to is written. So are the rights of an existing file.
