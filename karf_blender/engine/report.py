@@ -1,13 +1,12 @@
 """What failed, or what a test found, as a text that may be given to others: without the user's names. No bpy."""
 
 import getpass
-import json
 import platform
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..engine_api import REQUEST_FILE, EventReader, Finding
+from ..engine_api import REQUEST_FILE, EventReader, Finding, KarfError, read_json
 from .failures import log_tail
 
 SHORTEST_NAME = 3  # letters of a name: shorter ones are found in every text
@@ -72,6 +71,6 @@ def _engine(job: Path) -> str:
 
 def _stage(job: Path) -> str:
     try:
-        return str(json.loads((job / REQUEST_FILE).read_text(encoding="utf-8"))["stage"])
-    except (OSError, ValueError, LookupError, TypeError):
+        return str(read_json(job / REQUEST_FILE, "request")["stage"])
+    except (OSError, KarfError, LookupError, TypeError):
         return "unknown"
