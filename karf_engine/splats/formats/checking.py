@@ -1,10 +1,11 @@
-"""What the readers of all kinds share: tables whose every row can be a Gaussian, and how faults are told."""
+"""Checks shared by all readers of Gaussian files, and the errors that they raise."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,18 +14,16 @@ from ...errors import DataError, KarfError, is_out_of_memory, missing_extra
 from ...io.inputs import MOST_BYTES
 from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
 
-EXTRA = "splats"  # of pyproject.toml: the packages of the kinds that need one
-LOGITS = (-87.0, 16.0)  # beyond them float32 cannot tell the opacity from 0 and 1
-LOG_SCALES = (-87.0, 87.0)  # beyond them float32 cannot hold the scale; a smaller one is flat, a larger one damage
-LENGTHS = (1e-12, 1e12)  # of a quaternion: beyond them its square is 0 or infinite
+EXTRA = "splats"  # the extra of pyproject.toml
+LOGITS = (-87.0, 16.0)  # beyond these the opacity rounds to 0 or 1 in float32
+LOG_SCALES = (-87.0, 87.0)  # range of float32; smaller scales are flat Gaussians, larger ones are refused
+LENGTHS = (1e-12, 1e12)  # of a quaternion; its square must not underflow or overflow
 LARGEST_HARMONIC = 1e6
-# bytes of a table for one of its file: about one Gaussian without further harmonics. Real packing of any degree stays
-# below 30; a small file may claim any number
-MOST_GROWTH = 64
+MOST_GROWTH = 64  # bytes of a table per byte of its file; real packing stays below 30
 
 
 def damaged(path: Path, reason: str) -> DataError:
-    """The error for a file that cannot be read for this reason."""
+    """Return the error for a file that cannot be read."""
     return DataError(
         "{path} cannot be read as Gaussians: {reason}.",
         "Export or copy the file again.",
@@ -35,11 +34,7 @@ def damaged(path: Path, reason: str) -> DataError:
 
 @contextmanager
 def needing_packages() -> Iterator[None]:
-    """Name the extra where a package of it is not installed.
-
-    Raises:
-        MissingDependency: It is not.
-    """
+    """Raise MissingDependency, which names the extra, where the block imports a package that is not installed."""
     try:
         yield
     except ImportError as error:
@@ -50,12 +45,7 @@ def needing_packages() -> Iterator[None]:
 
 @contextmanager
 def explaining(path: Path) -> Iterator[None]:
-    """Turn whatever a parser or a package raises about a file's content into a sentence.
-
-    Raises:
-        MissingDependency: The package is not installed.
-        DataError: The file is damaged.
-    """
+    """Turn exceptions of a parser into DataError, and missing packages into MissingDependency."""
     try:
         with needing_packages():
             yield
@@ -72,16 +62,16 @@ def _words(error: Exception) -> str:
 
 
 def check_count(path: Path, count: int, n_harmonics: int, size: int) -> None:
-    """Refuse to make room for Gaussians that cannot be in a file; called before their arrays are made.
+    """Check a claimed number of Gaussians before memory is allocated for them.
 
     Args:
         path: The file, for messages.
-        count: How many Gaussians it says that it has.
-        n_harmonics: K of each, 1 to 16.
-        size: Bytes of the file, packed as it is, with those that it refers to.
+        count: Claimed number of Gaussians.
+        n_harmonics: K, 1 to 16.
+        size: Bytes of the file and of the files that it refers to.
 
     Raises:
-        DataError: There are none, or more than any file so small holds, or than are read of any file.
+        DataError: The count is 0, or too large for the size or for any file.
     """
     table = 4 * count * (COLOR + 3 * n_harmonics)  # bytes
     if not 0 < table <= min(MOST_GROWTH * size, MOST_BYTES):
@@ -89,18 +79,17 @@ def check_count(path: Path, count: int, n_harmonics: int, size: int) -> None:
 
 
 def checked(path: Path, table: np.ndarray) -> np.ndarray:
-    """A table as `SplatFile` holds it.
+    """Return a table as `SplatFile` holds it, with every row a valid Gaussian.
 
     Args:
-        path: Where it was read, for messages.
-        table: [n, 11 + 3 K] of any floating type; logits and logarithms of scales may be infinite where the opacity is
-            0 or 1, the scale 0.
+        path: The file, for messages.
+        table: [n, 11 + 3 K] of any float type. Logits and log scales may be infinite.
 
     Returns:
-        [n, 11 + 3 K] float32, C-contiguous: logits and logarithms of scales within what float32 can tell.
+        [n, 11 + 3 K] float32, C-contiguous, with logits and log scales clipped to `LOGITS` and `LOG_SCALES`.
 
     Raises:
-        DataError: It is empty, or a row cannot be a Gaussian; names the first such row and what is wrong with it.
+        DataError: The table is empty, or a row is not a Gaussian; names the first such row and the reason.
     """
     if len(table) == 0:
         raise damaged(path, "it has no Gaussians")
@@ -108,7 +97,7 @@ def checked(path: Path, table: np.ndarray) -> np.ndarray:
         table = np.array(table, np.float32, order="C")
     centers, scales, rotations = table[:, :LOG_SCALE], table[:, LOG_SCALE:ROTATION], table[:, ROTATION:LOGIT]
     lengths = np.linalg.norm(rotations.astype(np.float64), axis=1)
-    # not-a-number fails every comparison
+    # NaN fails every comparison
     _refuse(path, "a center that is not finite", (np.abs(centers) <= LARGEST_POSITION).all(1))
     _refuse(path, "a scale that is not finite", (scales <= LOG_SCALES[1]).all(1))
     _refuse(path, "a rotation that is no quaternion", (lengths >= LENGTHS[0]) & (lengths <= LENGTHS[1]))
@@ -119,32 +108,33 @@ def checked(path: Path, table: np.ndarray) -> np.ndarray:
     return table
 
 
-def _refuse(path: Path, what: str, are_good: np.ndarray) -> None:
-    if not are_good.all():
-        row = int(np.argmin(are_good))
+def _refuse(path: Path, what: str, is_good: Any) -> None:
+    """Raise DataError for the first row of [n] bool that is false."""
+    if not is_good.all():
+        row = int(np.argmin(is_good))
         raise DataError(
             "{path} cannot be read as Gaussians: row {row} of {count}, counted from 0, has {what}.",
             "Remove such Gaussians in the program that wrote the file, and export it again.",
             path=path,
             row=row,
-            count=len(are_good),
+            count=len(is_good),
             what=what,
         )
 
 
 def logits(opacities: np.ndarray) -> np.ndarray:
-    """Logits of opacities in [0, 1], any shape, float64; infinite at the ends, not-a-number beyond them."""
+    """Return float64 logits of opacities [...]: infinite at 0 and 1, NaN outside."""
     opacities = np.asarray(opacities, np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(opacities) - np.log1p(-opacities)
 
 
 def opacities(logits: np.ndarray) -> np.ndarray:
-    """Opacities in [0, 1] of logits, any shape, float32."""
+    """Return float32 opacities in [0, 1] of logits [...]."""
     return (1 / (1 + np.exp(-np.asarray(logits, np.float64)))).astype(np.float32)
 
 
 def log_scales(scales: np.ndarray) -> np.ndarray:
-    """Logarithms of scales, any shape, float64; infinite at 0, not-a-number below."""
+    """Return float64 logarithms of scales [...]: infinite at 0, NaN below."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.log(np.asarray(scales, np.float64))

@@ -1,11 +1,10 @@
-"""Gaussians in PlayCanvas' compressed PLY files: 16 bytes each and a byte for each further harmonic.
+"""PlayCanvas' compressed PLY: 16 bytes per Gaussian, and one byte per harmonic above degree 0.
 
 Format: developer.playcanvas.com, "Compressed PLY": elements `chunk` (bounds of 256 Gaussians each), `vertex` (four packed
-words) and, where there are bands, `sh`. Packed and unpacked by gsply. The axes are those of the plain PLY.
+words) and, above degree 0, `sh`. gsply packs and unpacks. Axes are those of plain PLY.
 
-Precision: within a chunk's bounds 1/2047 of their extent (y: 1/1023) for centers and logarithms of scales, 1/255 for
-colors; 1/255 of the opacity, 0.003 of a unit quaternion, 1/32 of further harmonics, which end at -4 and 4. So that bounds
-are small, what is written is sorted along a Z-order curve; `morton_order` is the order.
+Precision: 1/2047 of a chunk's extent (y: 1/1023) for centers and log scales, 1/255 for colors and opacity, 0.003 of a
+unit quaternion, 1/32 for higher harmonics, clipped to [-4, 4]. Rows are written in Z-order, which keeps chunks small.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ BOUNDS = tuple(
 )  # fmt: skip
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 N_REST = (9, 24, 45)
-CELLS = 10  # bits of a center's coordinate along the curve
+CELLS = 10  # bits per coordinate of the curve
 
 
 def is_compressed(data: bytes) -> bool:
-    """Whether a PLY file that begins with these bytes is a compressed one."""
+    """Return whether a PLY file that starts with these bytes is compressed."""
     try:
         return read_header(data).element("chunk") is not None
     except (IndexError, KeyError, ValueError):
@@ -43,7 +42,7 @@ def read(path: Path) -> SplatFile:
     """Read Gaussians of a compressed PLY file.
 
     Raises:
-        DataError: The file is missing, damaged or cut off, or a row cannot be a Gaussian.
+        DataError: The file is missing, damaged or cut off, or a row is not a Gaussian.
         MissingDependency: gsply is not installed.
     """
     data = read_bytes(path)
@@ -58,7 +57,7 @@ def read(path: Path) -> SplatFile:
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as compressed PLY, in `morton_order`; columns have no place in it.
+    """Write Gaussians as compressed PLY, in `morton_order`; columns are dropped.
 
     Raises:
         MissingDependency: gsply is not installed.
@@ -72,7 +71,7 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 def morton_order(table: np.ndarray) -> np.ndarray:
-    """The order [n] in which neighbors in space are neighbors in the file: G. M. Morton 1966, Z-order."""
+    """Return the Z-order [n] of the centers (G. M. Morton, 1966)."""
     centers = table[:, :3].astype(np.float64)
     low = centers.min(0)
     extent = np.maximum(centers.max(0) - low, np.finfo(np.float64).tiny)
@@ -85,8 +84,8 @@ def morton_order(table: np.ndarray) -> np.ndarray:
 
 
 def _check(path: Path, header: Header, size: int) -> None:
-    """Refuse what gsply would read beyond the file's end, or take for something else."""
-    expected = [
+    """Check what gsply takes for granted: the elements, their counts and the file's length."""
+    expected: list[tuple[str, np.dtype | None]] = [
         ("chunk", np.dtype([(name, "<f4") for name in BOUNDS])),
         ("vertex", np.dtype([(name, "<u4") for name in PACKED])),
     ]
@@ -97,24 +96,31 @@ def _check(path: Path, header: Header, size: int) -> None:
     if header.encoding != "binary_little_endian" or found[: len(expected)] != expected:
         raise damaged(path, "its elements are not those of compressed Gaussians (chunk, vertex, sh)")
     chunk, vertex, *rest = header.elements[: len(expected)]
-    n_rest = len(rest[0].dtype) if rest else 0
+    n_rest = _n_properties(rest[0]) if rest else 0
     check_count(path, vertex.count, 1 + n_rest // 3, size)
     if chunk.count != -(-vertex.count // CHUNK) or any(element.count != vertex.count for element in rest):
         raise damaged(path, f"its numbers of chunks and harmonics do not fit its {vertex.count:,} Gaussians")
-    if size - header.size < sum(element.count * element.dtype.itemsize for element in (chunk, vertex, *rest)):
+    if size - header.size < sum(
+        element.count * element.dtype.itemsize for element in (chunk, vertex, *rest) if element.dtype
+    ):
         raise damaged(path, f"it is cut off: {vertex.count:,} Gaussians do not fit into its {size:,} bytes")
 
 
 def _harmonics_type(element: Element) -> np.dtype | None:
-    """The type that an element of harmonics must have."""
-    n_rest = len(element.dtype or ())
+    """Return the expected type of an element of harmonics; None for an unknown number of them."""
+    n_rest = _n_properties(element)
     return np.dtype([(f"f_rest_{number}", "u1") for number in range(n_rest)]) if n_rest in N_REST else None
 
 
+def _n_properties(element: Element) -> int:
+    """Return the number of properties of an element; 0 for one with lists."""
+    return len(element.dtype.names or ()) if element.dtype is not None else 0
+
+
 def _plain_header(header: Header) -> bytes:
-    """The header as gsply knows it: without comments, with its words for types."""
+    """Return the header in gsply's spelling, without comments."""
     lines = ["ply", f"format {header.encoding} 1.0"]
     for element in header.elements:
-        if element.name in ("chunk", "vertex", "sh"):
+        if element.dtype is not None and element.name in ("chunk", "vertex", "sh"):
             lines += [f"element {element.name} {element.count}", *properties(element.dtype)]
     return "\n".join([*lines, "end_header", ""]).encode()

@@ -1,14 +1,13 @@
-"""Gaussians in glTF files, .glb and .gltf, as points with Khronos' ratified extension KHR_gaussian_splatting.
+"""Gaussians in glTF files (.glb, .gltf): points with Khronos' extension KHR_gaussian_splatting.
 
-Format: glTF 2.0 and the extension's page in KhronosGroup/glTF: centers; rotations x y z w of length 1; scales, not their
-logarithms; opacities; for each harmonic red green blue, in the order and signs of Kerbl et al. Colors are display-referred
-sRGB (`srgb_rec709_display`); linear ones are refused, since harmonics of one are not harmonics of the other.
+Format: glTF 2.0 and the extension's page in KhronosGroup/glTF: centers; unit quaternions x y z w; scales, not
+logarithms; opacities; red green blue per harmonic, in the order and signs of Kerbl et al. Colors are display-referred
+sRGB (`srgb_rec709_display`). Linear colors are refused: their harmonics cannot be converted.
 
-glTF is y up. Written is the table as it is in a PLY file, below a node that turns it by half a turn round x (see
-`turning`), so that no digit is lost and other programs see it upright; read is whatever nodes turn, move and scale.
+glTF is y up. The table is written as in PLY, below a node that rotates it by 180 degrees about x (see `turning`), which
+loses no precision. Transforms of nodes are applied when reading.
 
-Precision: float32 on both sides: centers and harmonics to the bit, opacity to 2e-7, the logarithm of a scale to 1e-5,
-rotations to 1e-6 after they were made of length 1.
+Precision: float32. Centers and harmonics are exact; opacity 2e-7, log scales 1e-5, unit quaternions 1e-6.
 """
 
 from __future__ import annotations
@@ -46,17 +45,17 @@ from .turning import UPRIGHT
 
 EXTENSION = "KHR_gaussian_splatting"
 KERNEL, SRGB = "ellipse", "srgb_rec709_display"
-POINTS, VERTICES = 0, 34962  # glTF's numbers of a mode and a use
-MARK = 16  # letters of a checksum in the name of a .bin
-HALF_TURN = [1.0, 0.0, 0.0, 0.0]  # round x, as quaternion x y z w
+POINTS, VERTICES = 0, 34962  # mode POINTS, target ARRAY_BUFFER
+MARK = 16  # characters of the checksum in the name of a .bin
+HALF_TURN = [1.0, 0.0, 0.0, 0.0]  # quaternion x y z w
 
 
 def read(path: Path) -> SplatFile:
-    """Read the Gaussians of all nodes of a glTF file's scene, moved as the nodes say, into a PLY file's axes.
+    """Read all Gaussians of a glTF file's scene, transformed by its nodes, in the axes of PLY.
 
     Raises:
-        DataError: The file or one it needs is missing, damaged or outside its folder, has no Gaussians or some of another
-            kernel or color, or a row cannot be a Gaussian.
+        DataError: The file, or one that it refers to, is missing, damaged or outside its folder, there are no Gaussians,
+            their kernel or color space is not supported, or a row is not a Gaussian.
     """
     with explaining(path):
         document = Document(path)
@@ -72,10 +71,9 @@ def read(path: Path) -> SplatFile:
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as .glb, or as .gltf with its numbers in a .bin beside it; columns have no place in it.
+    """Write Gaussians as .glb, or as .gltf with a .bin beside it; columns are dropped.
 
-    The .bin is named after the .gltf and its own content, so that no file of others is overwritten, and the pair that is
-    there stays whole until the new one is; then its .bin is removed.
+    The .bin is named after the .gltf and a checksum, so that an existing pair stays valid until the new one is complete.
 
     Raises:
         OSError: The disk takes no more, or the folder cannot be written.
@@ -99,7 +97,7 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 def _remove_earlier(numbers: Path) -> None:
-    """Remove what earlier writings of the same .gltf have left beside these numbers."""
+    """Remove the .bin files of earlier versions of the same .gltf."""
     stem = numbers.name[: -len(".bin") - MARK]
     earlier = re.compile(re.escape(stem) + rf"[0-9a-f]{{{MARK}}}\.bin")
     for path in numbers.parent.iterdir():
@@ -109,7 +107,7 @@ def _remove_earlier(numbers: Path) -> None:
 
 # --------------------------------------------------------------------------------------------------------------- reading
 def _table(document: Document, primitive: dict[str, Any], n_before: int) -> np.ndarray:
-    """[n, 11 + 3 K] float32 of a primitive; n_before: Gaussians of the file that are read already."""
+    """Return the table [n, 11 + 3 K] float32 of a primitive. n_before: number of Gaussians read before it."""
     splatting, attributes = primitive["extensions"][EXTENSION], primitive["attributes"]
     if splatting["kernel"] != KERNEL or splatting["colorSpace"] != SRGB or splatting.get("extensions"):
         raise DataError(
@@ -139,7 +137,7 @@ def _harmonic_names(count: int) -> list[str]:
 
 # --------------------------------------------------------------------------------------------------------------- writing
 def _attributes(table: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays by their attribute's name, among them the colors of simple points for programs without Gaussians."""
+    """Return arrays by attribute name, with point colors for programs that do not know Gaussians."""
     rotations = table[:, ROTATION:LOGIT].astype(np.float64)
     rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
     scales = np.exp(table[:, LOG_SCALE:ROTATION].astype(np.float64))
@@ -178,7 +176,7 @@ def _json(attributes: dict[str, np.ndarray], buffer: dict[str, Any]) -> dict[str
 
 
 def _accessor(number: int, values: np.ndarray) -> dict[str, Any]:
-    """What an array is, with its bounds: glTF wants those of the positions."""
+    """Return the accessor of an array, with the bounds that glTF requires for positions."""
     kind = next(name for name, width in WIDTHS.items() if width == values.shape[1])
     accessor = {"bufferView": number, "count": len(values), "type": kind,
                 "min": values.min(0).tolist(), "max": values.max(0).tolist()}  # fmt: skip

@@ -1,4 +1,4 @@
-"""A glTF 2.0 file as its readers need it: nodes, accessors and buffers, of which nothing is believed."""
+"""A minimal glTF 2.0 reader: nodes, accessors and buffers, all of them validated."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from .checking import damaged
 
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", b"JSON", b"BIN\0"
 FILE_HEADER, CHUNK_HEADER = struct.Struct("<4sII"), struct.Struct("<I4s")
-FLOAT, UNSIGNED_BYTE = 5126, 5121  # glTF's numbers of types
+FLOAT, UNSIGNED_BYTE = 5126, 5121  # component types
 COMPONENTS = {5120: "<i1", UNSIGNED_BYTE: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-DEEPEST = 100  # nodes below each other
-MOST_PLACED = 10_000  # nodes, and primitives of meshes in them: a small file may place one any number of times
+DEEPEST = 100  # levels of nodes
+MOST_PLACED = 10_000  # nodes and primitives; a small file can instance one any number of times
 
 
 class Document:
     """A .glb or .gltf file.
 
     Args:
-        path: The file; .gltf may name further ones beside it.
+        path: The file; a .gltf may refer to files beside it.
 
     Attributes:
-        json: What it says.
-        size: Bytes, with those of the files beside it that have been read.
+        json: The parsed JSON.
+        size: Bytes of the file and of the files read beside it.
 
     Raises:
-        DataError: The file is missing, or is no glTF.
-        ValueError: Its JSON is broken; as KeyError, IndexError and TypeError, which methods raise of damaged files too.
+        DataError: The file is missing or is not glTF.
+        ValueError: The JSON is broken. Methods raise it, KeyError, IndexError and TypeError for damaged files.
     """
 
     def __init__(self, path: Path) -> None:
@@ -51,14 +51,14 @@ class Document:
         self.size = len(data)
         self.json = json.loads(text)
         self._buffers: dict[int, bytes] = {}
-        self._files: dict[tuple[int, int], bytes] = {}  # by what the system knows them by: many names may mean one
+        self._files: dict[tuple[int, int], bytes] = {}  # by device and inode: many names may refer to one file
 
     def placed_primitives(self) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-        """Each primitive of the scene's meshes, and the matrix [4, 4] that moves it into the scene; as often as it is there."""
+        """Yield each instance of a primitive of the scene with its matrix [4, 4] to the scene."""
         roots = self._roots()
         n_placed = self._checked_number(len(roots))
         waiting = [(number, np.eye(4), 1) for number in roots]
-        for number, above, depth in waiting:  # which grows
+        for number, above, depth in waiting:  # grows while it is iterated
             node = item(self.json["nodes"], number)
             children, matrix = node.get("children", ()), above @ _matrix(node)
             primitives = item(self.json["meshes"], node["mesh"])["primitives"] if "mesh" in node else ()
@@ -80,7 +80,7 @@ class Document:
         return [number for number in range(len(self.json["nodes"])) if number not in below]
 
     def accessor(self, number: int) -> np.ndarray:
-        """An accessor's numbers: [count, width] float32, normalized integers in [-1, 1]."""
+        """Return an accessor's values [count, width] float32, normalized integers in [-1, 1]."""
         accessor = item(self.json["accessors"], number)
         if "sparse" in accessor or "bufferView" not in accessor:
             raise ValueError("it has an accessor without a whole buffer view")
@@ -93,7 +93,7 @@ class Document:
         return values
 
     def _strided(self, view: dict[str, Any], start: int, count: int, kind: np.dtype) -> np.ndarray:
-        """[count, width] of a buffer view."""
+        """Return values [count, width] of a buffer view, without copying."""
         buffer = self._buffer(_whole(view["buffer"]))
         offset, length = _whole(view.get("byteOffset", 0)), _whole(view["byteLength"])
         stride = _whole(view.get("byteStride", kind.itemsize))
@@ -111,7 +111,7 @@ class Document:
         return self._buffers[number]
 
     def _fetched(self, uri: Any) -> bytes:
-        """The bytes of a URI (RFC 3986: with escapes such as %20): data in it, or a file in the same folder."""
+        """Return the bytes of a URI (RFC 3986): a data URI, or a file in the same folder."""
         if not isinstance(uri, str):
             raise ValueError("it has a buffer without bytes")
         if uri.startswith("data:"):
@@ -129,7 +129,7 @@ class Document:
 
 
 def item(values: Any, number: Any) -> dict[str, Any]:
-    """An object of a list that another one names by its number."""
+    """Return the object at an index of a list."""
     found = values[_whole(number)]
     if not isinstance(found, dict):
         raise TypeError("it has something else where an object is wanted")
@@ -143,7 +143,7 @@ def _whole(value: Any) -> int:
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
-    """JSON and binary chunk of a .glb file."""
+    """Return the JSON and the binary chunk of a .glb file."""
     _, version, _ = FILE_HEADER.unpack_from(data)
     if version != 2:
         raise damaged(path, f"it is glTF of version {version}; 2 is read")
@@ -159,7 +159,7 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
 
 
 def _matrix(node: dict[str, Any]) -> np.ndarray:
-    """[4, 4], which moves what is in a node into the one above."""
+    """Return the matrix [4, 4] from a node to its parent."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
     rotation = Rotation.from_quat(np.array(node.get("rotation", (0, 0, 0, 1)), np.float64).reshape(4))

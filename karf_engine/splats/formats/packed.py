@@ -1,4 +1,4 @@
-"""Tables of Gaussians as gsply's containers have them, and back; the package is imported by who packs or unpacks."""
+"""Conversion between tables of Gaussians and gsply's containers."""
 
 from __future__ import annotations
 
@@ -13,11 +13,7 @@ if TYPE_CHECKING:
 
 
 def to_package(table: np.ndarray) -> GSData:
-    """gsply's container of a table [n, 11 + 3 K]; its quaternions are of length 1.
-
-    Raises:
-        ImportError: gsply is not installed.
-    """
+    """Return gsply's container of a table [n, 11 + 3 K], with unit quaternions. Raises ImportError without gsply."""
     from gsply import GSData
 
     rotations = table[:, ROTATION:LOGIT].astype(np.float64)
@@ -35,7 +31,7 @@ def to_package(table: np.ndarray) -> GSData:
 
 
 def from_package(packed: GSData) -> np.ndarray:
-    """[n, 11 + 3 K] float32 of gsply's container."""
+    """Return the table [n, 11 + 3 K] float32 of gsply's container."""
     parts = [packed.means, packed.scales, packed.quats, packed.opacities[:, None], packed.sh0]
     if packed.shN is not None and packed.shN.size:
         parts.append(packed.shN.reshape(len(packed.means), -1))

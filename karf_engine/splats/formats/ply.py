@@ -1,12 +1,12 @@
-"""Gaussians in PLY files as Kerbl et al. 2023 write them, the kind that nearly every program reads.
+"""Gaussians in PLY files as Kerbl et al. 2023 write them.
 
 Layout: graphdeco-inria/gaussian-splatting, scene/gaussian_model.py: one `vertex` each, with x y z, f_dc_0..2,
 f_rest_0..44 (channel by channel: all of red, then green, then blue), opacity (logit), scale_0..2 (logarithm), rot_0..3
-(w x y z). Fewer bands have fewer f_rest: 0, 9, 24 or 45. nx ny nz may be there and mean nothing. Read in any order of
-the properties and any of PLY's types, as text or binary; what else a vertex has is kept. Whether a screen filter was
-used is a comment: Brush's `SplatRenderMode: mip`, Postshot's `antialiased 1`.
+(w x y z). f_rest has 0, 9, 24 or 45 properties. nx ny nz are ignored, other properties become `columns`. Properties may
+have any order and any PLY type, as text or binary. Comments name the screen filter: Brush's `SplatRenderMode: mip`,
+Postshot's `antialiased 1`.
 
-Numbers are float32 on both sides: what is written is read again to the bit.
+Values are float32 in memory and on disk, so a round trip is exact.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ UNFILTERED = re.compile(r"(SplatRenderMode: default|antialiased 0)\s*$", re.IGNO
 
 
 def read(path: Path) -> SplatFile:
-    """Read Gaussians of a PLY file; foreign properties become `columns`, in the file's types.
+    """Read Gaussians of a PLY file; other properties become `columns`, in the file's types.
 
     Raises:
-        DataError: The file is missing, damaged, cut off or no such PLY, or a row cannot be a Gaussian.
+        DataError: The file is missing, damaged, cut off or not a PLY of Gaussians, or a row is not a Gaussian.
     """
     return open_original(path).splats
 
@@ -47,8 +47,8 @@ class Original:
     """A PLY file of Gaussians with all its bytes.
 
     Attributes:
-        path: Of the file.
-        splats: What `read` gives of it.
+        path: The file.
+        splats: Its Gaussians, as `read` returns them.
     """
 
     path: Path
@@ -59,12 +59,12 @@ class Original:
 
     @property
     def is_text(self) -> bool:
-        """Whether its numbers are text, and cannot be changed in their places."""
+        """Whether the file is text, which cannot be changed in place."""
         return self._header.encoding == "ascii"
 
 
 def open_original(path: Path) -> Original:
-    """Read a PLY file of Gaussians and keep its bytes, to `rewrite` it. Raises as `read`."""
+    """Read a PLY file of Gaussians with its bytes, for `rewrite`. Raises as `read`."""
     data = read_bytes(path)
     with explaining(path):
         header = read_header(data)
@@ -76,10 +76,10 @@ def open_original(path: Path) -> Original:
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians and their columns as binary PLY, in the order of Kerbl et al., normals of 0 included.
+    """Write Gaussians and their columns as binary PLY in the order of Kerbl et al., with normals of 0.
 
     Raises:
-        ValueError: A column has the name of one of the layout's properties, or a type that PLY has not.
+        ValueError: A column has the name of a property of the layout, or a type unknown to PLY.
         OSError: The disk takes no more, or the folder cannot be written.
     """
     names = property_names(splats.table.shape[1])
@@ -95,18 +95,17 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write a PLY file again with other values; every byte that does not hold one of them stays.
+    """Write a PLY file with changed values; all other bytes stay.
 
     Args:
         original: The file, binary.
-        out: The file to write, which may be the same.
-        table: [n, 11 + 3 K] float32, as the file has it but for what is to change.
-        columns: Values of each Gaussian, [n] by name: those of a property that the file has replace it, in its type;
-            others become new properties behind a vertex's last.
+        out: The file to write; may be the same.
+        table: [n, 11 + 3 K] float32; only values that differ from the file's are written.
+        columns: Values [n] by name: existing properties are replaced in their types, others are added behind the last.
 
     Raises:
         DataError: The file is text.
-        ValueError: Table or columns are not of the file's shape, or a column has a type that PLY has not.
+        ValueError: Table or columns have another shape than the file, or a column has a type unknown to PLY.
     """
     data, header, rows = original._data, original._header, original._rows
     if original.is_text:
@@ -115,22 +114,22 @@ def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[s
         )
     columns = columns or {}
     changed = _changed(rows, original.splats.table, table)
-    new = {name: column for name, column in columns.items() if name not in rows.dtype.names}
+    new = {name: column for name, column in columns.items() if name not in (rows.dtype.names or ())}
     written = _widened(changed, {name: column.dtype for name, column in new.items()}, header)
     for name, column in columns.items():
         written[name] = column
     vertex, start = locate(header, "vertex")
     end = header.size + start + rows.nbytes
-    head = _with_properties(data[: header.size], vertex.end, properties(written.dtype)[len(rows.dtype) :])
+    head = _with_properties(data[: header.size], vertex.end, properties(written.dtype)[len(rows.dtype.names or ()) :])
     content = b"".join((head, data[header.size : header.size + start], written.tobytes(), data[end:]))
     atomic_write(out, lambda temporary: temporary.write_bytes(content))
 
 
 def property_names(width: int) -> list[str]:
-    """The layout's names for a table's columns.
+    """Return the layout's names of a table's columns.
 
     Args:
-        width: 11 + 3 K, of K = 1, 4, 9 or 16 harmonics.
+        width: 11 + 3 K, with K = 1, 4, 9 or 16 harmonics.
 
     Examples:
         >>> property_names(14)[10:]
@@ -148,7 +147,7 @@ def _rest(names: list[str]) -> list[str]:
 
 
 def _names_in(path: Path, rows: np.ndarray) -> list[str]:
-    """The layout's names for the columns of a table, as many as the file has bands."""
+    """Return the layout's names of the columns of the file's degree."""
     have = set(rows.dtype.names or ())
     n_rest = sum(name.startswith("f_rest_") for name in have)
     if n_rest % 3 or n_rest // 3 + 1 not in DEGREES:
@@ -175,7 +174,7 @@ def _filter_of(header: Header) -> bool | None:
 
 
 def _changed(rows: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """The file's rows with what differs between two tables; others keep digits that float32 has not."""
+    """Return the file's rows with the values that differ between two tables; others keep their full precision."""
     if new.shape != old.shape:
         raise ValueError(f"a table of {new.shape} for a file of {old.shape}")
     changed = rows.copy()
@@ -186,7 +185,7 @@ def _changed(rows: np.ndarray, old: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 
 def _widened(rows: np.ndarray, new: Mapping[str, np.dtype], header: Header) -> np.ndarray:
-    """The rows with further fields, in the file's order of bytes."""
+    """Return the rows with new fields, in the file's byte order."""
     order = ">" if header.encoding == "binary_big_endian" else "<"
     fields = [(name, rows.dtype[name]) for name in rows.dtype.names or ()]
     wide = np.zeros(len(rows), fields + [(name, dtype.newbyteorder(order)) for name, dtype in new.items()])
@@ -196,6 +195,6 @@ def _widened(rows: np.ndarray, new: Mapping[str, np.dtype], header: Header) -> n
 
 
 def _with_properties(header: bytes, end: int, lines: list[str]) -> bytes:
-    """A header with further lines behind a place, in its kind of line ends."""
+    """Insert lines at a position of a header, with its line ends."""
     line_end = "\r\n" if header[:end].endswith(b"\r\n") else "\n"
     return header[:end] + "".join(line + line_end for line in lines).encode() + header[end:]

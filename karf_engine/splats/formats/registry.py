@@ -1,4 +1,4 @@
-"""The kinds of files of Gaussians, by the ends of their names."""
+"""Formats of Gaussian files by file extension."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ PARTS = ("table", "is_antialiased")
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of files.
+    """A file format.
 
     Attributes:
-        ends: Of the names.
-        read: Of a path.
-        write: To a path; None where it is only read.
-        is_limited: Whether others' decoders read it, in a child process with limits; none of these kinds has columns.
+        ends: File extensions.
+        read: Reads a path.
+        write: Writes a path; None for read-only formats.
+        is_limited: Whether a third-party decoder reads it, in a child process with limits; such formats have no columns.
     """
 
     ends: tuple[str, ...]
@@ -38,7 +38,7 @@ class Kind:
 COMPRESSED_PLY = Kind((".compressed.ply",), compressed_ply.read, compressed_ply.write)
 PLAIN_PLY = Kind((".ply",), ply.read, ply.write, is_limited=False)
 KINDS = (
-    COMPRESSED_PLY,  # before the shorter end
+    COMPRESSED_PLY,  # before the shorter extension
     PLAIN_PLY,
     Kind((".spz",), spz.read, spz.write),
     Kind((".glb", ".gltf"), gltf.read, gltf.write, is_limited=False),
@@ -51,22 +51,22 @@ WRITTEN = tuple(kind for kind in KINDS if kind.write)
 
 
 def read_splats(path: Path) -> SplatFile:
-    """Read Gaussians of another program, of the kind that the name's end tells; whether PLY is packed, the content.
+    """Read a file of Gaussians. Its extension decides the format; PLY is compressed or plain by its header.
 
     Raises:
-        BadRequest: No kind has this end.
-        DataError: The file is missing or damaged, a row cannot be a Gaussian, or reading it takes too much memory or time.
-        MissingDependency: A package that this kind needs is not installed.
+        BadRequest: The extension is unknown.
+        DataError: The file is missing or damaged, a row is not a Gaussian, or reading takes too much memory or time.
+        MissingDependency: A package of this format is not installed.
     """
     kind = _kind_to_read(path)
     if not kind.is_limited:
         return kind.read(path)
-    table, said = run_limited(arrays_of, path, PARTS)
-    return SplatFile(table, bool(said[0]) if len(said) else None)
+    table, is_antialiased = run_limited(arrays_of, path, PARTS)
+    return SplatFile(table, bool(is_antialiased[0]) if len(is_antialiased) else None)
 
 
 def arrays_of(path: Path) -> dict[str, np.ndarray]:
-    """What `read_splats` gives of a file without columns, as arrays: `is_antialiased` [1] bool, or [0]."""
+    """Return table and `is_antialiased` ([1] bool, or [0] for None) of a file without columns."""
     splats = _kind_to_read(path).read(path)
     is_antialiased = [] if splats.is_antialiased is None else [splats.is_antialiased]
     return dict(zip(PARTS, (splats.table, np.array(is_antialiased, bool)), strict=True))
@@ -80,11 +80,7 @@ def _kind_to_read(path: Path) -> Kind:
 
 
 def is_plain_ply(path: Path) -> bool:
-    """Whether this is a PLY file by the name's end, and not a compressed one by the content.
-
-    Raises:
-        DataError: It has this end and is missing, or no file.
-    """
+    """Return whether this is a PLY file that is not compressed. Raises DataError for a missing .ply file."""
     if path.suffix.lower() != ".ply":
         return False
     check_file(path)
@@ -93,23 +89,20 @@ def is_plain_ply(path: Path) -> bool:
 
 
 def write_splats(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians atomically, as the kind that the name's end tells; columns only as .ply.
+    """Write Gaussians atomically in the format of the extension; columns only as .ply.
 
     Raises:
-        BadRequest: No kind that is written has this end, or this kind cannot hold centers that are so far.
-        MissingDependency: A package that this kind needs is not installed.
-        OSError: The disk takes no more, or the folder cannot be written.
+        BadRequest: No format can be written with this extension, or centers are out of its range.
+        MissingDependency: A package of this format is not installed.
+        OSError: The disk is full, or the folder cannot be written.
     """
-    kind = _kind(path, WRITTEN)
-    kind.write(path, splats)
+    write = _kind(path, WRITTEN).write
+    assert write is not None
+    write(path, splats)
 
 
 def end_of(path: Path) -> str:
-    """The end of the name that says its kind of file, such as `.compressed.ply`.
-
-    Raises:
-        BadRequest: No kind that is written has it.
-    """
+    """Return the file extension, such as `.compressed.ply`. Raises BadRequest where no format is written with it."""
     name = path.name.lower()
     return next(end for end in _kind(path, WRITTEN).ends if name.endswith(end))
 

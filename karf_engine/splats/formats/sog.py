@@ -1,11 +1,10 @@
-"""Gaussians in PlayCanvas' SOG files: pictures and a list of what they mean, in a zip archive.
+"""PlayCanvas' SOG: a zip archive of pictures with one pixel per Gaussian. Read only.
 
-Format: developer.playcanvas.com, "The SOG Format", version 2: meta.json, lossless WebP pictures with a pixel for each
-Gaussian, codebooks of 256 values. Unpacked by gsply, after what it takes for granted has been checked. The axes are those
-of the PLY. Only read.
+Format: developer.playcanvas.com, "The SOG Format", version 2: meta.json, lossless WebP pictures, codebooks of 256 values.
+gsply unpacks, after the checks below. Axes are those of PLY.
 
-Precision: 16 bits of the logarithm of a center's coordinate in the scene's bounds; scales and colors are of a codebook;
-opacity 1/510, quaternion 0.006.
+Precision: 16 bits for the logarithm of a center's coordinate in the scene's bounds, codebooks for scales and colors,
+1/510 for opacity, 0.006 for quaternions.
 """
 
 from __future__ import annotations
@@ -28,17 +27,17 @@ from .splat_file import SplatFile
 VERSION = 2
 META = "meta.json"
 CODES = 256
-PALETTE_WIDTH = 64  # entries in a row of the picture of harmonics
+PALETTE_WIDTH = 64  # entries per row of the picture of harmonics
 PALETTE = 1 << 16  # entries, at most
-N_HARMONICS = {1: 3, 2: 8, 3: 15}  # beyond the first, by the degree
-SPARE = 4096  # pixels by which a picture may be larger than its Gaussians need, and half as large again
+N_HARMONICS = {1: 3, 2: 8, 3: 15}  # above degree 0, by degree
+SPARE = 4096  # pixels; a picture may have 1.5 n + SPARE for n Gaussians
 
 
 def read(path: Path) -> SplatFile:
     """Read Gaussians of a .sog archive.
 
     Raises:
-        DataError: The file is missing, damaged, of another version, or a row cannot be a Gaussian.
+        DataError: The file is missing, damaged, of another version, or a row is not a Gaussian.
         MissingDependency: gsply or imagecodecs is not installed.
     """
     data = read_bytes(path)
@@ -46,20 +45,20 @@ def read(path: Path) -> SplatFile:
         members = _members(path, data)
         meta = json.loads(members[META])
         _check(path, meta, members, len(data))
-        import imagecodecs  # noqa: F401  with which gsply reads the pictures
+        import imagecodecs  # noqa: F401  gsply reads pictures with it
         from gsply import sogread
 
         archive = io.BytesIO()
         with zipfile.ZipFile(archive, "w") as file:
             for name in (META, *_pictures(meta)):
                 file.writestr(name, members[name])
-        table = from_package(sogread(archive.getvalue()))
+        table = from_package(sogread(archive.getvalue()))  # pyright: ignore
     is_antialiased = meta.get("antialias")
     return SplatFile(checked(path, table), is_antialiased if isinstance(is_antialiased, bool) else None)
 
 
 def _members(path: Path, data: bytes) -> dict[str, bytes]:
-    """The archive's files by name; pictures are stored as they are, so that all are as large as the archive at most."""
+    """Return the archive's files by name. Pictures are stored uncompressed, which bounds their total size."""
     with zipfile.ZipFile(io.BytesIO(data)) as file:
         if sum(member.file_size for member in file.infolist()) > len(data) + MOST_JSON:
             raise damaged(path, "its members are larger than itself")
@@ -78,8 +77,13 @@ def _check(path: Path, meta: dict[str, Any], members: dict[str, bytes], size: in
     count = _whole(meta["count"])
     n_harmonics = 1 + N_HARMONICS[_whole(meta["shN"]["bands"])] if "shN" in meta else 1
     check_count(path, count, n_harmonics, size)
-    _numbers(meta["means"]["mins"], 3), _numbers(meta["means"]["maxs"], 3)
-    _numbers(meta["scales"]["codebook"], CODES), _numbers(meta["sh0"]["codebook"], CODES)
+    for values, length in (
+        (meta["means"]["mins"], 3),
+        (meta["means"]["maxs"], 3),
+        (meta["scales"]["codebook"], CODES),
+        (meta["sh0"]["codebook"], CODES),
+    ):
+        _numbers(values, length)
     for part, n_pictures in (("means", 2), ("quats", 1), ("scales", 1), ("sh0", 1)):
         for name in _names(meta[part]["files"], n_pictures):
             _check_picture(path, name, members[name], count)

@@ -1,9 +1,9 @@
-"""Gaussians in antimatter15's .splat files: 32 bytes each, without header and without harmonics beyond the first.
+"""antimatter15's .splat: 32 bytes per Gaussian, no header, degree 0 only. Read only.
 
 Format: github.com/antimatter15/splat, main.js: float32 center and scales (not logarithms), bytes red green blue opacity,
-bytes of the quaternion w x y z as 128 + 128 q. The axes are those of the PLY. Only read: it is what old viewers have.
+bytes 128 + 128 q of the quaternion w x y z. Axes are those of PLY.
 
-Precision: centers and scales as float32, opacity and color 1/510, quaternion 1/256.
+Precision: float32 for centers and scales, 1/510 for opacity and color, 1/256 for quaternions.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ HALF_BYTE = 128
 
 
 def read(path: Path) -> SplatFile:
-    """Read Gaussians of a .splat file; quaternions of four equal middle bytes mean no rotation.
+    """Read Gaussians of a .splat file; a quaternion of four bytes 128 is the identity.
 
     Raises:
-        DataError: The file is missing, is no whole number of Gaussians, or a row cannot be a Gaussian.
+        DataError: The file is missing, its size is not a multiple of 32, or a row is not a Gaussian.
     """
     data = read_bytes(path)
     if len(data) % ROW.itemsize:

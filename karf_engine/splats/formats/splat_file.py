@@ -1,4 +1,4 @@
-"""What a file of Gaussians holds, whichever program wrote it."""
+"""The content of a file of Gaussians, independent of its format."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class SplatFile:
-    """n Gaussians of a file, in the axes and units of a PLY file of Kerbl et al. 2023.
+    """n Gaussians in the axes and units of a PLY file of Kerbl et al. 2023.
 
     Attributes:
-        table: [n, 11 + 3 K] float32, C-contiguous, finite; columns as in `gaussians.Gaussians.table`, the logits of the
-            opacity within what float32 can tell from 0 and 1.
-        is_antialiased: Whether they were learned with a screen filter that lowers the opacity of what it widens
-            (Mip-Splatting); None where the file does not say.
-        columns: Further values of each Gaussian, [n] by name, which only some kinds of files hold: those of the program
-            that wrote it, or an object's number, its probability, palette weights.
+        table: [n, 11 + 3 K] float32, C-contiguous, finite; columns as in `gaussians.Gaussians.table`.
+        is_antialiased: Whether they were trained with an opacity-compensated screen filter (Mip-Splatting); None if the
+            file does not say.
+        columns: Other values per Gaussian, [n] by name; PLY only.
     """
 
     table: np.ndarray

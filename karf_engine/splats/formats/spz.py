@@ -1,13 +1,12 @@
-"""Gaussians in Niantic's SPZ files, about a tenth of a PLY file.
+"""Niantic's SPZ, about a tenth of the size of PLY.
 
-Format: github.com/nianticlabs/spz, versions 2 to 4; version 3 is written. Packed and unpacked by gsply, which knows no
-axes: SPZ stores right, up, back (RUB), so centers, rotations and harmonics are turned here (see `turning`), as the
-reference does between PLY and SPZ. Programs that turn nothing, among them gsply by itself, write files that others show
-upside down; nothing in a file tells them apart.
+Format: github.com/nianticlabs/spz, versions 2 to 4; version 3 is written. gsply packs and unpacks. SPZ stores right, up,
+back (RUB), so centers, rotations and harmonics are rotated here (see `turning`), as the reference does. Some programs,
+gsply among them, do not rotate; their files cannot be told apart and appear upside down.
 
-Precision: centers to half of 2^-bits, with as many bits as the farthest coordinate leaves of 23 (at least to 1.2e-7 of
-it); logarithms of scales 1/32, from -10 to 5.9; 1/510 of the opacity; 0.0014 of a unit quaternion's parts; colors of the
-first harmonic 1/76, of the further ones 1/256, which end at -0.99 and 0.99.
+Precision: centers 2^-bits / 2, where the farthest coordinate decides the bits (at least 1.2e-7 of it); log scales 1/32,
+from -10 to 5.9; opacity 1/510; quaternion components 0.0014; harmonics of degree 0 1/76, higher ones 1/256, clipped to
+[-0.99, 0.99].
 """
 
 from __future__ import annotations
@@ -32,13 +31,13 @@ MAGIC = b"NGSP"
 GZIP = b"\x1f\x8b"
 HEADER = struct.Struct("<4sIIBBBB")  # magic, version, count, degree, bits of a fraction, flags, number of streams
 STREAM = struct.Struct("<QQ")  # bytes packed, unpacked
-STREAMS_AT = 16  # where version 4 says where its table of streams is
-STREAMED = 4  # the version whose streams are packed one by one
+STREAMS_AT = 16  # offset of the offset of version 4's table of streams
+STREAMED = 4  # the first version with separately packed streams
 VERSIONS = (2, 3, STREAMED)
-BYTES = {0: 20, 1: 29, 2: 44, 3: 65}  # of a Gaussian by the degree; version 2 has one less
-FLAGS_AT = 14  # bytes from the start
+BYTES = {0: 20, 1: 29, 2: 44, 3: 65}  # per Gaussian by degree; one less in version 2
+FLAGS_AT = 14  # byte offset
 ANTIALIASED = 1
-POSITION_BITS, LEAST_BITS, MOST_BITS = 23, 1, 24  # of a coordinate without its sign; of these behind the point
+POSITION_BITS, LEAST_BITS, MOST_BITS = 23, 1, 24  # of a coordinate without its sign; fraction bits
 BLOCK = 1 << 20  # bytes
 
 
@@ -52,7 +51,7 @@ class _Header:
 
     @property
     def n_bytes(self) -> int:
-        """Of all Gaussians, unpacked."""
+        """Unpacked size of all Gaussians."""
         return self.count * (BYTES[self.degree] - (self.version == VERSIONS[0]))
 
 
@@ -60,7 +59,7 @@ def read(path: Path) -> SplatFile:
     """Read Gaussians of an SPZ file.
 
     Raises:
-        DataError: The file is missing, damaged or cut off, of an unknown version, or a row cannot be a Gaussian.
+        DataError: The file is missing, damaged or cut off, of an unknown version, or a row is not a Gaussian.
         MissingDependency: gsply, or for version 4 zstandard, is not installed.
     """
     data = read_bytes(path)
@@ -73,10 +72,10 @@ def read(path: Path) -> SplatFile:
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as SPZ of version 3; columns have no place in it.
+    """Write Gaussians as SPZ version 3; columns are dropped.
 
     Raises:
-        BadRequest: A center is farther than its fixed point holds.
+        BadRequest: A center is out of range of its fixed-point numbers.
         MissingDependency: gsply is not installed.
         OSError: The disk takes no more, or the folder cannot be written.
     """
@@ -94,7 +93,7 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 def _fraction_bits(path: Path, farthest: float) -> int:
-    """How many bits behind the point are left by the farthest coordinate."""
+    """Return the number of fraction bits that the farthest coordinate allows."""
     most = 2**POSITION_BITS - 1
     if farthest * 2**LEAST_BITS > most:
         raise BadRequest(
@@ -114,7 +113,7 @@ def _flag_antialiased(path: Path) -> None:
 
 
 def _checked_header(path: Path, data: bytes) -> _Header:
-    """The header, once its count has been found possible and the packed bytes to be as many as it says."""
+    """Return the header after checking its count against the packed bytes."""
     is_packed = data.startswith(GZIP)
     head = zlib.decompressobj(wbits=31).decompress(data, HEADER.size) if is_packed else data[: HEADER.size]
     magic, version, count, degree, _, flags, n_streams = HEADER.unpack(head)
@@ -132,7 +131,7 @@ def _checked_header(path: Path, data: bytes) -> _Header:
 
 
 def _check_unpacked(path: Path, data: bytes, header: _Header) -> None:
-    """Unpack in blocks that are thrown away, until it is more than there can be."""
+    """Check the unpacked size by unpacking block by block."""
     unpacker, rest, found = zlib.decompressobj(wbits=31), data, 0
     most = header.n_bytes + BLOCK  # extensions may follow
     while rest and not unpacker.eof and found <= most:

@@ -1,8 +1,7 @@
-"""Gaussians in other axes.
+"""The half turn between the axes of PLY and those of y-up formats.
 
-A PLY file's axes are usually COLMAP's: x right, y down, z forward, as the first camera saw the scene. The kinds whose
-specification names an upward axis are written turned by half a turn round x: x right, y up, z backward, the axes of a
-camera of OpenGL, glTF, USD and Blender. That is what nianticlabs/spz does between its RDF (PLY) and RUB (SPZ).
+PLY files usually have COLMAP's axes (x right, y down, z forward; RDF). Formats that define an up axis are written in
+OpenGL's (x right, y up, z backward; RUB), as nianticlabs/spz does.
 """
 
 from __future__ import annotations
@@ -11,9 +10,9 @@ import numpy as np
 
 from ..similarity import turned
 
-UPRIGHT = np.diag([1.0, -1.0, -1.0, 1.0])  # half a turn round x, its own inverse
+UPRIGHT = np.diag([1.0, -1.0, -1.0, 1.0])  # rotation by 180 degrees about x, its own inverse
 
 
 def upright(table: np.ndarray) -> np.ndarray:
-    """Gaussians turned by half a turn round x, there or back, exactly: [n, 11 + 3 K]."""
+    """Return a table [n, 11 + 3 K] rotated by 180 degrees about x, exactly."""
     return turned(table, UPRIGHT)

@@ -1,16 +1,17 @@
-"""Gaussians in USD files, .usd .usda .usdc and, read only, .usdz: the prim ParticleField3DGaussianSplat of UsdVol.
+"""Gaussians in USD files (.usd, .usda, .usdc; .usdz read only): UsdVol's prim ParticleField3DGaussianSplat.
 
-Format: openusd.org, UsdVol's user guide: positions, scales (not their logarithms), orientations, opacities, and
-radiance:sphericalHarmonicsCoefficients, K for each particle in the order of Kerbl et al. Each may be of half precision
-instead. Colors are taken to be display-referred sRGB, as trainers learn them; the schema names no color space.
+Format: openusd.org, UsdVol's user guide: positions, scales (not logarithms), orientations, opacities, and
+radiance:sphericalHarmonicsCoefficients, K per particle in the order of Kerbl et al., each in single or half precision.
+The schema defines no color space; colors are read as display-referred sRGB, as trainers learn them.
 
-Written is the table as it is in a PLY file, below an operation that turns it by half a turn round x (see `turning`), on
-a stage that is y up with lengths in meters, since a PLY file has no unit. Read is whatever prims turn, move and scale,
-z up or y up; the unit is not used. A file that refers to other files is refused: what they say could be anything.
+The table is written as in PLY, below a rotation by 180 degrees about x (see `turning`), on a y-up stage in meters.
+Transforms of prims are applied when reading, z up or y up; the unit is ignored. Files that refer to others are refused.
 
-Precision: as glTF: float32 on both sides, opacity to 2e-7, the logarithm of a scale to 1e-5, rotations to 1e-6.
+Precision: float32; opacity 2e-7, log scales 1e-5, unit quaternions 1e-6.
 """
 
+# usd-core has no type stubs
+# pyright: reportAttributeAccessIssue=false
 from __future__ import annotations
 
 from pathlib import Path
@@ -33,15 +34,15 @@ if TYPE_CHECKING:
 
 NAME = "/Gaussians"
 MOST_PRIMS = 10_000  # of the composed stage
-SIGMAS = 3  # as far as a Gaussian counts for the bounds
+SIGMAS = 3  # of a Gaussian, for the bounds
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # into y up
 
 
 def read(path: Path) -> SplatFile:
-    """Read the Gaussians of all prims of a USD file, moved as the prims say, into a PLY file's axes.
+    """Read all Gaussians of a USD file, transformed by its prims, in the axes of PLY.
 
     Raises:
-        DataError: The file is missing or damaged, refers to other files, has no Gaussians, or a row cannot be one.
+        DataError: The file is missing or damaged, refers to other files, has no Gaussians, or a row is not a Gaussian.
         MissingDependency: usd-core is not installed.
     """
     size = check_file(path)
@@ -50,12 +51,12 @@ def read(path: Path) -> SplatFile:
 
         try:
             return SplatFile(checked(path, np.concatenate(_tables(path, size))))
-        except Tf.ErrorException as error:  # whose words may be of damaged letters
+        except Tf.ErrorException as error:  # its message may hold undecodable bytes
             raise damaged(path, "usd-core cannot read it") from error
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as text (.usda) or binary (.usdc, .usd); columns have no place in it.
+    """Write Gaussians as text (.usda) or binary (.usdc, .usd); columns are dropped.
 
     Raises:
         MissingDependency: usd-core is not installed.
@@ -73,14 +74,14 @@ def write(path: Path, splats: SplatFile) -> None:
 
 # --------------------------------------------------------------------------------------------------------------- reading
 def _tables(path: Path, size: int) -> list[np.ndarray]:
-    """The table of each prim of Gaussians; size: of the file, bytes."""
+    """Return the table of each prim of Gaussians. size: bytes of the file."""
     from pxr import Usd, UsdGeom
 
     stage = _stage(path)
     axes = UPRIGHT @ (Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4))
     tables, count = [], 0
     for number, prim in enumerate(stage.Traverse(Usd.TraverseInstanceProxies())):
-        if number == MOST_PRIMS:  # instances double themselves without taking memory
+        if number == MOST_PRIMS:  # instances multiply without taking memory
             raise damaged(path, f"it has more than {MOST_PRIMS:,} prims, those that appear again by references counted")
         if prim.GetTypeName() == "ParticleField3DGaussianSplat":
             matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
@@ -93,7 +94,7 @@ def _tables(path: Path, size: int) -> list[np.ndarray]:
 
 
 def _stage(path: Path) -> Usd.Stage:
-    """The stage of one file without any other."""
+    """Open the stage of a file that refers to no other."""
     from pxr import Sdf, Usd
 
     layer = Sdf.Layer.OpenAsAnonymous(str(path))
@@ -108,7 +109,7 @@ def _stage(path: Path) -> Usd.Stage:
 
 
 def _with_clips(layer: Sdf.Layer) -> list[str]:
-    """The prims, those of variants too, whose values lie in other files."""
+    """Return the prims, also of variants, with value clips, which refer to other files."""
     paths: list[Sdf.Path] = []
     layer.Traverse(layer.pseudoRoot.path, paths.append)
     prims = filter(None, map(layer.GetPrimAtPath, paths))
@@ -116,18 +117,18 @@ def _with_clips(layer: Sdf.Layer) -> list[str]:
 
 
 def _table(path: Path, prim: Usd.Prim, n_before: int, size: int) -> np.ndarray:
-    """[n, 11 + 3 K] float32 of a prim; n_before: Gaussians of the file that are read already, size: its bytes."""
+    """Return the table [n, 11 + 3 K] float32 of a prim. n_before: Gaussians read before it; size: bytes of the file."""
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
     if degree not in DEGREES.values():
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
     centers = _values(prim, "positions")
     n_harmonics = (degree + 1) ** 2
-    check_count(path, n_before + len(centers), n_harmonics, size)  # one prim may be in any number of places
+    check_count(path, n_before + len(centers), n_harmonics, size)  # a prim can be instanced any number of times
     harmonics = _values(prim, "radiance:sphericalHarmonicsCoefficients")[: len(centers) * n_harmonics]
     parts = (
         centers,
         log_scales(_values(prim, "scales")),
-        np.roll(_values(prim, "orientations"), 1, 1),  # usd-core's arrays have the real part last
+        np.roll(_values(prim, "orientations"), 1, 1),  # usd-core stores the real part last
         logits(_values(prim, "opacities").reshape(-1, 1)),
         harmonics.reshape(-1, 3 * n_harmonics),
     )
@@ -137,7 +138,7 @@ def _table(path: Path, prim: Usd.Prim, n_before: int, size: int) -> np.ndarray:
 
 
 def _values(prim: Usd.Prim, name: str) -> np.ndarray:
-    """An attribute's array as float32, of single precision where it is there, else of half."""
+    """Return an attribute as float32, from its single-precision form or else from the half-precision one."""
     for each in (name, f"{name}h"):
         value = prim.GetAttribute(each).Get()
         if value is not None and len(value):
