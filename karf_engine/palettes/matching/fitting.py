@@ -65,8 +65,8 @@ def match_seen(
 ) -> np.ndarray:
     """Return the palette that minimises the sum of CIEDE2000 to the targets, by iteratively reweighted least squares.
 
-    Unlike `match_pixels`, which takes the same arguments, it is robust: colors that the palette cannot move apart (of two
-    paints, or a highlight) do not pull all others off their targets. Targets may slightly exceed [0, 1].
+    Unlike `match_pixels`, which takes the same arguments, it is robust: colors that the palette cannot move apart (of
+    two paints, or a highlight) do not pull all others off their targets. Targets may slightly exceed [0, 1].
 
     Examples:
         One swatch makes up three colors; two stay and outvote the third, which should turn blue:
