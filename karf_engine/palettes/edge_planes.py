@@ -51,7 +51,8 @@ class ObjectEdge:
     ) -> None:
         coverage = np.asarray(coverage, np.float32)
         margin = EdgeShape(-MOST_CHOKE, MOST_FEATHER).reach(scale)
-        self.place = grown_box(box_of(coverage > 0), margin, coverage.shape) or (slice(0, 0), slice(0, 0))
+        box = box_of(coverage > 0)
+        self.place = grown_box(box, margin, coverage.shape) if box else (slice(0, 0), slice(0, 0))
         self._base, self._scale = base[self.place].reshape(-1, 3), scale
         self._before = np.ascontiguousarray(coverage[self.place])
         self._limit = np.maximum(self._before, room[self.place])

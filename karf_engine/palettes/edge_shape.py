@@ -284,15 +284,13 @@ def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
     return ends[0], ends[1]
 
 
-def grown_box(box: tuple[slice, slice] | None, by: int, shape: tuple[int, int]) -> tuple[slice, slice] | None:
+def grown_box(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
     """Dilate a box by a number of pixels, clipped to a picture of this shape.
 
     Examples:
         >>> grown_box((slice(1, 2), slice(1, 3)), 2, (9, 4))
         (slice(0, 4, None), slice(0, 4, None))
     """
-    if box is None:
-        return None
     rows, columns = (
         slice(max(0, each.start - by), min(each.stop + by, side)) for each, side in zip(box, shape, strict=True)
     )

@@ -1,4 +1,4 @@
-"""Edits as JSON, edit.json: the wanted color of each swatch, the colors that were added, and the shapes of edges."""
+"""Read and write edit.json: the edited swatches, added colors and edge shapes."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ EDIT_SCHEMA = "karf-edit/1"
 
 @checked
 def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
-    """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
+    """Read edit.json; null entries and missing objects stay as learned.
 
     Args:
         path: The file.
-        palettes: As learned, one an object.
-        compositing: What a file that names none means, `delta` or `paper`.
+        palettes: As learned, one per object.
+        compositing: Default for files without one, `delta` or `paper`.
 
     Raises:
-        DataError: The file is missing or of another schema, or has an unknown object, a wrong number of colors, a bad
-            color, a changed black or an edge that cannot be.
+        DataError: The file is missing or has another schema, an unknown object, a wrong number of colors, an invalid
+            color, a changed black or an invalid edge.
 
     Examples:
         >>> import tempfile
@@ -66,21 +66,21 @@ def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = 
 def edit_from_json(
     content: dict[str, Any], path: Path | str, palettes: Sequence[Palette], compositing: str = "delta"
 ) -> Edit:
-    """The edit of what edit.json holds; the rest as `read_edit`.
+    """Parse the content of edit.json; see `read_edit`.
 
     Args:
-        content: The file's table, whose schema is known.
-        path: The file, or what else messages call it.
-        palettes: As learned, one an object.
-        compositing: What a table that names none means.
+        content: The table, with the schema already checked.
+        path: The file, or another name for messages.
+        palettes: As learned, one per object.
+        compositing: Default for tables without one.
 
     Raises:
-        DataError: The table says what no edit of these palettes can.
+        DataError: The table is not an edit of these palettes.
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.9, 0.1, 0.1]]))
-        >>> edit_from_json({"objects": {"pot": {"colors": [None, "#0000ff"]}}}, "the query", [pot]).colors["pot"].tolist()
-        [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+        >>> edit_from_json({"objects": {"pot": {"colors": [None, "#0000ff"]}}}, "the query", [pot]).colors["pot"][1]
+        array([0., 0., 1.])
     """
     compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
@@ -117,7 +117,7 @@ def edit_from_json(
 
 
 def _edge(entry: Any, where: str) -> EdgeShape:
-    """How an object's edges are moved and faded; what is not written is 0."""
+    """Parse an edge shape; missing values are 0."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the edges {entry!r:.200}.", 'Write {"choke": pixels, "feather": pixels}.')
     values = {}
@@ -130,7 +130,7 @@ def _edge(entry: Any, where: str) -> EdgeShape:
 
 
 def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
-    """An added color and its set [size, 3], the wanted color first."""
+    """Parse an added color and its set [size, 3], the wanted color first."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
     reach, protect = entry.get("reach", REACH), entry.get("protect", 0.0)
@@ -152,7 +152,7 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
 
 @checked
 def write_edit(path: Path | str, edit: Edit) -> None:
-    """Write edit.json atomically, colors as sRGB triples (hex would round them). Raises BadRequest for another ending.
+    """Write edit.json atomically, with exact sRGB numbers; raise BadRequest for another suffix.
 
     Examples:
         >>> import tempfile
@@ -169,7 +169,7 @@ def write_edit(path: Path | str, edit: Edit) -> None:
 
 
 def edit_to_json(edit: Edit) -> dict[str, Any]:
-    """What edit.json holds of an edit.
+    """Return the content of edit.json.
 
     Examples:
         >>> edit = Edit({"pot": np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}, "delta", {})

@@ -1,4 +1,4 @@
-"""Colorways of a learned project: the edit of each, and what it will reach. Without torch."""
+"""Plan the colorways of a learned project: their edits and predictions."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .sheet import Colorway, TargetColor, read_sheet
 
 @dataclass(frozen=True)
 class PlannedColorway:
-    """A colorway, before anything is rendered.
+    """Edit of a colorway, before rendering.
 
     Attributes:
         colorway: As in the sheet.
-        edit: Of all objects; those that the colorway does not name stay as learned.
-        predictions: One for each target color; none where the colorway is an edit.
+        edit: Edit of all objects; those not in the colorway stay as learned.
+        predictions: One per target color; none if the colorway is an edit.
     """
 
     colorway: Colorway
@@ -39,19 +39,20 @@ def plan_colorways(
     light: ReferenceLight | None = None,
     edges: Mapping[str, EdgeShape] | None = None,
 ) -> tuple[PlannedColorway, ...]:
-    """The colorways of a sheet (see `palettes.colorways.sheet`), each with its edit and what it will reach.
+    """Plan the colorways of a sheet (see `palettes.colorways.sheet`).
 
     Args:
-        project: With palettes.
+        project: A project with palettes.
         sheet: CSV or JSON.
-        locked: Numbers of swatches that stay as learned, by object; those of an edit are what it says.
-        light: Under which the sheet's colors are meant; None: as photos show them. Predictions are of photos in any case.
-        edges: How the edges of objects are moved and faded, by object; those of an edit are what it says.
+        locked: Swatches that stay as learned, by object; ignored for colorways that are edits.
+        light: Reference light of the sheet's colors; None if they are as in the photos. Predictions are as in the
+            photos.
+        edges: Edge shapes by object; ignored for colorways that are edits.
 
     Raises:
-        BadRequest: The project has no palettes, or not that swatch.
-        DataError: The sheet is invalid, names an unknown object or an edit that is none of these palettes, or a file of
-            the project is damaged.
+        BadRequest: The project has no palettes, or a locked swatch is unknown.
+        DataError: The sheet is invalid, names an unknown object or an edit of other palettes, or a project file is
+            damaged.
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
