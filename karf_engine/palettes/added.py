@@ -21,22 +21,18 @@ from .matching.paints import GREY_CHROMA, HUE_GATE, pigment_gate
 from .object_colors import ColorHistogram
 from .palette import PROTECT, AddedColor, Palette
 
-FEW_NEUTRALS = 0.05  # share of an object up to which neutrals are highlights and shades of its pigments
+FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments
 LEAST_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
 HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # hue differences, in units of reach
-SPARSE = 0.02  # share of an object up to which a hue bin counts as a gap
-GATE_CLOSED = 1.3  # hue difference over reach at which the gate is nearly closed
+SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
+GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
 
 
 def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
-    """Propose an added color with the reach and protection that suit the object's colors.
+    """Propose an added color for a picked color, sRGB [3], with the reach and protection that suit the object's colors.
 
     The reach ends at a gap in the object's hues, before the next pigment. Neutrals are protected if much of the object
     is neutral (silver, foil, paper).
-
-    Args:
-        seen: The object's colors.
-        picked: One of them, sRGB [3] in [0, 1].
 
     Examples:
         Red letters on silver, and a red beside an orange:
@@ -64,10 +60,6 @@ def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
 
 def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
     """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch.
-
-    Args:
-        seen: The object's colors.
-        index: The swatch.
 
     Examples:
         >>> weights = np.array([[0, 0.9], [0.8, 0.2]])
@@ -174,14 +166,11 @@ def solve_set(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, want
     Args:
         seen: The object's colors.
         palette: As learned, sRGB [M, 3] in [0, 1].
-        added: The added color.
+        added: The added color; not black.
         wanted: New color of the picked one, sRGB [3] in [0, BRIGHTEST].
 
     Returns:
         [M, 3] float32 sRGB, the wanted color first; exactly as learned if that is the picked one.
-
-    Raises:
-        BadRequest: The picked color is black.
 
     Examples:
         >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)

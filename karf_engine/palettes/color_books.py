@@ -36,8 +36,7 @@ class ColorBook:
         lab: CIE L*a*b* [n, 3] (D65), possibly out of gamut.
 
     Raises:
-        TypeError: A field has the wrong type.
-        BadRequest: There are no names, or colors have the wrong shape or are not finite.
+        BadRequest: Names are missing, or colors have the wrong shape or are not finite.
 
     Examples:
         >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
@@ -100,15 +99,7 @@ class NamedDifference(NamedTuple):
 
 @checked
 def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
-    """Return the names whose colors are nearest to a color, the nearest first.
-
-    Args:
-        book: The book.
-        color: sRGB [3].
-        count: Number of names, at most.
-
-    Raises:
-        BadRequest: The color or the count is invalid.
+    """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first.
 
     Examples:
         >>> book = ColorBook("paints", ("Red", "Sky"), np.array([[53.24, 80.09, 67.2], [48.0, -14, -32]]))

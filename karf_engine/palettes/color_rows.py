@@ -34,11 +34,7 @@ DELIMITERS = "\t;,"
 def csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield the non-empty rows of a CSV file, as cells by lower-case column name, with their location for messages.
 
-    Args:
-        path: CSV in UTF-8 with commas, semicolons or tabs, and a header row.
-
-    Raises:
-        DataError: The file is missing, too large, or not such a table.
+    The file is UTF-8 with commas, semicolons or tabs, and a header row; DataError is raised otherwise.
 
     Examples:
         >>> import tempfile

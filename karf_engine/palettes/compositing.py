@@ -1,11 +1,12 @@
 """Composite recolored pictures from edit planes: a few multiply-adds per pixel, fast enough to follow a dragged swatch.
 
-Shapes: K objects, M palette entries of the largest palette (smaller ones are zero padded), H x W pixels.
-
-base: [H, W, 3] sRGB in [0, 1], the picture without the edit.
-palette_weights: [K, M, H, W], the weight of entry j of object k times the object's probability; the sum over j is
-    the probability [K, H, W].
-learned, edited: palettes [K, M, 3] before and after the edit.
+Arguments shared by the functions of this module, for K objects and M palette entries of the largest palette (smaller
+ones are zero padded):
+    base: [H, W, 3] float32 sRGB in [0, 1], the picture without the edit.
+    palette_weights: [K, M, H, W] >= 0, the weight of entry j of object k times the object's probability; the sum over
+        j is the probability.
+    probabilities: [K, H, W] in [0, 1] of the objects; the remainder to 1 is the background's.
+    learned, edited: palettes [K, M, 3] before and after the edit.
 """
 
 from __future__ import annotations
@@ -139,14 +140,7 @@ def _check(path: Path, planes: Planes) -> None:
 
 
 def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Stack the palettes of several objects, zero padded to the largest.
-
-    Args:
-        objects: Names of the K objects.
-        colors: Palette [m, 3] of each object, by name.
-
-    Returns:
-        [K, M, 3] float32.
+    """Stack the palettes [m, 3] of objects, given by name, zero padded to the largest: [K, M, 3] float32.
 
     Examples:
         >>> stack_palettes(["pot", "mug"], {"pot": np.ones((3, 3)), "mug": np.ones((2, 3))}).sum(axis=-1).tolist()
@@ -167,14 +161,10 @@ def delta_composite(
 ) -> np.ndarray:
     """Add the palette change to the base: clip(base + sum_kj weights_kj (edited_kj - learned_kj)).
 
-    Pixels without weight in any changed swatch keep the base bit by bit. The result is linear in the edit, which
-    preserves soft edges and highlights.
+    Pixels without weight in any changed swatch keep the base bit by bit. The result is linear in the edit: soft edges
+    and highlights stay. Float16 weights give the same result as float32, but slowly.
 
     Args:
-        base: float32 [H, W, 3] in [0, 1].
-        palette_weights: [K, M, H, W], >= 0; float16 gives the same result as float32, but slowly.
-        learned: Palettes [K, M, 3].
-        edited: Palettes [K, M, 3].
         out: float32 [H, W, 3] to write to, possibly a view such as rgba[..., :3]; not the base.
 
     Returns:
@@ -229,13 +219,7 @@ def _add_block(
 
 
 def hard_masks(probabilities: np.ndarray) -> np.ndarray:
-    """Return the argmax class of each pixel (Eq. 8) as object masks; background pixels are in no mask.
-
-    Args:
-        probabilities: [K, H, W] in [0, 1]; the remainder to 1 is the background's.
-
-    Returns:
-        bool [K, H, W].
+    """Return the argmax class of each pixel (Eq. 8) as object masks, bool [K, H, W]; background pixels are in no mask.
 
     Examples:
         >>> hard_masks(np.array([[[0.5, 0.3, 0.1]], [[0.2, 0.4, 0.1]]])).tolist()
@@ -252,12 +236,6 @@ def paper_composite(
     """Replace the base inside each hard mask by the palette's mixture, sum_j weights_kj / prob_k edited_kj.
 
     Unlike `delta_composite`, this shows the palette's decomposition error even where nothing is edited.
-
-    Args:
-        base: [H, W, 3] in [0, 1].
-        palette_weights: [K, M, H, W], >= 0.
-        probabilities: [K, H, W] in [0, 1]; the remainder to 1 is the background's.
-        edited: Palettes [K, M, 3].
 
     Returns:
         float32 [H, W, 3] in [0, 1].

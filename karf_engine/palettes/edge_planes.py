@@ -19,7 +19,7 @@ from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, box_of, faded, grow
 from .palette import AddedColor, Palette
 from .star import plain_hull, star_of, weights_in
 
-FULL = 1 - 1 / 64  # coverage above which nothing is residual to cover
+FULL = 1 - 1 / 64  # coverage above which nothing remains to cover
 
 
 class ObjectEdge:
@@ -147,7 +147,7 @@ def reshaped(
     edges: Mapping[str, EdgeShape],
     scale: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights and probabilities of a picture after moving and fading edges.
+    """Return the weights and probabilities of a picture after moving and fading edges; unchanged if all are neutral.
 
     Args:
         base: The unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1].
@@ -156,9 +156,6 @@ def reshaped(
         palettes: Of the K objects, as learned.
         edges: By object; other edges stay.
         scale: Pixels of this picture per pixel of the photo at full size.
-
-    Returns:
-        New arrays; the given ones if all edges are neutral.
 
     Examples:
         A pot in the right half of a red picture grows by a pixel:

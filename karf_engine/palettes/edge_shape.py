@@ -26,11 +26,10 @@ class EdgeShape:
     """Edge of an object, moved and faded.
 
     Attributes:
-        choke: Pixels by which the edge moves inwards, -MOST_CHOKE to MOST_CHOKE; negative values grow the object.
+        choke: Inward shift of the edge in pixels, -MOST_CHOKE to MOST_CHOKE; negative values grow the object.
         feather: Width in pixels of the fade, centered on the moved edge, 0 to MOST_FEATHER.
 
     Raises:
-        TypeError: A field is not a number.
         BadRequest: A number is out of range.
 
     Examples:

@@ -66,16 +66,9 @@ def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = 
 def edit_from_json(
     content: dict[str, Any], path: Path | str, palettes: Sequence[Palette], compositing: str = "delta"
 ) -> Edit:
-    """Parse the content of edit.json; see `read_edit`.
+    """Parse the content of edit.json, with its schema already checked; otherwise like `read_edit`.
 
-    Args:
-        content: The table, with the schema already checked.
-        path: The file, or another name for messages.
-        palettes: As learned, one per object.
-        compositing: Default for tables without one.
-
-    Raises:
-        DataError: The table is not an edit of these palettes.
+    `path` is the file, or another name for messages.
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.9, 0.1, 0.1]]))
@@ -176,18 +169,16 @@ def edit_to_json(edit: Edit) -> dict[str, Any]:
         >>> edit_to_json(edit)["objects"]
         {'pot': {'colors': [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}}
     """
-    objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
+    objects: dict[str, dict[str, Any]] = {}
+    for name, colors in edit.colors.items():
+        added = edit.added.get(name, ())
+        palette, *sets = np.split(np.asarray(colors), 1 + len(added))
+        objects[name] = {"colors": rows_of(palette)}
+        if added:
+            objects[name]["added"] = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
     for name, shape in shaped_edges(edit.edges).items():
         objects[name]["edges"] = asdict(shape)
     return {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects}
-
-
-def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
-    palette, *sets = np.split(np.asarray(colors), 1 + len(added))
-    if not sets:
-        return {"colors": rows_of(palette)}
-    listed = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
-    return {"colors": rows_of(palette), "added": listed}
 
 
 def _added_to_json(color: AddedColor, own: np.ndarray) -> dict[str, Any]:

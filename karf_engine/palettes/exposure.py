@@ -14,14 +14,9 @@ from ..capture.capture import ALIKE
 
 
 def as_exposed(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
-    """Convert colors, or changes of colors, from the mean exposure to that of a photo.
+    """Convert colors, or changes of colors, from the mean exposure to that of a photo with these gains.
 
-    Args:
-        colors: sRGB float32 [..., 3].
-        gains: Of the photo; gains of 1 keep the bits.
-
-    Returns:
-        float32 [..., 3], not clipped.
+    Returns float32 [..., 3], not clipped; gains of 1 keep the bits.
 
     Examples:
         >>> as_exposed(np.array([0.5, 0.5, 0.5], np.float32), (1.25, 1.0, 0.5)).tolist()
@@ -31,14 +26,9 @@ def as_exposed(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
 
 
 def exposed_alike(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
-    """Convert colors of a photo to the mean exposure.
+    """Convert colors of a photo with these gains, sRGB in [0, 1] or uint8, to the mean exposure.
 
-    Args:
-        colors: sRGB [..., 3] in [0, 1], or uint8.
-        gains: Of the photo; gains of 1 return the array itself.
-
-    Returns:
-        float32 [..., 3] in [0, 1]; clipped values stay clipped.
+    Returns float32 [..., 3] in [0, 1]; gains of 1 return the array itself. Clipped values stay clipped.
 
     Examples:
         >>> exposed_alike(np.array([[255, 102, 51]], np.uint8), (0.5, 1.0, 2.0)).round(3).tolist()

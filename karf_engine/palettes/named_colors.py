@@ -60,7 +60,7 @@ def read_named_colors(path: Path) -> list[NamedColor]:
     return READERS[path.suffix.lower()](path, data)
 
 
-# --- .gpl: text, one color per line ------------------------------------------------------------------------------------
+# --- .gpl: text, one color per line ---------------------------------------------------------------------------------
 def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
     lines = data.decode("utf-8-sig", errors="replace").splitlines()
     if not lines or lines[0].strip() != GPL_HEAD:
@@ -127,7 +127,7 @@ def _adobe_lab_to_srgb(path: Path, name: str, lab: np.ndarray) -> np.ndarray:
     return lab_to_srgb(lab_d50_to_d65(lab))
 
 
-# --- .acb: a header, then the colors; all numbers are big-endian -------------------------------------------------------
+# --- .acb: a header, then the colors; all numbers are big-endian ----------------------------------------------------
 class _Reader:
     """Reader of a color book; raises struct.error at the end of the file."""
 
@@ -181,14 +181,12 @@ def _acb_colors(path: Path, book: _Reader) -> list[NamedColor]:
         values = np.array(book.numbers("3B"), np.float32)
         if name:  # a color without a name is a gap on the page
             full = f"{prefix}{name}{suffix}"
-            colors.append(NamedColor(full, _acb_color(path, full, values, space)))
+            if space == ACB_LAB:
+                color = _adobe_lab_to_srgb(path, full, values * [100 / 255, 1, 1] - [0, 128, 128])
+            else:
+                color = values / np.float32(255)
+            colors.append(NamedColor(full, color))
     return colors
-
-
-def _acb_color(path: Path, name: str, values: np.ndarray, space: int) -> np.ndarray:
-    if space == ACB_LAB:
-        return _adobe_lab_to_srgb(path, name, values * [100 / 255, 1, 1] - [0, 128, 128])
-    return values / np.float32(255)
 
 
 READERS = {".gpl": _read_gpl, ".ase": _read_ase, ".acb": _read_acb}

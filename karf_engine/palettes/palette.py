@@ -39,7 +39,6 @@ class Palette:
         colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
 
     Raises:
-        TypeError: A field has the wrong type.
         BadRequest: The colors have the wrong shape, are not finite or are out of range, or the name is empty.
 
     Examples:
@@ -89,7 +88,6 @@ class Edit:
         edges: Edge shapes by object name; other objects keep their edges.
 
     Raises:
-        TypeError: A field has the wrong type.
         BadRequest: Colors have the wrong shape, are not finite or are out of range, or the compositing is unknown.
 
     Examples:
@@ -218,13 +216,9 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
 def write_palettes(
     path: Path, palettes: Sequence[Palette], shared: bool, initial: Sequence[Palette] | None = None
 ) -> None:
-    """Write palette.json atomically.
+    """Write palette.json atomically: palettes as learned, and as extracted (`initial`, by default the same).
 
-    Args:
-        path: The file.
-        palettes: As learned, one per object.
-        shared: Whether all objects share one hull.
-        initial: As extracted, in the same order; by default `palettes`.
+    `shared` records whether all objects share one hull.
 
     Examples:
         >>> import tempfile

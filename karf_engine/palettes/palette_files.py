@@ -117,7 +117,7 @@ def _swatch_name(object_name: str, index: int) -> str:
     return f"{object_name} {index}"
 
 
-# --- .gpl: text, one color per line ------------------------------------------------------------------------------------
+# --- .gpl: text, one color per line ---------------------------------------------------------------------------------
 def _write_gpl(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
     lines = [GPL_HEAD, f"Name: {path.stem}", "#"]
     for name, colors in palettes.items():

@@ -147,7 +147,7 @@ class ProjectEdit(Edit):
 
         Args:
             name: The object.
-            choke: Pixels by which the edge moves inwards, -16 to 16; negative values grow the object.
+            choke: Inward shift of the edge in pixels, -16 to 16; negative values grow the object.
             feather: Width in pixels of the fade, centered on the edge, 0 to 64.
 
         Raises:
@@ -160,7 +160,7 @@ class ProjectEdit(Edit):
     def surface(
         self, name: str, index: int, saturation: float = 1.0, brightness: float = 0.0, gloss: float = 1.0
     ) -> ProjectEdit:
-        """Change the surface of one swatch's paint, starting from its current colors; other paints and added colors stay.
+        """Change the current surface of one swatch's paint; other paints and added colors stay.
 
         Args:
             name: The object.

@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 FLAT = 1e-5  # extent, in units of color, below which a palette is flat in a direction
-ON_FACET = 1e-7  # distance from a plane up to which a point is in it
+ON_FACET = 1e-7  # distance of a coplanar point from a plane
 SLIVER = 1e-8  # volume of negligible cones
 CHUNK = 16384  # colors at a time, so that scratch arrays stay in a core's cache
 

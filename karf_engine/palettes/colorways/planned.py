@@ -14,7 +14,7 @@ from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
 from ..reference_light import ReferenceLight
 from .reached import Prediction, predict
-from .sheet import Colorway, TargetColor, read_sheet
+from .sheet import Colorway, read_sheet
 
 
 @dataclass(frozen=True)
@@ -56,18 +56,20 @@ def plan_colorways(
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
-    for name, number in ((name, number) for name, numbers in (locked or {}).items() for number in numbers):
-        if name not in palettes or not 0 <= number < len(palettes[name].colors):
-            raise BadRequest(
-                f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
-            )
+    locked = locked or {}
+    for name, numbers in locked.items():
+        for number in numbers:
+            if name not in palettes or not 0 <= number < len(palettes[name].colors):
+                raise BadRequest(
+                    f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
+                )
     colorways = read_sheet(sheet)
-    for target_color in (target_color for colorway in colorways for target_color in colorway.target_colors):
-        if target_color.name not in palettes:
-            raise DataError(
-                f"{target_color.where}: there is no object {target_color.name!r}.",
-                f"Objects are: {', '.join(palettes)}.",
-            )
+    for colorway in colorways:
+        for target in colorway.target_colors:
+            if target.name not in palettes:
+                raise DataError(
+                    f"{target.where}: there is no object {target.name!r}.", f"Objects are: {', '.join(palettes)}."
+                )
     path = project.checked(project.object_colors_file)
     seen = {name: read_object_colors(path, name) for name in palettes}
     learned = {name: palette.colors for name, palette in palettes.items()}
@@ -76,19 +78,12 @@ def plan_colorways(
         if colorway.edit is not None:
             planned.append(PlannedColorway(colorway, read_edit_file(colorway.edit, tuple(palettes.values())), ()))
             continue
-        predictions = tuple(
-            predict(
-                _in_photos(target_color, light),
-                palettes[target_color.name],
-                seen[target_color.name],
-                (locked or {}).get(target_color.name, ()),
-            )
-            for target_color in colorway.target_colors
-        )
+        predictions = []
+        for target in colorway.target_colors:
+            if light is not None:
+                target = replace(target, lab=light.lab_photographed(target.lab))
+            predictions.append(predict(target, palettes[target.name], seen[target.name], locked.get(target.name, ())))
         colors = learned | {prediction.target_color.name: prediction.colors for prediction in predictions}
-        planned.append(PlannedColorway(colorway, Edit(colors, "delta", edges=dict(edges or {})), predictions))
+        edit = Edit(colors, "delta", edges=dict(edges or {}))
+        planned.append(PlannedColorway(colorway, edit, tuple(predictions)))
     return tuple(planned)
-
-
-def _in_photos(target_color: TargetColor, light: ReferenceLight | None) -> TargetColor:
-    return target_color if light is None else replace(target_color, lab=light.lab_photographed(target_color.lab))

@@ -18,11 +18,11 @@ from ..palette import BRIGHTEST, Palette, rgb_to_hex
 from ..reference_light import ReferenceLight
 from .sheet import TargetColor
 
-TOLERANCE = 2.0  # CIEDE2000 up to which a target color counts as reached
+TOLERANCE = 2.0  # CIEDE2000 of a target color that counts as reached
 SPREAD = 6.0  # of a paint's colors about its dominant one, in Lab
-MOST_CANDIDATES = 256  # histogram cells candidates as dominant color
+MOST_CANDIDATES = 256  # histogram cells tried as dominant color
 FOREIGN = 10.0  # CIEDE2000 beyond which the object does not show the source color
-BRIGHT = 0.95  # sRGB value from which on better lit parts would exceed white
+BRIGHT = 0.95  # sRGB value beyond which better lit parts would exceed white
 CHANNELS = "red", "green", "blue"
 ROUNDING = 0.005  # tolerance of sRGB numbers and palette weights
 
@@ -81,12 +81,6 @@ def predict(
 ) -> Prediction:
     """Solve for a target color, by `delta` compositing, and predict the color reached.
 
-    Args:
-        target_color: For the palette's object.
-        palette: As learned.
-        seen: The object's colors.
-        locked: Swatches that stay.
-
     Examples:
         A red pot becomes blue; it cannot become brighter than its illumination permits:
 
@@ -118,7 +112,8 @@ def reached_by(
     wanted: np.ndarray,
     locked: Iterable[int] = (),
 ) -> tuple[np.ndarray, float, str]:
-    """Return the color that an edit reaches, its CIEDE2000 to the wanted one, and the reason if that exceeds 2.
+    """Return the color that an edit reaches, sRGB [3], its CIEDE2000 to the wanted one, and the reason if that exceeds
+    2.
 
     Args:
         edited: The edited palette [M, 3].
@@ -155,13 +150,7 @@ def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndar
 def reached_color(
     before: np.ndarray, after: np.ndarray, source: np.ndarray, counts: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return a color, sRGB [3], plus the median change of the colors or pixels near it.
-
-    Args:
-        before: sRGB [n, 3].
-        after: The same after an edit, [n, 3].
-        source: sRGB [3].
-        counts: Frequency of each, [n]; by default 1.
+    """Return a color, sRGB [3], plus the median change of the colors near it, sRGB [n, 3] with counts [n] (default 1).
 
     Examples:
         >>> before = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.9, 0.1, 0.1]])
@@ -178,11 +167,7 @@ def reached_color(
 
 
 def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
-    """Return why one view misses a target color; empty if it is reached.
-
-    Args:
-        prediction: For all photos together.
-        reached: The color measured in the view, sRGB [3].
+    """Return why one view misses a target color, from the color measured there; empty if it is reached.
 
     Examples:
         >>> target = TargetColor("pot", srgb_to_lab(np.array([0.9, 0.5, 0.5])), None, "line 2")

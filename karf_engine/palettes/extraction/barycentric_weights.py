@@ -2,6 +2,8 @@
 
 A color inside the hull is in one cone, and the convex combination of black and the facet's corners. A color outside is
 first projected to the hull. The weights depend on the color alone, so they are equal in every view.
+
+Palettes are [M, 3] sRGB in [0, 1] with black as entry 0, possibly flat or of a single hue.
 """
 
 from __future__ import annotations
@@ -23,17 +25,10 @@ def _hull(points: np.ndarray) -> Hull:
 
 
 def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Return the barycentric weights of each color in the star tessellation of the palette.
+    """Return the barycentric weights [n, M] float32 of colors, sRGB [n, 3], in the star tessellation of a palette.
 
-    weights @ palette is the color, or its projection to the hull. Weights are continuous in the color; entries inside
-    the hull of the others get none.
-
-    Args:
-        colors: [n, 3] sRGB in [0, 1].
-        palette: [M, 3] sRGB in [0, 1], entry 0 black; possibly flat or of a single hue.
-
-    Returns:
-        [n, M] float32 >= 0; rows sum to 1 and have at most 4 nonzeros.
+    weights @ palette is the color, or its projection to the hull. Rows sum to 1 and have at most 4 nonzeros. Weights
+    are continuous in the color; entries inside the hull of the others get none.
 
     Examples:
         >>> star_weights(np.array([[0.5, 0.25, 0.0]]), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).tolist()
@@ -43,14 +38,7 @@ def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
 
 
 def palette_weights_of_image(image: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Return the `star_weights` of a picture, evaluated once per distinct color.
-
-    Args:
-        image: [H, W, 3] uint8 sRGB.
-        palette: [M, 3] sRGB in [0, 1], entry 0 black.
-
-    Returns:
-        [H, W, M] float32 >= 0; sums to 1 over M.
+    """Return the `star_weights` [H, W, M] of a uint8 picture [H, W, 3], evaluated once per distinct color.
 
     Examples:
         >>> palette_weights_of_image(np.array([[[51, 0, 0]]], np.uint8), np.array([[0, 0, 0], [1, 0, 0]])).round(3)

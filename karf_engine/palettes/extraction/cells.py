@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+BITS = 5  # per channel of the histogram
 
-def color_cells(pixels: np.ndarray, bits: int = 5, drop: float = 0.0005) -> tuple[np.ndarray, np.ndarray]:
+
+def color_cells(pixels: np.ndarray, drop: float = 0.0005) -> tuple[np.ndarray, np.ndarray]:
     """Return the mean colors [c, 3] and pixel counts [c] of the occupied cells of a histogram, in cell order.
 
     Args:
         pixels: [n, 3] sRGB in [0, 1].
-        bits: Bits per channel; 2^bits bins.
         drop: The rarest cells with at most this share of the pixels together are left out.
 
     Examples:
@@ -21,7 +22,7 @@ def color_cells(pixels: np.ndarray, bits: int = 5, drop: float = 0.0005) -> tupl
         ([[0.0, 0.0, 1.0], [0.505, 0.0, 0.0]], [1, 2])
     """
     pixels = np.asarray(pixels)
-    index = cell_index(pixels, bits)
+    index = cell_index(pixels, BITS)
     occupied, inverse, counts = np.unique(index, return_inverse=True, return_counts=True)
     means = np.stack([np.bincount(inverse, pixels[:, c], len(occupied)) for c in range(3)], axis=1) / counts[:, None]
     rarest_first = np.argsort(counts, kind="stable")
@@ -31,23 +32,22 @@ def color_cells(pixels: np.ndarray, bits: int = 5, drop: float = 0.0005) -> tupl
     return means[keep], counts[keep]
 
 
-def cell_support(cells: np.ndarray, views: Sequence[np.ndarray], bits: int = 5) -> np.ndarray:
-    """Return the number of views in which each cell occurs, [c] int.
+def cell_support(cells: np.ndarray, views: Sequence[np.ndarray]) -> np.ndarray:
+    """Return in [c] the number of views that contain each cell.
 
     Args:
         cells: [c, 3] colors of cells, sRGB in [0, 1].
         views: Pixels of each view, [n, 3] sRGB in [0, 1].
-        bits: Bits per channel.
 
     Examples:
         >>> red, blue = np.array([[1.0, 0, 0]]), np.array([[0, 0, 1.0]])
         >>> cell_support(np.concatenate([red, blue]), [red, np.concatenate([red, blue])]).tolist()
         [2, 1]
     """
-    support = np.zeros(2 ** (3 * bits), np.int64)
+    support = np.zeros(2 ** (3 * BITS), np.int64)
     for pixels in views:
-        support[np.unique(cell_index(pixels, bits))] += 1
-    return support[cell_index(cells, bits)]
+        support[np.unique(cell_index(pixels, BITS))] += 1
+    return support[cell_index(cells, BITS)]
 
 
 def cell_index(pixels: np.ndarray, bits: int) -> np.ndarray:
@@ -63,7 +63,7 @@ def cell_index(pixels: np.ndarray, bits: int) -> np.ndarray:
 
 
 def weighted_quantile(values: np.ndarray, weights: np.ndarray, share: float) -> float:
-    """Return the value [n] at which the cumulative weight [n] reaches a share of the total.
+    """Return the value [n] whose cumulative weight [n] reaches a share of the total.
 
     Examples:
         >>> weighted_quantile(np.array([3.0, 1.0, 2.0]), np.array([1, 1, 8]), 0.5)

@@ -47,11 +47,7 @@ def extract_palettes(
 
 
 def color_histograms(palettes: Sequence[Palette], pixels: Sequence[Sequence[np.ndarray]]) -> dict[str, ColorHistogram]:
-    """Return each object's color histogram with palette weights, the input of color matching.
-
-    Args:
-        palettes: Of the objects.
-        pixels: Photo colors of each object in each view, [n, 3] sRGB in [0, 1].
+    """Return each object's color histogram with palette weights, from its photo colors [n, 3] in each view.
 
     Examples:
         >>> palette = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]], np.float32))

@@ -20,8 +20,8 @@ from .cells import weighted_quantile
 
 FLAT_EXTENT, FLAT_SHARE = 8 / 255, 0.995  # a cloud is flat if this share of its pixels is thinner
 OUTLIER_SHARE = 0.0005  # share of the pixels in a cell and its 26 neighbors below which it is an outlier
-MANY_VIEWS = 3  # number of views from which on a color must occur in two
-EXACT_VERTICES = 10  # number of vertices up to which lossy collapses are compared by their measured loss
+MANY_VIEWS = 3  # with this number of views a color must occur in two
+EXACT_VERTICES = 10  # with at most this number lossy collapses are compared by their measured loss
 COARSE_LOSS = 0.25 / 255  # RMS distance of pixels to the hull before simplification
 COARSE_VERTICES = 48  # limit for round clouds, which would keep hundreds
 TOUCH = 1e-9

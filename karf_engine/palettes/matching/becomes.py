@@ -22,7 +22,7 @@ from .fitting import bounds, match_pixels, match_seen, moved
 from .paints import angles, is_black, paints_of, pigment_gate, reflection_target, repainted
 
 OTHER_PAINT = 0.2  # angle in linear light, radians, between different paints; sun and open shade are 0.12 apart
-AFFECTED = 0.1  # gate from which on a paint would change too
+AFFECTED = 0.1  # least gate of a paint that would change too
 NEAR = 5.0  # Lab distance of similar colors of one paint
 # weight of the picked colors relative to the whole object, for `match_seen` and `match_pixels`
 EMPHASIS, EMPHASIS_OF_SQUARES = 1.0, 10.0
@@ -179,7 +179,7 @@ def match_pigment(
     reach: float,
     protect: float = 0.0,
 ) -> np.ndarray:
-    """Like `match_becomes` for one pigment, ignoring all other colors, which have swatches of their own.
+    """Like `match_becomes` for one pigment, ignoring all other colors, which have separate swatches.
 
     Args:
         reach: See `pigment_gate`.
@@ -305,7 +305,7 @@ def _scale_to(
     weights: np.ndarray, direction: np.ndarray, wanted: float, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """Solve weights @ x = wanted for x = clip(m direction, lower, upper), [M], with a scalar m."""
-    # weights @ x grows with m, and is linear between the values of m at which an entry reaches its bound
+    # weights @ x grows with m, and is linear while no entry reaches its bound
     movable = direction > 0
     breaks = np.concatenate([lower[movable] / direction[movable], upper[movable] / direction[movable], [0.0]])
     breaks = np.unique(breaks)

@@ -1,7 +1,12 @@
 """Fit a palette change that moves colors to targets, within bounds.
 
-n colors, sRGB [n, 3], have palette_weights [n, M] over the M palette entries and optional importances counts [n].
-Entry 0 is black and never moves; `locked` lists further fixed entries.
+Arguments shared by the functions of this module:
+    palette_weights: [n, M] weights of n colors over M palette entries.
+    colors: sRGB [n, 3] in [0, 1].
+    targets: sRGB [n, 3] in [0, 1].
+    palette: sRGB [M, 3] in [0, BRIGHTEST]; entry 0 is black and never moves.
+    counts: Importance of each color, [n], >= 0.
+    locked: Further fixed entries.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from .least_squares import bounded_least_squares
 INVISIBLE = 1e-4  # change of a swatch, 1/40 of an 8-bit step
 RIDGE = 3e-4  # per unit of counts; keeps rarely used swatches in place
 ROUNDS = 4  # of reweighting
-MET = 2 / 255  # sRGB distance from a target up to which it counts as met
+MET = 2 / 255  # sRGB distance of a color that meets its target
 
 
 def match_pixels(
@@ -28,21 +33,10 @@ def match_pixels(
     counts: np.ndarray | None = None,
     locked: Iterable[int] = (),
 ) -> np.ndarray:
-    """Return the palette that moves colors closest to targets, by bounded least squares in sRGB.
+    """Return the palette [M, 3] float32 that moves colors closest to targets, by bounded least squares in sRGB.
 
     Entries may exceed white: the palette's hull encloses the colors, so brighter colors need brighter entries. Pixels
     are clipped when they are composited.
-
-    Args:
-        palette_weights: [n, M].
-        colors: sRGB [n, 3] in [0, 1].
-        targets: sRGB [n, 3] in [0, 1].
-        palette: sRGB [M, 3] in [0, BRIGHTEST].
-        counts: Importance of each color, [n], >= 0; by default 1 each.
-        locked: Fixed entries.
-
-    Returns:
-        The edited palette [M, 3] float32 in [0, BRIGHTEST].
 
     Examples:
         >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
@@ -63,10 +57,10 @@ def match_seen(
     counts: np.ndarray,
     locked: Iterable[int] = (),
 ) -> np.ndarray:
-    """Return the palette that minimises the sum of CIEDE2000 to the targets, by iteratively reweighted least squares.
+    """Return the palette [M, 3] float32 that minimises the sum of CIEDE2000, by iteratively reweighted least squares.
 
-    Unlike `match_pixels`, which takes the same arguments, it is robust: colors that the palette cannot move apart (of
-    two paints, or a highlight) do not pull all others off their targets. Targets may slightly exceed [0, 1].
+    Unlike `match_pixels` it is robust: colors that the palette cannot move apart (of two paints, or a highlight) do not
+    pull all others off their targets. Targets may slightly exceed [0, 1].
 
     Examples:
         One swatch makes up three colors; two stay and outvote the third, which should turn blue:

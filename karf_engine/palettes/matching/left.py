@@ -31,9 +31,6 @@ def left_of_object(
         held: Colors of other paints that should stay, sRGB [3] each.
         is_metal: Whether highlights take the paint's color rather than the light's.
 
-    Raises:
-        BadRequest: The source is black.
-
     Examples:
         The red became blue, its shade stayed red:
 

@@ -18,9 +18,9 @@ from .fitting import bounds, moved
 from .least_squares import bounded_least_squares
 
 PAINTED = 4 / 255  # difference in one channel of a painted pixel; less can be rounding or noise
-LEAST_PAINTED = 0.002  # share of painted pixels from which on an object is fitted
+LEAST_PAINTED = 0.002  # least share of painted pixels of a fitted object
 UNPAINTED = 0.1  # total weight of the unpainted pixels of an object, relative to the painted ones
-OUTLIER = 0.1  # sRGB residual at which a pixel's weight is a quarter
+OUTLIER = 0.1  # sRGB residual that quarters a pixel's weight
 SPILL = 0.4  # least strength, relative to the strongest object, of a match that worsens its object as a whole
 RIDGE = 1e-3  # per unit of counts; keeps rarely used swatches in place
 ROUNDS = 10  # of reweighting

@@ -13,12 +13,12 @@ from ...errors import BadRequest
 from ...io.color import lab_chroma, lab_hue, lab_saturation, linear_to_srgb, srgb_to_lab, srgb_to_linear
 
 HUE_GATE = 0.65  # width of the gate in Lab hue, radians
-PALE = 5.0  # Lab chroma of a source at which hue differences count half
+PALE = 5.0  # Lab chroma of a source that halves hue differences
 SAME = 1e-3  # angle in linear light, radians, of equal colors
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source is gray, and the width of its gate
 LEAST_METAL = 0.02  # least linear reflectance of a metal in a channel: limits the noise in reflections
 GLOSS_COST, GLOSS_COST_OF_SEVERAL = 0.2, 0.1  # penalty of gloss beside one paint, and beside several
-MIXED = 0.1  # share of all but its main paint from which on a color is a mixture
+MIXED = 0.1  # least share of secondary paints in a mixture
 CHANNELS = 3
 FAINT = 1e-5  # negligible linear light
 SPREAD = 0.07  # of a paint's colors about their mean, radians in linear light
@@ -26,7 +26,7 @@ LEAST_PAINT = 0.15  # share of the object
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False) -> np.ndarray:
-    """Return the colors after the paints that look like `source` have changed to look like `target`.
+    """Return the colors after the paints of color `source` have changed to color `target`.
 
     By the dichromatic model of Shafer (1985), "Using color to separate reflection components", linear light is
     c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`split_light`). The result is
@@ -84,7 +84,7 @@ def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.
 def _linear(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the linear light of colors [n, 3], sources and targets [P, 3]; raise BadRequest for a black source."""
     light, sources, targets = (srgb_to_linear(np.atleast_2d(each)) for each in (colors, source, target))
-    if any(map(_is_black, sources)):
+    if any(map(is_black, np.atleast_2d(source))):
         raise BadRequest("The source color is black, so its shading cannot be told.", "Pick a lit spot of the object.")
     return light, sources, targets
 
@@ -113,16 +113,10 @@ def _change_of_metals(light: np.ndarray, sources: np.ndarray, targets: np.ndarra
 
 
 def paints_of(colors: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Return the main paints of an object: the modes of its colors' directions in linear light.
+    """Return the main paints of an object, sRGB [Q, 3]: the modes of its colors' directions in linear light.
 
-    Directions are independent of shading. A mode with less than 15 % of the object is_around it (gloss, noise) is ignored.
-
-    Args:
-        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
-        counts: Frequency of each color, [n], >= 0.
-
-    Returns:
-        The mean color of each, sRGB [Q, 3], the densest first.
+    Directions are independent of shading. A mode with less than 15 % of the object around it (gloss, noise) is ignored.
+    The result is the mean color of each mode, the densest first; counts [n] is the frequency of each color.
 
     Examples:
         A red, lit and in the shade, and a green:
@@ -170,11 +164,8 @@ def is_black(color: np.ndarray) -> bool:
         >>> is_black(np.zeros(3)), is_black(np.array([0.1, 0, 0]))
         (True, False)
     """
-    return _is_black(srgb_to_linear(np.asarray(color, np.float64)))
-
-
-def _is_black(r: np.ndarray) -> bool:
-    return bool(r @ r < 1e-6)
+    light = srgb_to_linear(color)
+    return bool(light @ light < 1e-6)
 
 
 def split_light(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tuple[np.ndarray, np.ndarray]:
@@ -225,9 +216,6 @@ def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, pro
         protect: Exclude neutral colors (silver, foil, white paper), whose hue is that of reflections or noise: those
             with a Lab saturation below this share of the source's, softly from half of it to 1.5 times. In [0, 1); 0
             excludes none. Ignored for gray sources.
-
-    Returns:
-        [n].
 
     Examples:
         >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])

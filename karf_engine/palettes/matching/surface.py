@@ -1,11 +1,10 @@
 """Change the saturation, brightness and gloss of a paint by means of its palette.
 
 A picture is linear in an object's palette: each color of the object gets a target, and the palette is fitted to the
-targets (`fitting`), so the change carries excess to every view. Contrast is out of reach, as shade is mostly the weight
+targets (`fitting`), so the change carries over to every view. Contrast is out of reach, as shade is mostly the weight
 of the palette's frozen black (docs/limits.md).
 
-n colors are sRGB [n, 3], with counts [n] and palette_weights [n, M]. "light" is linear, with the luminance Y of its
-sRGB primaries.
+Arguments as in `becomes`. "light" is linear, with the luminance Y of its sRGB primaries.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ MOST_FACTOR = 4.0  # highest saturation and gloss
 MOST_BRIGHTNESS = 2.0
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
 LIT = 0.98  # quantile of the shading of lit parts
-CLIPPED = 0.9  # sRGB value from which on a highlight may be clipped in the photo
+CLIPPED = 0.9  # least sRGB value of a highlight that may be clipped in the photo
 FAINT = 1e-4  # luminance times count of an invisible paint
 GLOSS_COST = 0.1  # penalty of gloss beside paint
 HOLD = 3.0  # extra weight of the colors of other paints
@@ -41,15 +40,11 @@ class Surface:
         gloss: Factor of the highlights, 0 to 4; 0 is matte.
 
     Raises:
-        TypeError: A value is not a number.
         BadRequest: A value is out of range.
 
     Examples:
         >>> Surface(gloss=0.5).is_identity, Surface().is_identity
         (False, True)
-        >>> Surface(saturation=-1)
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: saturation = -1 is out of range. Allowed: 0.0 to 4.0.
     """
 
     saturation: float = 1.0
@@ -64,7 +59,6 @@ class Surface:
 
     @property
     def is_identity(self) -> bool:
-        """Whether all values are neutral."""
         return self == Surface()
 
 
@@ -77,19 +71,14 @@ def match_surface(
     locked: Iterable[int] = (),
     moved: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the palette that gives the paints of some swatches other surfaces; other paints stay.
+    """Return the palette [M, 3] float32 that gives the paints of some swatches other surfaces; other paints stay.
 
     Args:
-        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
-        counts: Frequency of each color, [n], >= 0.
-        palette_weights: [n, M].
-        palette: The current palette, sRGB [M, 3] in [0, BRIGHTEST].
         surfaces: Surface by swatch; several of one paint are applied in order.
-        locked: Entries that stay.
-        moved: [M, 3], earlier change of each entry by surfaces, which locked entries keep and the others compensate.
+        moved: [M, 3], earlier change of each entry by surfaces; locked entries keep it, the others compensate.
 
     Returns:
-        The edited palette [M, 3] float32 in [0, BRIGHTEST]; the same bits as `palette` if all surfaces are neutral.
+        Colors in [0, BRIGHTEST]; the same bits as `palette` if all surfaces are neutral.
 
     Examples:
         A red object, lit and in the shade:
@@ -114,19 +103,14 @@ def match_surface(
 
 
 def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, surface: Surface) -> np.ndarray:
-    """Return the colors after a paint gets another surface.
+    """Return the colors after a paint gets another surface, sRGB [n, 3] float64 in [0, 1].
 
     Linear light is c = a r + s (1, 1, 1) + rest with paint r, shading a and gloss s (see `paints`); r is the mean of
-    the more saturated half. Brightness bends a, gloss scales s, and saturation scales the chroma of the sum.
+    the more saturated half. Brightness bends a, gloss scales s, and saturation scales the chroma of the sum. An object
+    that does not show the paint keeps its colors.
 
     Args:
-        colors: sRGB [n, 3] in [0, 1].
-        counts: Frequency of each color, [n], >= 0.
         gate: Share of each color that is of the paint, [n] in [0, 1].
-        surface: The surface.
-
-    Returns:
-        sRGB [n, 3] float64 in [0, 1]; the colors themselves if the object does not show the paint.
 
     Examples:
         A red in the shade, lit, and in a highlight becomes matte:
