@@ -1,1 +1,1 @@
-"""Palettes, edits of them, and what becomes of a picture: extraction, matching, compositing, colorways."""
+"""Palettes and edits: extraction, matching, compositing, colorways."""

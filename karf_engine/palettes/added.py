@@ -1,13 +1,12 @@
-"""Colors that an artist adds to an object: more swatches for one pigment of it, without anything being learned anew.
+"""Add swatches to an object for single pigments, without learning anything anew.
 
-A color that is picked on an object lies inside the hull of its palette, so no pixel has a weight of it. It brings a
-second set of the object's swatches instead, which takes the place of the first one where a pixel's own color is of the
-picked pigment: a function of what the pixel has anyway, the same from every side.
+A color picked on an object is inside the hull of its palette, so no pixel has a weight for it. Instead it adds a
+second set of the object's swatches, which replaces the first where a pixel's own color belongs to the picked pigment.
+This depends only on the pixel's palette weights, so it is the same from every viewpoint.
 
-Naming: an object whose palette has M entries and A added colors has M (1 + A) in all: the palette, then for each added
-color its set of M. The set's entry 0, where the palette has black, is the picked color itself, of which pixels have no
-weight; entry j is swatch j as it is where the pigment is. With the color that is wanted in place of the picked one, and
-the swatches that then make it up, a set is one part of an edited palette like any other.
+An object with M palette entries and A added colors has M (1 + A) entries: the palette, then a set of M per added
+color. Entry 0 of a set is the picked color (or, in an edit, the wanted one), for which pixels have no weight; entry j
+is swatch j where the pigment is.
 """
 
 from __future__ import annotations
@@ -22,23 +21,18 @@ from .matching.paints import GREY_CHROMA, HUE_GATE, pigment_gate
 from .object_colors import ColorHistogram
 from .palette import PROTECT, AddedColor, Palette
 
-FEW_NEUTRALS = 0.05  # share of an object up to which neutral colors are its pigments' highlights and shades
-PROPOSED_REACH = 0.75  # where no other pigment is near; chosen with PROTECT
-LEAST_REACH = 0.3
-HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # distances in hue, in units of reach
-SPARSE = 0.02  # share of an object up to which a bin of hues is the gap between two pigments
-BEYOND = 1.3  # distance in hue over reach from which hardly anything of a color is of a pigment
+FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments
+LEAST_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
+HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # hue differences, in units of reach
+SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
+GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
 
 
 def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
-    """A color of an object as a pigment that reaches as far as the object's own colors propose.
+    """Propose an added color for a picked color, sRGB [3], with the reach and protection that suit the object's colors.
 
-    It ends before the next pigment, beyond a gap in the object's hues. Where much of the object is neutral (silver, foil,
-    paper), neutrals are protected.
-
-    Args:
-        seen: The object's colors.
-        picked: One of them, sRGB [3] in [0, 1].
+    The reach ends at a gap in the object's hues, before the next pigment. Neutrals are protected if much of the object
+    is neutral (silver, foil, paper).
 
     Examples:
         Red letters on silver, and a red beside an orange:
@@ -51,28 +45,25 @@ def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
         0.38 0.0
     """
     lab, source = srgb_to_lab(seen.colors), srgb_to_lab(np.asarray(picked, np.float64))
-    if lab_chroma(source) < GREY_CHROMA:  # it has no hue, by which others could be told apart
+    if lab_chroma(source) < GREY_CHROMA:  # no hue to compare others with
         return AddedColor(np.asarray(picked, np.float32))
     is_neutral = lab_saturation(lab) < PROTECT * lab_saturation(source)
-    turn = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    away, counts = np.abs(turn[~is_neutral]) / HUE_GATE, seen.counts[~is_neutral] / seen.counts.sum()
-    is_gap = np.histogram(away, HUE_BINS, weights=counts)[0] <= SPARSE
-    is_next = ~is_gap & np.logical_or.accumulate(is_gap)
-    following = HUE_BINS[is_next.argmax()] if is_next.any() else np.inf
-    reach = max(LEAST_REACH, min(PROPOSED_REACH, following / BEYOND))
+    hue_difference = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
+    distance, counts = np.abs(hue_difference[~is_neutral]) / HUE_GATE, seen.counts[~is_neutral] / seen.counts.sum()
+    is_gap = np.histogram(distance, HUE_BINS, weights=counts)[0] <= SPARSE
+    is_other_pigment = ~is_gap & np.logical_or.accumulate(is_gap)
+    next_hue = HUE_BINS[is_other_pigment.argmax()] if is_other_pigment.any() else np.inf
+    reach = max(LEAST_REACH, min(PROPOSED_REACH, next_hue / GATE_CLOSED))
     has_neutrals = counts.sum() < 1 - FEW_NEUTRALS
     return AddedColor(np.asarray(picked, np.float32), float(reach), PROTECT if has_neutrals else 0.0)
 
 
 def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
-    """The color of an object that a swatch paints most, sRGB [3]: the mean of those of which it is half as much or more.
-
-    Args:
-        seen: The object's colors.
-        index: The swatch's number.
+    """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch.
 
     Examples:
-        >>> seen = ColorHistogram(np.array([[0.8, 0, 0], [0.5, 0.4, 0.4]]), np.array([5, 9]), np.array([[0, 0.9], [0.8, 0.2]]))
+        >>> weights = np.array([[0, 0.9], [0.8, 0.2]])
+        >>> seen = ColorHistogram(np.array([[0.8, 0, 0], [0.5, 0.4, 0.4]]), np.array([5, 9]), weights)
         >>> pigment_of_swatch(seen, 1).tolist()
         [0.8, 0.0, 0.0]
     """
@@ -82,7 +73,7 @@ def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
 
 
 def with_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
-    """An object's palette [M, 3] as learned, with the sets of its added colors, [M (1 + A), 3] float32.
+    """Append the sets of added colors to a learned palette [M, 3]: [M (1 + A), 3] float32.
 
     Examples:
         >>> palette = np.array([[0, 0, 0], [1, 0.5, 0]])
@@ -94,7 +85,7 @@ def with_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
 
 
 def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
-    """An object's palette weights, spread over the sets of its added colors; a later color goes before an earlier one.
+    """Distribute an object's palette weights over the sets of its added colors; later colors take precedence.
 
     Args:
         weights: [M, ...] of pixels, points or colors, >= 0.
@@ -102,11 +93,11 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
         added: The A added colors.
 
     Returns:
-        [M (1 + A), ...] of the same type; the parts of a weight add up to its very bits, so that sets that are as the
-        swatches are change no picture. Without added colors the weights themselves.
+        [M (1 + A), ...] of the same dtype. The parts of a weight add up to it exactly, so that unedited sets change no
+        picture. Without added colors, the weights themselves.
 
     Examples:
-        A red and a blue pixel of a pot, of which the blue is taken apart:
+        The blue one of two pixels moves to the added set:
 
         >>> palette = np.array([[0, 0, 0], [0.8, 0.1, 0.1], [0.1, 0.1, 0.8]])
         >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
@@ -119,17 +110,17 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
     covered = total > 0
     inside = weights[:, covered].astype(np.float32)
     own = np.clip((inside / total[covered]).T @ np.asarray(palette, np.float32), 0, 1)
-    left, rest, sets = np.ones(len(own), np.float32), inside[1:], []
-    # the type's numbers up to a weight are multiples of it
+    free, rest, sets = np.ones(len(own), np.float32), inside[1:], []
+    # spacing of the dtype at each weight: multiples of it subtract exactly
     step = np.maximum(np.spacing(weights[1:, covered]).astype(np.float32), np.finfo(np.float32).tiny)
     for each in reversed(added):
-        share = left * pigment_gate(own, each.picked, each.reach, each.protect).astype(np.float32)
-        left -= share
+        share = free * pigment_gate(own, each.picked, each.reach, each.protect).astype(np.float32)
+        free -= share
         part = np.minimum(np.rint(share * inside[1:] / step) * step, rest)
         rest = rest - part
         sets[:0] = [np.zeros_like(share), *part]
     result = np.zeros((len(weights) * (1 + len(added)), *weights.shape[1:]), weights.dtype)
-    # black has no set: it is the same in all of them
+    # black stays in the first set: it is the same in all
     result[:, covered] = [inside[0], *rest, *sets]
     return result
 
@@ -137,7 +128,7 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
 def spread_objects(
     weights: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> np.ndarray:
-    """`spread` of K objects, [K, M, ...] to the largest M (1 + A) of them; their added colors by their names.
+    """Apply `spread` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A).
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
@@ -158,7 +149,7 @@ def spread_objects(
 
 
 def palettes_with(palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> tuple[Palette, ...]:
-    """Palettes as learned, with the sets of added colors, which are given by the objects' names.
+    """Append the sets of added colors, given by object name, to learned palettes.
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
@@ -170,19 +161,16 @@ def palettes_with(palettes: Sequence[Palette], added: Mapping[str, Sequence[Adde
 
 
 def solve_set(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, wanted: np.ndarray) -> np.ndarray:
-    """The set of an added color with which its pigment looks as wanted, shading and gloss kept.
+    """Solve for the set of an added color that gives its pigment the wanted color and keeps shading and gloss.
 
     Args:
         seen: The object's colors.
         palette: As learned, sRGB [M, 3] in [0, 1].
-        added: The added color.
-        wanted: What the picked color becomes, sRGB [3] in [0, BRIGHTEST].
+        added: The added color; not black.
+        wanted: New color of the picked one, sRGB [3] in [0, BRIGHTEST].
 
     Returns:
-        [M, 3] float32 sRGB, the wanted color first; where that is the picked one, exactly as learned.
-
-    Raises:
-        BadRequest: The picked color is black.
+        [M, 3] float32 sRGB, the wanted color first; exactly as learned if that is the picked one.
 
     Examples:
         >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)

@@ -1,7 +1,7 @@
-"""Books of named colors, as makers of inks and paints publish them, and the names that are nearest to a color.
+"""Color books of ink and paint makers, and the names nearest to a color.
 
-A book is a file of the user's: Adobe's `.acb` and `.ase`, GIMP's `.gpl`, or a CSV table with the columns `name` and those
-of a color (see `color_rows`). Without torch.
+A book is a file of the user's: Adobe's `.acb` and `.ase`, GIMP's `.gpl`, or a CSV table with the column `name` and a
+color (see `color_rows`).
 """
 
 from __future__ import annotations
@@ -22,22 +22,21 @@ from .named_colors import READERS, read_named_colors
 from .palette import rgb_to_hex
 
 SUFFIXES = (*READERS, ".csv")
-LONGEST = 100  # letters of a name
-MOST_NAMES = 65_535  # as many as a color book of Adobe's can have
+LONGEST = 100  # characters of a name
+MOST_NAMES = 65_535  # limit of Adobe's color books
 
 
 @dataclass(frozen=True, eq=False)
 class ColorBook:
-    """Named colors. `book["Sky"]` is the color of a name, sRGB [3] float32, as near as a picture can show it.
+    """Named colors; `book["Sky"]` is a color by name, sRGB [3] float32, clipped to the gamut.
 
     Attributes:
-        name: the book's.
-        names: of n colors, each another. Capitals and spaces do not count.
-        lab: CIE L*a*b* [n, 3] (white D65), also of colors that no screen shows.
+        name: Name of the book.
+        names: Unique names of n colors; case and spaces are ignored.
+        lab: CIE L*a*b* [n, 3] (D65), possibly out of gamut.
 
     Raises:
-        TypeError: a field is of another type.
-        BadRequest: there is no name, or colors are of another shape or not finite.
+        BadRequest: Names are missing, or colors have the wrong shape or are not finite.
 
     Examples:
         >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
@@ -59,28 +58,27 @@ class ColorBook:
         check_array("lab", self.lab, ("n", 3))
         if not 0 < len(self.names) == len(self.lab) or not np.isfinite(self.lab).all():
             raise BadRequest("lab is not a color for each name.", "Give finite numbers, [n, 3], and n names.")
-        self._numbers.update({_plain(name): number for number, name in enumerate(self.names)})
+        self._numbers.update({_key(name): number for number, name in enumerate(self.names)})
 
     def __len__(self) -> int:
         return len(self.names)
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """The color of a name, sRGB [3] float32; `BadRequest` as below."""
         return np.clip(lab_to_srgb(self.lab_of(name)), 0, 1).astype(np.float32)
 
     @checked
     def lab_of(self, name: str) -> np.ndarray:
-        """The color of a name itself, CIE L*a*b* [3] (white D65), also where no picture can show it.
+        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut.
 
         Args:
-            name: one of `names`; capitals and spaces do not count.
+            name: One of `names`; case and spaces are ignored.
 
         Raises:
-            BadRequest: the book has no such name; the hint is the nearest one.
+            BadRequest: The book lacks the name; the hint is the nearest one.
         """
-        number = self._numbers.get(_plain(name))
+        number = self._numbers.get(_key(name))
         if number is None:
-            near = get_close_matches(_plain(name), self._numbers, 1, 0)
+            near = get_close_matches(_key(name), self._numbers, 1, 0)
             raise BadRequest(
                 "{book} has no color {name!r}.",
                 "Its nearest name is {near!r}.",
@@ -92,7 +90,7 @@ class ColorBook:
 
 
 class NamedDifference(NamedTuple):
-    """A name of a book: its sRGB [3] as near as a picture can show it, and CIEDE2000 between its own color and another."""
+    """Name of a book, its sRGB [3] clipped to the gamut, and the CIEDE2000 of its unclipped color to another color."""
 
     name: str
     color: np.ndarray
@@ -101,18 +99,7 @@ class NamedDifference(NamedTuple):
 
 @checked
 def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
-    """The names whose colors are nearest to a color, the nearest first.
-
-    Args:
-        book: the book.
-        color: sRGB [3].
-        count: how many, where the book has as many.
-
-    Returns:
-        Of each its name, its sRGB [3] as near as a picture can show it, and its CIEDE2000.
-
-    Raises:
-        BadRequest: the color or the number is none.
+    """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first.
 
     Examples:
         >>> book = ColorBook("paints", ("Red", "Sky"), np.array([[53.24, 80.09, 67.2], [48.0, -14, -32]]))
@@ -131,14 +118,14 @@ def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[Na
 
 @checked
 def read_color_book(path: Path | str) -> ColorBook:
-    """Read a book, by its suffix.
+    """Read a book; its name is that of the file.
 
     Args:
         path: `.acb`, `.ase`, `.gpl`, or a table `.csv` with the columns `name` and `hex`, or `L`, `a`, `b`.
 
     Returns:
-        The book, called as its file; Lab of Adobe's files is adapted from D50 to D65. A name that comes twice gets a number,
-        a color without one its `#rrggbb`.
+        The book, with Lab of Adobe's files adapted from D50 to D65. Repeated names are numbered; missing ones are
+        `#rrggbb`.
 
     Raises:
         DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
@@ -157,7 +144,11 @@ def read_color_book(path: Path | str) -> ColorBook:
     if suffix not in SUFFIXES:
         raise DataError("{path} is no color book.", "Choose a file of: {kinds}.", path=path, kinds=", ".join(SUFFIXES))
     try:
-        entries = _csv_entries(path) if suffix == ".csv" else _foreign_entries(path)
+        if suffix == ".csv":
+            entries = [_csv_entry(row, where) for row, where in csv_rows(path)]
+        else:
+            colors = read_named_colors(path)
+            entries = [(_readable(name) or rgb_to_hex(color), srgb_to_lab(color)) for name, color in colors]
     except OSError as error:
         raise DataError(
             "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
@@ -170,17 +161,7 @@ def read_color_book(path: Path | str) -> ColorBook:
             count=len(entries),
             most=MOST_NAMES,
         )
-    names, colors = zip(*entries, strict=True)
-    return ColorBook(path.stem, _each_another(names), np.stack(colors))
-
-
-def _foreign_entries(path: Path) -> list[tuple[str, np.ndarray]]:
-    """Names and Lab colors."""
-    return [(_readable(name) or rgb_to_hex(color), srgb_to_lab(color)) for name, color in read_named_colors(path)]
-
-
-def _csv_entries(path: Path) -> list[tuple[str, np.ndarray]]:
-    return [_csv_entry(row, where) for row, where in csv_rows(path)]
+    return ColorBook(path.stem, _unique(name for name, _ in entries), np.stack([lab for _, lab in entries]))
 
 
 def _csv_entry(row: dict, where: str) -> tuple[str, np.ndarray]:
@@ -195,24 +176,24 @@ def _csv_entry(row: dict, where: str) -> tuple[str, np.ndarray]:
     return name, lab
 
 
-def _each_another(names: Iterable[str]) -> tuple[str, ...]:
-    """The names, with a number behind what came before."""
+def _unique(names: Iterable[str]) -> tuple[str, ...]:
+    """Number repeated names."""
     found: dict[str, str] = {}
-    times: dict[str, int] = {}
+    repeats: dict[str, int] = {}
     for name in names:
         unique = name
-        while _plain(unique) in found:
-            times[name] = times.get(name, 1) + 1
-            unique = f"{name} ({times[name]})"
-        found[_plain(unique)] = unique
+        while _key(unique) in found:
+            repeats[name] = repeats.get(name, 1) + 1
+            unique = f"{name} ({repeats[name]})"
+        found[_key(unique)] = unique
     return tuple(found.values())
 
 
 def _readable(name: str) -> str:
-    """A name on one line, not too long."""
+    """Return a name on one line, shortened."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in name).split())[:LONGEST].strip()
 
 
-def _plain(name: str) -> str:
-    """A name by which it is found."""
+def _key(name: str) -> str:
+    """Return a name as key, without case and spaces."""
     return "".join(name.split()).casefold()

@@ -1,8 +1,8 @@
-"""A color chart of 24 patches in a photo: what they look like there, and the reference light that follows from it.
+"""Calibrate the reference light by a photographed color chart of 24 patches.
 
-The chart is the ColorChecker Classic as it has been made since November 2014, by the maker's published CIE L*a*b* (white
-D50, 2 degree observer). Its four corners are clicked or found (`recolor.chart_detection`); a homography leads to its patches, whose
-means are taken in linear light. A 3x3 matrix, fitted there by least squares, leads from the photos to the reference.
+The chart is the ColorChecker Classic as made since November 2014, by its published CIE L*a*b* (D50, 2 degree
+observer). Its four corners are picked or detected (`recolor.chart_detection`); a homography maps them to the patches,
+which are averaged in linear light. A 3x3 matrix from the photos to the reference is fitted by least squares.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ..errors import BadRequest
 from ..io.color import ciede2000, lab_d50_to_d65, lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from .reference_light import CLIPPED, DARKEST, ReferenceLight
 
-# row by row from the brown patch, which is the upper left one where the gray row is below
+# row by row from the upper left, with the gray row at the bottom
 PATCHES = (
     ("dark skin", 37.54, 14.37, 14.92),
     ("light skin", 64.66, 19.27, 17.50),
@@ -43,22 +43,21 @@ PATCHES = (
     ("black", 20.64, 0.07, -0.46),
 )
 ROWS, COLUMNS = 4, 6
-PITCH, PATCH = 1.1, 1.0  # from patch to patch, and a patch's side: a tenth of it is the black between two of them
-INNER, SAMPLES = 0.5, 24  # share of a patch's side that is looked at, and points along it: photos blur the borders
-LEAST_PATCHES = 12  # that are neither clipped nor dark, of the 24
-MOST_LEFT = 10.0  # mean CIEDE2000 beyond which what was looked at is no such chart
-MOST_CONDITION = 1e3  # of the matrix: three channels that are nearly one tell no colors
-EVEN = 0.1  # added to a patch's light: its error counts in shares of this sum, or bright patches alone would count
+PITCH, PATCH = 1.1, 1.0  # distance between patches, and their side
+INNER, SAMPLES = 0.5, 24  # sampled share of a patch's side, as photos blur the borders, and points along it
+LEAST_PATCHES = 12  # usable ones
+MOST_LEFT = 10.0  # mean CIEDE2000 beyond which the picture is not a chart
+MOST_CONDITION = 1e3  # of the matrix
+EVEN = 0.1  # added to a patch's light when its error is weighted by 1 / light, so that dark patches do not dominate
 
 
 @dataclass(frozen=True)
 class ChartFit:
-    """What a photographed chart says.
+    """Reference light fitted to a chart, with its residuals.
 
     Attributes:
-        light: The reference light that follows.
-        left: CIEDE2000 [24] from each patch's published color to what the fit makes of its photo; NaN where it is clipped
-            or too dark to count.
+        light: The reference light.
+        left: [24] CIEDE2000 between each patch's published and calibrated color; NaN for clipped or dark patches.
     """
 
     light: ReferenceLight
@@ -66,7 +65,7 @@ class ChartFit:
 
     @property
     def mean_left(self) -> float:
-        """Mean CIEDE2000 of the patches that count."""
+        """Mean CIEDE2000 of the usable patches."""
         return float(np.nanmean(self.left))
 
     def __str__(self) -> str:
@@ -78,7 +77,7 @@ class ChartFit:
 
 
 def reference_colors() -> np.ndarray:
-    """The patches under daylight (D65), sRGB [24, 3]; cyan lies a little outside of 0..1.
+    """Return the patches under daylight (D65), sRGB [24, 3]; cyan is slightly out of gamut.
 
     Examples:
         >>> reference_colors()[[14, 21]].round(2).tolist()
@@ -87,13 +86,8 @@ def reference_colors() -> np.ndarray:
     return lab_to_srgb(lab_d50_to_d65(np.array([lab for _, *lab in PATCHES])))
 
 
-def patch_places() -> np.ndarray:
-    """Where the patches are looked at, [24, n, 2]: (x, y) over the chart, 0 to 1 from its upper left to its lower right.
-
-    Examples:
-        >>> patch_places()[0].mean(axis=0).round(2).tolist(), patch_places()[23].mean(axis=0).round(2).tolist()
-        ([0.08, 0.12], [0.92, 0.88])
-    """
+def _sample_points() -> np.ndarray:
+    """Return the sample points of the patches, [24, n, 2]: (x, y) in the unit square of the chart."""
     rows, columns = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
     centers = np.stack([columns, rows], -1) * PITCH + 0.5 * PATCH
     steps = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
@@ -102,14 +96,8 @@ def patch_places() -> np.ndarray:
     return (centers[:, None] + within) / size
 
 
-def homography(corners: np.ndarray) -> np.ndarray:
-    """The 3x3 matrix from the unit square to four corners [4, 2] in a photo, in the order (0, 0), (1, 0), (1, 1), (0, 1).
-
-    Examples:
-        >>> square = np.array([[10.0, 20], [30, 20], [30, 40], [10, 40]])
-        >>> (homography(square) @ [0.5, 0.5, 1]).round(6).tolist()
-        [20.0, 30.0, 1.0]
-    """
+def _homography(corners: np.ndarray) -> np.ndarray:
+    """Return the 3x3 matrix from the unit square to corners [4, 2], in the order (0, 0), (1, 0), (1, 1), (0, 1)."""
     rows = []
     for (x, y), (u, v) in zip(((0, 0), (1, 0), (1, 1), (0, 1)), corners, strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
@@ -117,38 +105,31 @@ def homography(corners: np.ndarray) -> np.ndarray:
 
 
 def patch_colors(photo: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """What the patches look like in a photo: means in linear light, as sRGB [24, 3].
+    """Return the mean colors of the patches in a photo, sRGB [24, 3], averaged in linear light.
 
     Args:
         photo: sRGB [H, W, 3] in [0, 1].
-        corners: Of the block of patches, [4, 2]: (u, v) in pixels from the photo's upper left corner, round the chart from the
-            brown patch's outer corner to the bluish green's, the black's and the white's.
+        corners: [4, 2], pixels (u, v) from the photo's upper left: the outer corners of the brown, bluish green, black
+            and white patches, in this order.
 
     Raises:
-        BadRequest: The corners are not those of a chart, or beyond the photo.
+        BadRequest: The corners are not those of a chart, or outside the photo.
 
     Examples:
         >>> photo = np.full((40, 60, 3), 0.5)
         >>> patch_colors(photo, np.array([[5, 5], [55, 5], [55, 35], [5, 35]])).round(2)[0].tolist()
         [0.5, 0.5, 0.5]
     """
-    check_corners(corners, photo.shape[1], photo.shape[0])
-    places = patch_places()
-    u, v, w = np.einsum("ij,npj->inp", homography(corners), np.dstack([places, np.ones(places.shape[:2])]))
+    _check_corners(corners, photo.shape[1], photo.shape[0])
+    places = _sample_points()
+    u, v, w = np.einsum("ij,npj->inp", _homography(corners), np.dstack([places, np.ones(places.shape[:2])]))
     columns, rows = (np.floor(each / w).astype(int) for each in (u, v))
-    seen = photo[np.clip(rows, 0, len(photo) - 1), np.clip(columns, 0, photo.shape[1] - 1), :3]
-    return linear_to_srgb(srgb_to_linear(seen).mean(axis=1))
+    photographed = photo[np.clip(rows, 0, len(photo) - 1), np.clip(columns, 0, photo.shape[1] - 1), :3]
+    return linear_to_srgb(srgb_to_linear(photographed).mean(axis=1))
 
 
-def check_corners(corners: np.ndarray, width: int, height: int) -> None:
-    """Refuse four corners [4, 2] that are not those of a convex figure in a photo of this size, by a BadRequest.
-
-    Examples:
-        >>> check_corners(np.array([[5, 5], [55, 5], [55, 35], [5, 35]]), 60, 40)
-        >>> check_corners(np.array([[5, 5], [55, 35], [55, 5], [5, 35]]), 60, 40)
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: These four corners are not those of a color chart in the photo. Go round it from patch to patch: brown, bluish green, black, white.
-    """
+def _check_corners(corners: np.ndarray, width: int, height: int) -> None:
+    """Raise BadRequest unless the corners [4, 2] form a convex quadrilateral in a photo of this size."""
     corners = np.asarray(corners, np.float64)
     edges = np.roll(corners, -1, axis=0) - corners
     following = np.roll(edges, -1, axis=0)
@@ -162,10 +143,10 @@ def check_corners(corners: np.ndarray, width: int, height: int) -> None:
 
 
 def fit_chart(patches: np.ndarray) -> ChartFit:
-    """The reference light by what a chart's patches look like in the photos, sRGB [24, 3] in [0, 1].
+    """Fit the reference light to the patches in the photos, sRGB [24, 3] in [0, 1].
 
     Raises:
-        BadRequest: Too many of them are clipped or dark, or they are not those of this chart.
+        BadRequest: Too many patches are clipped or dark, or they are not those of this chart.
 
     Examples:
         >>> warm = linear_to_srgb(srgb_to_linear(reference_colors()) * [1.0, 0.8, 0.5])
@@ -182,11 +163,11 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
             f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the photo.",
             "Take a photo in which the chart is well lit.",
         )
-    seen, wanted = srgb_to_linear(patches[counts]), srgb_to_linear(known[counts])
+    photographed, wanted = srgb_to_linear(patches[counts]), srgb_to_linear(known[counts])
     weights = 1 / (wanted.mean(-1, keepdims=True) + EVEN)
-    to_reference = np.linalg.lstsq(seen * weights, wanted * weights, rcond=None)[0].T
+    to_reference = np.linalg.lstsq(photographed * weights, wanted * weights, rcond=None)[0].T
     left = np.full(len(known), np.nan)
-    left[counts] = ciede2000(srgb_to_lab(linear_to_srgb(seen @ to_reference.T)), srgb_to_lab(known[counts]))
+    left[counts] = ciede2000(srgb_to_lab(linear_to_srgb(photographed @ to_reference.T)), srgb_to_lab(known[counts]))
     if left[counts].mean() > MOST_LEFT or np.linalg.cond(to_reference) > MOST_CONDITION:
         raise BadRequest(
             f"This does not look like a color chart: CIEDE2000 {left[counts].mean():.0f} is left in the mean.",
@@ -196,17 +177,17 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
 
 
 def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
-    """The reference light by a chart in a photo, from whichever corner the four begin and whichever way round they go.
+    """Fit the reference light to a chart in a photo, for any first corner and either direction.
 
     Args:
         photo: sRGB [H, W, 3] in [0, 1].
-        corners: As for `patch_colors`, but for where they begin.
+        corners: As for `patch_colors`, apart from their order.
 
     Raises:
         BadRequest: As `patch_colors` and `fit_chart`.
 
     Examples:
-        A chart drawn flat, half as bright as under daylight, of patches 10 pixels wide and 1 apart:
+        A flat chart at half the light, of patches 10 pixels wide and 1 apart:
 
         >>> photo = np.zeros((43, 65, 3))
         >>> for (row, column), color in zip(np.ndindex(4, 6), srgb_to_linear(reference_colors())):
@@ -216,10 +197,10 @@ def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
         [0.5, 0.5, 0.5]
     """
     corners, fits, refused = np.asarray(corners, np.float64), [], []
-    for way in (corners, corners[::-1]):
+    for ordered in (corners, corners[::-1]):
         for begin in range(4):
             try:
-                fits.append(fit_chart(patch_colors(photo, np.roll(way, begin, axis=0))))
+                fits.append(fit_chart(patch_colors(photo, np.roll(ordered, begin, axis=0))))
             except BadRequest as error:
                 refused.append(error)
     if not fits:

@@ -1,9 +1,10 @@
-"""Rows of tables that hold a color each: CSV files, and the columns in which a color may stand.
+"""Colors in rows of CSV tables.
 
-hex                 #rrggbb
-lab                 CIE L* a* b* (D65), three numbers; or the three columns L*, a*, b* (also L, a, b)
-srgb                sRGB numbers from 0 to 1
-srgb8               sRGB numbers from 0 to 255; or the three columns R, G, B
+Columns of a color:
+    hex    #rrggbb
+    lab    CIE L* a* b* (D65), three numbers; or three columns L*, a*, b* (also L, a, b)
+    srgb   sRGB numbers from 0 to 1
+    srgb8  sRGB numbers from 0 to 255; or three columns R, G, B
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ..io.color import srgb_to_lab
 from ..io.inputs import MOST_JSON, check_file
 from .palette import hex_to_rgb
 
-RANGES = {  # lowest and highest value of the three numbers
+RANGES = {  # of the three numbers
     "lab": (np.array([0, -200, -200]), np.array([100, 200, 200])),
     "srgb": (np.zeros(3), np.ones(3)),
     "srgb8": (np.zeros(3), np.full(3, 255)),
@@ -31,13 +32,9 @@ DELIMITERS = "\t;,"
 
 
 def csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
-    """The rows of a CSV file that are not empty, their cells by the column's name in lower case; and where each stands.
+    """Yield the non-empty rows of a CSV file, as cells by lower-case column name, with their location for messages.
 
-    Args:
-        path: CSV in UTF-8, of commas, semicolons or tabs, with a header row.
-
-    Raises:
-        DataError: The file is missing, too large, or no such table.
+    The file is UTF-8 with commas, semicolons or tabs, and a header row; DataError is raised otherwise.
 
     Examples:
         >>> import tempfile
@@ -64,25 +61,27 @@ def csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def color_of_row(row: dict[str, Any], where: str, prefix: str = "") -> np.ndarray | None:
-    """The color of a row.
+    """Parse the color of a row.
 
     Args:
-        row: Cells by the column's name in lower case.
+        row: Cells by lower-case column name.
         where: File and line, for messages.
-        prefix: How the names of its columns begin; three columns of one color are looked for without one alone.
+        prefix: Prefix of the column names; only without one, a color may have three columns.
 
     Returns:
-        CIE L*a*b* [3] (D65); None where all its columns are empty.
+        CIE L*a*b* [3] (D65); None if all its columns are empty.
 
     Raises:
-        DataError: Two columns have a color, or what stands there is none.
+        DataError: Two columns have a color, or a color is invalid.
 
     Examples:
         >>> color_of_row({"name": "red", "lab": "53.24 80.09 67.2"}, "line 2").tolist()
         [53.24, 80.09, 67.2]
     """
     if not prefix:
-        row = row | {kind: [row[part] for part in parts] for kind, parts in COLUMNS_OF_ONE if _has_all(row, parts)}
+        for kind, parts in COLUMNS_OF_ONE:
+            if all(str(row.get(part, "")).strip() for part in parts):
+                row = row | {kind: [row[part] for part in parts]}
     filled = [kind for kind in KINDS if row.get(prefix + kind) not in (None, "") and str(row[prefix + kind]).strip()]
     if len(filled) > 1:
         raise DataError(f"{where} has a color as {' and as '.join(filled)}.", "Leave one of them.")
@@ -103,7 +102,7 @@ def _three_numbers(value: Any, kind: str, where: str) -> np.ndarray:
     parts = _split(value) if isinstance(value, str) else value
     lowest, highest = RANGES[kind]
     try:
-        numbers = np.array([float(part) if not isinstance(part, str) else _number(part) for part in parts])
+        numbers = np.array([float(part.replace(",", ".") if isinstance(part, str) else part) for part in parts])
         if numbers.shape == (3,) and ((numbers >= lowest) & (numbers <= highest)).all():
             return numbers
     except (TypeError, ValueError):
@@ -113,14 +112,6 @@ def _three_numbers(value: Any, kind: str, where: str) -> np.ndarray:
 
 
 def _split(text: str) -> list[str]:
-    """Numbers apart: by spaces or semicolons, so that their commas may be decimal ones; else by commas."""
+    """Split numbers at spaces or semicolons, so that commas may be decimal; otherwise at commas."""
     parts = text.replace(";", " ").split()
     return [part.rstrip(",") for part in parts] if len(parts) > 1 else text.split(",")
-
-
-def _number(text: str) -> float:
-    return float(text.strip().replace(",", "."))
-
-
-def _has_all(row: dict[str, Any], columns: tuple[str, ...]) -> bool:
-    return all(str(row.get(column, "")).strip() for column in columns)

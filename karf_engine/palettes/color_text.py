@@ -1,4 +1,4 @@
-"""Colors as texts that programs exchange by the clipboard: `#rrggbb`, or CSS's `color(srgb r g b)` beyond white."""
+"""Colors as clipboard text: `#rrggbb`, or CSS's `color(srgb r g b)` beyond white."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from .palette import BRIGHTEST, hex_to_rgb, rgb_to_hex
 
-# CSS Color Module Level 4, 10.2; hexadecimal digits also without #, as lists of colors in addresses have them
+# CSS Color Module Level 4, 10.2; # is optional, as in color lists of web addresses
 PATTERN = re.compile(r"color\(\s*srgb((?:\s+\d*\.?\d+){3})\s*\)|(?<![0-9a-z])#?([0-9a-f]{6})(?![0-9a-z])", re.I)
 
 
 def color_to_text(color: Sequence[float] | np.ndarray) -> str:
-    """An sRGB color [3] in [0, BRIGHTEST] as text; up to white it is rounded to 8 bits.
+    """Format an sRGB color [3] in [0, BRIGHTEST]; colors up to white are rounded to 8 bits.
 
     Examples:
         >>> color_to_text([1.0, 0.0, 0.2]), color_to_text([1.5, 0.25, 0.0])
@@ -26,7 +26,7 @@ def color_to_text(color: Sequence[float] | np.ndarray) -> str:
 
 
 def colors_of_text(text: str) -> np.ndarray:
-    """All colors that a text names, sRGB [n, 3] float32 in [0, BRIGHTEST]; other text between them is skipped.
+    """Parse all colors in a text, sRGB [n, 3] float32 in [0, BRIGHTEST]; other text is ignored.
 
     Examples:
         >>> colors_of_text("color(srgb 1.5 0.25 0); Pot: #FF0000, 00ff00-0000ff").tolist()

@@ -1,8 +1,12 @@
-"""Recolored pictures from edit planes: a few multiply-adds per pixel, fast enough to follow a dragged swatch.
+"""Composite recolored pictures from edit planes: a few multiply-adds per pixel, fast enough to follow a dragged swatch.
 
-Naming: K objects, M palette entries (of the largest palette; smaller ones are zero padded), H x W pixels.
-base: [H, W, 3] the picture without the edit, sRGB in [0, 1]. palette_weights: [K, M, H, W], entry j's share of object k
-in the pixel; over j they sum to probabilities [K, H, W]. learned, edited: palettes [K, M, 3].
+Arguments shared by the functions of this module, for K objects and M palette entries of the largest palette (smaller
+ones are zero padded):
+    base: [H, W, 3] float32 sRGB in [0, 1], the picture without the edit.
+    palette_weights: [K, M, H, W] >= 0, the weight of entry j of object k times the object's probability; the sum over
+        j is the probability.
+    probabilities: [K, H, W] in [0, 1] of the objects; the remainder to 1 is the background's.
+    learned, edited: palettes [K, M, 3] before and after the edit.
 """
 
 from __future__ import annotations
@@ -10,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +24,7 @@ from ..io.files import atomic_write
 from ..io.names import check_names
 from ..io.npz import has_arrays, read_arrays
 
-# rows are done in blocks of about this many pixels: a block's working set stays in a core's cache
+# pixels per block of rows, so that a block's working set stays in a core's cache
 BLOCK_PIXELS = 16384
 AGAIN = "Run the render stage again, with planes."
 
@@ -33,18 +38,7 @@ class Planes:
         palette_weights: [K, M, H, W] float16 in [0, 1], object probability included.
         probabilities: [K, H, W] float16 in [0, 1].
         base: The picture without the edit, [H, W, 3] uint8 sRGB.
-        gains: How the base is exposed, see `exposure`: palettes and their changes are multiplied by them.
-
-    Examples:
-        A picture of one white pot whose second swatch becomes red:
-
-        >>> weights, probabilities = np.zeros((1, 2, 4, 3), np.float16), np.ones((1, 4, 3), np.float16)
-        >>> weights[:, 1] = 1
-        >>> planes = Planes(("pot",), weights, probabilities, np.full((4, 3, 3), 255, np.uint8))
-        >>> learned, edited = np.array([[[0, 0, 0], [1, 1, 1]]]), np.array([[[0, 0, 0], [1, 0, 0]]])
-        >>> base = planes.base.astype(np.float32) / 255
-        >>> delta_composite(base, planes.palette_weights, learned, edited)[0, 0].tolist()
-        [1.0, 0.0, 0.0]
+        gains: Exposure gains of the base (see `exposure`), to be applied to palettes and their changes.
     """
 
     objects: tuple[str, ...]
@@ -59,8 +53,8 @@ def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
 
     Args:
         path: The file.
-        planes: Its content.
-        made_from: What `planes_made_from` shall return.
+        planes: The planes.
+        made_from: Fingerprint of the inputs, returned by `planes_made_from`.
 
     Examples:
         >>> import tempfile
@@ -70,23 +64,21 @@ def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
         ...     sorted(np.load(Path(folder) / "view.npz"))
         ['base', 'objects', 'palette_weights', 'probabilities']
     """
-
-    def write(temporary: Path) -> None:
-        np.savez_compressed(
-            temporary,
-            objects=np.array(planes.objects, dtype=np.str_),
-            palette_weights=planes.palette_weights.astype(np.float16),
-            probabilities=planes.probabilities.astype(np.float16),
-            base=planes.base,
-            **({} if planes.gains == ALIKE else {"gains": np.array(planes.gains)}),
-            **({"made_from": np.array(made_from)} if made_from else {}),
-        )
-
-    atomic_write(path, write)
+    arrays: dict[str, Any] = {
+        "objects": np.array(planes.objects, dtype=np.str_),
+        "palette_weights": planes.palette_weights.astype(np.float16),
+        "probabilities": planes.probabilities.astype(np.float16),
+        "base": planes.base,
+    }
+    if planes.gains != ALIKE:
+        arrays["gains"] = np.array(planes.gains)
+    if made_from:
+        arrays["made_from"] = np.array(made_from)
+    atomic_write(path, lambda temporary: np.savez_compressed(temporary, **arrays))
 
 
 def read_planes(path: Path) -> Planes:
-    """Read planes that `write_planes` wrote.
+    """Read planes written by `write_planes`.
 
     Raises:
         DataError: The file is missing or damaged, or its arrays contradict each other.
@@ -100,16 +92,17 @@ def read_planes(path: Path) -> Planes:
         >>> again.objects, again.palette_weights.dtype, again.palette_weights.shape
         (('pot',), dtype('float16'), (1, 2, 4, 3))
     """
-    names = ("objects", "palette_weights", "probabilities", "base")
-    objects, *arrays = read_arrays(path, names, "edit planes", AGAIN)
+    parts = ("objects", "palette_weights", "probabilities", "base")
+    objects, weights, probabilities, base = read_arrays(path, parts, "edit planes", AGAIN)
     gains = _gains(path) if has_arrays(path, ("gains",)) else ALIKE
-    planes = Planes(tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object")), *arrays, gains)
+    names = check_names(np.atleast_1d(objects).tolist(), path, "an object")
+    planes = Planes(tuple(names), weights, probabilities, base, gains)
     _check(path, planes)
     return planes
 
 
 def planes_made_from(path: Path) -> str:
-    """Return what `write_planes` noted as `made_from`; empty where there is no note or no readable file.
+    """Return the `made_from` passed to `write_planes`, or "" if it is missing or the file is unreadable.
 
     Examples:
         >>> import tempfile
@@ -147,17 +140,7 @@ def _check(path: Path, planes: Planes) -> None:
 
 
 def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Palettes of several objects as one array, zero padded to the largest.
-
-    Args:
-        objects: Names of the K objects.
-        colors: Palette [m, 3] of each object, by its name.
-
-    Returns:
-        [K, M, 3] float32.
-
-    Raises:
-        KeyError: An object has no palette.
+    """Stack the palettes [m, 3] of objects, given by name, zero padded to the largest: [K, M, 3] float32.
 
     Examples:
         >>> stack_palettes(["pot", "mug"], {"pot": np.ones((3, 3)), "mug": np.ones((2, 3))}).sum(axis=-1).tolist()
@@ -176,23 +159,19 @@ def delta_composite(
     edited: np.ndarray,
     out: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The base plus the palette change: clip(base + sum_kj weights_kj (edited_kj - learned_kj)).
+    """Add the palette change to the base: clip(base + sum_kj weights_kj (edited_kj - learned_kj)).
 
-    Pixels that no changed swatch reaches keep the base bit by bit. Linear in the edit, so soft edges and highlights
-    stay.
+    Pixels without weight in any changed swatch keep the base bit by bit. The result is linear in the edit: soft edges
+    and highlights stay. Float16 weights give the same result as float32, but slowly.
 
     Args:
-        base: float32 [H, W, 3] in [0, 1].
-        palette_weights: [K, M, H, W], >= 0; float32 is fast, float16 right but slow.
-        learned: Palettes [K, M, 3].
-        edited: Palettes [K, M, 3].
-        out: float32 [H, W, 3] to write to, also a view such as rgba[..., :3]; not the base.
+        out: float32 [H, W, 3] to write to, possibly a view such as rgba[..., :3]; not the base.
 
     Returns:
         float32 [H, W, 3] in [0, 1].
 
     Examples:
-        A grey pixel, half of it paint of the swatch that becomes green:
+        Half of a gray pixel is paint of the swatch that becomes green:
 
         >>> base, weights = np.full((1, 1, 3), 0.5, np.float32), np.full((1, 2, 1, 1), 0.5, np.float32)
         >>> learned, edited = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
@@ -225,10 +204,10 @@ def _add_block(
     planar: np.ndarray,
     product: np.ndarray,
 ) -> None:
-    """Write base + sum of plane x change, clipped, to the block [h, W, 3]; planar [3, h, W], product [h, W]: scratch.
+    """Write clip(base + sum of plane x change) to block [h, W, 3]; planar [3, h, W] and product [h, W] are scratch.
 
-    Each channel is summed in a contiguous plane: interleaved pixels make every operation several times slower, and a
-    matrix product with 3 columns stalls in some BLAS builds.
+    Each channel is summed in a contiguous plane: interleaved pixels are several times slower, and a matrix product with
+    3 columns stalls in some BLAS builds.
     """
     for channel, total in enumerate(planar):
         summed = base[..., channel]
@@ -240,13 +219,7 @@ def _add_block(
 
 
 def hard_masks(probabilities: np.ndarray) -> np.ndarray:
-    """The likeliest class of each pixel as masks (argmax of Eq. 8): in no mask where that is the background.
-
-    Args:
-        probabilities: [K, H, W] in [0, 1], of the objects; what is left of 1 is the background's.
-
-    Returns:
-        bool [K, H, W].
+    """Return the argmax class of each pixel (Eq. 8) as object masks, bool [K, H, W]; background pixels are in no mask.
 
     Examples:
         >>> hard_masks(np.array([[[0.5, 0.3, 0.1]], [[0.2, 0.4, 0.1]]])).tolist()
@@ -260,35 +233,26 @@ def hard_masks(probabilities: np.ndarray) -> np.ndarray:
 def paper_composite(
     base: np.ndarray, palette_weights: np.ndarray, probabilities: np.ndarray, edited: np.ndarray
 ) -> np.ndarray:
-    """Inside each object's hard mask the base becomes the palette's own color, sum_j weights_kj / prob_k edited_kj.
+    """Replace the base inside each hard mask by the palette's mixture, sum_j weights_kj / prob_k edited_kj.
 
-    Keeps the decomposition error of the palette even where nothing is edited; `delta_composite` does not. The masks are
-    those of `hard_masks`.
-
-    Args:
-        base: [H, W, 3] in [0, 1].
-        palette_weights: [K, M, H, W], >= 0.
-        probabilities: [K, H, W] in [0, 1], of the objects; what is left of 1 is the background's.
-        edited: Palettes [K, M, 3].
+    Unlike `delta_composite`, this shows the palette's decomposition error even where nothing is edited.
 
     Returns:
         float32 [H, W, 3] in [0, 1].
 
     Examples:
-        Two pixels, of which the first is the object's:
+        The first of two pixels is the object's, and all of it is paint of the second swatch:
 
         >>> probabilities = np.array([[[0.75, 0.25]]])
-        >>> weights = np.stack([0 * probabilities, probabilities], axis=1)  # all of it paint of the second swatch
+        >>> weights = np.stack([0 * probabilities, probabilities], axis=1)
         >>> paper_composite(np.ones((1, 2, 3)), weights, probabilities, np.array([[[0, 0, 0], [0, 0.5, 0]]])).tolist()
         [[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]]
     """
-    result = np.array(base, np.float32)
-    masks = hard_masks(probabilities)
-    for k, palette in enumerate(np.asarray(edited, np.float32)):
-        mask = masks[k]
+    result, palettes = np.array(base, np.float32), np.asarray(edited, np.float32)
+    for k, mask in enumerate(hard_masks(probabilities)):
         share = palette_weights[k][:, mask].astype(np.float32)
         share /= probabilities[k][mask].astype(np.float32)
         for channel in range(3):
-            color = sum(plane * palette[j, channel] for j, plane in enumerate(share))
+            color = sum(plane * palettes[k, j, channel] for j, plane in enumerate(share))
             result[mask, channel] = np.clip(color, 0, 1)
     return result

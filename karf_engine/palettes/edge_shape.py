@@ -1,9 +1,7 @@
-"""Where an object's paint ends: its edge grown or shrunk (choke), and faded (feather). Numpy alone: Blender does it live.
+"""Move (choke) and fade (feather) the edge of an object's coverage.
 
-Lengths are pixels of the photo at its full stored size. A picture that shows the photo smaller or larger scales them by
-the ratio of the long sides; one of a new camera by that of its long side to the photos' of the capture.
-
-Naming: coverage [H, W] in [0, 1], how much of each pixel is the object's; `before` any shape was given to it.
+Lengths are pixels of the photo at its full stored size. Pictures of another size scale them by the ratio of the long
+sides. Coverage is [H, W] in [0, 1].
 """
 
 from __future__ import annotations
@@ -18,21 +16,20 @@ import numpy as np
 from ..io.arguments import check_fields, check_number
 
 MOST_CHOKE, MOST_FEATHER = 16.0, 64.0
-DIRECTIONS = 16  # in which an edge is moved exactly, between them to 2 % of the way
-CHUNK = 512  # pixels whose surroundings are looked at one by one, at a time: in a core's cache
-BLOCK = 256  # pixels along the side of blocks, of which only those with an edge are computed, in a core's cache
+DIRECTIONS = 16  # of exact erosion; between them the distance is 2 % off at most
+CHUNK = 512  # rim evaluations at a time, and
+BLOCK = 256  # side of the blocks in pixels: both keep the working set in a core's cache
 
 
 @dataclass(frozen=True)
 class EdgeShape:
-    """How an object's edge is moved and faded.
+    """Edge of an object, moved and faded.
 
     Attributes:
-        choke: Pixels by which the edge moves inwards, from -MOST_CHOKE to MOST_CHOKE; below 0 the object grows.
-        feather: Pixels over which the edge then fades, half of them on either side, from 0 to MOST_FEATHER.
+        choke: Inward shift of the edge in pixels, -MOST_CHOKE to MOST_CHOKE; negative values grow the object.
+        feather: Width in pixels of the fade, centered on the moved edge, 0 to MOST_FEATHER.
 
     Raises:
-        TypeError: A field is no number.
         BadRequest: A number is out of range.
 
     Examples:
@@ -50,16 +47,16 @@ class EdgeShape:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether it leaves every edge as it is."""
+        """Whether the edge stays as it is."""
         return not (self.choke or self.feather)
 
     def reach(self, scale: float) -> int:
-        """Pixels, rounded up, beyond an object at most in which this covers something."""
+        """Return an upper bound of the pixels that an edge of this shape extends beyond the object."""
         return ceil(scale * (max(0.0, -self.choke) + self.feather / 2)) + 1
 
 
 def shaped_edges(edges: Mapping[str, EdgeShape]) -> dict[str, EdgeShape]:
-    """Those that are not neutral.
+    """Return the edges that are not neutral.
 
     Examples:
         >>> shaped_edges({"pot": EdgeShape(), "mug": EdgeShape(1.0)})
@@ -69,20 +66,19 @@ def shaped_edges(edges: Mapping[str, EdgeShape]) -> dict[str, EdgeShape]:
 
 
 def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.ndarray | None = None) -> np.ndarray:
-    """A coverage with its edge moved, then faded.
+    """Return a coverage with its edge moved, then faded.
 
-    Moving is the erosion of a gray picture by a disk (a dilation below 0), so that a soft edge stays as soft as it was;
-    fading is two boxes of half the feather along each axis, so that a straight edge has .5 where it was. At the
-    picture's own border an object goes on, as if the picture did.
+    Moving is gray-scale erosion (or dilation) by a disk, which preserves the softness of the edge. Fading applies two
+    boxes of half the feather along each axis, which keeps 0.5 at a straight edge. Borders are extended by replication.
 
     Args:
         coverage: [H, W] in [0, 1].
-        shape: What to do.
-        scale: Pixels of this picture for one of the photo at its full size.
-        room: [H, W], what other objects leave of each pixel: no edge spreads into theirs. None: all of it.
+        shape: The shape.
+        scale: Pixels of this picture per pixel of the photo at full size.
+        room: [H, W], the part of each pixel not covered by other objects, which limits growth; None for no limit.
 
     Returns:
-        [H, W] float32 in [0, 1]; a neutral shape gives the numbers that were there.
+        [H, W] float32 in [0, 1].
 
     Examples:
         >>> row = np.array([[0, 0, 0, 1, 1, 1, 1, 1]])
@@ -99,12 +95,12 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
 
 
 def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """A coverage [H, W] that is changed where it is not flat within so many pixels.
+    """Apply a local operation to the blocks of a coverage that are not constant.
 
     Args:
-        coverage: It, float32.
-        reach: On either side of a pixel, as many as the change looks at.
-        change: From a part of it with that margin to this part.
+        coverage: [H, W] float32.
+        reach: Radius of the operation in pixels.
+        change: The operation, from an array with a margin of `reach` to one without.
     """
     result = coverage.copy()
     for top in range(0, coverage.shape[0], BLOCK):
@@ -124,18 +120,19 @@ def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndar
 
 
 def _changing(values: np.ndarray) -> tuple[slice, slice] | None:
-    """The box in [H, W] beyond which all is as in the corner on that side, and a pixel more; None where all is alike."""
+    """Return the box, with a margin of one, outside which [H, W] equals its nearest corners; None if it is constant."""
     first, last = values[0, 0], values[-1, -1]
     box = box_of(values != first)
     if box is None:
         return None
     ends = box if first == last else box_of(values != last)
+    assert ends is not None  # the values are not constant
     rows, columns = (slice(each.start - 1, end.stop + 1) for each, end in zip(box, ends, strict=True))
     return rows, columns
 
 
 def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) -> np.ndarray:
-    """A part of [H, W] with a margin on each side; beyond the border values go on."""
+    """Return a part of [H, W] with a margin on each side, extended by replication."""
     inside = grown_box(place, margin, values.shape)
     beyond = [
         (each.start - own.start + margin, own.stop + margin - each.stop)
@@ -145,9 +142,9 @@ def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) ->
 
 
 def moved(coverage: np.ndarray, distance: float) -> np.ndarray:
-    """A coverage whose edge moved inwards by a distance in pixels, below 0 outwards: eroded, or dilated, by a disk.
+    """Erode a coverage by a disk of radius `distance` in pixels, or dilate it if negative.
 
-    Of the disk count its pixels, and DIRECTIONS points of its rim between pixels.
+    The disk is its pixels and DIRECTIONS interpolated points of its rim.
 
     Examples:
         >>> moved(np.array([[0, 0, 1, 1, 1, 1]], np.float32), 1.5)[0].tolist()
@@ -155,37 +152,33 @@ def moved(coverage: np.ndarray, distance: float) -> np.ndarray:
     """
     if not distance:
         return coverage
-    change = _eroded if distance > 0 else _dilated
-    return _where_edges_are(coverage, _reach_of_disk(abs(distance)), partial(change, distance=abs(distance)))
+    radius = abs(distance)
+    change = partial(_eroded, radius=radius) if distance > 0 else lambda around: 1 - _eroded(1 - around, radius)
+    return _where_edges_are(coverage, _reach_of_disk(radius), change)
 
 
-def _reach_of_disk(distance: float) -> int:
-    """Pixels on either side of one that `_eroded` looks at."""
-    return floor(distance) + 2
+def _reach_of_disk(radius: float) -> int:
+    """Return the radius of `_eroded` in pixels."""
+    return floor(radius) + 2
 
 
-def _dilated(around: np.ndarray, distance: float) -> np.ndarray:
-    """What `_eroded` makes of what is not covered."""
-    return 1 - _eroded(1 - around, distance)
-
-
-def _eroded(around: np.ndarray, distance: float) -> np.ndarray:
-    """A coverage [H, W] moved by a distance above 0, from it and what lies around it, [H + 2 reach, W + 2 reach]."""
-    margin = _reach_of_disk(distance)
+def _eroded(around: np.ndarray, radius: float) -> np.ndarray:
+    """Erode by a disk: from [H + 2 reach, W + 2 reach] to [H, W], radius > 0."""
+    margin = _reach_of_disk(radius)
     around = np.ascontiguousarray(around)
-    # pixels of the disk, here also of those just outside: rows from its rim inwards, whose parts get longer
+    # the disk's pixels, for a margin of one: rows from the rim inwards, whose runs get longer
     height, width = len(around) - 2 * margin + 2, around.shape[1] - 2 * margin + 2
     half, wide = 0, around.copy()
     disk = around[margin - 1 : margin - 1 + height, margin - 1 : margin - 1 + width].copy()
-    for by in range(floor(distance), -1, -1):
-        while half < floor(sqrt(distance**2 - by**2)):
+    for by in range(floor(radius), -1, -1):
+        while half < floor(sqrt(radius**2 - by**2)):
             half += 1
             np.minimum(wide[:, half:], around[:, :-half], out=wide[:, half:])
             np.minimum(wide[:, :-half], around[:, half:], out=wide[:, :-half])
         for side in {by, -by}:
             top = margin - 1 + side
             np.minimum(disk, wide[top : top + height, margin - 1 : margin - 1 + width], out=disk)
-    # a point of the rim lies between pixels that are in the disk or beside it: where those have no less, nor has the point
+    # rim points interpolate pixels of the disk or next to it: they matter only where one of those is smaller
     result = disk[1:-1, 1:-1].copy()
     least = np.minimum(np.minimum(disk[:-2], disk[1:-1]), disk[2:])
     least = np.minimum(np.minimum(least[:, :-2], least[:, 1:-1]), least[:, 2:])
@@ -193,25 +186,25 @@ def _eroded(around: np.ndarray, distance: float) -> np.ndarray:
     pixels = (rows + margin) * around.shape[1] + columns + margin
     for start in range(0, len(pixels), CHUNK):
         chunk = slice(start, start + CHUNK)
-        rim = _least_on_rim(around, pixels[chunk], distance)
+        rim = _least_on_rim(around, pixels[chunk], radius)
         places = rows[chunk], columns[chunk]
         result[places] = np.minimum(result[places], rim)
     return result
 
 
-def _least_on_rim(around: np.ndarray, pixels: np.ndarray, distance: float) -> np.ndarray:
-    """The least coverage [n] on the rim of disks round pixels [n], which are given by running number."""
-    turns = 2 * pi * np.arange(DIRECTIONS) / DIRECTIONS
-    down, across = (np.round(distance * each(turns), 6) for each in (np.sin, np.cos))
+def _least_on_rim(around: np.ndarray, pixels: np.ndarray, radius: float) -> np.ndarray:
+    """Return the least coverage [n] on the rims of disks around pixels [n], given by flat index."""
+    angles = 2 * pi * np.arange(DIRECTIONS) / DIRECTIONS
+    down, across = np.round(radius * np.sin(angles), 6), np.round(radius * np.cos(angles), 6)
     first = np.floor(down).astype(np.intp) * around.shape[1] + np.floor(across).astype(np.intp)
-    corners = np.array([0, 1, around.shape[1], around.shape[1] + 1])  # of the square of pixels that a point is in
+    corners = np.array([0, 1, around.shape[1], around.shape[1] + 1])  # the pixels around a point
     values = np.take(around, (first + corners[:, None])[..., None] + pixels)
-    between = _between(values[:2], values[2:], (down % 1)[:, None])
-    return _between(*between, (across % 1)[:, None]).min(axis=0)
+    left, right = _interpolated(values[:2], values[2:], (down % 1)[:, None])
+    return _interpolated(left, right, (across % 1)[:, None]).min(axis=0)
 
 
-def _between(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Values between two."""
+def _interpolated(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Interpolate linearly."""
     result = second - first
     result *= share.astype(np.float32)
     result += first
@@ -219,7 +212,7 @@ def _between(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.nda
 
 
 def faded(coverage: np.ndarray, width: float) -> np.ndarray:
-    """A coverage [H, W] whose edges fade over a width in pixels: two boxes of half of it along each axis.
+    """Fade the edges of a coverage [H, W] over a width in pixels.
 
     Examples:
         >>> print(faded(np.array([[0, 0, 0, 1, 1, 1]], np.float32), 4)[0].round(2))
@@ -232,12 +225,12 @@ def faded(coverage: np.ndarray, width: float) -> np.ndarray:
 
 
 def _reach_of_box(width: float) -> int:
-    """Pixels on either side of a box's middle one that it covers wholly."""
+    """Return the number of pixels on each side of the center that a box covers wholly."""
     return floor((sqrt(width**2 + 1) - 1) / 2)
 
 
 def _boxed_twice(around: np.ndarray, width: float) -> np.ndarray:
-    """Two boxes of this width along each axis, which gets shorter by what they look at; in [0, 1]."""
+    """Apply two box filters along each axis; the result is smaller by their margins, and in [0, 1]."""
     for axis in (1, 1, 0, 0):
         around = _boxed(around, width, axis)
     np.maximum(around, 0, out=around)
@@ -245,11 +238,11 @@ def _boxed_twice(around: np.ndarray, width: float) -> np.ndarray:
 
 
 def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
-    """The mean over a width in pixels along an axis, which gets shorter by what the mean looks at on either side.
+    """Apply a box filter along an axis; the result is shorter by its margins.
 
-    The outermost pixels count in part, so that the variance is width^2 / 12 whatever the width (the extended box filter
-    of Gwosdek, Grewenig, Bruhn and Weickert, "Theoretical Foundations of Gaussian Convolution by Extended Box
-    Filtering", 2011, Eq. 5).
+    The outermost pixels count in part, so that the variance is width^2 / 12 for any width (extended box filter,
+    Gwosdek, Grewenig, Bruhn and Weickert, "Theoretical Foundations of Gaussian Convolution by Extended Box Filtering",
+    2011, Eq. 5).
     """
     variance, reach = width**2 / 12, _reach_of_box(width)
     part = (2 * reach + 1) * (3 * variance - reach * (reach + 1)) / (6 * ((reach + 1) ** 2 - variance))
@@ -260,7 +253,7 @@ def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
 
     total = part_of(values, 0, length) + part_of(values, 2 * reach + 2, length)
     total *= np.float32(max(part, 0))
-    # sums of 1, 2, 4, .. pixels, of which those are taken that make up the size
+    # the sum of `size` pixels from sums of 1, 2, 4, ... pixels
     taken, power, sums = 0, 1, values
     while True:
         if size & power:
@@ -275,7 +268,7 @@ def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
 
 
 def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
-    """Rows and columns of the box round all that is True in [H, W]; None where nothing is.
+    """Return rows and columns of the bounding box of True in [H, W], or None if there is none.
 
     Examples:
         >>> box_of(np.array([[False, False, False], [False, True, True]]))
@@ -290,15 +283,13 @@ def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
     return ends[0], ends[1]
 
 
-def grown_box(box: tuple[slice, slice] | None, by: int, shape: tuple[int, int]) -> tuple[slice, slice] | None:
-    """A box of a picture of this shape with so many pixels more on each side, as far as the picture goes.
+def grown_box(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Dilate a box by a number of pixels, clipped to a picture of this shape.
 
     Examples:
         >>> grown_box((slice(1, 2), slice(1, 3)), 2, (9, 4))
         (slice(0, 4, None), slice(0, 4, None))
     """
-    if box is None:
-        return None
     rows, columns = (
         slice(max(0, each.start - by), min(each.stop + by, side)) for each, side in zip(box, shape, strict=True)
     )

@@ -1,8 +1,7 @@
-"""Where an object's paint ends on points in space: edges that are moved and faded in world units. Numpy alone.
+"""Move and fade the edges of objects on points in space, in world units.
 
-Pictures move edges by pixels (`edge_shape`); a point has none, so that a pixel of a photo becomes a length: what it spans
-where the object is, in the middle of the photos. An object's share of a point is then a function of how far the point is
-from the object's border.
+A pixel of `edge_shape` becomes a length: its median footprint at the object over the photos. An object's share of a
+point is then a function of the point's distance to the object's border.
 """
 
 from __future__ import annotations
@@ -14,17 +13,17 @@ import numpy as np
 
 from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
 
-MOST_REACH = MOST_CHOKE + MOST_FEATHER / 2  # pixels beyond an object that an edge can cover
+MOST_REACH = MOST_CHOKE + MOST_FEATHER / 2  # pixels that an edge can extend beyond an object
 
 
 @dataclass(frozen=True)
 class Borders:
-    """How far N points are from the borders of K objects.
+    """Signed distances of N points to the borders of K objects.
 
     Attributes:
-        distances: [N, K] float32, world units, over 0 inside an object and below 0 outside; infinite where no border is.
-        spacings: [K] float32, how far apart points of an object are, world units.
-        pixels: [K] float32, what a pixel of a photo at its full size spans at an object, world units.
+        distances: [N, K] float32, world units, positive inside; infinite where there is no border.
+        spacings: [K] float32, spacing of an object's points, world units.
+        pixels: [K] float32, footprint of a pixel of a full-size photo at an object, world units.
     """
 
     distances: np.ndarray
@@ -35,21 +34,21 @@ class Borders:
 def shares_with_edges(
     shares: np.ndarray, borders: Borders, objects: Sequence[str], edges: Mapping[str, EdgeShape]
 ) -> np.ndarray:
-    """Objects' shares of points with the edges that an edit wants.
+    """Return the objects' shares of points after moving and fading edges.
 
-    An edge fades along the profile that it has in pictures. No edge spreads into another object.
+    An edge fades with the same profile as in pictures, and does not grow into another object.
 
     Args:
         shares: [N, K] in [0, 1].
         borders: Of these points.
         objects: Names of the K objects.
-        edges: By object; those without one stay as they are.
+        edges: By object; other edges stay.
 
     Returns:
-        [N, K] float32; the columns of objects whose edges stay have the numbers that were there.
+        [N, K] float32; columns of unchanged edges keep their values.
 
     Examples:
-        Four points in a row, a unit apart, of which the last two are the pot's; a pixel spans a unit:
+        The last two of four points, a unit apart, are the pot's; a pixel is a unit wide:
 
         >>> shares, distances = np.array([[0.0], [0], [1], [1]]), np.array([[-1.5], [-0.5], [0.5], [1.5]])
         >>> borders = Borders(distances, np.ones(1), np.ones(1))
@@ -71,7 +70,7 @@ def shares_with_edges(
 
 
 def _shaped(share: np.ndarray, distance: np.ndarray, shape: EdgeShape, pixel: float, spacing: float) -> np.ndarray:
-    """Shares [N] of one object; what is half its own moves along with its edge, within a point's spacing."""
+    """Return the shares [N] of one object; partial shares move with the edge, within a point's spacing."""
     choke, width = shape.choke * pixel, max(shape.feather * pixel, 1e-6 * spacing)
     covered = _profile((distance - choke) / width)
     by = np.clip(choke / spacing, -1, 1)
@@ -80,6 +79,6 @@ def _shaped(share: np.ndarray, distance: np.ndarray, shape: EdgeShape, pixel: fl
 
 
 def _profile(place: np.ndarray) -> np.ndarray:
-    """How much is covered at a place across a fading edge, whose width is 1: two boxes, as `edge_shape.faded` has them."""
+    """Return the coverage across a fading edge of width 1: two boxes, as in `edge_shape.faded`."""
     place = np.clip(place, -0.5, 0.5)
     return np.where(place < 0, 2 * (place + 0.5) ** 2, 1 - 2 * (0.5 - place) ** 2).astype(np.float32)

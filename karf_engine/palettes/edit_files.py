@@ -1,4 +1,4 @@
-"""Edits as JSON, edit.json: the wanted color of each swatch, the colors that were added, and the shapes of edges."""
+"""Read and write edit.json: the edited swatches, added colors and edge shapes."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ EDIT_SCHEMA = "karf-edit/1"
 
 @checked
 def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
-    """Read edit.json over the learned palettes: null entries and objects left out stay as learned.
+    """Read edit.json; null entries and missing objects stay as learned.
 
     Args:
         path: The file.
-        palettes: As learned, one an object.
-        compositing: What a file that names none means, `delta` or `paper`.
+        palettes: As learned, one per object.
+        compositing: Default for files without one, `delta` or `paper`.
 
     Raises:
-        DataError: The file is missing or of another schema, or has an unknown object, a wrong number of colors, a bad
-            color, a changed black or an edge that cannot be.
+        DataError: The file is missing or has another schema, an unknown object, a wrong number of colors, an invalid
+            color, a changed black or an invalid edge.
 
     Examples:
         >>> import tempfile
@@ -66,21 +66,14 @@ def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = 
 def edit_from_json(
     content: dict[str, Any], path: Path | str, palettes: Sequence[Palette], compositing: str = "delta"
 ) -> Edit:
-    """The edit of what edit.json holds; the rest as `read_edit`.
+    """Parse the content of edit.json, with its schema already checked; otherwise like `read_edit`.
 
-    Args:
-        content: The file's table, whose schema is known.
-        path: The file, or what else messages call it.
-        palettes: As learned, one an object.
-        compositing: What a table that names none means.
-
-    Raises:
-        DataError: The table says what no edit of these palettes can.
+    `path` is the file, or another name for messages.
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.9, 0.1, 0.1]]))
-        >>> edit_from_json({"objects": {"pot": {"colors": [None, "#0000ff"]}}}, "the query", [pot]).colors["pot"].tolist()
-        [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+        >>> edit_from_json({"objects": {"pot": {"colors": [None, "#0000ff"]}}}, "the query", [pot]).colors["pot"][1]
+        array([0., 0., 1.])
     """
     compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
@@ -117,7 +110,7 @@ def edit_from_json(
 
 
 def _edge(entry: Any, where: str) -> EdgeShape:
-    """How an object's edges are moved and faded; what is not written is 0."""
+    """Parse an edge shape; missing values are 0."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the edges {entry!r:.200}.", 'Write {"choke": pixels, "feather": pixels}.')
     values = {}
@@ -130,7 +123,7 @@ def _edge(entry: Any, where: str) -> EdgeShape:
 
 
 def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
-    """An added color and its set [size, 3], the wanted color first."""
+    """Parse an added color and its set [size, 3], the wanted color first."""
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
     reach, protect = entry.get("reach", REACH), entry.get("protect", 0.0)
@@ -152,7 +145,7 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
 
 @checked
 def write_edit(path: Path | str, edit: Edit) -> None:
-    """Write edit.json atomically, colors as sRGB triples (hex would round them). Raises BadRequest for another ending.
+    """Write edit.json atomically, with exact sRGB numbers; raise BadRequest for another suffix.
 
     Examples:
         >>> import tempfile
@@ -169,25 +162,23 @@ def write_edit(path: Path | str, edit: Edit) -> None:
 
 
 def edit_to_json(edit: Edit) -> dict[str, Any]:
-    """What edit.json holds of an edit.
+    """Return the content of edit.json.
 
     Examples:
         >>> edit = Edit({"pot": np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])}, "delta", {})
         >>> edit_to_json(edit)["objects"]
         {'pot': {'colors': [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}}
     """
-    objects = {name: _object(colors, edit.added.get(name, ())) for name, colors in edit.colors.items()}
+    objects: dict[str, dict[str, Any]] = {}
+    for name, colors in edit.colors.items():
+        added = edit.added.get(name, ())
+        palette, *sets = np.split(np.asarray(colors), 1 + len(added))
+        objects[name] = {"colors": rows_of(palette)}
+        if added:
+            objects[name]["added"] = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
     for name, shape in shaped_edges(edit.edges).items():
         objects[name]["edges"] = asdict(shape)
     return {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects}
-
-
-def _object(colors: np.ndarray, added: Sequence[AddedColor]) -> dict[str, Any]:
-    palette, *sets = np.split(np.asarray(colors), 1 + len(added))
-    if not sets:
-        return {"colors": rows_of(palette)}
-    listed = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
-    return {"colors": rows_of(palette), "added": listed}
 
 
 def _added_to_json(color: AddedColor, own: np.ndarray) -> dict[str, Any]:

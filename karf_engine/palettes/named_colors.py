@@ -1,8 +1,7 @@
-"""Colors with names in files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase` and color book `.acb`.
+"""Read named colors of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase` and color book `.acb`.
 
-Hand-written by the published descriptions of the formats, because Blender's Python has no reader of them: of GIMP's
-manual; of Olivier Berten's list of palette formats; of Ates Goral's "Unofficial Photoshop Color Book File Format
-Specification". Adobe's Lab has the white D50 of ICC profiles; it becomes ours.
+The parsers follow GIMP's manual, Olivier Berten's list of palette formats, and Ates Goral's "Unofficial Photoshop
+Color Book File Format Specification". Adobe's Lab (D50, as in ICC profiles) is adapted to D65.
 """
 
 from __future__ import annotations
@@ -19,29 +18,29 @@ from ..errors import DataError
 from ..io.color import lab_d50_to_d65, lab_to_srgb
 from ..io.inputs import check_file
 
-MOST_BYTES = 4 << 20  # several times the largest book of a printing ink's maker
+MOST_BYTES = 4 << 20  # several times the largest published book
 GPL_HEAD = "GIMP Palette"
 ASE_HEAD = b"ASEF\0\1\0\0"  # signature of a file of version 1.0
-ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # kinds of blocks
-ASE_MODELS = {b"RGB ": 3, b"Gray": 1, b"LAB ": 3}  # color models that are read, and how many numbers each has
+ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # block types
+ASE_MODELS = {b"RGB ": 3, b"Gray": 1, b"LAB ": 3}  # supported color models and their numbers of channels
 ACB_HEAD = b"8BCB"
 ACB_RGB, ACB_CMYK, ACB_LAB = 0, 2, 7  # color spaces
-ACB_SPACES = {1: "HSB", ACB_CMYK: "CMYK", 8: "gray"}  # those that are not read
+ACB_SPACES = {1: "HSB", ACB_CMYK: "CMYK", 8: "gray"}  # unsupported ones
 AGAIN = "Export the file again."
 
 
 class NamedColor(NamedTuple):
-    """A color of a palette file: its name; and sRGB [3], float32 in [0, 1] or, of a file in Lab, float64, not clipped."""
+    """Color of a palette file, sRGB [3]: float32 in [0, 1], or float64 and not clipped if the file is in Lab."""
 
     name: str
     color: np.ndarray
 
 
 def read_named_colors(path: Path) -> list[NamedColor]:
-    """The colors of a `.gpl`, `.ase` or `.acb` file, by its suffix, in their order.
+    """Read the colors of a `.gpl`, `.ase` or `.acb` file, in order.
 
     Raises:
-        DataError: The file is missing, damaged or too large, or has colors of another model than RGB, gray and Lab.
+        DataError: The file is missing, damaged or too large, or has a color model other than RGB, gray and Lab.
 
     Examples:
         >>> import tempfile
@@ -61,7 +60,7 @@ def read_named_colors(path: Path) -> list[NamedColor]:
     return READERS[path.suffix.lower()](path, data)
 
 
-# --- .gpl: text, a color a line ------------------------------------------------------------------------------------
+# --- .gpl: text, one color per line ---------------------------------------------------------------------------------
 def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
     lines = data.decode("utf-8-sig", errors="replace").splitlines()
     if not lines or lines[0].strip() != GPL_HEAD:
@@ -71,8 +70,8 @@ def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
         if not line.strip() or line.startswith(("#", "Name:", "Columns:")):
             continue
         match = re.fullmatch(r"\s*(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})(?:\s+(.*))?", line, re.ASCII)
-        values = [int(value) for value in match.groups()[:3]] if match else [256]
-        if max(values) > 255:
+        values = [int(value) for value in match.groups()[:3]] if match else []
+        if match is None or max(values) > 255:
             raise DataError(
                 f"{path} line {number} is not a color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
             )
@@ -91,7 +90,7 @@ def _read_ase(path: Path, data: bytes) -> list[NamedColor]:
 
 
 def _ase_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Kind and content of each block. Raises struct.error where the file ends before a block does."""
+    """Yield kind and content of each block; raise struct.error if the file ends within a block."""
     (count,) = struct.unpack_from(">I", data, len(ASE_HEAD))
     position = len(ASE_HEAD) + 4
     for _ in range(count):
@@ -104,7 +103,7 @@ def _ase_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _ase_color(path: Path, content: bytes) -> NamedColor:
-    """The color of a block. Raises struct.error where it is too short, DataError where the color cannot be read."""
+    """Parse a color block; raise struct.error if it is too short, DataError if the color is invalid."""
     (length,) = struct.unpack_from(">H", content)
     name = content[2 : 2 + 2 * length].decode("utf-16-be", errors="replace").rstrip("\0").strip()
     (model,) = struct.unpack_from(">4s", content, 2 + 2 * length)
@@ -115,22 +114,22 @@ def _ase_color(path: Path, content: bytes) -> NamedColor:
         )
     values = np.array(struct.unpack_from(f">{ASE_MODELS[model]}f", content, 6 + 2 * length), np.float32)
     if model == b"LAB ":
-        return NamedColor(name, _from_adobe(path, name, values * [100, 1, 1]))
+        return NamedColor(name, _adobe_lab_to_srgb(path, name, values * [100, 1, 1]))
     if not ((values >= 0) & (values <= 1)).all():
         raise DataError(f"{path} has the color {name!r:.100} outside 0 to 1.", AGAIN)
     return NamedColor(name, np.broadcast_to(values, 3).copy())
 
 
-def _from_adobe(path: Path, name: str, lab: np.ndarray) -> np.ndarray:
-    """sRGB [3] of Lab with the white D50. Raises DataError where it is no color."""
+def _adobe_lab_to_srgb(path: Path, name: str, lab: np.ndarray) -> np.ndarray:
+    """Convert Lab (D50) to sRGB [3]; raise DataError if out of range."""
     if not ((lab >= [0, -128, -128]) & (lab <= [100, 128, 128])).all():
         raise DataError(f"{path} has the color {name!r:.100} outside L* 0 to 100, a* and b* -128 to 128.", AGAIN)
     return lab_to_srgb(lab_d50_to_d65(lab))
 
 
-# --- .acb: a header, then a color after the other; all numbers are big-endian -----------------------------------------
-class _Bytes:
-    """What is read of a color book so far. Raises struct.error where the file ends too early."""
+# --- .acb: a header, then the colors; all numbers are big-endian ----------------------------------------------------
+class _Reader:
+    """Reader of a color book; raises struct.error at the end of the file."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._position = data, len(ACB_HEAD)
@@ -141,7 +140,7 @@ class _Bytes:
         return values
 
     def text(self) -> str:
-        """A string: its length in units of two bytes, then UTF-16. Of a translated one, `$$$/key=text`, its text."""
+        """Read a UTF-16 string with its length before it; strip the key of a localised `$$$/key=text`."""
         (length,) = self.numbers("I")
         end = self._position + 2 * length
         if end > len(self._data):
@@ -157,12 +156,12 @@ def _read_acb(path: Path, data: bytes) -> list[NamedColor]:
     if data[:4] != ACB_HEAD:
         raise DataError(f"{path} is not a color book: it does not begin with 8BCB.", "Choose an Adobe color book.")
     try:
-        return _acb_colors(path, _Bytes(data))
+        return _acb_colors(path, _Reader(data))
     except struct.error as error:
         raise DataError(f"{path} (color book) is damaged: {error}.", "Copy the file again.") from error
 
 
-def _acb_colors(path: Path, book: _Bytes) -> list[NamedColor]:
+def _acb_colors(path: Path, book: _Reader) -> list[NamedColor]:
     version, _identifier = book.numbers("HH")
     if version != 1:
         raise DataError(f"{path} is a color book of version {version}; only version 1 is known.", "Save it as .ase.")
@@ -180,16 +179,14 @@ def _acb_colors(path: Path, book: _Bytes) -> list[NamedColor]:
     for _ in range(count):
         name, _code = book.text(), book.numbers("6s")
         values = np.array(book.numbers("3B"), np.float32)
-        if name:  # one without is a gap on its page
+        if name:  # a color without a name is a gap on the page
             full = f"{prefix}{name}{suffix}"
-            colors.append(NamedColor(full, _acb_color(path, full, values, space)))
+            if space == ACB_LAB:
+                color = _adobe_lab_to_srgb(path, full, values * [100 / 255, 1, 1] - [0, 128, 128])
+            else:
+                color = values / np.float32(255)
+            colors.append(NamedColor(full, color))
     return colors
-
-
-def _acb_color(path: Path, name: str, values: np.ndarray, space: int) -> np.ndarray:
-    if space == ACB_LAB:
-        return _from_adobe(path, name, values * [100 / 255, 1, 1] - [0, 128, 128])
-    return values / np.float32(255)
 
 
 READERS = {".gpl": _read_gpl, ".ase": _read_ase, ".acb": _read_acb}

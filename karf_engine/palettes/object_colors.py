@@ -1,4 +1,4 @@
-"""object_colors.npz: the objects' color histograms, on which "this color becomes that color" is solved."""
+"""Read and write object_colors.npz: the objects' color histograms, the input of color matching."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ MOST_CELLS = 2**18
 
 
 class ColorHistogram(NamedTuple):
-    """The colors of an object, in n cells of a histogram.
+    """Color histogram of an object, of n occupied cells.
 
     Attributes:
         colors: [n, 3] mean sRGB in [0, 1] of each cell.
         counts: [n] number of pixels.
-        palette_weights: [n, M] each color's share of the M palette entries; rows sum to 1.
+        palette_weights: [n, M] weights of each color over the M palette entries; rows sum to 1.
     """
 
     colors: np.ndarray
@@ -31,14 +31,14 @@ class ColorHistogram(NamedTuple):
 
 
 def read_object_colors(path: Path, name: str) -> ColorHistogram:
-    """The color histogram of an object.
+    """Read the color histogram of an object.
 
     Args:
         path: object_colors.npz.
-        name: the object.
+        name: The object.
 
     Raises:
-        DataError: the file is unreadable, has nothing of this object, or values that cannot be.
+        DataError: The file is unreadable, lacks the object, or has invalid values.
 
     Examples:
         >>> import tempfile
@@ -62,7 +62,7 @@ def read_object_colors(path: Path, name: str) -> ColorHistogram:
 
 
 def write_object_colors(path: Path, histograms: Mapping[str, ColorHistogram]) -> None:
-    """Write the color histograms of objects, by their names, atomically.
+    """Write the color histograms of objects, by name, atomically.
 
     Examples:
         >>> import tempfile

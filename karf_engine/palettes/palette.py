@@ -1,7 +1,7 @@
-"""Palettes and edits of palettes: what they are, and the JSON file of palettes (that of edits: `edit_files`).
+"""Palettes, edits of palettes, and palette.json (edit.json: `edit_files`).
 
-Colors are display-referred sRGB: in [0, 1] as learned, in [0, BRIGHTEST] as edited. Entry 0 of every palette is black
-and stays black.
+Colors are display-referred sRGB, in [0, 1] as learned and in [0, BRIGHTEST] as edited. Entry 0 of every palette is
+black and stays black.
 """
 
 from __future__ import annotations
@@ -24,25 +24,22 @@ from .edge_shape import EdgeShape
 PALETTE_SCHEMA = "karf-palette/1"
 COMPOSITING_MODES = ("delta", "paper")
 MOST_OBJECTS, MOST_COLORS = 255, 64
-MOST_ADDED = 16  # added colors an object can have at most
-REACH, MOST_REACH = 0.5, 4.0  # reach of an added color: default and maximum
-# how far neutrals are protected from it where that is asked for, and at most. Chosen on two drawn pictures of lettered
-# silver and on the scene `packaging`: less recolors reflections, more leaves rims of the old color
-PROTECT, MOST_PROTECT = 0.1, 0.5
-BRIGHTEST = 2.0  # highest sRGB value of an edited color: a swatch may be brighter than white, mixtures are clipped
+MOST_ADDED = 16  # per object
+REACH, MOST_REACH = 0.5, 4.0  # of an added color: default and maximum
+PROTECT, MOST_PROTECT = 0.1, 0.5  # less recolors reflections, more leaves rims of the old color
+BRIGHTEST = 2.0  # highest sRGB value of an edited color: swatches may exceed white, mixtures are clipped
 
 
 @dataclass(frozen=True)
 class Palette:
-    """One object's swatches.
+    """Palette of one object.
 
     Attributes:
-        name: The object's.
+        name: The object's name.
         colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
 
     Raises:
-        TypeError: A field is of another type.
-        BadRequest: The colors are of another shape, not finite, or out of range, or the name is empty.
+        BadRequest: The colors have the wrong shape, are not finite or are out of range, or the name is empty.
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
@@ -65,12 +62,12 @@ class Palette:
 
 @dataclass(frozen=True)
 class AddedColor:
-    """A color of an object that has no swatch yet, and is to have one; see `palettes.added`.
+    """Additional swatch of an object for one of its pigments; see `palettes.added`.
 
     Attributes:
-        picked: The color as learned, sRGB [3] in [0, 1]; not black.
-        reach: How far around its hue it counts, in (0, MOST_REACH]; 1 is as far as *Becomes* reaches.
-        protect: Share of its saturation under which colors are neutral, and not of it, in [0, MOST_PROTECT]; see
+        picked: The pigment's color as learned, sRGB [3] in [0, 1]; not black.
+        reach: Width of the hue gate around it, in (0, MOST_REACH]; 1 is the width that *Becomes* uses.
+        protect: Share of its saturation below which colors are neutral and excluded, in [0, MOST_PROTECT]; see
             `matching.paints.pigment_gate`.
     """
 
@@ -81,18 +78,17 @@ class AddedColor:
 
 @dataclass(frozen=True)
 class Edit:
-    """What the artist wants.
+    """Edited palettes of all objects, with their compositing mode, added colors and edge shapes.
 
     Attributes:
-        colors: The edited palette of every object by its name, [M, 3] sRGB in [0, BRIGHTEST]; with A added colors
-            [M (1 + A), 3], the sets of these behind it.
-        compositing: How planes become the picture, `delta` or `paper` (see `palettes.compositing`).
-        added: The added colors of objects that have some, by name.
-        edges: How the edges of objects are moved and faded, by name; those without one stay as they are.
+        colors: Edited palette of every object by name, [M, 3] sRGB in [0, BRIGHTEST]. A added colors append their sets:
+            [M (1 + A), 3].
+        compositing: `delta` or `paper` (see `palettes.compositing`).
+        added: Added colors by object name.
+        edges: Edge shapes by object name; other objects keep their edges.
 
     Raises:
-        TypeError: A field is of another type.
-        BadRequest: Colors are of another shape, not finite, or out of range, or there is no such compositing.
+        BadRequest: Colors have the wrong shape, are not finite or are out of range, or the compositing is unknown.
 
     Examples:
         >>> edit = Edit({"pot": np.stack([hex_to_rgb("#000000"), hex_to_rgb("#3059b8")])})
@@ -117,14 +113,7 @@ class Edit:
 
 
 def check_edit(edit: Edit, palettes: Sequence[Palette]) -> None:
-    """Refuse an edit that is not of these palettes.
-
-    Args:
-        edit: The edit.
-        palettes: As learned, one an object.
-
-    Raises:
-        BadRequest: It lacks an object, has another one, or another number of colors.
+    """Raise BadRequest unless an edit has exactly the objects and numbers of colors of these palettes.
 
     Examples:
         >>> check_edit(Edit({}), [Palette("pot", np.zeros((2, 3)))])
@@ -159,7 +148,7 @@ def _check_colors(name: str, colors: np.ndarray, highest: float) -> None:
 
 
 def hex_to_rgb(text: str) -> np.ndarray:
-    """sRGB [3] float32 in [0, 1] of `#rrggbb` (the # may be left out).
+    """Return sRGB [3] float32 in [0, 1] of `#rrggbb`; the # is optional.
 
     Raises:
         DataError: The text is not such a color.
@@ -175,7 +164,7 @@ def hex_to_rgb(text: str) -> np.ndarray:
 
 
 def rgb_to_hex(color: np.ndarray) -> str:
-    """`#rrggbb` of an sRGB color [3]; values are clipped to [0, 1] and rounded.
+    """Return `#rrggbb` of an sRGB color [3], clipped to [0, 1] and rounded.
 
     Examples:
         >>> rgb_to_hex(np.array([1.5, 0.0, 0.2]))
@@ -189,23 +178,22 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
 
     Args:
         path: The file.
-        which: `colors`, the palettes as learned, or `initial`, as extracted.
-        objects: Names of the segmented objects, whose palettes these must be, in this order; None to take what is there.
+        which: `colors` for the palettes as learned, `initial` as extracted.
+        objects: Names of the segmented objects, which the file must match in this order; None accepts any.
 
     Returns:
-        One palette an object.
+        One palette per object.
 
     Raises:
-        DataError: The file is missing, of another schema, has a name or a color that cannot be, or is of other objects.
+        DataError: The file is missing, has another schema, an invalid name or color, or other objects.
 
     Examples:
         >>> import tempfile
-        >>> extracted, learned = (Palette("pot", np.array([[0, 0, 0], [red, 0, 0]], np.float32)) for red in (1, 0.5))
+        >>> pot, black = (Palette("pot", np.array([[0, 0, 0], [red, 0, 0]], np.float32)) for red in (1, 0))
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_palettes(Path(folder) / "palette.json", [learned], shared=False, initial=[extracted])
-        ...     found = [read_palettes(Path(folder) / "palette.json", which) for which in ("colors", "initial")]
-        >>> [rgb_to_hex(palette.colors[1]) for (palette,) in found]
-        ['#800000', '#ff0000']
+        ...     write_palettes(Path(folder) / "palette.json", [pot], shared=False, initial=[black])
+        ...     rgb_to_hex(read_palettes(Path(folder) / "palette.json")[0].colors[1])
+        '#ff0000'
     """
     content = read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
@@ -228,22 +216,16 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
 def write_palettes(
     path: Path, palettes: Sequence[Palette], shared: bool, initial: Sequence[Palette] | None = None
 ) -> None:
-    """Write palette.json atomically.
+    """Write palette.json atomically: palettes as learned, and as extracted (`initial`, by default the same).
 
-    Args:
-        path: The file.
-        palettes: As learned, one an object.
-        shared: Whether all objects use one hull.
-        initial: As extracted, in the same order; by default the same.
+    `shared` records whether all objects share one hull.
 
     Examples:
         >>> import tempfile
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
         >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_palettes(Path(folder) / "palette.json", [pot], shared=False)
-        ...     (again,) = read_palettes(Path(folder) / "palette.json")
-        >>> again.name, again.colors.tolist()
-        ('pot', [[0.0, 0.0, 0.0], [0.5, 0.25, 0.0]])
+        ...     write_palettes(Path(folder) / "palette.json", [Palette("pot", np.zeros((2, 3)))], shared=False)
+        ...     read_palettes(Path(folder) / "palette.json")
+        (Palette(pot #000000 #000000),)
     """
     initial = palettes if initial is None else initial
     objects = [
@@ -254,7 +236,7 @@ def write_palettes(
 
 
 def read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
-    """The JSON file of a schema. Raises DataError where it is missing or of another.
+    """Read a JSON file and check its schema; raise DataError if it is missing or has another.
 
     Examples:
         >>> import tempfile
@@ -271,7 +253,7 @@ def read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
 
 
 def list_of(value: Any, where: str, most: int) -> list:
-    """A list of 1 to `most` entries. Raises DataError for anything else.
+    """Return `value` if it is a list of 1 to `most` entries, otherwise raise DataError.
 
     Examples:
         >>> list_of(["#ff0000"], "edit.json", 2)
@@ -283,7 +265,7 @@ def list_of(value: Any, where: str, most: int) -> list:
 
 
 def color_of(value: Any, where: str, highest: float) -> np.ndarray:
-    """sRGB [3] float32 of a hex text or three numbers in [0, highest]. Raises DataError for anything else.
+    """Parse a hex text or three numbers in [0, highest] into sRGB [3] float32; raise DataError for anything else.
 
     Examples:
         >>> color_of("#ff0000", "edit.json", 1).tolist(), color_of([0, 1.5, 0], "edit.json", 2).tolist()
@@ -301,7 +283,7 @@ def color_of(value: Any, where: str, highest: float) -> np.ndarray:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a JSON value is a number; bool is an int to Python, but no color.
+    """Return whether a JSON value is a number; bool is an int in Python, but not a number here.
 
     Examples:
         >>> is_number(1), is_number(True), is_number("1")
@@ -311,7 +293,7 @@ def is_number(value: Any) -> bool:
 
 
 def rows_of(colors: np.ndarray) -> list[list[float]]:
-    """Colors [n, 3] as JSON: the shortest decimals that read back as the same float32.
+    """Return colors [n, 3] as JSON rows: the shortest decimals that read back as the same float32.
 
     Examples:
         >>> rows_of(np.array([[0, 0.1, 1]], np.float32))

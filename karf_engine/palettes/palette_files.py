@@ -1,8 +1,7 @@
-"""Edits in the palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase`, and our own JSON.
+"""Edits in palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase`, and our JSON.
 
-They are read by `palettes.named_colors`. A swatch is called `<object> <number>`, from 1; black is not written. Both
-formats end at white; `.gpl` has 8 bits a channel. Neither can record what an added color was picked for, so these are kept
-in JSON alone; so are the shapes of edges.
+Reading is in `named_colors`. A swatch is named `<object> <number>`, from 1; black is not written. Both foreign formats
+are limited to white, `.gpl` to 8 bits per channel, and neither stores added colors or edge shapes.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ SUFFIXES = (".json", ".gpl", ".ase")
 
 
 def write_edit_file(path: Path, edit: Edit) -> None:
-    """Write the colors of an edit, atomically: as a palette for `.gpl` and `.ase`, for `.json` as edit.json.
+    """Write an edit atomically: `.gpl` and `.ase` as palette, `.json` as edit.json.
 
-    Colors brighter than white are clipped in palettes, and kept in JSON.
+    Palettes clip colors brighter than white.
 
     Raises:
-        BadRequest: The file is of another kind, or is a palette and the edit has added colors.
+        BadRequest: The suffix is unknown, or the file is a palette and the edit has added colors.
 
     Examples:
         >>> import tempfile
@@ -58,16 +57,16 @@ def write_edit_file(path: Path, edit: Edit) -> None:
 def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read an edit of the learned palettes from edit.json or a palette file.
 
-    Colors of a palette file go to the swatches that they name, `pot 1`; where no name is a swatch's, in their
-    order, when there are as many of them as swatches.
+    Colors of a palette file are assigned to swatches by name, such as `pot 1`. If no name matches, they are assigned in
+    order, provided that their number matches.
 
     Args:
         path: The file; `.gpl` and `.ase` are palettes.
-        palettes: As learned, one an object.
-        compositing: What a file that names none means, `delta` or `paper`.
+        palettes: As learned, one per object.
+        compositing: Default for files without one, `delta` or `paper`.
 
     Raises:
-        DataError: The file is missing, damaged or too large, or its colors fit the swatches neither by name nor by
+        DataError: The file is missing, damaged or too large, or its colors match the swatches neither by name nor by
             number.
 
     Examples:
@@ -85,53 +84,46 @@ def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "
 
 
 def _assigned(path: Path, entries: Sequence[NamedColor], palettes: Sequence[Palette]) -> dict[str, np.ndarray]:
-    """Palettes [M, 3] by the object's name, with the file's colors at their swatches."""
-    places = {
-        swatch_name(palette.name, index): (palette.name, index)
+    """Assign the file's colors to swatches; return palettes [M, 3] by object name."""
+    swatches = {
+        _swatch_name(palette.name, index): (palette.name, index)
         for palette in palettes
         for index in range(1, len(palette.colors))
     }
     names = [entry.name for entry in entries]
-    if not set(names) & set(places):
-        if len(names) != len(places):
+    if not set(names) & set(swatches):
+        if len(names) != len(swatches):
             raise DataError(
-                f"{path} has {len(names)} colors, none of which is named after a swatch; there are {len(places)} "
+                f"{path} has {len(names)} colors, none of which is named after a swatch; there are {len(swatches)} "
                 "swatches.",
-                f"Name the colors {', '.join(list(places)[:2])} .., or give one for each swatch in that order.",
+                f"Name the colors {', '.join(list(swatches)[:2])} .., or give one for each swatch in that order.",
             )
-        names = list(places)
-    wrong = next((name for number, name in enumerate(names) if name not in places or name in names[:number]), None)
+        names = list(swatches)
+    wrong = next((name for number, name in enumerate(names) if name not in swatches or name in names[:number]), None)
     if wrong is not None:
-        problem = "twice a color" if wrong in places else "a color"
+        problem = "twice a color" if wrong in swatches else "a color"
         raise DataError(
-            f"{path} has {problem} named {wrong!r:.100}.", f"Swatches are: {', '.join(places)}; name each at most once."
+            f"{path} has {problem} named {wrong!r:.100}.",
+            f"Swatches are: {', '.join(swatches)}; name each at most once.",
         )
     colors = {palette.name: palette.colors.copy() for palette in palettes}
     for name, entry in zip(names, entries, strict=True):
-        object_name, index = places[name]
+        object_name, index = swatches[name]
         colors[object_name][index] = np.clip(entry.color, 0, 1)  # Lab colors may be beyond sRGB
     return colors
 
 
-def swatch_name(object_name: str, index: int) -> str:
-    """What a swatch is called in other programs.
-
-    Examples:
-        >>> swatch_name("pot", 1)
-        'pot 1'
-    """
+def _swatch_name(object_name: str, index: int) -> str:
     return f"{object_name} {index}"
 
 
-# --- .gpl: text, a color a line ------------------------------------------------------------------------------------
+# --- .gpl: text, one color per line ---------------------------------------------------------------------------------
 def _write_gpl(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
     lines = [GPL_HEAD, f"Name: {path.stem}", "#"]
     for name, colors in palettes.items():
-        for index, color in enumerate(to_bytes(colors).tolist()):
-            if index:
-                lines.append("{:3} {:3} {:3}\t{}".format(*color, swatch_name(name, index)))
-    text = "\n".join(lines) + "\n"
-    atomic_write(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+        for index, color in enumerate(to_bytes(colors[1:]).tolist(), 1):
+            lines.append("{:3} {:3} {:3}\t{}".format(*color, _swatch_name(name, index)))
+    _write_bytes(path, "".join(f"{line}\n" for line in lines).encode())
 
 
 # --- .ase: blocks of big-endian numbers and UTF-16 names --------------------------------------------------------------
@@ -139,13 +131,11 @@ def _write_ase(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
     blocks = []
     for name, colors in palettes.items():
         blocks.append(_ase_block(ASE_GROUP, _ase_text(name)))
-        for index, color in enumerate(np.clip(colors, 0, 1)):
-            if index:
-                value = struct.pack(">4s3fH", b"RGB ", *map(float, color), 0)  # 0: a global color
-                blocks.append(_ase_block(ASE_COLOR, _ase_text(swatch_name(name, index)) + value))
+        for index, color in enumerate(np.clip(colors[1:], 0, 1), 1):
+            value = struct.pack(">4s3fH", b"RGB ", *map(float, color), 0)  # 0: a global color
+            blocks.append(_ase_block(ASE_COLOR, _ase_text(_swatch_name(name, index)) + value))
         blocks.append(_ase_block(ASE_END, b""))
-    data = ASE_HEAD + struct.pack(">I", len(blocks)) + b"".join(blocks)
-    atomic_write(path, lambda temporary: temporary.write_bytes(data))
+    _write_bytes(path, ASE_HEAD + struct.pack(">I", len(blocks)) + b"".join(blocks))
 
 
 def _ase_block(kind: int, content: bytes) -> bytes:
@@ -153,6 +143,13 @@ def _ase_block(kind: int, content: bytes) -> bytes:
 
 
 def _ase_text(text: str) -> bytes:
-    """A text with its length in units of two bytes before it, the zero at its end counted."""
+    """Encode a text after its length in UTF-16 units, terminator included."""
     encoded = text.encode("utf-16-be") + b"\0\0"
     return struct.pack(">H", len(encoded) // 2) + encoded
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    def write(temporary: Path) -> None:
+        temporary.write_bytes(data)
+
+    atomic_write(path, write)

@@ -1,4 +1,4 @@
-"""An edit of a learned project: which swatches change, and "this color becomes that color". Without torch."""
+"""Edit the swatches of a learned project, also by "this color becomes that color"."""
 
 from __future__ import annotations
 
@@ -38,16 +38,17 @@ Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers fro
 
 @dataclass(frozen=True, repr=False)
 class ProjectEdit(Edit):
-    """An edit that knows the project it is for. Each method gives a new edit; nothing is changed in place.
+    """Edit of a learned project. Every method returns a new edit.
 
     Attributes:
-        colors: edited palette of every object by its name, [M, 3] float32 sRGB; entry 0 is black. The sets of added
-            colors stand behind it.
-        compositing: `delta` adds the palette's change to the picture, `paper` replaces it by the palette's mixture.
-        added: added colors of objects that have some, by name.
-        edges: how the edges of objects are moved and faded, by name.
-        project: the learned project.
-        palettes: its palettes as learned.
+        colors: Edited palette of every object by name, [M, 3] float32 sRGB; entry 0 is black. The sets of added colors
+            follow.
+        compositing: `delta` adds the palette's change to the picture, `paper` replaces the picture by the palette's
+            mixture.
+        added: Added colors by object name.
+        edges: Edge shapes by object name.
+        project: The learned project.
+        palettes: Its palettes as learned.
     """
 
     project: Project = field(kw_only=True, repr=False, compare=False)
@@ -63,24 +64,25 @@ class ProjectEdit(Edit):
         also: Sequence[tuple[Color, Color]] = (),
         is_metal: bool = False,
     ) -> ProjectEdit:
-        """Let one color that an object shows become another.
+        """Turn one color of an object into another.
 
         Args:
-            name: the object.
-            source: a color that it shows.
-            target: the color that this one becomes.
-            rule: `becomes` carries the whole material along; `fewest` changes as few swatches as possible.
-            also: of a thing of several paints further pairs of source and target, which `becomes` solves together with
-                the first: one after the other would take what a paint has become for another paint.
-            is_metal: whether highlights take the paint's color, and not the light's; of the rule `becomes`.
+            name: The object.
+            source: A color that it shows.
+            target: The wanted color.
+            rule: `becomes` changes the whole material; `fewest` changes as few swatches as possible.
+            also: Further pairs of source and target, for an object of several paints. `becomes` solves all pairs
+                together, as sequential edits would confuse a new color with an old paint.
+            is_metal: Whether highlights take the paint's color rather than the light's; used by `becomes`.
 
         Raises:
-            BadRequest: there is no such object or rule, or a rule was given pairs that it cannot solve together.
-            DataError: a color is none, or the project's histogram of the object's colors is damaged.
+            BadRequest: The object or rule is unknown, or the rule takes one pair only.
+            DataError: A color is invalid, or the project's color histogram is damaged.
         """
-        sources, targets = zip((source, target), *also, strict=True)
-        pairs = (np.stack([as_color(each) for each in colors]) for colors in (sources, targets))
-        colors = solve(self.project, self._palette(name), *pairs, rule, is_metal)
+        pairs = (source, target), *also
+        sources = np.stack([as_color(first) for first, _ in pairs])
+        targets = np.stack([as_color(second) for _, second in pairs])
+        colors = solve(self.project, self._palette(name), sources, targets, rule, is_metal)
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
@@ -88,21 +90,20 @@ class ProjectEdit(Edit):
     def add_color(
         self, name: str, picked: Color, wanted: Color, reach: float = REACH, protect: float = 0.0
     ) -> ProjectEdit:
-        """Let one pigment of an object have a color of its own, and leave it out of what the swatches change.
+        """Give one pigment of an object its own color, independent of the swatches.
 
         Args:
-            name: the object.
-            picked: the pigment, as photos show it.
-            wanted: the color that it gets; numbers may go up to 2, brighter than white.
-            reach: how far around its hue, or in chroma where it is grey, other colors are of it: over 0 up to 4; 1 is as far as
-                `becomes` reaches.
-            protect: share of its saturation, 0 to 0.5, under which colors are neutral and stay: for letters on silver or
-                paper 0.1. 0: hue alone decides.
+            name: The object.
+            picked: The pigment's color in the photos.
+            wanted: Its new color; numbers may go up to 2, brighter than white.
+            reach: Width of the pigment in hue (in chroma if gray), above 0 up to 4; 1 is that of `becomes`.
+            protect: Share of its saturation, 0 to 0.5, below which colors are neutral and stay; 0.1 suits letters on
+                silver or paper, 0 protects none.
 
         Raises:
-            BadRequest: there is no such object, it has 16 added colors already, the pigment is black, or reach or
-                protect cannot be.
-            DataError: a color is none, or the project's histogram of the object's colors is damaged.
+            BadRequest: The object is unknown or has 16 added colors, the pigment is black, or reach or protect is out
+                of range.
+            DataError: A color is invalid, or the project's color histogram is damaged.
         """
         palette, before = self._palette(name), self.added.get(name, ())
         if not 0 < reach <= MOST_REACH:
@@ -125,32 +126,32 @@ class ProjectEdit(Edit):
         """Set one swatch of an object.
 
         Args:
-            name: the object.
-            index: which of its swatches, from 1; swatch 0 is black and frozen.
-            color: the new color; numbers may go up to 2, brighter than white.
+            name: The object.
+            index: The swatch, from 1; swatch 0 is black and frozen.
+            color: Its new color; numbers may go up to 2, brighter than white.
 
         Raises:
-            BadRequest: there is no such object or swatch.
-            DataError: the color is none.
+            BadRequest: The object or swatch is unknown.
+            DataError: The color is invalid.
         """
-        colors = self.colors[self._palette(name).name].copy()
         self._check_swatch(self._palette(name), index)
+        colors = self.colors[name].copy()
         colors[index] = as_color(color, BRIGHTEST)
         return replace(self, colors=self.colors | {name: colors})
 
     @checked
     def edge(self, name: str, choke: float = 0.0, feather: float = 0.0) -> ProjectEdit:
-        """Move and fade an object's edge, in pixels of the photos at their full size; both 0: as it is.
+        """Move and fade an object's edge, in pixels of the full-size photos.
 
-        On splats and points a pixel is a length: what it spans at the object, the median of the photos.
+        On splats and points a pixel is its median footprint at the object over the photos.
 
         Args:
-            name: the object.
-            choke: pixels by which its paint ends further inside, from -16 to 16; below 0 it goes beyond the object.
-            feather: pixels over which it fades, half of them on either side, from 0 to 64.
+            name: The object.
+            choke: Inward shift of the edge in pixels, -16 to 16; negative values grow the object.
+            feather: Width in pixels of the fade, centered on the edge, 0 to 64.
 
         Raises:
-            BadRequest: there is no such object, or a number is out of range.
+            BadRequest: The object is unknown, or a number is out of range.
         """
         shape = EdgeShape(float(choke), float(feather))
         return replace(self, edges=shaped_edges(self.edges | {self._palette(name).name: shape}))
@@ -159,18 +160,18 @@ class ProjectEdit(Edit):
     def surface(
         self, name: str, index: int, saturation: float = 1.0, brightness: float = 0.0, gloss: float = 1.0
     ) -> ProjectEdit:
-        """Give the paint of one swatch another surface, from how it looks now; other paints and added colors stay.
+        """Change the current surface of one swatch's paint; other paints and added colors stay.
 
         Args:
-            name: the object.
-            index: which of its swatches, from 1.
-            saturation: factor of the distance to gray, 0 to 4; 0 is gray.
-            brightness: lifts or lowers the mid-tones, -2 to 2; black and white stay.
-            gloss: factor of the highlights, 0 to 4; 0 is matte.
+            name: The object.
+            index: The swatch, from 1.
+            saturation: Factor of the distance to gray, 0 to 4; 0 is gray.
+            brightness: Lifts or lowers the mid-tones, -2 to 2; black and white stay.
+            gloss: Factor of the highlights, 0 to 4; 0 is matte.
 
         Raises:
-            BadRequest: there is no such object or swatch, or a value is out of range.
-            DataError: the project's histogram of the object's colors is damaged.
+            BadRequest: The object or swatch is unknown, or a value is out of range.
+            DataError: The project's color histogram is damaged.
         """
         surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name), self.colors[name]
         self._check_swatch(palette, index)
@@ -185,7 +186,7 @@ class ProjectEdit(Edit):
 
     @checked
     def save(self, path: Path | str) -> None:
-        """Write the edit, atomically: as JSON, or as the palette file of its suffix (`palettes.palette_files`)."""
+        """Write the edit atomically, as JSON or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
 
     def _palette(self, name: str) -> Palette:
@@ -201,11 +202,11 @@ class ProjectEdit(Edit):
 
 
 def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
-    """An edit of a project that changes nothing yet, or that of a file.
+    """Return an unchanged edit of a project, or the edit in a file.
 
     Raises:
-        BadRequest: the project has no palettes.
-        DataError: the palettes' file is damaged, or the edit's file is not an edit of them.
+        BadRequest: The project has no palettes.
+        DataError: The palettes' file is damaged, or the edit's file is not an edit of them.
     """
     project.require("palette")
     palettes = read_palettes(project.checked(project.palette_file))
@@ -219,10 +220,11 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
 def solve(
     project: Project, palette: Palette, source: np.ndarray, target: np.ndarray, rule: str, is_metal: bool = False
 ) -> np.ndarray:
-    """The edited palette [M, 3] with which colors `source` [P, 3] of the palette's object become `target` [P, 3], sRGB.
+    """Return the edited palette [M, 3] that turns `source` [P, 3] into `target` [P, 3], sRGB.
 
-    Raises BadRequest for an unknown rule (see `RULES`) and for several colors by a rule that takes one, DataError where the
-    histogram of the object's colors is damaged.
+    Raises:
+        BadRequest: The rule is not one of `RULES`, or takes one pair only.
+        DataError: The object's color histogram is damaged.
     """
     if rule not in RULES:
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
@@ -235,7 +237,7 @@ def solve(
 
 
 def as_color(value: Color, highest: float = 1.0) -> np.ndarray:
-    """sRGB [3] float32 of `#rrggbb` or of three numbers from 0 to `highest`. Raises BadRequest or DataError for others."""
+    """Convert `#rrggbb` or numbers in [0, highest] to sRGB [3] float32; raise BadRequest or DataError otherwise."""
     if isinstance(value, str):
         return hex_to_rgb(value)
     color = np.asarray(value, np.float32)

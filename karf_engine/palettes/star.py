@@ -1,7 +1,8 @@
-"""A palette's star: its hull cut into simplices that join black to a facet, and weights of colors in it. Numpy alone.
+"""Star tessellation of a palette's hull about black, and barycentric weights of colors in it.
 
-Naming: palette [M, 3] with black as entry 0; in the span of the palette (rank r = 1, 2 or 3) a facet of its hull has r
-corners. The engine finds hulls with scipy (`extraction.barycentric_weights`), Blender, which has none, by `plain_hull`.
+A palette [M, 3], with black as entry 0, spans rank r = 1, 2 or 3; a facet of its hull has r corners. The hull is cut
+into cones, simplices that join black to a facet. Hulls come from scipy (`extraction.barycentric_weights`) or, in
+Blender, from `plain_hull`.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ from itertools import combinations
 
 import numpy as np
 
-FLAT = 1e-5  # extent, in units of color, below which a palette has no thickness in a direction
-ON_FACET = 1e-7  # height above a plane up to which a point is in it
-SLIVER = 1e-8  # cone volume below which neighbors cover the cone
-CHUNK = 16384  # colors processed at a time: the scratch arrays stay in a core's cache
+FLAT = 1e-5  # extent, in units of color, below which a palette is flat in a direction
+ON_FACET = 1e-7  # distance of a coplanar point from a plane
+SLIVER = 1e-8  # volume of negligible cones
+CHUNK = 16384  # colors at a time, so that scratch arrays stay in a core's cache
 
 Hull = tuple[np.ndarray, np.ndarray, np.ndarray]  # facets [F, r], outward normals [F, r], offsets [F]
 
 
 @dataclass(frozen=True)
 class Star:
-    """A palette's hull in its own span, of rank r, with F facets, of which G make cones with black, and E edges.
+    """Hull of a palette in its span of rank r, with F facets, G cones and E edges.
 
     Attributes:
         span: [3, r] orthonormal columns.
@@ -30,7 +31,7 @@ class Star:
         facets: [F, r] int, palette indices of the hull's facets.
         normals: [F, r], outward.
         offsets: [F], with normals @ x + offsets <= 0 inside.
-        cones: [G, r] int, facets that do not lie in a plane with black.
+        cones: [G, r] int, facets not coplanar with black.
         to_cone: [G, r, r]; x @ to_cone gives the weights of the facet's corners.
         edges: [E, 2] int, palette indices of the hull's edges.
     """
@@ -46,16 +47,16 @@ class Star:
 
 
 def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Star | None:
-    """The star tessellation of a palette.
+    """Build the star tessellation of a palette.
 
     Args:
         palette: [M, 3] sRGB in [0, 1], entry 0 black.
-        find_hull: The hull of points [M, r], r = 2 or 3.
+        find_hull: Returns the hull of points [M, r], r = 2 or 3.
 
     Returns:
-        None where every entry is black.
+        The star, or None if every entry is black.
 
-    Example:
+    Examples:
         >>> np.sort(star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull).cones).tolist()
         [[1, 2]]
     """
@@ -83,9 +84,9 @@ def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Sta
 
 
 def plain_hull(points: np.ndarray) -> Hull:
-    """The hull of few points [M, r], r = 2 or 3, that span their space: all sets of r that have the others on one side.
+    """Return the hull of a few points [M, r], r = 2 or 3, that span their space, by testing every set of r points.
 
-    Where more than r points lie in one plane, all sets of r of them are facets.
+    If more than r points are coplanar, every set of r of them is a facet.
 
     Examples:
         >>> facets, normals, offsets = plain_hull(np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.2]]))
@@ -108,7 +109,7 @@ def plain_hull(points: np.ndarray) -> Hull:
 
 
 def weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.ndarray:
-    """Weights [n, M] float32 of colors [n, 3] in a star of `count` = M entries (None: all black).
+    """Return the weights [n, M] float32 of colors [n, 3] in a star of `count` = M entries; None weighs all as black.
 
     Examples:
         >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
@@ -127,22 +128,22 @@ def weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.ndarray:
 
 
 def _weights(star: Star, points: np.ndarray) -> np.ndarray:
-    """Weights [n, M] of points [n, r] of the hull."""
-    # [G, n, r]: as mixes of each cone's corners; the cone that holds the point is the one without negative parts
-    mixes = points @ star.to_cone
-    cone = mixes.min(axis=2).argmax(axis=0)
+    """Return the weights [n, M] of points [n, r] inside the hull."""
+    # [G, n, r]: barycentric in each cone; those of the cone that contains the point are not negative
+    barycentric = points @ star.to_cone
+    cone = barycentric.min(axis=2).argmax(axis=0)
     rows = np.arange(len(points))
-    mix = np.maximum(mixes[cone, rows], 0)
-    # rounding may carry a point of the hull's face past it
-    mix /= np.maximum(mix.sum(axis=1), 1)[:, None]
+    weight = np.maximum(barycentric[cone, rows], 0)
+    # rounding may put a point slightly outside
+    weight /= np.maximum(weight.sum(axis=1), 1)[:, None]
     weights = np.zeros((len(points), len(star.points)))
-    weights[rows[:, None], star.cones[cone]] = mix
-    weights[:, 0] = 1 - mix.sum(axis=1)
+    weights[rows[:, None], star.cones[cone]] = weight
+    weights[:, 0] = 1 - weight.sum(axis=1)
     return np.maximum(weights, 0)
 
 
 def to_hull(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The hull's nearest point to each of points [n, r] of the span, and the squared distance [n].
+    """Project points [n, r] of the span to the hull; return the nearest points and the squared distances [n].
 
     Examples:
         >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
@@ -160,14 +161,14 @@ def to_hull(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _to_edges(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest point of any edge of the hull, and the squared distance."""
+    """Return the nearest point on any edge of the hull, and the squared distance."""
     start = star.points[star.edges[:, 0]]
     along = star.points[star.edges[:, 1]] - start
     length = (along**2).sum(axis=1)
-    along_point = points @ along.T - (start * along).sum(axis=1)
-    share = np.clip(along_point / length, 0, 1)
+    projection = points @ along.T - (start * along).sum(axis=1)
+    share = np.clip(projection / length, 0, 1)
     from_start = (points**2).sum(axis=1)[:, None] - 2 * points @ start.T + (start**2).sum(axis=1)
-    squared = from_start - share * (2 * along_point - share * length)
+    squared = from_start - share * (2 * projection - share * length)
     best = squared.argmin(axis=1)
     rows = np.arange(len(points))
     nearest = start[best] + share[rows, best][:, None] * along[best]
@@ -177,12 +178,11 @@ def _to_edges(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _to_faces(
     star: Star, points: np.ndarray, heights: np.ndarray, outside: np.ndarray, moved: np.ndarray, squared: np.ndarray
 ) -> None:
-    """Replace moved and squared, in place, by the foot point on a face where that is inside the face and nearer."""
+    """Update `moved` and `squared` in place where the foot of the perpendicular is on a face and nearer."""
     for face, normal in enumerate(star.normals):
         above = outside[heights[outside, face] > 0]
         above = above[heights[above, face] ** 2 < squared[above]]
         foot = points[above] - heights[above, face][:, None] * normal
-        # the foot is on the hull where no other facet has it outside
-        lies = (foot @ star.normals.T + star.offsets).max(axis=1, initial=-np.inf) < 1e-9
-        above, foot = above[lies], foot[lies]
+        is_inside = (foot @ star.normals.T + star.offsets).max(axis=1, initial=-np.inf) < 1e-9
+        above, foot = above[is_inside], foot[is_inside]
         moved[above], squared[above] = foot, heights[above, face] ** 2

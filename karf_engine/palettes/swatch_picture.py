@@ -1,8 +1,7 @@
-"""A picture that follows a dragged swatch at the price of that swatch alone, however many others are edited.
+"""Update a picture while a swatch is dragged, at the cost of that swatch alone.
 
-Both compositings are linear in the palettes: picture = clip(start + sum_kj planes_kj factors_kj), with naming as in
-`compositing`. What does not move is summed once; each further picture adds the planes that move, inside their objects'
-boxes.
+Both compositings are linear in the palettes: picture = clip(start + sum_kj planes_kj factors_kj), with shapes as in
+`compositing`. The static terms are summed once; each update adds the moving planes within their objects' boxes.
 """
 
 from __future__ import annotations
@@ -13,18 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from .compositing import BLOCK_PIXELS, Planes, hard_masks
+from .edge_shape import box_of
 
 Entry = tuple[int, int]  # object and palette entry
 
 
 @dataclass(frozen=True)
 class Part:
-    """One object's planes, inside the box round all of its pixels.
+    """Planes of one object within its bounding box.
 
     Attributes:
-        rows: First row, and the row behind the last.
-        columns: Likewise.
-        planes: [M, h, w] float32; each is contiguous.
+        rows: First row, and the last plus one.
+        columns: First column, and the last plus one.
+        planes: [M, h, w] float32, each contiguous.
     """
 
     rows: tuple[int, int]
@@ -33,19 +33,19 @@ class Part:
 
 
 class SwatchPicture:
-    """The picture of one view, kept up to date in an array.
+    """Picture of one view, updated in an array.
 
     Args:
-        start: What does not depend on palettes, [H, W, 3] float32 sRGB.
+        start: The palette-independent part, [H, W, 3] float32 sRGB.
         parts: Of the K objects.
-        out: float32 [H, W, 3], written by `paint` and by nobody else; also a view such as rgba[..., :3].
+        out: float32 [H, W, 3], written by `paint` only; possibly a view such as rgba[..., :3].
     """
 
     def __init__(self, start: np.ndarray, parts: Sequence[Part], out: np.ndarray) -> None:
-        # each channel is a contiguous plane: interleaved pixels make every operation several times slower
+        # contiguous channels: interleaved pixels are several times slower
         self._start = np.ascontiguousarray(start.transpose(2, 0, 1))
         self._parts, self._out = list(parts), out
-        self._outgrown: list[Part] = []
+        self._replaced: list[Part] = []
         self._reshaped: set[int] = set()
         self._retouched: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._factors = np.zeros((len(parts), max((len(part.planes) for part in parts), default=0), 3), np.float32)
@@ -53,11 +53,11 @@ class SwatchPicture:
         np.clip(start, 0, 1, out=out)
 
     def paint(self, factors: np.ndarray) -> np.ndarray:
-        """The picture with these factors [K, M, 3]: `out`, [H, W, 3] in [0, 1]."""
+        """Update `out`, [H, W, 3] in [0, 1], to factors [K, M, 3], and return it."""
         factors = np.array(factors, np.float32)
         changed = (factors != self._factors).any(axis=-1)
         if self._retouched:
-            self._moving = []  # what was summed up may hold planes that are others now
+            self._moving = []  # the static sum may contain retouched planes
             if not changed.any() and not self._reshaped:
                 self._paint_retouched()
                 return self._out
@@ -66,41 +66,41 @@ class SwatchPicture:
         for k in self._reshaped:
             changed[k] |= (factors[k] != 0).any(axis=-1) | (self._factors[k] != 0).any(axis=-1)
         moved = [(int(k), int(j)) for k, j in np.argwhere(changed)]
-        parts = [*(self._parts[k] for k, _ in moved), *self._outgrown]
-        if moved and not (moved == self._moving and self._has_in_box(parts)):
-            self._hold(moved, parts)
+        parts = [*(self._parts[k] for k, _ in moved), *self._replaced]
+        if moved and not (moved == self._moving and self._is_in_box(parts)):
+            self._sum_static(moved, parts)
         self._factors = factors
         if moved:
             self._paint_moving()
         self._reshaped.clear()
-        self._outgrown.clear()
+        self._replaced.clear()
         return self._out
 
     def reshape(self, k: int, part: Part) -> None:
-        """Give an object other planes, of as many entries, from the next `paint` on."""
-        self._outgrown.append(self._parts[k])
+        """Replace an object's planes, keeping their number, as of the next `paint`."""
+        self._replaced.append(self._parts[k])
         self._reshaped.add(k)
         self._parts[k] = part
 
     def retouch(self, k: int, pixels: np.ndarray, planes: np.ndarray) -> None:
-        """Say that an object's planes have become others, in place, for the next `paint`.
+        """Announce an in-place change of an object's planes to the next `paint`.
 
         Args:
-            k: Its number.
-            pixels: [n], where: running numbers in the box of its part.
-            planes: [M, n], what they are there now.
+            k: The object.
+            pixels: [n], flat indices in the box of its part.
+            planes: [M, n], the new values there.
         """
         self._retouched.append((k, pixels, planes))
 
     def _paint_retouched(self) -> None:
-        """Write the pixels whose planes have become others, with the factors that there are."""
+        """Repaint the retouched pixels with the current factors."""
         for k, pixels, planes in self._retouched:
             part = self._parts[k]
             rows, columns = np.divmod(pixels, part.columns[1] - part.columns[0])
             rows += part.rows[0]
             columns += part.columns[0]
             colors = np.take(self._start.reshape(3, -1), rows * self._start.shape[2] + columns, axis=1)
-            for other in np.flatnonzero(self._factors.any(axis=(1, 2))):
+            for other in map(int, np.flatnonzero(self._factors.any(axis=(1, 2)))):
                 if other == k:
                     colors += self._factors[k, : len(planes)].T @ planes
                 else:
@@ -111,7 +111,7 @@ class SwatchPicture:
         self._retouched.clear()
 
     def _add_at(self, k: int, rows: np.ndarray, columns: np.ndarray, colors: np.ndarray) -> None:
-        """Add an object's planes times factors to colors [3, n] of pixels of the picture."""
+        """Add an object's planes times factors to colors [3, n] of pixels."""
         part = self._parts[k]
         inside = (part.rows[0] <= rows) & (rows < part.rows[1])
         inside &= (part.columns[0] <= columns) & (columns < part.columns[1])
@@ -120,43 +120,43 @@ class SwatchPicture:
         planes = np.stack([part.planes[j][place] for j in entries])
         colors[:, inside] += self._factors[k, entries].T @ planes
 
-    def _has_in_box(self, parts: Sequence[Part]) -> bool:
-        """Whether parts lie in the box of what moves."""
+    def _is_in_box(self, parts: Sequence[Part]) -> bool:
+        """Return whether parts are within the box of the moving planes."""
         return all(
             box[0] <= own[0] and own[1] <= box[1]
             for part in parts
             for own, box in ((part.rows, self._rows), (part.columns, self._columns))
         )
 
-    def _hold(self, moving: list[Entry], parts: Sequence[Part]) -> None:
-        """Sum up all that does not move, inside the box of what moves or did."""
+    def _sum_static(self, moving: list[Entry], parts: Sequence[Part]) -> None:
+        """Sum up the static planes within the box of the moving ones, old and new."""
         self._moving = moving
         self._rows = min(part.rows[0] for part in parts), max(part.rows[1] for part in parts)
         self._columns = min(part.columns[0] for part in parts), max(part.columns[1] for part in parts)
-        self._rest = self._start[:, slice(*self._rows), slice(*self._columns)].copy()
+        self._static = self._start[:, slice(*self._rows), slice(*self._columns)].copy()
         edited = {(int(k), int(j)) for k, j in np.argwhere(self._factors.any(axis=-1))}
-        still = sorted(edited - set(moving))
+        static = sorted(edited - set(moving))
         for rows in self._blocks():
-            self._add(still, rows, self._rest[:, rows.start - self._rows[0] : rows.stop - self._rows[0]])
+            self._add(static, rows, self._static[:, rows.start - self._rows[0] : rows.stop - self._rows[0]])
 
     def _paint_moving(self) -> None:
-        """Write what does not move and what moves, clipped, inside the box."""
+        """Write the static sum plus the moving planes, clipped, within the box."""
         for rows in self._blocks():
-            block = self._rest[:, rows.start - self._rows[0] : rows.stop - self._rows[0]].copy()
+            block = self._static[:, rows.start - self._rows[0] : rows.stop - self._rows[0]].copy()
             self._add(self._moving, rows, block)
-            np.maximum(block, 0, out=block)  # these two are faster than clip
+            np.maximum(block, 0, out=block)  # faster than clip
             np.minimum(block, 1, out=block)
             for channel, plane in enumerate(block):
                 self._out[rows, slice(*self._columns), channel] = plane
 
     def _blocks(self) -> Iterator[slice]:
-        """Rows of the box, in blocks whose working set stays in a core's cache."""
+        """Yield the box in blocks of rows whose working set stays in a core's cache."""
         step = max(1, BLOCK_PIXELS // max(1, self._columns[1] - self._columns[0]))
         for top in range(*self._rows, step):
             yield slice(top, min(top + step, self._rows[1]))
 
     def _add(self, entries: Sequence[Entry], rows: slice, block: np.ndarray) -> None:
-        """Add planes times factors to a block [3, h, w] of these rows of the box."""
+        """Add planes times factors to a block [3, h, w] of rows of the box."""
         for k, j in entries:
             part = self._parts[k]
             top, bottom = max(rows.start, part.rows[0]), min(rows.stop, part.rows[1])
@@ -173,10 +173,10 @@ class SwatchPicture:
 
 
 def photo_plus_change(planes: Planes, out: np.ndarray) -> SwatchPicture:
-    """The picture of `delta_composite`; its factors are edited - learned.
+    """Return the picture of `delta_composite`; its factors are edited - learned.
 
     Examples:
-        A grey pixel, half of it paint of a swatch that becomes greener:
+        Half of a gray pixel is paint of a swatch that becomes greener:
 
         >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
         >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
@@ -189,10 +189,10 @@ def photo_plus_change(planes: Planes, out: np.ndarray) -> SwatchPicture:
 
 
 def palette_only(planes: Planes, out: np.ndarray) -> SwatchPicture:
-    """The picture of `paper_composite`; its factors are the edited palettes.
+    """Return the picture of `paper_composite`; its factors are the edited palettes.
 
     Examples:
-        A pixel of the pot, half black and half a swatch that is green now:
+        A pixel of the pot is half black and half a swatch that is now green:
 
         >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
         >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
@@ -215,18 +215,12 @@ def _base(planes: Planes) -> np.ndarray:
 
 
 def _part(planes: np.ndarray) -> Part:
-    """An object's planes [M, H, W] inside the box of all that is not 0."""
-    covered = planes.any(axis=0)
-    rows, columns = _ends(covered.any(axis=1)), _ends(covered.any(axis=0))
-    return Part(rows, columns, np.ascontiguousarray(planes[:, slice(*rows), slice(*columns)], np.float32))
+    """Crop an object's planes [M, H, W] to the bounding box of nonzero values."""
+    rows, columns = box_of(np.any(planes, axis=0)) or (slice(0, 0), slice(0, 0))
+    cropped = np.ascontiguousarray(planes[:, rows, columns], np.float32)
+    return Part((rows.start, rows.stop), (columns.start, columns.stop), cropped)
 
 
 def _within(first_row: int, first_column: int, top: int, bottom: int, left: int, right: int) -> tuple[slice, slice]:
-    """Rows and columns of the picture as those of an array that begins at this row and column."""
+    """Return rows and columns relative to an origin."""
     return slice(top - first_row, bottom - first_row), slice(left - first_column, right - first_column)
-
-
-def _ends(hits: np.ndarray) -> tuple[int, int]:
-    """The first True, and the place behind the last; equal where there is none."""
-    places = np.flatnonzero(hits)
-    return (int(places[0]), int(places[-1]) + 1) if len(places) else (0, 0)

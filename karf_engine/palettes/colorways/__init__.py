@@ -1,1 +1,1 @@
-"""Colorways: sheets of wanted colors, and what palettes reach of them."""
+"""Colorways: sheets of target colors, and predictions of the colors reached."""

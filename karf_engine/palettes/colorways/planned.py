@@ -1,4 +1,4 @@
-"""Colorways of a learned project: the edit of each, and what it will reach. Without torch."""
+"""Plan the colorways of a learned project: their edits and predictions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
 from ..reference_light import ReferenceLight
 from .reached import Prediction, predict
-from .sheet import Colorway, TargetColor, read_sheet
+from .sheet import Colorway, read_sheet
 
 
 @dataclass(frozen=True)
 class PlannedColorway:
-    """A colorway, before anything is rendered.
+    """Edit of a colorway, before rendering.
 
     Attributes:
         colorway: As in the sheet.
-        edit: Of all objects; those that the colorway does not name stay as learned.
-        predictions: One for each target color; none where the colorway is an edit.
+        edit: Edit of all objects; those not in the colorway stay as learned.
+        predictions: One per target color; none if the colorway is an edit.
     """
 
     colorway: Colorway
@@ -39,34 +39,37 @@ def plan_colorways(
     light: ReferenceLight | None = None,
     edges: Mapping[str, EdgeShape] | None = None,
 ) -> tuple[PlannedColorway, ...]:
-    """The colorways of a sheet (see `palettes.colorways.sheet`), each with its edit and what it will reach.
+    """Plan the colorways of a sheet (see `palettes.colorways.sheet`).
 
     Args:
-        project: With palettes.
+        project: A project with palettes.
         sheet: CSV or JSON.
-        locked: Numbers of swatches that stay as learned, by object; those of an edit are what it says.
-        light: Under which the sheet's colors are meant; None: as photos show them. Predictions are of photos in any case.
-        edges: How the edges of objects are moved and faded, by object; those of an edit are what it says.
+        locked: Swatches that stay as learned, by object; ignored for colorways that are edits.
+        light: Reference light of the sheet's colors; None if they are as in the photos. Predictions are as in the
+            photos.
+        edges: Edge shapes by object; ignored for colorways that are edits.
 
     Raises:
-        BadRequest: The project has no palettes, or not that swatch.
-        DataError: The sheet is invalid, names an unknown object or an edit that is none of these palettes, or a file of
-            the project is damaged.
+        BadRequest: The project has no palettes, or a locked swatch is unknown.
+        DataError: The sheet is invalid, names an unknown object or an edit of other palettes, or a project file is
+            damaged.
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
-    for name, number in ((name, number) for name, numbers in (locked or {}).items() for number in numbers):
-        if name not in palettes or not 0 <= number < len(palettes[name].colors):
-            raise BadRequest(
-                f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
-            )
+    locked = locked or {}
+    for name, numbers in locked.items():
+        for number in numbers:
+            if name not in palettes or not 0 <= number < len(palettes[name].colors):
+                raise BadRequest(
+                    f"There is no swatch {number} of {name!r} to lock.", f"Objects are: {', '.join(palettes)}."
+                )
     colorways = read_sheet(sheet)
-    for target_color in (target_color for colorway in colorways for target_color in colorway.target_colors):
-        if target_color.name not in palettes:
-            raise DataError(
-                f"{target_color.where}: there is no object {target_color.name!r}.",
-                f"Objects are: {', '.join(palettes)}.",
-            )
+    for colorway in colorways:
+        for target in colorway.target_colors:
+            if target.name not in palettes:
+                raise DataError(
+                    f"{target.where}: there is no object {target.name!r}.", f"Objects are: {', '.join(palettes)}."
+                )
     path = project.checked(project.object_colors_file)
     seen = {name: read_object_colors(path, name) for name in palettes}
     learned = {name: palette.colors for name, palette in palettes.items()}
@@ -75,19 +78,12 @@ def plan_colorways(
         if colorway.edit is not None:
             planned.append(PlannedColorway(colorway, read_edit_file(colorway.edit, tuple(palettes.values())), ()))
             continue
-        predictions = tuple(
-            predict(
-                _in_photos(target_color, light),
-                palettes[target_color.name],
-                seen[target_color.name],
-                (locked or {}).get(target_color.name, ()),
-            )
-            for target_color in colorway.target_colors
-        )
+        predictions = []
+        for target in colorway.target_colors:
+            if light is not None:
+                target = replace(target, lab=light.lab_photographed(target.lab))
+            predictions.append(predict(target, palettes[target.name], seen[target.name], locked.get(target.name, ())))
         colors = learned | {prediction.target_color.name: prediction.colors for prediction in predictions}
-        planned.append(PlannedColorway(colorway, Edit(colors, "delta", edges=dict(edges or {})), predictions))
+        edit = Edit(colors, "delta", edges=dict(edges or {}))
+        planned.append(PlannedColorway(colorway, edit, tuple(predictions)))
     return tuple(planned)
-
-
-def _in_photos(target_color: TargetColor, light: ReferenceLight | None) -> TargetColor:
-    return target_color if light is None else replace(target_color, lab=light.lab_photographed(target_color.lab))

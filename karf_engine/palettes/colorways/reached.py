@@ -1,6 +1,6 @@
-"""What a colorway will look like, before anything is rendered: the edit, the color that it reaches, and why not closer.
+"""Predict the color that an edit reaches, before rendering, and the reason for a miss.
 
-The color reached is what the source color becomes: the source plus the median change of the object's colors near it.
+The color reached is the source color plus the median change of the object's colors near it.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from ..palette import BRIGHTEST, Palette, rgb_to_hex
 from ..reference_light import ReferenceLight
 from .sheet import TargetColor
 
-TOLERANCE = 2.0  # CIEDE2000 to the target color up to which a color counts as reached
-SPREAD = 6.0  # radius in Lab of a paint's colors around its most frequent one
-MOST_CANDIDATES = 256  # histogram cells that are tried as an object's dominant color
-FOREIGN = 10.0  # CIEDE2000 from which the object shows no such source color
-BRIGHT = 0.95  # sRGB from which better lit parts of an object would be brighter than white
+TOLERANCE = 2.0  # CIEDE2000 of a target color that counts as reached
+SPREAD = 6.0  # of a paint's colors about its dominant one, in Lab
+MOST_CANDIDATES = 256  # histogram cells tried as dominant color
+FOREIGN = 10.0  # CIEDE2000 beyond which the object does not show the source color
+BRIGHT = 0.95  # sRGB value beyond which better lit parts would exceed white
 CHANNELS = "red", "green", "blue"
-ROUNDING = 0.005  # tolerance for rounding, in sRGB numbers and in shares of a color
+ROUNDING = 0.005  # tolerance of sRGB numbers and palette weights
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What an edit for one target color reaches.
+    """Predicted result of an edit for one target color.
 
     Attributes:
         target_color: The target color.
-        source: The color of the object that is to become it, sRGB [3].
+        source: The object's color to be replaced, sRGB [3].
         colors: The object's edited palette [M, 3].
-        reached: What the source becomes, sRGB [3].
+        reached: The source's new color, sRGB [3].
         ciede2000: Difference of the color reached from the target color.
-        reason: Why the target color cannot be reached, after "because"; empty where it is reached.
+        reason: Why the target color is missed, to follow "because"; empty if it is reached.
     """
 
     target_color: TargetColor
@@ -49,11 +49,11 @@ class Prediction:
 
     @property
     def target(self) -> np.ndarray:
-        """The wanted color as near as a picture can show it, sRGB [3]."""
+        """The target color clipped to the gamut, sRGB [3]."""
         return np.clip(lab_to_srgb(self.target_color.lab), 0, 1)
 
     def under(self, light: ReferenceLight | None) -> Prediction:
-        """The same with the wanted and the reached color, and their difference, as they are under a reference light."""
+        """Convert the target color, the color reached and their difference to a reference light."""
         if light is None:
             return self
         lab, reached = light.lab_reference(self.target_color.lab), light.reference(self.reached)
@@ -62,7 +62,7 @@ class Prediction:
 
 
 def dominant_color(seen: ColorHistogram) -> np.ndarray:
-    """The color that an object shows most: the mean, sRGB [3], about the densest spot of its colors in Lab.
+    """Return the dominant color of an object, sRGB [3]: the mean about the densest of its colors in Lab.
 
     Examples:
         >>> colors = np.array([[0.7, 0.1, 0.1], [0.72, 0.1, 0.1], [1.0, 1, 1]])
@@ -70,8 +70,8 @@ def dominant_color(seen: ColorHistogram) -> np.ndarray:
         [0.71 0.1  0.1 ]
     """
     lab = srgb_to_lab(seen.colors)
-    tried = np.argsort(seen.counts)[-MOST_CANDIDATES:]
-    distance = np.linalg.norm(lab[tried, None] - lab, axis=-1)
+    candidates = np.argsort(seen.counts)[-MOST_CANDIDATES:]
+    distance = np.linalg.norm(lab[candidates, None] - lab, axis=-1)
     density = np.exp(-0.5 * (distance / SPREAD) ** 2) * seen.counts
     return np.average(seen.colors, axis=0, weights=density[density.sum(axis=1).argmax()]).astype(np.float64)
 
@@ -79,20 +79,13 @@ def dominant_color(seen: ColorHistogram) -> np.ndarray:
 def predict(
     target_color: TargetColor, palette: Palette, seen: ColorHistogram, locked: Iterable[int] = ()
 ) -> Prediction:
-    """The edit for a target color and what it reaches; with the compositing that adds the palette's change.
-
-    Args:
-        target_color: That of the palette's object.
-        palette: As learned.
-        seen: The object's colors.
-        locked: Swatches that stay as they are.
+    """Solve for a target color, by `delta` compositing, and predict the color reached.
 
     Examples:
-        A red pot becomes blue; brighter than the light on it lets paint be it cannot become:
+        A red pot becomes blue; it cannot become brighter than its illumination permits:
 
-        >>> colors, weights = np.array([[0.2, 0.02, 0.02]]), np.array([[0.8, 0.2]])
         >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0.1, 0.1]], np.float32))
-        >>> seen = ColorHistogram(colors, np.array([10]), weights)
+        >>> seen = ColorHistogram(np.array([[0.2, 0.02, 0.02]]), np.array([10]), np.array([[0.8, 0.2]]))
         >>> for color in ([0.05, 0.1, 0.3], [0.6, 0.7, 1.0]):
         ...     result = predict(TargetColor("pot", srgb_to_lab(np.array(color)), None, "sheet.csv, line 2"), pot, seen)
         ...     print(rgb_to_hex(result.reached), round(result.ciede2000), result.reason[:54] or "reached")
@@ -119,18 +112,16 @@ def reached_by(
     wanted: np.ndarray,
     locked: Iterable[int] = (),
 ) -> tuple[np.ndarray, float, str]:
-    """What a color becomes by an edit.
+    """Return the color that an edit reaches, sRGB [3], its CIEDE2000 to the wanted one, and the reason if that exceeds
+    2.
 
     Args:
         edited: The edited palette [M, 3].
         palette: As learned.
         seen: The object's colors.
-        source: The color, sRGB [3].
-        wanted: What it was to become, Lab [3].
-        locked: Swatches that stay as they are.
-
-    Returns:
-        The color reached, sRGB [3]; its CIEDE2000 to the wanted one; and the reason where that is over 2, else nothing.
+        source: The color to be replaced, sRGB [3].
+        wanted: The target color, Lab [3].
+        locked: Swatches that stay.
 
     Examples:
         >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
@@ -145,7 +136,7 @@ def reached_by(
 
 
 def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
-    """An object's colors [n, 3] after an edit of its palette, as pictures show them.
+    """Return an object's colors [n, 3] after an edit of its palette, clipped as in pictures.
 
     Examples:
         >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
@@ -159,25 +150,16 @@ def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndar
 def reached_color(
     before: np.ndarray, after: np.ndarray, source: np.ndarray, counts: np.ndarray | None = None
 ) -> np.ndarray:
-    """What a color has become in colors or pixels: itself plus their median change, of those near it.
-
-    Args:
-        before: sRGB [n, 3].
-        after: The same after an edit, [n, 3].
-        source: sRGB [3].
-        counts: How often each occurs, [n]; by default once.
-
-    Returns:
-        sRGB [3] in [0, 1].
+    """Return a color, sRGB [3], plus the median change of the colors near it, sRGB [n, 3] with counts [n] (default 1).
 
     Examples:
         >>> before = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.9, 0.1, 0.1]])
         >>> reached_color(before, before + [0.1, 0, -0.2], np.array([0.49, 0.5, 0.5])).round(2).tolist()
         [0.59, 0.5, 0.3]
     """
-    alike = near(before, source)
-    change = np.subtract(after, before)[alike]
-    weight = np.ones(len(change)) if counts is None else counts[alike].astype(np.float64)
+    is_near = near(before, source)
+    change = np.subtract(after, before)[is_near]
+    weight = np.ones(len(change)) if counts is None else counts[is_near].astype(np.float64)
     order = np.argsort(change, axis=0)
     share = np.cumsum(weight[order], axis=0)
     middle = (share >= share[-1] / 2).argmax(axis=0)
@@ -185,11 +167,7 @@ def reached_color(
 
 
 def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
-    """Why a target color is missed in one view, from what was measured there; empty where it is not.
-
-    Args:
-        prediction: Of all photos together.
-        reached: What the source has become in the view, sRGB [3].
+    """Return why one view misses a target color, from the color measured there; empty if it is reached.
 
     Examples:
         >>> target = TargetColor("pot", srgb_to_lab(np.array([0.9, 0.5, 0.5])), None, "line 2")
@@ -199,8 +177,6 @@ def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
         ''
         >>> reason_in_view(predicted, np.array([1.0, 0.5, 0.5]))
         'its red is as bright here as a picture can show'
-        >>> reason_in_view(predicted, np.array([0.7, 0.5, 0.5]))
-        'the swatches move this color otherwise here than in all photos together, where it becomes #e68080'
     """
     if ciede2000(srgb_to_lab(reached), prediction.target_color.lab) <= TOLERANCE:
         return ""
@@ -218,7 +194,7 @@ def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
 def _is_held(
     lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]
 ) -> bool:
-    """Whether a color is missed because of locks: without them it would be reached."""
+    """Return whether the color would be reached without the locks."""
     if not locked:
         return False
     try:
@@ -230,26 +206,26 @@ def _is_held(
 
 
 def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
-    """Why an edit does not reach a color: the first cause that holds."""
+    """Return the first applicable reason for missing a color."""
     wanted, color = lab_to_srgb(lab), rgb_to_hex(source)
     distance = ciede2000(srgb_to_lab(seen.colors), srgb_to_lab(source)).min()
     if distance > FOREIGN:
         return f"the object shows no color like {color}; the nearest differs by CIEDE2000 {distance:.0f}"
     if wanted.min() < -ROUNDING or wanted.max() > 1 + ROUNDING:
         return f"no sRGB picture can show it; the nearest that can be shown is {rgb_to_hex(wanted)}"
-    own = mean_weights(seen.colors, seen.counts, seen.palette_weights, source)
-    free = np.setdiff1d(np.arange(len(own)), [0, *locked])
-    if own[free].sum() < ROUNDING:
+    weights = mean_weights(seen.colors, seen.counts, seen.palette_weights, source)
+    free = np.setdiff1d(np.arange(len(weights)), [0, *locked])
+    if weights[free].sum() < ROUNDING:
         return f"its color {color} is all of black or locked swatches, which stay as they are"
     if _is_held(lab, palette, seen, source, locked):
         held = " and ".join(f"swatch {number}" for number in sorted(locked))
         return f"locks hold it: without that of {held} it would be reached"
-    if (wanted > source + own[free] @ (BRIGHTEST - palette.colors[free]) + ROUNDING).any():
+    if (wanted > source + weights[free] @ (BRIGHTEST - palette.colors[free]) + ROUNDING).any():
         return (
-            f"{100 * own[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "
+            f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "
             "with swatches twice as bright as white"
         )
-    if (wanted < source - own[free] @ palette.colors[free] - ROUNDING).any():
+    if (wanted < source - weights[free] @ palette.colors[free] - ROUNDING).any():
         return f"locked swatches in its color {color} are brighter than this"
     if wanted.max() > BRIGHT:
         return "parts of the object that are better lit would be brighter than white"

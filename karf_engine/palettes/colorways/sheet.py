@@ -1,15 +1,9 @@
-"""Sheets of colorways: a CSV or JSON file that says which object of which colorway gets which color.
+"""Read sheets of colorways: CSV or JSON files of target colors per object and colorway.
 
-A row has a colorway's name, an object, and one color in a column that names its kind:
-
-    hex                 #rrggbb
-    lab                 CIE L* a* b* (D65), three numbers; or the three columns L*, a*, b*
-    srgb                sRGB numbers from 0 to 1
-    srgb8               sRGB numbers from 0 to 255; or the three columns R, G, B
-
-The color of the object that is to become it may stand in `source_hex`, `source_lab`, `source_srgb` or `source_srgb8`.
-In place of an object and a color a row may name an edit or palette file in the column `edit`, its path from the sheet's
-folder: then the colorway is that edit. Other columns are left alone. A JSON sheet is a list of rows with the same keys.
+A row has a `colorway`, an `object`, and one color in a column of its kind (see `color_rows`). The object's color to be
+replaced may be given as `source_hex`, `source_lab`, `source_srgb` or `source_srgb8`. Instead of object and color, a
+row may have an edit or palette file in the column `edit`, relative to the sheet's folder; the colorway then is this
+edit. Other columns are ignored. A JSON sheet is a list of rows with the same keys.
 """
 
 from __future__ import annotations
@@ -32,13 +26,13 @@ MOST_ROWS = 10_000
 
 @dataclass(frozen=True)
 class TargetColor:
-    """The color that one object of a colorway is to have.
+    """Target color of one object in a colorway.
 
     Attributes:
-        name: The object's.
-        lab: The wanted color, CIE L*a*b* [3].
-        source: The color of the object, as photos show it, that is to become it, sRGB [3]; None for its dominant one.
-        where: Its file and line, for messages.
+        name: The object's name.
+        lab: The target color, CIE L*a*b* [3].
+        source: The object's color in the photos to be replaced, sRGB [3]; None for the dominant one.
+        where: File and line, for messages.
     """
 
     name: str
@@ -49,12 +43,12 @@ class TargetColor:
 
 @dataclass(frozen=True)
 class Colorway:
-    """Objects and the colors that they are to have together.
+    """Target colors of objects, or the file of an edit.
 
     Attributes:
         name: As written.
-        target_colors: One for each object; none where it is an edit.
-        edit: The file of the edit that it is.
+        target_colors: One per object; none for an edit.
+        edit: File of the edit.
     """
 
     name: str
@@ -63,22 +57,19 @@ class Colorway:
 
     @property
     def folder(self) -> str:
-        """The name as that of a folder."""
+        """The name as a folder name."""
         return file_name(self.name)
 
 
 def read_sheet(path: Path) -> tuple[Colorway, ...]:
-    """Read a sheet, JSON by its suffix, else CSV (commas, semicolons or tabs).
-
-    Args:
-        path: The file.
+    """Read a sheet: JSON by suffix, otherwise CSV with commas, semicolons or tabs.
 
     Returns:
-        The colorways in the order in which they begin.
+        The colorways, in order of first occurrence.
 
     Raises:
-        DataError: The file is missing or not a sheet, a row lacks something or has an invalid color, or a colorway has
-            two target colors of one object, two edits, or both.
+        DataError: The file is missing or not a sheet, a row is incomplete or has an invalid color, or a colorway has
+            two target colors for one object, two edits, or both.
 
     Examples:
         >>> import tempfile
@@ -114,7 +105,7 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
                 f"The other is {target_colors[target_color.name].where}.",
             )
         target_colors[target_color.name] = target_color
-    return tuple(Colorway(name, tuple(own.values()), edits.get(name)) for name, own in colors.items())
+    return tuple(Colorway(name, tuple(targets.values()), edits.get(name)) for name, targets in colors.items())
 
 
 def _json_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:

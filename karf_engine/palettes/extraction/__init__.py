@@ -1,1 +1,1 @@
-"""Palettes from photos: a simplified color hull per object, and palette weights as a function of color."""
+"""Extract palettes from photos: simplified color hulls, and palette weights as a function of color."""

@@ -1,9 +1,9 @@
-"""Palette weights of a color: star tessellation of the palette's hull, seen from black.
+"""Palette weights of colors: barycentric coordinates in the star tessellation of the palette's hull (`star`).
 
-Naming: palette [M, 3] with black as entry 0; its hull is cut into simplices ("cones") that join black to one facet. In
-the span of the palette (rank r = 1, 2 or 3) a facet has r corners. A color inside the hull lies in one cone and is the
-only convex mix of black and the facet's corners; a color outside is first moved to the nearest point of the hull. The
-weights are a function of the color alone, so the same color gets the same weights in every view.
+A color inside the hull is in one cone, and the convex combination of black and the facet's corners. A color outside is
+first projected to the hull. The weights depend on the color alone, so they are equal in every view.
+
+Palettes are [M, 3] sRGB in [0, 1] with black as entry 0, possibly flat or of a single hue.
 """
 
 from __future__ import annotations
@@ -14,13 +14,8 @@ from scipy.spatial import ConvexHull
 from ..star import Hull, Star, star_of, to_hull, weights_in
 
 
-def make_star(palette: np.ndarray) -> Star | None:
-    """The star of a palette [M, 3], by scipy's hull; see `palettes.star.star_of`.
-
-    Example:
-        >>> np.sort(make_star(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).cones).tolist()
-        [[1, 2]]
-    """
+def _star(palette: np.ndarray) -> Star | None:
+    """Build the star tessellation of a palette with scipy's hull."""
     return star_of(palette, _hull)
 
 
@@ -30,36 +25,22 @@ def _hull(points: np.ndarray) -> Hull:
 
 
 def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Weights of each color over the palette, by the simplices that join black to the facets of the palette's hull.
+    """Return the barycentric weights [n, M] float32 of colors, sRGB [n, 3], in the star tessellation of a palette.
 
-    weights @ palette is the color where it lies in the palette's hull, and the hull's nearest point elsewhere.
-    Continuous in the color. Entries inside the hull of the others get no weight.
+    weights @ palette is the color, or its projection to the hull. Rows sum to 1 and have at most 4 nonzeros. Weights
+    are continuous in the color; entries inside the hull of the others get none.
 
-    Args:
-        colors: [n, 3] sRGB in [0, 1].
-        palette: [M, 3] sRGB in [0, 1], entry 0 black; flat and single-hue palettes are fine.
-
-    Returns:
-        [n, M] float32 >= 0; rows sum to 1, with at most 4 non-zeros; black gives entry 0 alone.
-
-    Example:
+    Examples:
         >>> star_weights(np.array([[0.5, 0.25, 0.0]]), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).tolist()
         [[0.25, 0.5, 0.25]]
     """
-    return weights_in(make_star(palette), colors, len(palette))
+    return weights_in(_star(palette), colors, len(palette))
 
 
 def palette_weights_of_image(image: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """`star_weights` of a picture, evaluated once for each color in it.
+    """Return the `star_weights` [H, W, M] of a uint8 picture [H, W, 3], evaluated once per distinct color.
 
-    Args:
-        image: [H, W, 3] uint8 sRGB.
-        palette: [M, 3] sRGB in [0, 1], entry 0 black.
-
-    Returns:
-        [H, W, M] float32 >= 0; sums to 1 over M.
-
-    Example:
+    Examples:
         >>> palette_weights_of_image(np.array([[[51, 0, 0]]], np.uint8), np.array([[0, 0, 0], [1, 0, 0]])).round(3)
         array([[[0.8, 0.2]]], dtype=float32)
     """
@@ -70,23 +51,16 @@ def palette_weights_of_image(image: np.ndarray, palette: np.ndarray) -> np.ndarr
 
 
 def outside_distance(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Distance of each color to the hull of the palette.
+    """Return the distance [n] of colors, sRGB [n, 3], to the hull of a palette [M, 3]; 0 inside.
 
-    Args:
-        colors: [n, 3] sRGB in [0, 1].
-        palette: [M, 3] sRGB in [0, 1], entry 0 black.
-
-    Returns:
-        [n] in units of color; 0 inside.
-
-    Example:
+    Examples:
         >>> outside_distance(np.array([[0.5, 0, 0], [0, 0, 0.5]]), np.array([[0, 0, 0], [1, 0, 0]])).tolist()
         [0.0, 0.5]
     """
     colors = np.asarray(colors, np.float64)
-    star = make_star(palette)
+    star = _star(palette)
     if star is None:
         return np.linalg.norm(colors, axis=1)
     local = colors @ star.span
-    beside = ((colors - local @ star.span.T) ** 2).sum(axis=1)
-    return np.sqrt(beside + to_hull(star, local)[1])
+    off_span = ((colors - local @ star.span.T) ** 2).sum(axis=1)
+    return np.sqrt(off_span + to_hull(star, local)[1])

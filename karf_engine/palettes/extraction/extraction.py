@@ -1,4 +1,4 @@
-"""Palettes of objects and the color histograms that go with them, from the objects' pixels in each view."""
+"""Extract the palettes and color histograms of objects from their pixels in each view."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .hull import extract_palette
 def extract_palettes(
     names: Sequence[str], pixels: Sequence[Sequence[np.ndarray]], settings: PaletteSettings, seed: int = 0
 ) -> list[Palette]:
-    """One palette for each object, or the same for all from all their colors where the settings ask for `shared`.
+    """Extract one palette per object, or a shared one from all colors if the settings ask for it.
 
     Args:
-        names: of the objects.
-        pixels: of each object, in each view, photo colors [n, 3] sRGB in [0, 1]; at least one color an object.
-        settings: size, tolerance, start and sharing.
-        seed: of the colors that are drawn with `start="random"`.
+        names: Of the objects.
+        pixels: Photo colors of each object in each view, [n, 3] sRGB in [0, 1]; at least one color per object.
+        settings: Size, tolerance, start and sharing.
+        seed: For the random colors of `start="random"`.
 
-    Example:
+    Examples:
         >>> red = np.repeat([[0.2, 0, 0], [0.8, 0, 0]], 50, axis=0)
         >>> for palette in extract_palettes(["pot", "lid"], [[red], [red / 2]], PaletteSettings()):
         ...     print(palette.name, (100 * palette.colors).round().tolist())
@@ -47,13 +47,9 @@ def extract_palettes(
 
 
 def color_histograms(palettes: Sequence[Palette], pixels: Sequence[Sequence[np.ndarray]]) -> dict[str, ColorHistogram]:
-    """Each object's colors with their weights over its palette: what "this color becomes that color" is solved on.
+    """Return each object's color histogram with palette weights, from its photo colors [n, 3] in each view.
 
-    Args:
-        palettes: of the objects.
-        pixels: of each object, in each view, photo colors [n, 3] sRGB in [0, 1].
-
-    Example:
+    Examples:
         >>> palette = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]], np.float32))
         >>> histogram = color_histograms([palette], [[np.full((40, 3), [0.5, 0, 0])]])["pot"]
         >>> histogram.counts.tolist(), histogram.palette_weights.tolist()

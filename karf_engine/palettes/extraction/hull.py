@@ -1,9 +1,8 @@
-"""An object's palette: the hull of its colors and black, simplified by moving vertices outward.
+"""Extract an object's palette: the hull of its colors and black, simplified by moving vertices outward.
 
-Naming: cells [c, 3] are mean colors of occupied histogram bins, with counts [c] in pixels. The cloud spans rank
-r = 1, 2 or 3 dimensions about black; `lift` [3, r] takes coordinates of that span to colors. A collapse replaces two
-neighboring vertices by one that lies outside all their facets, so that no color is lost, at the least added volume
-(Tan, Echevarria, Gingold 2018).
+Cells [c, 3] are mean colors of histogram bins, with pixel counts [c]. The cloud spans rank r = 1, 2 or 3 about black;
+`lift` [3, r] maps coordinates of the span to colors. A collapse replaces two neighboring vertices by one outside all
+their facets, which keeps all colors inside, with the least added volume (Tan, Echevarria, Gingold 2018).
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ from scipy.spatial import ConvexHull
 
 from ...errors import DataError
 from .barycentric_weights import outside_distance, star_weights
+from .cells import weighted_quantile
 
-FLAT_EXTENT = 8 / 255  # a cloud thinner than this, but for 0.5 % of its pixels, is flat: thicker is more than noise
-FLAT_SHARE = 0.995
-OUTLIER_SHARE = 0.0005  # a cell is an outlier if it and its 26 neighbors hold less than this share of the pixels
-MANY_VIEWS = 3  # from this number of views on, a color must be seen in two
-EXACT_VERTICES = 10  # with fewer vertices a lossy collapse is chosen by its measured loss
-COARSE_LOSS = 0.25 / 255  # RMS distance of pixels that the hull may leave outside before it is simplified
-COARSE_VERTICES = 48  # vertices at which this stage stops: round clouds would keep hundreds
+FLAT_EXTENT, FLAT_SHARE = 8 / 255, 0.995  # a cloud is flat if this share of its pixels is thinner
+OUTLIER_SHARE = 0.0005  # share of the pixels in a cell and its 26 neighbors below which it is an outlier
+MANY_VIEWS = 3  # with this number of views a color must occur in two
+EXACT_VERTICES = 10  # with at most this number lossy collapses are compared by their measured loss
+COARSE_LOSS = 0.25 / 255  # RMS distance of pixels to the hull before simplification
+COARSE_VERTICES = 48  # limit for round clouds, which would keep hundreds
 TOUCH = 1e-9
 
 
@@ -36,27 +35,26 @@ def extract_palette(
     n_max: int = 8,
     support: np.ndarray | None = None,
 ) -> np.ndarray:
-    """A palette whose convex mixes give the colors of an object (Tan, Echevarria, Gingold 2018).
+    """Extract a palette whose convex combinations give the colors of an object (Tan, Echevarria, Gingold 2018).
 
-    Grey and single-hue clouds give black and one color, flat ones 3 or more, others 4 or more.
+    Gray and single-hue clouds give black and one color, flat ones 3 or more colors, others 4 or more.
 
     Args:
-        cells: [c, 3] colors, sRGB in [0, 1].
-        counts: [c] number of pixels of each.
-        n_colors: M, black included, at least 2; fewer where the cloud is too flat for this many. None for the smallest up
-            to n_max whose hull leaves the pixels at most `tolerance` outside.
+        cells: [c, 3] sRGB in [0, 1].
+        counts: [c] number of pixels.
+        n_colors: M with black, at least 2; fewer if the cloud is too flat. None for the smallest number up to n_max
+            whose hull leaves the pixels within `tolerance`.
         tolerance: RMS distance in units of color.
-        n_max: at least 2.
-        support: [c] number of views in which each cell occurs; where any occurs in 3 or more, cells seen in one are
-            spill and are left out.
+        n_max: At least 2.
+        support: [c] number of views of each cell; if any is 3 or more, cells of a single view are dropped as spill.
 
     Returns:
-        [M, 3] float32 sRGB in [0, 1]: black first, then the others, most used first.
+        [M, 3] float32 sRGB in [0, 1]: black, then the others, most used first.
 
     Raises:
-        DataError: there are no cells.
+        DataError: There are no cells.
 
-    Example:
+    Examples:
         >>> palette = extract_palette(np.array([[0.2, 0.1, 0.1], [0.8, 0.4, 0.4]]), np.array([10, 5]))
         >>> (100 * palette).round().tolist()
         [[0.0, 0.0, 0.0], [80.0, 40.0, 40.0]]
@@ -66,7 +64,7 @@ def extract_palette(
     keep = _trusted(np.asarray(cells, np.float64), counts, support)
     cells, counts = np.asarray(cells, np.float64)[keep], np.asarray(counts, np.float64)[keep]
     if cells.max() < 1 / 255:
-        return np.array([[0, 0, 0], [1, 1, 1]], np.float32)  # nothing but black: white is a neutral partner
+        return np.array([[0, 0, 0], [1, 1, 1]], np.float32)  # black alone: white is a neutral partner
     axes, rank = _span(cells, counts)
     rank = rank if n_colors is None else min(rank, n_colors - 1)
     if rank == 1:
@@ -75,13 +73,13 @@ def extract_palette(
         lift = np.eye(3) if rank == 3 else axes[:2].T
         palette = _simplify(_Cloud(cells, counts, lift), n_colors, tolerance, n_max)
     use = counts @ star_weights(cells, palette)
-    # clipping may have pulled a vertex into the hull: no color uses it then
+    # clipping may have moved a vertex into the hull, where it has no weight
     order = [0] + [j for j in np.argsort(-use, kind="stable") if j > 0 and use[j] > 0]
     return palette[order].astype(np.float32)
 
 
 def _trusted(cells: np.ndarray, counts: np.ndarray, support: np.ndarray | None) -> np.ndarray:
-    """Which cells may shape the hull: neither strays far from the others nor spill of a single view, bool [c]."""
+    """Return the cells, bool [c], that are neither outliers nor spill of a single view."""
     bins = 32
     grid = np.zeros((bins + 2,) * 3)
     red, green, blue = np.clip((cells * bins).astype(int), 0, bins - 1).T + 1
@@ -95,44 +93,38 @@ def _trusted(cells: np.ndarray, counts: np.ndarray, support: np.ndarray | None) 
 
 
 def _span(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, int]:
-    """Principal axes about black [3, 3], longest first, and the number of them that is more than noise."""
+    """Return the principal axes about black [3, 3], longest first, and the rank."""
     moment = (cells * counts[:, None]).T @ cells
     axes = np.linalg.eigh(moment)[1].T[::-1]
     axes *= np.where(axes.sum(axis=1) < 0, -1, 1)[:, None]
     along = cells @ axes.T
-    beside_line = np.linalg.norm(along[:, 1:], axis=1)
-    beside_plane = np.abs(along[:, 2])
-    rank = 1 + sum(_quantile(extent, counts, FLAT_SHARE) > FLAT_EXTENT for extent in (beside_line, beside_plane))
+    off_line = np.linalg.norm(along[:, 1:], axis=1)
+    off_plane = np.abs(along[:, 2])
+    rank = 1 + sum(weighted_quantile(extent, counts, FLAT_SHARE) > FLAT_EXTENT for extent in (off_line, off_plane))
     return axes, rank
-
-
-def _quantile(values: np.ndarray, counts: np.ndarray, share: float) -> float:
-    order = np.argsort(values)
-    total = counts[order].cumsum()
-    return float(values[order][np.searchsorted(total, share * total[-1])])
 
 
 @dataclass(frozen=True)
 class _Cloud:
-    """Cells [c, 3] with counts [c] and the span `lift` [3, r] of their hull."""
+    """Cells [c, 3] with counts [c], and the span `lift` [3, r] of their hull."""
 
     cells: np.ndarray
     counts: np.ndarray
     lift: np.ndarray
 
     def loss(self, vertices: np.ndarray) -> float:
-        """RMS distance of the pixels outside the hull of these vertices [V, r], as a palette in [0, 1]."""
+        """Return the RMS distance of the pixels outside the hull of vertices [V, r]."""
         squared = outside_distance(self.cells, self.palette(vertices)) ** 2
         return float(np.sqrt(self.counts @ squared / self.counts.sum()))
 
     def palette(self, vertices: np.ndarray) -> np.ndarray:
-        """Vertices [V, r] as colors [V, 3]."""
+        """Convert vertices [V, r] to colors [V, 3]."""
         return np.clip(vertices @ self.lift.T, 0, 1)
 
 
 @dataclass
 class _Mesh:
-    """The shrinking hull: all points ever made, the ids of those in use (0 is black), and collapses already solved."""
+    """Shrinking hull: all points ever made, the ids of the current vertices (0 is black), and cached collapses."""
 
     lift: np.ndarray
     points: list[np.ndarray]
@@ -143,18 +135,18 @@ class _Mesh:
         return np.array([self.points[i] for i in (self.ids if ids is None else ids)])
 
     def replaced(self, pair: tuple[int, int], point: np.ndarray) -> np.ndarray:
-        """Vertices after a collapse of the pair into the point."""
+        """Return the vertices after collapsing the pair into the point."""
         return np.vstack([self.vertices([i for i in self.ids if i not in pair]), point])
 
     def collapse(self, pair: tuple[int, int], point: np.ndarray) -> None:
-        """Replace the pair by the point; vertices that the larger hull swallows go too."""
+        """Collapse the pair into the point; drop vertices inside the larger hull."""
         self.points.append(point)
         self.ids = [i for i in self.ids if i not in pair] + [len(self.points) - 1]
         corners = set(ConvexHull(self.vertices()).vertices)
         self.ids = [i for place, i in enumerate(self.ids) if place in corners or i == 0]
 
     def collapses(self) -> list[tuple[tuple[int, int], float, np.ndarray, bool]]:
-        """Every possible collapse: pair, added volume, new point, whether the point is a color (inside the cube)."""
+        """Return all possible collapses: pair, added volume, new point, and whether it is inside the color cube."""
         hull = ConvexHull(self.vertices())
         facets = np.array(self.ids)[hull.simplices]
         sizes = _facet_sizes(self.vertices()[hull.simplices])
@@ -165,13 +157,14 @@ class _Mesh:
             key = (pair, frozenset(map(tuple, np.sort(facets[near], axis=1).tolist())))
             if key not in self.solved:
                 self.solved[key] = _outward_point(hull.equations[near], sizes[near], self.lift)
-            if self.solved[key] is not None:
-                found.append((pair, *self.solved[key]))
+            collapse = self.solved[key]
+            if collapse is not None:
+                found.append((pair, *collapse))
         return found
 
 
 def _simplify(cloud: _Cloud, n_colors: int | None, tolerance: float, n_max: int) -> np.ndarray:
-    """The palette of the simplified hull of the cloud and black."""
+    """Return the palette of the simplified hull of the cloud and black."""
     mesh = _coarse_hull(cloud)
     smallest = cloud.lift.shape[1] + 1
     wanted = smallest if n_colors is None else max(n_colors, smallest)
@@ -186,10 +179,9 @@ def _simplify(cloud: _Cloud, n_colors: int | None, tolerance: float, n_max: int)
 
 
 def _coarse_hull(cloud: _Cloud) -> _Mesh:
-    """The hull of black and the few cells that hold nearly all pixels: corners of noise that few pixels need stay out.
+    """Return the hull of black and a few cells that contain nearly all pixels, without noisy corners.
 
-    Grown from a simplex by the cell farthest outside, until the pixels outside are within an RMS of `COARSE_LOSS`, or
-    the hull has `COARSE_VERTICES`.
+    Grown from a simplex by the farthest outside cell, up to an RMS distance of `COARSE_LOSS` or `COARSE_VERTICES`.
     """
     points = np.vstack([np.zeros(cloud.lift.shape[1]), cloud.cells @ cloud.lift])
     share = np.append(0, cloud.counts) / cloud.counts.sum()
@@ -204,7 +196,7 @@ def _coarse_hull(cloud: _Cloud) -> _Mesh:
 
 
 def _simplex(points: np.ndarray) -> list[int]:
-    """Indices of r + 1 points [n, r] that span space, the first of them point 0, each farthest from those before."""
+    """Return the indices of r + 1 points [n, r] that span space: point 0, then each time the farthest one."""
     ids, rest = [0], points - points[0]
     for _ in range(points.shape[1]):
         ids.append(int((rest**2).sum(axis=1).argmax()))
@@ -214,7 +206,7 @@ def _simplex(points: np.ndarray) -> list[int]:
 
 
 def _best_collapse(mesh: _Mesh, cloud: _Cloud) -> tuple[tuple[int, int], np.ndarray]:
-    """The collapse of least added volume that stays inside the color cube; without one, that of least loss."""
+    """Return the collapse of least added volume inside the color cube, otherwise that of least loss."""
     found = mesh.collapses()
     lossless = [(volume, pair, point) for pair, volume, point, inside in found if inside]
     if lossless:
@@ -222,7 +214,7 @@ def _best_collapse(mesh: _Mesh, cloud: _Cloud) -> tuple[tuple[int, int], np.ndar
         return pair, point
     lossy = [(volume, pair, point) for pair, volume, point, _ in found]
     if len(mesh.ids) <= EXACT_VERTICES or not lossy:
-        # leaving out a vertex is a collapse onto another one
+        # removing a vertex is a collapse onto another one
         others = mesh.ids[1:]
         lossy += [(0.0, (i, j), mesh.points[j]) for i, j in zip(others, others[1:] + others[:1], strict=True)]
         lossy = [(cloud.loss(mesh.replaced(pair, point)), pair, point) for _, pair, point in lossy]
@@ -231,17 +223,17 @@ def _best_collapse(mesh: _Mesh, cloud: _Cloud) -> tuple[tuple[int, int], np.ndar
 
 
 def _facet_sizes(corners: np.ndarray) -> np.ndarray:
-    """Length or area of facets [F, r, r] in r = 2 or 3 dimensions."""
+    """Return the lengths or areas of facets [F, r, r], r = 2 or 3."""
     sides = corners[:, 1:] - corners[:, :1]
     gram = sides @ sides.transpose(0, 2, 1)
     return np.sqrt(np.maximum(np.linalg.det(gram), 0)) / (1 if corners.shape[1] == 2 else 2)
 
 
 def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -> tuple[float, np.ndarray, bool] | None:
-    """The point outside all these facets that adds the least volume; None where no point is outside all.
+    """Return the point outside facets [k, r + 1] (normal, offset) of given sizes [k] that adds the least volume.
 
-    equations: [k, r + 1] facets as normal and offset. sizes: [k] lengths or areas. Prefers a point inside the color
-    cube; returns the added volume, the point [r] clipped to the cube, and whether it was inside.
+    Points inside the color cube are preferred. Returns the added volume, the point [r] clipped to the cube, and whether
+    it was inside; None if no point is outside all facets.
     """
     rank = lift.shape[1]
     gradient, constant = sizes @ equations[:, :rank] / rank, sizes @ equations[:, rank] / rank
@@ -260,16 +252,16 @@ def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -
 
 
 def _least_vertex(planes: np.ndarray, floors: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
-    """The point with planes @ x >= floors and the least gradient @ x, among the corners that r planes make, or None.
+    """Minimise gradient @ x subject to planes @ x >= floors, planes [k, r]; None if infeasible.
 
-    A linear program with 2 or 3 unknowns has few corners: all are tried. planes: [k, r].
+    With 2 or 3 unknowns there are few corners, so all are enumerated.
     """
     k, rank = planes.shape
     chosen = np.array(list(combinations(range(k), rank)), int).reshape(-1, rank)
     sides = np.zeros((k, 3))
     sides[:, :rank] = planes
     first, second = sides[chosen[:, 0]], sides[chosen[:, 1]]
-    # in the plane the third side is the plane itself
+    # in 2D the third side is the plane itself
     third = sides[chosen[:, 2]] if rank == 3 else np.broadcast_to([0.0, 0.0, 1.0], first.shape)
     levels = [floors[chosen[:, i]][:, None] if i < rank else 0.0 for i in range(3)]
     second_third = _cross(second, third)
@@ -282,5 +274,5 @@ def _least_vertex(planes: np.ndarray, floors: np.ndarray, gradient: np.ndarray) 
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    # several times faster than numpy's general one on small stacks
+    # several times faster than np.cross on small stacks
     return a[:, (1, 2, 0)] * b[:, (2, 0, 1)] - a[:, (2, 0, 1)] * b[:, (1, 2, 0)]

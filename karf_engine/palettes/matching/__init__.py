@@ -1,1 +1,1 @@
-"""Fits of an edit to a wanted color, to several, or to a painted picture."""
+"""Fit an edit to wanted colors or to a painted picture."""

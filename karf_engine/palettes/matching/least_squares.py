@@ -1,4 +1,4 @@
-"""Linear least squares within bounds, with numpy alone: palettes are edited in Blender's own Python, without scipy."""
+"""Bounded linear least squares in numpy alone, as Blender's Python lacks scipy."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ def bounded_least_squares(
     counts: np.ndarray | None = None,
     ridge: float = 0.0,
 ) -> np.ndarray:
-    """Minimise `sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2`, lower <= x <= upper, exactly.
+    """Minimise `sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2` with lower <= x <= upper, exactly.
 
-    A primal active-set method (Nocedal and Wright, "Numerical Optimization", 2006, 16.5): finite, and at its end the
-    gradient vanishes on free entries and presses bound ones outward.
+    A primal active-set method (Nocedal and Wright, "Numerical Optimization", 2006, 16.5).
 
     Args:
         matrix: [n, M].
-        values: [n, C]; the columns are solved apart.
+        values: [n, C]; the columns are solved independently.
         lower: [M, C], <= 0.
-        upper: [M, C], >= 0; entries whose bounds are equal are pinned.
+        upper: [M, C], >= 0; entries with equal bounds are fixed.
         counts: [n], >= 0; by default 1 each.
         ridge: Per unit of counts, >= 0.
 
@@ -35,10 +34,9 @@ def bounded_least_squares(
         [[0.25], [1.0]]
     """
     matrix, values = np.asarray(matrix, np.float64), np.asarray(values, np.float64)
-    counts = np.ones(len(matrix)) if counts is None else np.asarray(counts, np.float64)
-    counts = counts / counts.sum()
-    weighted = matrix * counts[:, None]
-    # a trace of ridge makes the problem strictly convex, so that every subset of entries can be solved
+    importance = np.ones(len(matrix)) if counts is None else np.asarray(counts, np.float64)
+    weighted = matrix * (importance / importance.sum())[:, None]
+    # a minimal ridge makes the problem strictly convex, so that every subset of entries can be solved
     normal = weighted.T @ matrix + max(ridge, 1e-12) * np.eye(matrix.shape[1])
     right = weighted.T @ values
     columns = [_active_set(normal, right[:, c], lower[:, c], upper[:, c]) for c in range(values.shape[1])]
@@ -46,10 +44,10 @@ def bounded_least_squares(
 
 
 def _active_set(normal: np.ndarray, right: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Minimise x normal x / 2 - right x in the box, from x = 0; normal [M, M] positive definite."""
+    """Minimise x normal x / 2 - right x in the box, starting from x = 0; normal [M, M] is positive definite."""
     x = np.zeros(len(right))
     free = lower < upper
-    for _ in range(20 * len(right)):  # each stay of the free set lowers the objective: no set comes back
+    for _ in range(20 * len(right)):  # every free set lowers the objective, so none recurs
         best = x.copy()
         if free.any():
             fixed = right[free] - normal[np.ix_(free, ~free)] @ x[~free]
@@ -65,10 +63,10 @@ def _active_set(normal: np.ndarray, right: np.ndarray, lower: np.ndarray, upper:
             continue
         x = best
         downhill = right - normal @ x
-        inward = np.where(x >= upper, -downhill, downhill)
-        inward[free | (lower == upper)] = 0
-        release = int(inward.argmax())
-        if inward[release] <= 1e-10:
+        release_gain = np.where(x >= upper, -downhill, downhill)
+        release_gain[free | (lower == upper)] = 0
+        release = int(release_gain.argmax())
+        if release_gain[release] <= 1e-10:
             return x
         free[release] = True
     return x

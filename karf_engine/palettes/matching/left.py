@@ -1,4 +1,4 @@
-"""What is left of the way from one color to another, on the whole object."""
+"""Remaining color difference of an object after a color match."""
 
 from __future__ import annotations
 
@@ -20,30 +20,25 @@ def left_of_object(
     held: Sequence[np.ndarray] = (),
     is_metal: bool = False,
 ) -> float:
-    """Mean CIEDE2000 of an object from what it is to become, where one color of it is to become another.
-
-    A color alone tells little: it may be met while highlights turn green.
+    """Return the mean CIEDE2000 between an edited object and its target, all paints and highlights included.
 
     Args:
         before: The object's colors when the source was picked, sRGB [n, 3] in [0, 1].
-        after: The same as edited, [n, 3].
-        counts: How often each occurs, [n].
-        source: sRGB [3], one of `before`.
-        target: What it is to become, sRGB [3].
-        held: Colors of other paints that are to stay, sRGB [3] each.
-        is_metal: Whether highlights take the paint's color, and not the light's.
-
-    Raises:
-        BadRequest: The source is black.
+        after: The same colors after the edit, [n, 3].
+        counts: Frequency of each color, [n].
+        source: The picked color, sRGB [3].
+        target: Its wanted color, sRGB [3].
+        held: Colors of other paints that should stay, sRGB [3] each.
+        is_metal: Whether highlights take the paint's color rather than the light's.
 
     Examples:
-        A red is blue now, its shade has stayed:
+        The red became blue, its shade stayed red:
 
         >>> red, blue = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7])
         >>> before, after = np.stack([red, red / 2]), np.stack([blue, red / 2])
         >>> round(left_of_object(before, after, np.array([3, 1]), red, blue))
         9
     """
-    pairs = with_unasked(before, counts, *with_held(before, source, target, held), is_metal)
-    left = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *pairs, is_metal)))
-    return float(np.average(left, weights=counts))
+    paints = with_unasked(before, counts, *with_held(before, source, target, held), is_metal)
+    difference = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *paints, is_metal)))
+    return float(np.average(difference, weights=counts))

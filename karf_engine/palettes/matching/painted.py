@@ -1,6 +1,6 @@
-"""Swatches that make a view look as it was painted over or graded: a robust, bounded fit to the picture's own pixels.
+"""Fit swatches to a view that was painted over or graded: a robust, bounded fit to the picture's pixels.
 
-Naming as in `compositing`: K objects, M palette entries, H x W pixels; n are the pixels of one object.
+Shapes as in `compositing`: K objects, M palette entries, H x W pixels; n pixels of one object.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from ..palette import BRIGHTEST, Palette
 from .fitting import bounds, moved
 from .least_squares import bounded_least_squares
 
-DIFFERENT = 4 / 255  # in one channel: such a pixel was painted; less can be a file's rounding or noise
-ENOUGH = 0.002  # share of an object's pixels that must be painted for the object to be fitted
-UNPAINTED = 0.1  # weight of all unpainted pixels of an object together, as a share of the painted ones'
-OUTLIER = 0.1  # distance in sRGB to what swatches can reach at which a pixel counts a quarter
-SPILL = 0.4  # share of the strongest object's change that one needs where a fit to parts of it worsens the whole
-RIDGE = 1e-3  # ridge per unit of counts, which keeps swatches still that hardly any pixel uses
-ROUNDS = 10  # rounds of reweighting; later ones move no color by a step of 8 bits
-MOST_PIXELS = 20_000  # pixels of an object that are sampled, evenly over it: more of them add nothing
+PAINTED = 4 / 255  # difference in one channel of a painted pixel; less can be rounding or noise
+LEAST_PAINTED = 0.002  # least share of painted pixels of a fitted object
+UNPAINTED = 0.1  # total weight of the unpainted pixels of an object, relative to the painted ones
+OUTLIER = 0.1  # sRGB residual that quarters a pixel's weight
+SPILL = 0.4  # least strength, relative to the strongest object, of a match that worsens its object as a whole
+RIDGE = 1e-3  # per unit of counts; keeps rarely used swatches in place
+ROUNDS = 10  # of reweighting
+MOST_PIXELS = 20_000  # sampled pixels of an object
 
 
 @dataclass(frozen=True)
 class ObjectMatch:
-    """What came of one object.
+    """Result of the fit for one object.
 
     Attributes:
-        name: The object's.
-        colors: Its palette now, [M, 3] float32 in [0, BRIGHTEST].
-        before: Mean CIEDE2000 of its pixels to the wanted picture, as they were.
-        left: The same after the match.
-        painted: The share of its pixels that were wanted otherwise, 0..1.
+        name: The object's name.
+        colors: Its fitted palette, [M, 3] float32 in [0, BRIGHTEST].
+        before: Mean CIEDE2000 of its pixels to the wanted picture before the fit.
+        left: The same after the fit.
+        painted: Share of its pixels that were painted, 0 to 1.
     """
 
     name: str
@@ -47,7 +47,7 @@ class ObjectMatch:
 
     @property
     def strength(self) -> float:
-        """Mean CIEDE2000 of what is painted to what was there."""
+        """Mean CIEDE2000 of the painted pixels before the fit."""
         return self.before / self.painted
 
 
@@ -60,31 +60,31 @@ def match_picture(
     edited: Mapping[str, np.ndarray],
     locked: Mapping[str, Iterable[int]] | None = None,
 ) -> tuple[ObjectMatch, ...]:
-    """The palettes with which a view comes closest to a wanted picture of it.
+    """Fit the palettes to a painted picture of a view.
 
-    Only differences between the wanted picture and the edited view count: objects that it leaves alone stay, and
-    the unpainted pixels of others count little, and nothing where they contradict the painted ones. Objects that only
-    reflect the new colors of others, faintly and in parts, stay too.
+    Only differences between the picture and the edited view count. Unpainted objects stay. The unpainted pixels of
+    others have a low weight, and none where they contradict the painted ones. Objects that only reflect the new colors
+    of others, faintly and in parts, stay too.
 
     Args:
         palette_weights: [K, M, H, W].
         probabilities: [K, H, W], of the objects.
-        base: The view without any edit, [H, W, 3] in [0, 1].
-        wanted: The same view as it should look, [H, W, 3] in [0, 1].
+        base: The unedited view, [H, W, 3] in [0, 1].
+        wanted: The painted view, [H, W, 3] in [0, 1].
         palettes: As learned, of the K objects.
-        edited: The palettes as they stand, by the objects' names.
-        locked: Swatches of objects that stay as they stand.
+        edited: The current palettes, by object name.
+        locked: Swatches that stay, by object name.
 
     Returns:
-        One for each object that the view shows and that is wanted otherwise; none where there is no such object.
+        One match for each visible object that was painted.
 
     Raises:
         BadRequest: The picture has another size than the view.
 
     Examples:
-        Of a pot in two pixels one is painted over:
+        One of two pixels of a pot, lit and half in the shade, is painted over:
 
-        >>> weights = np.array([[[[0.0, 0.5]], [[1.0, 0.5]]]])  # lit, and half in the shade
+        >>> weights = np.array([[[[0.0, 0.5]], [[1.0, 0.5]]]])
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.8, 0.2, 0]], np.float32))
         >>> base = np.array([[[0.8, 0.2, 0], [0.4, 0.1, 0]]])
         >>> wanted = np.array([[[0, 0.2, 0.8], [0.4, 0.1, 0]]])
@@ -98,34 +98,34 @@ def match_picture(
             f"The picture has {wanted.shape[1]} x {wanted.shape[0]} pixels, the view {base.shape[1]} x {base.shape[0]}.",
             "Take a picture of this view.",
         )
-    masks, found = hard_masks(np.asarray(probabilities, np.float32)), []
-    for number, palette in enumerate(palettes):
-        pixels = _spread(np.flatnonzero(masks[number]))
+    matches = []
+    for k, mask in enumerate(hard_masks(np.asarray(probabilities, np.float32))):
+        palette, pixels = palettes[k], _subsampled(np.flatnonzero(mask))
         shown = base.reshape(-1, 3)[pixels].astype(np.float64)
         for other, planes in zip(palettes, palette_weights, strict=True):
             change = edited[other.name] - other.colors
             if change.any():
                 shown += _weights_at(planes, pixels, len(change)) @ change
         aim = wanted.reshape(-1, 3)[pixels].astype(np.float64)
-        painted = (np.abs(aim - np.clip(shown, 0, 1)) > DIFFERENT).any(axis=1)
-        if painted.sum() > ENOUGH * len(pixels):
-            weights = _weights_at(palette_weights[number], pixels, len(palette.colors))
+        painted = np.any(np.abs(aim - np.clip(shown, 0, 1)) > PAINTED, axis=1)
+        if painted.sum() > LEAST_PAINTED * len(pixels):
+            weights = _weights_at(palette_weights[k], pixels, len(palette.colors))
             stays = (locked or {}).get(palette.name, ())
             colors = _fit(weights, shown, aim, painted, edited[palette.name], stays)
             reached = shown + weights @ (colors - edited[palette.name])
-            sides = (_difference(picture, aim) for picture in (shown, reached))
-            found.append(ObjectMatch(palette.name, colors, *sides, float(painted.mean())))
-    strongest = max((match.strength for match in found), default=0.0)
-    return tuple(match for match in found if match.left < match.before or match.strength >= SPILL * strongest)
+            before, left = _difference(shown, aim), _difference(reached, aim)
+            matches.append(ObjectMatch(palette.name, colors, before, left, float(painted.mean())))
+    strongest = max((match.strength for match in matches), default=0.0)
+    return tuple(match for match in matches if match.left < match.before or match.strength >= SPILL * strongest)
 
 
-def _spread(pixels: np.ndarray) -> np.ndarray:
-    """At most MOST_PIXELS of them, evenly."""
+def _subsampled(pixels: np.ndarray) -> np.ndarray:
+    """Return at most MOST_PIXELS of the pixels, evenly spaced."""
     return pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MOST_PIXELS)).astype(np.intp)]
 
 
 def _weights_at(planes: np.ndarray, pixels: np.ndarray, size: int) -> np.ndarray:
-    """Weights [n, size] of an object's planes [M, H, W]; small palettes have fewer entries than planes."""
+    """Return the weights [n, size] from an object's planes [M, H, W], which may be padded."""
     return planes.reshape(len(planes), -1)[:size, pixels].T.astype(np.float64)
 
 
@@ -141,29 +141,29 @@ def _fit(
     palette: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """The palette [M, 3] that takes pixels from what is shown to the aim, by iteratively reweighted least squares.
+    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, by iteratively reweighted least squares.
 
-    The weights are those of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", by
-    which what no palette can explain, such as a stray brush stroke, loses its weight.
+    The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
+    no palette can explain, such as a stray brush stroke.
 
     Args:
-        weights: Of the pixels, [n, M].
-        shown: What the palette gives, not clipped, [n, 3].
+        weights: [n, M].
+        shown: Current colors, not clipped, [n, 3].
         aim: sRGB [n, 3] in [0, 1].
-        painted: Which pixels are wanted otherwise, bool [n], at least one.
-        palette: As it stands, [M, 3].
-        locked: Entries that stay.
+        painted: bool [n], at least one.
+        palette: The current palette, [M, 3].
+        locked: Fixed entries.
     """
     lower, upper = bounds(palette, locked, BRIGHTEST)
     counts = np.where(painted, 1.0, UNPAINTED * painted.sum() / max(1, (~painted).sum()))
-    sure = painted & (aim > 0).all(axis=1) & (aim < 1).all(axis=1)
-    trust, reached = (sure if sure.any() else painted).astype(np.float64), shown
+    unclipped = painted & (aim > 0).all(axis=1) & (aim < 1).all(axis=1)
+    confidence, reached = (unclipped if unclipped.any() else painted).astype(np.float64), shown
     for _ in range(ROUNDS):
-        # what is clipped in the picture is met by all that is clipped
-        met = (aim >= 1) & (reached > 1) | (aim <= 0) & (reached < 0)
-        wanted = np.where(met, reached, aim)
-        change = bounded_least_squares(weights, wanted - shown, lower, upper, counts * trust, RIDGE)
+        # colors beyond white or black meet a clipped target
+        is_clipped = (aim >= 1) & (reached > 1) | (aim <= 0) & (reached < 0)
+        wanted = np.where(is_clipped, reached, aim)
+        change = bounded_least_squares(weights, wanted - shown, lower, upper, counts * confidence, RIDGE)
         reached = shown + weights @ change
-        miss = np.linalg.norm(np.clip(reached, 0, 1) - aim, axis=1)
-        trust = 1 / (1 + (miss / OUTLIER) ** 2) ** 2
+        residual = np.linalg.norm(np.clip(reached, 0, 1) - aim, axis=1)
+        confidence = 1 / (1 + (residual / OUTLIER) ** 2) ** 2
     return moved(palette, change)

@@ -1,12 +1,10 @@
-"""How a paint looks beside its color: saturation, brightness and gloss, brought into a palette.
+"""Change the saturation, brightness and gloss of a paint by means of its palette.
 
-A picture is linear in an object's palette, so these controls are no filters of pictures: each color of the object gets
-the color that it shall have, and the palette is fitted to that (`fitting`). Whatever carries palettes carries them.
-Contrast is not among them: shade is mostly a share of the palette's black, which is frozen, so no palette can bring
-light and shade closer (docs/limits.md).
+A picture is linear in an object's palette: each color of the object gets a target, and the palette is fitted to the
+targets (`fitting`), so the change carries over to every view. Contrast is out of reach, as shade is mostly the weight
+of the palette's frozen black (docs/limits.md).
 
-Naming: n colors of an object (histogram cells or pixels), [n, 3] sRGB in [0, 1], with counts [n]. palette_weights
-[n, M]: each color's share of the M palette entries. Light is linear; luminance Y is that of its sRGB primaries.
+Arguments as in `becomes`. "light" is linear, with the luminance Y of its sRGB primaries.
 """
 
 from __future__ import annotations
@@ -18,38 +16,35 @@ import numpy as np
 
 from ...io.arguments import check_fields, check_number
 from ...io.color import linear_to_srgb, srgb_to_linear
+from ..extraction.cells import weighted_quantile
 from .fitting import match_pixels
 from .paints import pigment_gate, smooth_step, split_light
 
 MOST_FACTOR = 4.0  # highest saturation and gloss
 MOST_BRIGHTNESS = 2.0
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
-LIT = 0.98  # share of a paint that is no lighter than its lit parts
-CLIPPED = 0.9  # sRGB from which on a channel of a highlight may be cut off in the photo
-FAINT = 1e-4  # luminance times count of a paint that an object does not show
-GLOSS_COST = 0.1  # penalty of gloss when a color is split into paint and gloss
-HOLD = 3.0  # how much more a color of another paint counts: it is to stay
+LIT = 0.98  # quantile of the shading of lit parts
+CLIPPED = 0.9  # least sRGB value of a highlight that may be clipped in the photo
+FAINT = 1e-4  # luminance times count of an invisible paint
+GLOSS_COST = 0.1  # penalty of gloss beside paint
+HOLD = 3.0  # extra weight of the colors of other paints
 
 
 @dataclass(frozen=True)
 class Surface:
-    """How a paint looks beside its color; neutral values change nothing.
+    """Surface of a paint; the neutral default changes nothing.
 
     Attributes:
         saturation: Factor of the distance to the gray of the same luminance, 0 to 4; 0 is gray.
-        brightness: Lifts or lowers the mid-tones, -2 to 2, in f-stops of what is dark; black and white stay.
+        brightness: Lifts or lowers mid-tones, -2 to 2 f-stops at the dark end; black and white stay.
         gloss: Factor of the highlights, 0 to 4; 0 is matte.
 
     Raises:
-        TypeError: A value is no number.
         BadRequest: A value is out of range.
 
     Examples:
         >>> Surface(gloss=0.5).is_identity, Surface().is_identity
         (False, True)
-        >>> Surface(saturation=-1)
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: saturation = -1 is out of range. Allowed: 0.0 to 4.0.
     """
 
     saturation: float = 1.0
@@ -64,7 +59,6 @@ class Surface:
 
     @property
     def is_identity(self) -> bool:
-        """Whether all values are neutral."""
         return self == Surface()
 
 
@@ -77,26 +71,20 @@ def match_surface(
     locked: Iterable[int] = (),
     moved: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The palette with which the paints of some swatches have other surfaces; other paints stay.
-
-    It depends on what it is given alone, so that a value can be moved to and fro.
+    """Return the palette [M, 3] float32 that gives the paints of some swatches other surfaces; other paints stay.
 
     Args:
-        colors: The object's color histogram, sRGB [n, 3] in [0, 1].
-        counts: How often each color occurs, [n], >= 0.
-        palette_weights: Of each color, [n, M].
-        palette: With which the object has these colors, sRGB [M, 3] in [0, BRIGHTEST].
-        surfaces: By the number of the swatch whose paint has it; those of one paint are applied one after the other.
-        locked: Entries that stay as they are.
-        moved: What is added to each entry before, [M, 3], where surfaces have moved locked ones that are to stay there: the
-            others make up for it. By default nothing.
+        surfaces: Surface by swatch; several of one paint are applied in order.
+        moved: [M, 3], earlier change of each entry by surfaces; locked entries keep it, the others compensate.
 
     Returns:
-        The edited palette [M, 3] float32 in [0, BRIGHTEST]; bit by bit the given one where all surfaces are neutral.
+        Colors in [0, BRIGHTEST]; the same bits as `palette` if all surfaces are neutral.
 
     Examples:
+        A red object, lit and in the shade:
+
         >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
-        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])  # a red object, lit and in the shade
+        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])
         >>> gray = match_surface(weights @ palette, np.ones(2), weights, palette, {1: Surface(saturation=0)})
         >>> print(gray.round(2))
         [[0.   0.   0.  ]
@@ -115,23 +103,19 @@ def match_surface(
 
 
 def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, surface: Surface) -> np.ndarray:
-    """What each color becomes when a paint gets another surface.
+    """Return the colors after a paint gets another surface, sRGB [n, 3] float64 in [0, 1].
 
-    Linear light c = a r + s (1, 1, 1) + rest with the paint's own color r, shading a and gloss s (see `paints`); r is the
-    mean of the more saturated half of the paint. Brightness bends a, gloss multiplies s, and saturation draws the whole
-    to or from the gray of its luminance.
+    Linear light is c = a r + s (1, 1, 1) + rest with paint r, shading a and gloss s (see `paints`); r is the mean of
+    the more saturated half. Brightness bends a, gloss scales s, and saturation scales the chroma of the sum. An object
+    that does not show the paint keeps its colors.
 
     Args:
-        colors: sRGB [n, 3] in [0, 1].
-        counts: How often each color occurs, [n], >= 0.
-        gate: How much of each color is of the paint, [n] in [0, 1].
-        surface: The surface.
-
-    Returns:
-        sRGB [n, 3] float64 in [0, 1]; the colors themselves where the object does not show the paint.
+        gate: Share of each color that is of the paint, [n] in [0, 1].
 
     Examples:
-        >>> red = np.array([[0.2, 0.02, 0.02], [0.7, 0.1, 0.1], [0.75, 0.5, 0.5]])  # in the shade, lit, highlight
+        A red in the shade, lit, and in a highlight becomes matte:
+
+        >>> red = np.array([[0.2, 0.02, 0.02], [0.7, 0.1, 0.1], [0.75, 0.5, 0.5]])
         >>> surface_target(red, np.array([5, 5, 1]), np.ones(3), Surface(gloss=0)).round(1).tolist()
         [[0.2, 0.0, 0.0], [0.7, 0.1, 0.1], [0.6, 0.1, 0.1]]
     """
@@ -140,40 +124,38 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
     if weights.sum() <= FAINT:
         return colors
     paint = _paint(light, weights)
-    shading, gloss = split_light(light, paint[None], GLOSS_COST)
-    shading = shading[:, 0]
+    shadings, gloss = split_light(light, paint[None], GLOSS_COST)
+    shading = shadings[:, 0]
     change = (_bent(shading, 1 / paint.max(), surface.brightness) - shading)[:, None] * paint
     change += (surface.gloss - 1) * _gloss_color(light, paint, shading, gloss, counts)
-    result = np.maximum(light + change, 0)
-    result = _saturated(result, surface.saturation)
+    result = _saturated(np.maximum(light + change, 0), surface.saturation)
     return np.clip(linear_to_srgb(np.maximum(light + gate[:, None] * (result - light), 0)), 0, 1)
 
 
 def _gate(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """How much of each color is of the source's paint or of its highlights, which have no hue where they are white."""
+    """Return the share of each color that is of the source's paint or its highlights, which may clip to white."""
     return np.maximum(pigment_gate(colors, source), smooth_step(colors.min(axis=1), CLIPPED, 1.0))
 
 
 def _paint(light: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """A paint's own color [3] of luminance 1: the mean of the more saturated half, which has the least gloss."""
-    own = light / np.maximum(light.sum(axis=1, keepdims=True), 1e-9)
-    purity = 1 - 3 * own.min(axis=1)
-    half = purity >= _quantile(purity, weights, 0.5)
-    mean = np.average(own[half], axis=0, weights=weights[half])
+    """Return a paint's color [3] at luminance 1: the mean of the more saturated half, which has the least gloss."""
+    chromaticity = light / np.maximum(light.sum(axis=1, keepdims=True), 1e-9)
+    purity = 1 - 3 * chromaticity.min(axis=1)
+    half = purity >= weighted_quantile(purity, weights, 0.5)
+    mean = np.average(chromaticity[half], axis=0, weights=weights[half])
     return mean / (mean @ LUMINANCE)
 
 
 def _saturated(light: np.ndarray, factor: float) -> np.ndarray:
-    """Light [n, 3] with the distance to the gray of its luminance multiplied; up to the rim of what a picture can show, as
-    a channel that is cut off would change the luminance."""
+    """Scale the chroma of light [n, 3], within the gamut: a clipped channel would change the luminance."""
     gray = (light @ LUMINANCE)[:, None]
     chroma = light - gray
-    room = np.where(chroma > 0, 1 - gray, gray) / np.maximum(np.abs(chroma), 1e-9)
-    return gray + np.minimum(factor, np.maximum(room.min(axis=1, keepdims=True), 1)) * chroma
+    limit = np.where(chroma > 0, 1 - gray, gray) / np.maximum(np.abs(chroma), 1e-9)
+    return gray + np.minimum(factor, np.maximum(limit.min(axis=1, keepdims=True), 1)) * chroma
 
 
 def _bent(shading: np.ndarray, white: float, stops: float) -> np.ndarray:
-    """The shading [n] along a curve through 0 and `white`, which at 0 is as steep as so many f-stops."""
+    """Map the shading [n] along a curve through 0 and `white`, with slope 2^stops at 0."""
     steep = 2.0**stops
     return steep * shading / (1 + (steep - 1) * np.minimum(shading / white, 1))
 
@@ -181,17 +163,12 @@ def _bent(shading: np.ndarray, white: float, stops: float) -> np.ndarray:
 def _gloss_color(
     light: np.ndarray, paint: np.ndarray, shading: np.ndarray, gloss: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """What gloss adds to each color, [n, 3]: gray light, and the more of it the more of all else that is over the paint,
-    as lights have colors. Where a photo has cut it off, it hides the shading: there the paint counts as lit."""
+    """Return the light [n, 3] that gloss adds: gray, tinted by the residual as the share of gloss grows.
+
+    Where a photo clips a highlight, the shading is unknown, and the paint counts as lit.
+    """
     share = gloss / np.maximum(gloss + shading, 1e-9)
-    is_cut = share * smooth_step(light.max(axis=1), srgb_to_linear(np.array(CLIPPED)), 1.0)
-    lit = np.maximum(shading, _quantile(shading, counts, LIT))
-    over = light - (shading + is_cut * (lit - shading))[:, None] * paint
-    return gloss[:, None] + np.maximum(share, is_cut)[:, None] * (over - gloss[:, None])
-
-
-def _quantile(values: np.ndarray, weights: np.ndarray, share: float) -> float:
-    """The value up to which a share of the weights lies."""
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(total, share * total[-1])])
+    is_clipped = share * smooth_step(light.max(axis=1), float(srgb_to_linear(np.array(CLIPPED))), 1.0)
+    lit = np.maximum(shading, weighted_quantile(shading, counts, LIT))
+    excess = light - (shading + is_clipped * (lit - shading))[:, None] * paint
+    return gloss[:, None] + np.maximum(share, is_clipped)[:, None] * (excess - gloss[:, None])
