@@ -24,7 +24,7 @@ solves the system again with these as a second unary term. Guards keep mistakes 
 
 Finally patches in doubt follow their surroundings: the system is solved once more with the labels as unary terms, weighted
 by their margins. A point that would change alone keeps its label, otherwise thin ends and rims would erode. So does a
-point on which masks and colors agree.
+point where masks and colors agree.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def propagate_labels(
         normals: [p, 3] of unit length, outward.
         spacing: of the points, grid coordinates; see `SurfacePoints`.
         seed_targets: [p, K+1]; rows sum to 1.
-        seed_confidence: [p] >= 0; 0 where there is no seed.
+        seed_confidence: [p] >= 0; 0 for all other points.
         rounds: number of color rounds, at least 1.
         random: draws the colors that mixtures are fitted to.
     """
@@ -233,7 +233,7 @@ class _Propagation:
         return x
 
     def _agreed(self, color_labels: np.ndarray, reliability: np.ndarray) -> np.ndarray:
-        """Return True for the points on which masks and colors agree, [p]."""
+        """Return True where masks and colors agree on a point, [p]."""
         label, rows = color_labels.argmax(1), np.arange(len(color_labels))
         vote = self.seed_targets[rows, label]
         certainty = np.minimum(self.seed_confidence, 1) * reliability[rows, label] * margin(color_labels)
