@@ -1,1 +1,1 @@
-"""The two KaRF fields on top of a frozen radiance field, F_s and F_w: their networks, training and rendering."""
+"""The heads of F_s and F_w: fields, training, rendering along rays, and files."""

@@ -1,7 +1,6 @@
-"""The two KaRF fields on top of a frozen radiance field: F_s gives the object, F_w the palette colors.
+"""The two KaRF fields on a frozen radiance field (paper, Eq. 7 and 10): F_s segments objects, F_w mixes palette colors.
 
-Both read positions scaled to the objects' surroundings ([-1, 1]), standardized prior features and, F_w only, the
-viewing direction (paper, Eq. 7 and 10).
+Both read positions scaled to [-1, 1] and standardized prior features; F_w also reads the viewing direction.
 """
 
 from __future__ import annotations
@@ -18,15 +17,7 @@ from .volumes import Volumes
 
 
 def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
-    """Move and scale positions so that a box becomes [-1, 1] along its longest side.
-
-    Args:
-        positions: [n, 3] grid coordinates.
-        bounds: [2, 3] least and greatest corner of the box.
-
-    Returns:
-        [n, 3].
-    """
+    """Map positions [n, 3] so that the box `bounds` [2, 3] (least, greatest corner) is [-1, 1] along its longest side."""
     center = bounds.mean(0)
     half = (bounds[1] - bounds[0]).max() / 2
     return (positions - center) / half
@@ -36,13 +27,15 @@ class SegmentationField(nn.Module):
     """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background.
 
     Args:
-        boxes: [K, 2, 3] round the objects, least and greatest corners, grid coordinates; outside its box an object has
-            probability 0.
-        n_features: F, prior features of the scene's field.
+        boxes: [K, 2, 3] least and greatest corners, grid coordinates; an object has probability 0 outside its box.
+        n_features: F, number of prior features.
         settings: octaves of the encoding, and the head.
-        volumes: that objects must be inside or outside of; else they have probability 0 too.
-        space: of the scene's field; needed where F_s with volumes is asked.
+        volumes: that objects must be inside or outside of; elsewhere they have probability 0.
+        space: of the scene's field; needed to evaluate F_s with volumes.
     """
+
+    boxes: Tensor
+    bounds: Tensor
 
     def __init__(
         self,
@@ -61,44 +54,48 @@ class SegmentationField(nn.Module):
         self.head = build_head(settings, 3 + 6 * settings.frequencies, 0, n_features, len(boxes) + 1)
 
     def logits(self, positions: Tensor, prior_features: Tensor) -> Tensor:
-        """Class logits [n, K+1] at positions [n, 3] with raw prior features [n, F]."""
+        """Return class logits [n, K+1] for positions [n, 3] and prior features [n, F]."""
         encoded = positional_encoding(scale_positions(positions, self.bounds), self.frequencies)
         return self.head(encoded, self.standardizer(prior_features))
 
     def inside(self, positions: Tensor) -> Tensor:
-        """True where an object can be at a position: in its box, and where its volumes allow it, [n, K]."""
+        """Return True where the boxes and volumes allow an object, [n, K] for positions [n, 3]."""
         point = positions[:, None]
         boxed = ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
         if self.volumes is None:
             return boxed
+        assert self.space is not None, "volumes need the space of the scene's field"
         return boxed & self.volumes(self.space.to_world(positions), len(self.boxes))
 
     def forward(self, positions: Tensor, prior_features: Tensor) -> Tensor:
-        """Class probabilities, differentiable to the parameters; boxes and volumes cut off without a gradient.
+        """Return class probabilities, differentiable with respect to the parameters.
 
         Args:
             positions: [n, 3] grid coordinates.
-            prior_features: [n, F] as the field gives them.
+            prior_features: [n, F], not standardized.
 
         Returns:
             [n, K+1]; rows sum to 1.
         """
         logits = self.logits(positions, prior_features)
-        barred = torch.zeros_like(logits)
-        barred[:, 1:] = torch.where(self.inside(positions), 0.0, -torch.inf)
-        return torch.softmax(logits + barred, 1)
+        excluded = torch.zeros_like(logits)
+        excluded[:, 1:] = torch.where(self.inside(positions), 0.0, -torch.inf)
+        return torch.softmax(logits + excluded, 1)
 
 
 class RecoloringField(nn.Module):
-    """F_w of Eq. 10: palette weights at positions seen from directions, one block of M entries for each palette.
+    """F_w of Eq. 10: palette weights at positions and viewing directions, a block of M weights for each palette.
 
     Args:
         bounds: [2, 3] of F_s, grid coordinates.
-        n_features: F, prior features of the scene's field.
-        sizes: number of colors of each palette, black included; M is the largest, and entries beyond a palette's size
-            get weight 0. A shared palette is one block that serves every object.
+        n_features: F, number of prior features.
+        sizes: number of colors of each palette, black included. M is the largest; entries beyond a palette's size get
+            weight 0. A shared palette is a single block.
         settings: octaves of the encodings, and the head.
     """
+
+    bounds: Tensor
+    missing: Tensor
 
     def __init__(self, bounds: Tensor, n_features: int, sizes: list[int], settings: RecoloringSettings) -> None:
         super().__init__()
@@ -118,15 +115,15 @@ class RecoloringField(nn.Module):
         )
 
     def forward(self, positions: Tensor, viewdirs: Tensor, prior_features: Tensor) -> Tensor:
-        """Palette weights, differentiable to the parameters.
+        """Return palette weights, differentiable with respect to the parameters.
 
         Args:
             positions: [n, 3] grid coordinates.
             viewdirs: [n, 3], unit length.
-            prior_features: [n, F] as the field gives them.
+            prior_features: [n, F], not standardized.
 
         Returns:
-            [n, blocks, M] >= 0; each block's sum to 1.
+            [n, blocks, M] >= 0; each block sums to 1.
         """
         logits = self.head(
             positional_encoding(scale_positions(positions, self.bounds), self.frequencies),

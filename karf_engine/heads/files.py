@@ -1,4 +1,4 @@
-"""F_s, F_w and the objects' rays on disk, as safetensors with their settings in the header."""
+"""Save and load F_s, F_w and the objects' rays, as safetensors with the settings in the header."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from .volumes import Volumes
 SEGMENTATION_SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
 RECOLORING_SCHEMA = "karf-recoloring/1"
-SURFACE = {  # name in the file, type and dimensions, the last of several being x, y, z or red, green, blue
+# attribute: name in the file, dtype and number of axes, the last of several being of size 3
+SURFACE = {
     "positions": ("positions", torch.float32, 3),
     "viewdirs": ("viewdirs", torch.float32, 2),
     "colors": ("colors", torch.uint8, 2),
@@ -31,20 +32,20 @@ SURFACE = {  # name in the file, type and dimensions, the last of several being 
 
 
 def save_segmentation(path: Path, karf: SegmentationField, objects: list[str], settings: SegmentationSettings) -> None:
-    """Write F_s with the names of its classes 1..K and the settings that it was trained with, atomically."""
+    """Write F_s with the names of its classes 1..K and its settings, atomically."""
     save_tensors(path, karf.state_dict(), SEGMENTATION_SCHEMA, {"objects": objects, "settings": to_dict(settings)})
 
 
 def load_segmentation(
     path: Path, n_features: int, device: torch.device | str = "cpu", space: Space | None = None
 ) -> tuple[SegmentationField, list[str]]:
-    """F_s, frozen, and the names of its classes 1..K.
+    """Return a frozen F_s and the names of its classes 1..K.
 
     Args:
-        path: what `save_segmentation` wrote.
-        n_features: prior features of the scene's field.
-        device: where F_s will be.
-        space: of the scene's field; None where F_s is not asked.
+        path: a file of `save_segmentation`.
+        n_features: of the scene's field.
+        device: for F_s.
+        space: of the scene's field; None where F_s is not evaluated.
 
     Raises:
         DataError: the file is damaged or belongs to another field.
@@ -62,35 +63,34 @@ def load_segmentation(
 
 
 def _volumes_of(tensors: Mapping[str, Tensor], n_objects: int) -> Volumes | None:
-    """The volumes of F_s; None where it has none. Raises ValueError where they contradict each other."""
+    """Return the volumes of F_s, or None. Raises ValueError for inconsistent tensors."""
     if "volumes.rules" not in tensors:
         return None
     faces, volume_of_face, rules = (tensors[f"volumes.{name}"] for name in ("faces", "volume_of_face", "rules"))
     shapes = [tuple(each.shape) for each in (faces, volume_of_face, rules)]
-    known = set(volume_of_face.tolist()) == set(range(len(rules))) and set(rules[:, 0].tolist()) <= set(
-        range(n_objects)
-    )
-    if shapes != [(len(faces), 4), (len(faces),), (len(rules), 2)] or not known:
+    fits = shapes == [(len(faces), 4), (len(faces),), (len(rules), 2)]
+    fits = fits and set(volume_of_face.tolist()) == set(range(len(rules)))
+    if not (fits and set(rules[:, 0].tolist()) <= set(range(n_objects))):
         raise ValueError(f"volumes of {shapes}")
     return Volumes(faces, volume_of_face, rules)
 
 
 def save_recoloring(path: Path, karf: RecoloringField, sizes: list[int], settings: RecoloringSettings) -> None:
-    """Write F_w with the sizes of its palettes and the settings that it was trained with."""
+    """Write F_w with the sizes of its palettes and its settings, atomically."""
     save_tensors(path, karf.state_dict(), RECOLORING_SCHEMA, {"sizes": sizes, "settings": to_dict(settings)})
 
 
 def load_recoloring(
     path: Path, bounds: Tensor, n_features: int, palettes: Sequence[Palette], device: torch.device | str = "cpu"
 ) -> RecoloringField:
-    """F_w, frozen.
+    """Return a frozen F_w.
 
     Args:
-        path: what `save_recoloring` wrote.
-        bounds: those of F_s, [2, 3], grid coordinates.
-        n_features: prior features of the scene's field.
-        palettes: that it was trained for, one an object.
-        device: where F_w will be.
+        path: a file of `save_recoloring`.
+        bounds: of F_s, [2, 3], grid coordinates.
+        n_features: of the scene's field.
+        palettes: that it was trained for, one per object.
+        device: for F_w.
 
     Raises:
         DataError: the file is damaged or belongs to other palettes.
@@ -98,7 +98,7 @@ def load_recoloring(
     tensors, facts = load_tensors(path, RECOLORING_SCHEMA, device)
     with restoring(path):
         sizes, own = facts["sizes"], [len(palette.colors) for palette in palettes]
-        if sizes != own and sizes * len(own) != own:  # one block may serve all
+        if sizes != own and sizes * len(own) != own:  # a single block serves all objects
             raise ValueError(f"palettes of {sizes} colors instead of {own}")
         settings = from_dict(facts["settings"], RecoloringSettings)
         karf = RecoloringField(bounds, n_features, sizes, settings).to(device)
@@ -107,13 +107,13 @@ def load_recoloring(
 
 
 def save_surface(path: Path, surface: ObjectSurface, objects: list[str], settings: SegmentationSettings) -> None:
-    """Write the objects' rays with the objects' names and the settings of the segmentation that found them."""
+    """Write the objects' rays with the objects' names and the settings of segmentation, atomically."""
     tensors = {name: getattr(surface, attribute) for attribute, (name, _, _) in SURFACE.items()}
     save_tensors(path, tensors, SURFACE_SCHEMA, {"objects": objects, "settings": to_dict(settings)})
 
 
 def load_surface(path: Path, device: torch.device | str = "cpu") -> tuple[ObjectSurface, list[str]]:
-    """The objects' rays, and the objects' names. Raises DataError where the file is damaged."""
+    """Return the objects' rays and names. Raises DataError where the file is damaged."""
     tensors, facts = load_tensors(path, SURFACE_SCHEMA, device)
     with restoring(path):
         objects = check_names(facts["objects"], path, "an object")

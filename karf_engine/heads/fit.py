@@ -1,11 +1,13 @@
-"""Training the two KaRF fields on surface samples of the frozen scene (paper, Sec. 4.3).
+"""Train the two KaRF fields on surface samples of the frozen scene (paper, Sec. 4.3).
 
-Losses are means over rays (or points) and sums over channels, which keeps the ratio of the paper's lambdas.
+Losses are means over rays or points and sums over channels, which keeps the ratio of the paper's lambdas.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -16,16 +18,16 @@ from ..fields.protocol import Field
 from ..fields.rendering.surface_cache import SurfaceCache
 from ..fields.training.adam import Adam
 from ..fields.training.checkpoint import Checkpoint
-from ..fields.training.loop import Schedule, Step, constant, cosine_with_warmup, train
+from ..fields.training.loop import Step, constant, cosine_with_warmup, train
 from ..fields.training.state import TrainingState
-from ..project.settings import HeadSettings, RecoloringSettings, SegmentationSettings
+from ..project.settings import RecoloringSettings, SegmentationSettings
 from .fields import RecoloringField, SegmentationField
 from .ray_features import RayFeatures
 from .rendering import render_classes, render_weights
 
 WARMUP = 20  # iterations
-NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest comes from anywhere
-FIXED_SHARE = 0.1  # more, where there are corrections
+NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest is drawn from all points
+FIXED_SHARE = 0.1  # in addition, where there are corrections
 
 
 def fit_on_points(
@@ -41,19 +43,18 @@ def fit_on_points(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> None:
-    """Train F_s, in place, by cross-entropy on labelled surface points.
+    """Train F_s in place by cross-entropy on labelled surface points.
 
-    Of each batch one share comes from the objects, one from the background near them, where the border is decided, and
-    the rest from anywhere; a further share from what corrections have settled.
+    Batches are drawn from the objects, the background near them, all points, and the points fixed by corrections.
 
     Args:
         karf: F_s.
         scene_field: the frozen radiance field, for its prior features.
         positions: [p, 3] grid coordinates.
         classes: [p] int in 0..K.
-        certainty: [p] in [0, 1], a point's chance to be drawn.
+        certainty: [p] in [0, 1], sampling weights.
         near: [p] bool, points near an object.
-        fixed: [p] bool, points that corrections have settled.
+        fixed: [p] bool, points fixed by corrections.
         settings: of the training.
         runtime: device and random numbers.
         progress: counts iterations.
@@ -66,9 +67,8 @@ def fit_on_points(
     near_pool, any_pool = _pool(certainty * (near & (classes == 0))), _pool(certainty)
     n_near = int(settings.batch * NEAR_SHARE)
     n_object = int(settings.batch * OBJECT_SHARE) // max(len(pools), 1)
-    optimizer = Adam(karf.parameters(), lr=settings.rate)
 
-    def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         parts = [_draw(pool, int(n_object * scale) + 1, runtime) for pool in pools]
         parts += [_draw(near_pool, int(n_near * scale) + 1, runtime)]
         parts += [_draw(any_pool, max(1, int(settings.batch // 5 * scale)), runtime)]
@@ -77,8 +77,8 @@ def fit_on_points(
         loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
         return loss, {"loss": loss.detach()}
 
-    training_state = TrainingState(settings.iterations, optimizer, karf.state_dict, runtime)
-    _learn(training_state, step, _schedule(settings, 0.05), progress, checkpoint)
+    optimizer = Adam(karf.parameters(), lr=settings.rate)
+    _train(karf.state_dict, optimizer, step, settings, 0.05, runtime, progress, checkpoint)
 
 
 def fit_on_rays(
@@ -91,50 +91,46 @@ def fit_on_rays(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> None:
-    """Train F_s, in place, by the paper's Eq. 12: cross-entropy between rendered probabilities and the masks as given.
+    """Train F_s in place by Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
-    All rays are drawn alike. Where every object is marked in every marked view this is Eq. 12; a ray that may belong to
-    an object which has no mask in its view is only asked to be one of the classes that it may have.
+    Rays are drawn uniformly. If objects lack masks in a view, a ray outside the masks may have any of several classes;
+    the loss is then that of their total probability.
 
     Args:
         karf: F_s.
         scene_field: the frozen radiance field, for its prior features.
         cache: n rays with their surface samples.
         targets: [n, K+1] votes of the rays (see `segmentation/votes.py`).
-        settings: of the training.
-        runtime: device and random numbers.
-        progress: counts iterations.
-        checkpoint: resumes and saves the training; None trains from the start.
+        settings, runtime, progress, checkpoint: as for `fit_on_points`.
     """
     flat = cache.positions.view(-1, 3)
     karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
     features = RayFeatures(scene_field, cache.positions, settings)
-    optimizer = Adam(karf.parameters(), lr=settings.rate)
 
-    def step(_: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
+    def step(_: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(cache), max(16, int(settings.batch * scale)))
         probabilities = render_classes(karf, cache.positions[index], features.of(index), cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": loss.detach()}
 
-    training_state = TrainingState(settings.iterations, optimizer, karf.state_dict, runtime)
-    _learn(training_state, step, _schedule(settings, 0.05), progress, checkpoint)
+    optimizer = Adam(karf.parameters(), lr=settings.rate)
+    _train(karf.state_dict, optimizer, step, settings, 0.05, runtime, progress, checkpoint)
 
 
 @dataclass(frozen=True)
 class ObjectRays:
-    """Rays of segmented objects with their quantile samples: what F_w learns from.
+    """Training rays of F_w with their quantile samples.
 
     Attributes:
         positions: [n, S, 3] grid coordinates.
         viewdirs: [n, 3], unit length.
         colors: [n, 3] of the photo, sRGB in [0, 1].
-        view: [n] number of the photo among the cached ones.
-        block: [n] number of the ray's palette.
-        weights: [n, M] over it, which Eq. 13 asks for; 0 where it does not.
-        supervised: [n] bool, whether Eq. 13 asks this ray for its weights.
-        opacity: [n] in [0, 1], what of the ray its samples stand for; the rest is black.
+        view: [n] index of the photo among the cached ones.
+        block: [n] index of the ray's palette.
+        weights: [n, M] target weights of Eq. 13; 0 for unsupervised rays.
+        supervised: [n] bool, the rays of Eq. 13.
+        opacity: [n] in [0, 1]; the transmitted rest of a ray is black.
     """
 
     positions: Tensor
@@ -157,19 +153,14 @@ def fit_recoloring(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> Tensor:
-    """Train F_w, in place, by Eq. 14 with lambda_Edit = 1.
-
-    In the last share of the iterations the palettes are learned too; black (entry 0) stays.
+    """Train F_w in place by Eq. 14 with lambda_Edit = 1; the last `palette_share` of the iterations also learns the palettes.
 
     Args:
         karf: F_w.
         scene_field: the frozen radiance field, for its prior features.
-        rays: with the weights that they are asked for.
-        palettes: [blocks, M, 3] as extracted, sRGB in [0, 1].
-        settings: of the training.
-        runtime: device and random numbers.
-        progress: counts iterations.
-        checkpoint: resumes and saves the training; None trains from the start.
+        rays: at least one, with target weights.
+        palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed.
+        settings, runtime, progress, checkpoint: as for `fit_on_points`.
 
     Returns:
         The learned palettes, [blocks, M, 3] sRGB in [0, 1].
@@ -183,10 +174,9 @@ def fit_recoloring(
         {"params": list(karf.parameters()), "lr": settings.rate},
         {"params": [learned], "lr": settings.palette_rate},
     ]
-    optimizer = Adam(groups)
     first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
 
-    def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Tensor]]:
+    def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
         block = rays.block[index]
         all_weights = render_weights(karf, rays.positions[index], rays.viewdirs[index], features.of(index))
@@ -198,40 +188,45 @@ def fit_recoloring(
         colors = torch.cat([palettes[:, :1], colors[:, 1:].clamp(0, 1)], 1)
         mixed = torch.einsum("nm,nmc->nc", weights, colors[block])
         palette_loss = ((mixed - rays.colors[index]) ** 2).sum(1).mean()
-        asked = rays.supervised[index]
-        weight_loss = (((weights - rays.weights[index]) ** 2).sum(1) * asked).sum() / asked.sum().clamp_min(1)
+        supervised = rays.supervised[index]
+        errors = ((weights - rays.weights[index]) ** 2).sum(1)
+        weight_loss = (errors * supervised).sum() / supervised.sum().clamp_min(1)
         loss = settings.palette_loss * palette_loss + settings.weight_loss * weight_loss
         return loss, {"palette": palette_loss.detach(), "weight": weight_loss.detach()}
 
-    training_state = TrainingState(
-        settings.iterations, optimizer, lambda: karf.state_dict() | {"palettes": learned.detach()}, runtime
-    )
-    _learn(training_state, step, _schedule(settings, 0.02), progress, checkpoint)
+    def learned_state() -> dict[str, Tensor]:
+        return karf.state_dict() | {"palettes": learned.detach()}
+
+    _train(learned_state, Adam(groups), step, settings, 0.02, runtime, progress, checkpoint)
     return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)
 
 
-def _learn(
-    training_state: TrainingState, step: Step, schedule: Schedule, progress: Progress, checkpoint: Checkpoint | None
+def _train(
+    learned_state: Callable[[], dict[str, Tensor]],
+    optimizer: Adam,
+    step: Step,
+    settings: SegmentationSettings | RecoloringSettings,
+    floor: float,
+    runtime: Runtime,
+    progress: Progress,
+    checkpoint: Checkpoint | None,
 ) -> None:
-    """Run the whole training, or what is left of it."""
+    """Run the training, or the rest of it after a checkpoint. floor: of the cosine schedule."""
+    training_state = TrainingState(settings.iterations, optimizer, learned_state, runtime)
+    schedule = constant if settings.schedule == "constant" else cosine_with_warmup(WARMUP, floor)
     if checkpoint is not None:
         checkpoint.follow(training_state, progress)
-    train(training_state, training_state.iterations, step, schedule, progress, checkpoint)
+    train(training_state, settings.iterations, step, schedule, progress, checkpoint)
 
 
-def _schedule(settings: HeadSettings, floor: float) -> Schedule:
-    """The learning rate's factor over time; floor: of the cosine."""
-    return constant if settings.schedule == "constant" else cosine_with_warmup(WARMUP, floor)
-
-
-def _pool(chance: Tensor) -> Tensor:
-    """Running sum of chances [p], for `_draw`; empty where nothing can be drawn."""
-    total = torch.cumsum(chance.double(), 0)
+def _pool(weights: Tensor) -> Tensor:
+    """Return the cumulative sum of sampling weights [p] for `_draw`; empty where all are 0."""
+    total = torch.cumsum(weights.double(), 0)
     return total if len(total) and float(total[-1]) > 0 else total[:0]
 
 
 def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
-    """`count` indices in proportion to the chances of a pool."""
+    """Draw `count` indices in proportion to the weights of a pool, with replacement."""
     if len(pool) == 0:
         return torch.zeros(0, dtype=torch.long, device=pool.device)
     return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)

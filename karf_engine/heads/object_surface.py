@@ -1,4 +1,4 @@
-"""The rays that end on objects: what palettes and F_w are learned from."""
+"""The rays that end on objects: training data of palettes and F_w."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-MIN_INTERIOR_PIXELS = 50  # of an object in all views together: fewer do not make a palette
-UNSEEN = np.full((1, 3), 0.5, np.float32)  # the one color of an object that nothing shows
-BACKGROUND = 255  # in the place of an object's number
+MIN_INTERIOR_PIXELS = 50  # of an object in all views, for a palette
+UNSEEN = np.full((1, 3), 0.5, np.float32)  # color of an object without pixels
+BACKGROUND = 255  # object number of rays without an object
 
 
 @dataclass(frozen=True)
 class ObjectSurface:
-    """Surface samples of the n rays that end on an object in the cached views, S samples each.
+    """n rays of the cached views that end on an object, with S surface samples each.
 
     Attributes:
         positions: [n, S, 3] float32, grid coordinates.
         viewdirs: [n, 3] float32, unit length.
         colors: [n, 3] uint8 sRGB of the photo.
-        object: [n] uint8 from 0, into the objects' names.
+        object: [n] uint8, index of the object.
         interior: [n] bool, well inside the object.
-        view: [n] int16, into the names of the cached views.
+        view: [n] int16, index of the cached view.
     """
 
     positions: Tensor
@@ -34,13 +34,9 @@ class ObjectSurface:
 
 
 def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.ndarray]]:
-    """Photo colors well inside each object: for each object one array [n, 3] float32 sRGB in [0, 1] a view.
+    """Return the interior photo colors of each object, one array [n, 3] float32 sRGB in [0, 1] per view.
 
-    Of an object with too few pixels to make a palette of (`scarce_objects`) it is their mean; where it has none, gray.
-
-    Args:
-        surface: rays of these objects.
-        objects: their names.
+    An object with too few pixels for a palette (`scarce_objects`) has their mean only, or gray without pixels.
     """
     colors = surface.colors.cpu().numpy().astype(np.float32) / 255
     owner, view, interior = (values.cpu().numpy() for values in (surface.object, surface.view, surface.interior))
@@ -55,6 +51,6 @@ def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.nd
 
 
 def scarce_objects(surface: ObjectSurface, objects: list[str]) -> dict[str, int]:
-    """How many pixels objects show that show too few to make a palette of, by their names; arguments as above."""
-    shown = np.bincount(surface.object[surface.interior].cpu().numpy(), minlength=len(objects)).tolist()
-    return {name: count for name, count in zip(objects, shown, strict=True) if count < MIN_INTERIOR_PIXELS}
+    """Return the number of interior pixels of each object that has too few for a palette, by name."""
+    counts = np.bincount(surface.object[surface.interior].cpu().numpy(), minlength=len(objects)).tolist()
+    return {name: count for name, count in zip(objects, counts, strict=True) if count < MIN_INTERIOR_PIXELS}

@@ -1,6 +1,6 @@
-"""The kinds of heads: networks from encoded positions, prior features and directions to the logits of F_s or F_w.
+"""Registry of heads: networks from encoded positions, prior features and directions to the logits of F_s or F_w.
 
-A new one is one file: a `Head`, and a call of `register_head` or an entry point `karf.heads` that is its builder.
+Add a `Head` with `register_head`, or as an entry point `karf.heads` that is its builder.
 """
 
 from __future__ import annotations
@@ -20,33 +20,31 @@ from ..kan.gated_block import GatedBlock, count_parameters
 from ..kan.mlp import MLPHead
 from ..project.settings import HEAD_KINDS, HeadSettings
 
-WIDEST = 16384
+MAX_WIDTH = 16384
 
 
 class Head(Protocol):
-    """A network on top of the frozen scene, an `nn.Module`. It must be differentiable to its parameters."""
+    """An `nn.Module` from encodings and prior features to logits, differentiable with respect to its parameters."""
 
     def __call__(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Logits of n positions.
+        """Return logits [n, n_out].
 
         Args:
             position_encoding: [n, P].
             features: [n, F] standardized prior features.
             direction_encoding: [n, D]; None where D = 0, as in F_s.
-
-        Returns:
-            [n, n_out].
         """
+        ...
 
 
 @dataclass(frozen=True)
 class HeadSizes:
-    """Widths of what a head reads and gives.
+    """Input and output widths of a head.
 
     Attributes:
-        n_position: P, of the encoded positions.
-        n_direction: D, of the encoded viewing directions; 0 without.
-        n_features: F, of the prior features.
+        n_position: P, width of the encoded positions.
+        n_direction: D, width of the encoded viewing directions; 0 without.
+        n_features: F, number of prior features.
         n_out: number of logits.
     """
 
@@ -64,14 +62,14 @@ HEADS: dict[str, HeadBuilder] = {}
 
 @checked
 def register_head(name: str, build: HeadBuilder) -> None:
-    """Make a kind of head known: to the settings `segmentation.head` and `recoloring.head`, and to `build_head`.
+    """Add a kind of head for the settings `segmentation.head` and `recoloring.head`.
 
     Args:
         name: of the kind.
-        build: a fresh head of these sizes; it reads of the settings what concerns it, `width` above all.
+        build: returns a new head for sizes and settings; it should heed `width`.
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: another kind has this name.
     """
     if HEADS.setdefault(name, build) is not build:
@@ -81,17 +79,10 @@ def register_head(name: str, build: HeadBuilder) -> None:
 
 
 def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_features: int, n_out: int) -> Head:
-    """A fresh head as the settings describe it.
+    """Return a new head as the settings describe it; for the widths see `HeadSizes`.
 
-    With `match="parameters"` its width is the one whose parameters are nearest in number to those of the full block of
-    Gaussian layers that is `settings.width` wide.
-
-    Args:
-        settings: kind, width, and what that kind reads of them.
-        n_position: see `HeadSizes`, also for the others.
-        n_direction: 0 without directions.
-        n_features: number of prior features.
-        n_out: number of logits.
+    With `match="parameters"` its width is chosen so that the number of parameters is nearest to that of the full block
+    of Gaussian layers of `settings.width`.
 
     Raises:
         BadRequest: the kind of head or layer is not registered, or a layer refuses its settings.
@@ -113,16 +104,18 @@ def _build(settings: HeadSettings, sizes: HeadSizes) -> Head:
 
 def _n_parameters(settings: HeadSettings, sizes: HeadSizes) -> int:
     with torch.device("meta"):  # shapes without memory
-        return count_parameters(_build(settings, sizes))
+        head = _build(settings, sizes)
+    assert isinstance(head, nn.Module)
+    return count_parameters(head)
 
 
 def _matched_width(settings: HeadSettings, sizes: HeadSizes, wanted: int) -> int:
-    """The width whose parameters are nearest in number to `wanted`; the number grows with the width."""
+    """Return the width whose number of parameters, which grows with the width, is nearest to `wanted`."""
 
     def count(width: int) -> int:
         return _n_parameters(replace(settings, width=width), sizes)
 
-    above = bisect_left(range(WIDEST), wanted, lo=2, key=count)
+    above = bisect_left(range(MAX_WIDTH), wanted, lo=2, key=count)
     return min(above - 1, above, key=lambda width: abs(count(width) - wanted))
 
 

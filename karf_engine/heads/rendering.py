@@ -1,6 +1,6 @@
-"""Rendering the two KaRF fields along the rays of a frozen scene (paper, Eq. 8): classes and palette weights.
+"""Render the two KaRF fields along the rays of a frozen scene (paper, Eq. 8): classes and palette weights.
 
-Because density is frozen, a ray's samples are cached once (rendering.surface_cache) and the fields asked only there.
+Density is frozen, so the fields are evaluated only at the cached samples of `fields.rendering.surface_cache`.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from ..fields.rendering.surface_cache import SurfaceCache
 from .fields import RecoloringField, SegmentationField
 
 SAMPLES_PER_CHUNK = 1 << 17
-CPU_SAMPLES_PER_CHUNK = 1 << 13  # whose layers stay near the processor's cache
-NEGLIGIBLE = 1 / 1024  # probability of a class: too little to change an 8-bit picture
+CPU_SAMPLES_PER_CHUNK = 1 << 13  # activations then fit the processor's cache
+NEGLIGIBLE = 1 / 1024  # class probability too small to change an 8-bit picture
 
 
 def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
-    """Rendered class probabilities of rays (the sum of Eq. 8): the final transmittance goes to the background.
-
-    Differentiable to F_s; not through the rays' weights, which are frozen.
+    """Render class probabilities of rays (Eq. 8), differentiable with respect to F_s. Transmittance counts as background.
 
     Args:
         karf: F_s.
@@ -40,19 +38,19 @@ def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor,
 
 
 def _rendered(classes: Tensor, opacity: Tensor) -> Tensor:
-    """Class probabilities [n, K+1] of rays of those of their samples [n, S, K+1]."""
+    """Return the class probabilities of rays [n, K+1] from those of their samples [n, S, K+1]."""
     rendered = classes.mean(1) * opacity[:, None]
     background = rendered[:, :1] + (1 - opacity)[:, None]
     return torch.cat([background, rendered[:, 1:]], 1)
 
 
 @dataclass(frozen=True)
-class _Part:
-    """Some rays of a cache, and F_s at their distinct samples: several quantiles may fall on one.
+class _Chunk:
+    """Some rays of a cache, and F_s at their s distinct samples; several quantiles of a ray may be the same sample.
 
     Attributes:
-        rays: [r], their numbers in the cache.
-        first: [r, S] bool, the quantiles that fall on a sample none before them does; s of them.
+        rays: [r] indices of the rays in the cache.
+        first: [r, S] bool, the first quantile of each distinct sample.
         positions: [s, 3] grid coordinates.
         features: [s, F] prior features.
         classes: [s, K+1] probabilities of F_s.
@@ -66,82 +64,82 @@ class _Part:
 
     @property
     def sample_of(self) -> Tensor:
-        """Which of the s samples each quantile falls on, [r, S]."""
+        """The index of each quantile's distinct sample, [r, S]."""
         return (torch.cumsum(self.first.view(-1), 0) - 1).view(self.first.shape)
 
 
-def _ask(karf: SegmentationField, scene_field: Field, cache: SurfaceCache, take: Callable[[int, _Part], None]) -> None:
-    """Ask F_s along the rays of a cache that touch an object's box, in parts; `take` gets each, with its number."""
+def _for_each_chunk(
+    karf: SegmentationField, scene_field: Field, cache: SurfaceCache, use: Callable[[int, _Chunk], None]
+) -> None:
+    """Evaluate F_s in chunks along the rays that touch an object's box; `use` receives each chunk's number and chunk."""
     n_samples = cache.positions.shape[1]
-    at_once = max(1, _samples_at_once(cache) // n_samples)
+    samples_per_chunk = CPU_SAMPLES_PER_CHUNK if cache.opacity.device.type == "cpu" else SAMPLES_PER_CHUNK
+    rays_per_chunk = max(1, samples_per_chunk // n_samples)
     touching = [
-        karf.inside(some.reshape(-1, 3)).any(1).view(-1, n_samples).any(1) for some in cache.positions.split(at_once)
+        karf.inside(positions.reshape(-1, 3)).any(1).view(-1, n_samples).any(1)
+        for positions in cache.positions.split(rays_per_chunk)
     ]
-    rays_of_parts = torch.nonzero(torch.cat(touching)).squeeze(1).split(at_once)
+    chunks = torch.nonzero(torch.cat(touching)).squeeze(1).split(rays_per_chunk)
 
-    def ask(first: int, last: int) -> None:
+    def evaluate(first: int, last: int) -> None:
         for number in range(first, last):
-            take(number, _part(karf, scene_field, cache, rays_of_parts[number]))
+            use(number, _evaluate(karf, scene_field, cache, chunks[number]))
 
-    share(ask, len(rays_of_parts))
+    share(evaluate, len(chunks))
 
 
-def _part(karf: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Part:
+def _evaluate(karf: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Chunk:
     distances = cache.distances[rays]
     first = torch.ones_like(distances, dtype=torch.bool)
     first[:, 1:] = distances[:, 1:] != distances[:, :-1]
     positions = cache.positions[rays][first]
     features = scene_field.features(positions)
-    return _Part(rays, first, positions, features, karf(positions, features))
-
-
-def _samples_at_once(cache: SurfaceCache) -> int:
-    return CPU_SAMPLES_PER_CHUNK if cache.opacity.device.type == "cpu" else SAMPLES_PER_CHUNK
+    return _Chunk(rays, first, positions, features, karf(positions, features))
 
 
 @torch.no_grad()
 def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Tensor:
-    """Rendered class probabilities of all cached rays, [n, K+1]; not differentiable.
+    """Render class probabilities of all cached rays, [n, K+1]; not differentiable.
 
-    Rays outside every object's box are background and not evaluated.
+    Rays outside all boxes are background and not evaluated.
 
     Args:
         karf: F_s.
         scene_field: the frozen radiance field, for its prior features.
         cache: n rays with their surface samples.
     """
-    result = _background(karf, cache)
+    rendered = _background(karf, cache)
 
-    def take(_: int, part: _Part) -> None:
-        result[part.rays] = _rendered(part.classes[part.sample_of], cache.opacity[part.rays])
+    def use(_: int, chunk: _Chunk) -> None:
+        rendered[chunk.rays] = _rendered(chunk.classes[chunk.sample_of], cache.opacity[chunk.rays])
 
-    _ask(karf, scene_field, cache, take)
-    return result
+    _for_each_chunk(karf, scene_field, cache, use)
+    return rendered
 
 
 def _background(karf: SegmentationField, cache: SurfaceCache) -> Tensor:
-    result = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
-    result[:, 0] = 1
-    return result
+    classes = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
+    classes[:, 0] = 1
+    return classes
 
 
 def features_of(scene_field: Field, positions: Tensor) -> Tensor:
-    """Prior features at samples [n, K, 3] of rays, [n, K, F]; n may be 0."""
+    """Return prior features [n, S, F] at samples [n, S, 3] of rays; n may be 0."""
     return scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], scene_field.n_features)
 
 
 @dataclass(frozen=True)
 class ObjectSamples:
-    """The output of F_s for a cache, and the s samples at which an object's probability is not negligible.
+    """The output of F_s for a cache, and the s samples where an object's probability is not negligible.
 
     Attributes:
-        rendered: [n, K+1] rendered class probabilities of all cached rays, as of `segment_cache`.
+        rendered: [n, K+1] class probabilities of all cached rays, as from `segment_cache`.
         positions: [s, 3] grid coordinates.
         viewdirs: [s, 3], unit length.
         features: [s, F] prior features.
         classes: [s, K] probabilities of F_s, without the background.
-        rays: [s] number of each sample's ray in the cache.
-        counts: [s] >= 1, how many of the ray's quantiles fall on the sample.
+        rays: [s] index of the sample's ray in the cache.
+        counts: [s] >= 1, number of the ray's quantiles at this sample.
     """
 
     rendered: Tensor
@@ -155,36 +153,36 @@ class ObjectSamples:
 
 @torch.no_grad()
 def object_samples(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> ObjectSamples:
-    """F_s along a cache's rays, asked once, and where F_w must be asked; not differentiable.
+    """Evaluate F_s along a cache's rays, and collect the samples for F_w; not differentiable.
 
-    Arguments as for `segment_cache`.
+    The arguments are those of `segment_cache`.
     """
     rendered, parts = _background(segmentation, cache), {}
 
-    def take(number: int, part: _Part) -> None:
-        sample_of = part.sample_of
-        rendered[part.rays] = _rendered(part.classes[sample_of], cache.opacity[part.rays])
-        classes = part.classes[:, 1:]
+    def use(number: int, chunk: _Chunk) -> None:
+        sample_of = chunk.sample_of
+        rendered[chunk.rays] = _rendered(chunk.classes[sample_of], cache.opacity[chunk.rays])
+        classes = chunk.classes[:, 1:]
         own = torch.nonzero(classes.amax(1) > NEGLIGIBLE).squeeze(1)
-        rays = part.rays[torch.nonzero(part.first)[own, 0]]
+        rays = chunk.rays[torch.nonzero(chunk.first)[own, 0]]
         counts = torch.bincount(sample_of.view(-1), minlength=len(classes))[own]
-        parts[number] = part.positions[own], cache.viewdirs[rays], part.features[own], classes[own], rays, counts
+        parts[number] = chunk.positions[own], cache.viewdirs[rays], chunk.features[own], classes[own], rays, counts
 
-    _ask(segmentation, scene_field, cache, take)
+    _for_each_chunk(segmentation, scene_field, cache, use)
     in_order = [parts[number] for number in sorted(parts)]
     return ObjectSamples(rendered, *[torch.cat(values) for values in zip(*in_order, strict=True)])
 
 
 @torch.no_grad()
 def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: SurfaceCache) -> Tensor:
-    """Edit planes of all cached rays: sum_i omega_i s_i^k w_ij of every object k and palette entry j (Eq. 8 and 9).
+    """Render the edit planes of all cached rays: sum_i omega_i s_i^k w_ij for object k and palette entry j (Eq. 8, 9).
 
-    Class and weights are multiplied sample by sample: at a silhouette the samples behind the object have no influence.
-    Not differentiable; `render_weights` is.
+    Class and weights are multiplied per sample, so samples behind an object's silhouette have no influence. Not
+    differentiable; `render_weights` is.
 
     Args:
         recoloring: F_w.
-        samples: those of this cache.
+        samples: of this cache.
         cache: n rays with their surface samples.
 
     Returns:
@@ -192,15 +190,15 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
     """
     n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
-    for part in torch.arange(len(samples.rays), device=cache.opacity.device).split(SAMPLES_PER_CHUNK):
-        weights = recoloring(samples.positions[part], samples.viewdirs[part], samples.features[part])
-        shares = samples.classes[part] * samples.counts[part, None]
-        planes.index_add_(0, samples.rays[part], shares[:, :, None] * weights)  # a shared palette broadcasts
+    for chunk in torch.arange(len(samples.rays), device=cache.opacity.device).split(SAMPLES_PER_CHUNK):
+        weights = recoloring(samples.positions[chunk], samples.viewdirs[chunk], samples.features[chunk])
+        classes = samples.classes[chunk] * samples.counts[chunk, None]
+        planes.index_add_(0, samples.rays[chunk], classes[:, :, None] * weights)  # a shared palette broadcasts
     return planes * (cache.opacity / n_samples)[:, None, None]
 
 
 def render_weights(karf: RecoloringField, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-    """Mean of F_w over the quantile samples of rays: Eq. 8 with w in the place of s, differentiable to F_w.
+    """Render palette weights (Eq. 8 with w instead of s) as the mean over quantile samples, differentiable in F_w.
 
     Args:
         karf: F_w.

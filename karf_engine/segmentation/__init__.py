@@ -1,1 +1,1 @@
-"""From coarse masks to clean labels on surface points, and to F_s; `marking` makes the masks."""
+"""Turn coarse masks into labelled surface points and F_s. `marking` proposes the masks."""

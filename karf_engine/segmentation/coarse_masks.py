@@ -1,6 +1,6 @@
-"""Coarse masks on disk: MASKS/<object>/<photo stem>.png, checked against the capture.
+"""Read coarse masks from MASKS/<object>/<photo stem>.png and check them against the capture.
 
-Photos of several cameras lie in subfolders, and masks may lie in the same: MASKS/<object>/cam1/0001.png.
+Where photos are in subfolders, masks may be in the same ones: MASKS/<object>/cam1/0001.png.
 """
 
 from __future__ import annotations
@@ -27,13 +27,7 @@ LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the
 
 @dataclass(frozen=True)
 class CoarseMask:
-    """One object's rough mask in one view.
-
-    Attributes:
-        object_name: the object's.
-        view: the view that it was drawn on, of any split: a marked photo is used in training.
-        path: the file as the user gave it.
-    """
+    """The rough mask of one object in one view of any split, and its file."""
 
     object_name: str
     view: View
@@ -41,23 +35,23 @@ class CoarseMask:
 
 
 def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
-    """The masks below a folder, sorted by object and view.
+    """Return the masks below a folder, sorted by object and view.
 
-    A mask is named after its photo's stem, or the view's name where stems repeat, or lies in the photo's subfolder.
+    A mask is named after its photo's stem, or after its view where stems repeat, or is in the photo's subfolder.
 
     Args:
         folder: MASKS/<object>/<photo stem>.png, also .jpg, .jpeg or .webp.
-        capture: whose photos the masks were drawn on.
+        capture: the photos that were marked.
 
     Raises:
-        DataError: there is no mask, a name fits no photo or several, one is not a file, or an object is called
-            `background`, or what no file can be called, or as another but for upper and lower case.
+        DataError: nothing is marked, a name fits no photo or several, a mask is not a file, or an object's name is
+            `background`, not a file name on every system, or equal to another's but for case.
     """
     if not folder.is_dir():
         raise DataError("{folder} is not a folder of masks.", LAYOUT_HINT, folder=folder)
     masks = []
     for path in object_folders(folder):
-        own = marks_of(path, capture)
+        own = masks_of_object(path, capture)
         if not own:
             raise DataError(f"{path} holds no mask of the object {path.name!r}.", LAYOUT_HINT)
         masks += own
@@ -67,10 +61,10 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def object_folders(folder: Path) -> list[Path]:
-    """The folders of a folder's objects, in order.
+    """Return the folders of the objects, sorted.
 
     Raises:
-        DataError: two are one but for upper and lower case, or for the Unicode form of their letters.
+        DataError: two names differ only by case or by Unicode form.
     """
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     if same := same_but_for_case(path.name for path in objects):
@@ -82,14 +76,14 @@ def object_folders(folder: Path) -> list[Path]:
 
 
 def marked_views(folder: Path, capture: Capture) -> set[str]:
-    """Names of the views that something below MASKS/<object>/ is named after; nothing is checked."""
-    files = [path.relative_to(folder).parts[1:] for path in mask_files(folder)]
-    found = [fitting_views(Path(*below), capture) for below in files if below]
-    return {views[0].name for views in found if len(views) == 1}
+    """Return the names of the views that files below MASKS/<object>/ are named after, without checking the files."""
+    paths = [Path(*path.relative_to(folder).parts[1:]) for path in mask_files(folder)]
+    matches = [_matching_views(path, capture) for path in paths if path.parts]
+    return {views[0].name for views in matches if len(views) == 1}
 
 
-def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
-    """What marks an object in single photos, all pictures below its folder; errors as for `find_masks`."""
+def masks_of_object(folder: Path, capture: Capture) -> list[CoarseMask]:
+    """Return the masks in one object's folder, sorted by file. Raises DataError as `find_masks` does."""
     if folder.name.lower() == "background":
         raise DataError(f"{folder} names an object 'background', which is what no mask covers.", "Rename the folder.")
     if not is_file_name(folder.name):
@@ -98,7 +92,7 @@ def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
     for path in files:
         check_file(path, MOST_PHOTO_BYTES)
     name = one_form(folder.name)
-    masks = [CoarseMask(name, _view_of(path, path.relative_to(folder), capture), path) for path in files]
+    masks = [CoarseMask(name, _view_of(path, folder, capture), path) for path in files]
     for first, second in itertools.pairwise(sorted(masks, key=lambda mask: mask.view.name)):
         if first.view.name == second.view.name:
             raise DataError(
@@ -107,14 +101,14 @@ def marks_of(folder: Path, capture: Capture) -> list[CoarseMask]:
     return masks
 
 
-def _view_of(path: Path, below: Path, capture: Capture) -> View:
-    """The view that a mask was drawn on; below: its path in the object's folder."""
-    fitting = fitting_views(below, capture)
-    if len(fitting) == 1:
-        return fitting[0]
-    if fitting:
+def _view_of(path: Path, folder: Path, capture: Capture) -> View:
+    """Return the view that a mask in an object's folder was drawn on."""
+    views = _matching_views(path.relative_to(folder), capture)
+    if len(views) == 1:
+        return views[0]
+    if views:
         raise DataError(
-            f"{path} fits {len(fitting)} photos, the views {', '.join(view.name for view in fitting[:3])}.",
+            f"{path} fits {len(views)} photos, the views {', '.join(view.name for view in views[:3])}.",
             "Name it after its view, or lay masks out in the photos' subfolders.",
         )
     first = next(iter(capture.views), None)
@@ -122,51 +116,48 @@ def _view_of(path: Path, below: Path, capture: Capture) -> View:
     raise DataError("{path} is named after no photo.", hint, path=path)
 
 
-def fitting_views(below: Path, capture: Capture) -> list[View]:
-    """The views that a mask's path in its object's folder can mean: the one of its name, else training ones, else any."""
-    fitting = [view for view in capture.views if fits_view(below, view)]
-    named = [view for view in fitting if view.name == file_name(below.stem)]
-    return named or [view for view in fitting if view.split == "train"] or fitting
+def _matching_views(path: Path, capture: Capture) -> list[View]:
+    """Return the views that a mask's path in its object's folder may mean: the view of that name, else training views."""
+    matches = [view for view in capture.views if fits_view(path, view)]
+    named = [view for view in matches if view.name == file_name(path.stem)]
+    return named or [view for view in matches if view.split == "train"] or matches
 
 
 def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
-    """The mask at the training image's working size.
+    """Return the mask at the training image's working size, bool [H, W].
 
     Args:
         mask: as large as the photo, or of the working size.
         training_image: the photo of its view.
 
-    Returns:
-        [H, W] bool.
-
     Raises:
         DataError: the mask is of another size, damaged or empty.
     """
-    found = at_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
-    if not found.any():
+    pixels = to_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
+    if not pixels.any():
         raise DataError(
             "{path} marks nothing of {name!r}.",
             "Paint the object white.",
             path=mask.path,
             name=mask.object_name,
         )
-    return found
+    return pixels
 
 
-def at_working_size(drawn: np.ndarray, mask: CoarseMask, working: Camera) -> np.ndarray:
-    """How much of each pixel of a smaller pinhole is drawn over, [H, W] float32 in [0, 1].
+def to_working_size(pixels: np.ndarray, mask: CoarseMask, working: Camera) -> np.ndarray:
+    """Return the share of each pixel that a mask covers, [H, W] float32 in [0, 1], undistorted.
 
     Args:
-        drawn: bool, of the photo's size, with its lens, or of the pinhole's.
-        mask: its file and view.
-        working: the pinhole.
+        pixels: bool, of the photo's size, distorted by its lens, or of the working size.
+        mask: names the file and the view.
+        working: the pinhole camera at the working size.
 
     Raises:
-        DataError: it is of another size.
+        DataError: the mask is of another size.
     """
-    height, width = drawn.shape
+    height, width = pixels.shape
     stored = mask.view.camera
-    values = drawn.astype(np.float32)[..., None]
+    values = pixels.astype(np.float32)[..., None]
     if (width, height) == (stored.width, stored.height):
         values, _, _ = undistort(values, stored)
         return resize(values, working.width, working.height)[..., 0]
@@ -184,7 +175,6 @@ def at_working_size(drawn: np.ndarray, mask: CoarseMask, working: Camera) -> np.
 
 
 def copy_masks(masks: list[CoarseMask], folder: Path) -> None:
-    """Copy the masks into a folder, laid out as <object>/<view's name>.png (or as the mask's own format)."""
+    """Copy masks to <folder>/<object>/<view name>, keeping their formats."""
     for mask in masks:
-        target = folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}"
-        copy_file(mask.path, target)
+        copy_file(mask.path, folder / mask.object_name / f"{mask.view.name}{mask.path.suffix}")

@@ -1,8 +1,7 @@
-"""A segmentation in memory, which a stroke corrects in a second or two where the stage takes many.
+"""Keep a segmentation in memory so that a stroke corrects it in a second or two.
 
-The surface points, their neighbors and the labels that the masks give them are found once. A correction adds the rays of
-its own view and changes these labels, as the stage does (`labels.Labelling`). Masks of a view show the labelled points
-that its rays hit: so they need no F_s, which the stage learns anew.
+The surface points, their neighbors and the labels from masks are found once. Each correction then changes these labels
+as the segmentation stage does (`labels.Labelling`). Masks are rendered from the labelled points, without F_s.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from .votes import votes_of_rays
 
 
 class Correcting:
-    """The labels of a scene's surface after any number of corrections, and masks of any view.
+    """Label a scene's surface, correct the labels any number of times, and render masks of any view.
 
     Attributes:
-        objects: names of the K objects, also of those that have corrections alone.
-        labels: of the surface points, as solved last.
+        objects: names of the K objects, with those that have only corrections.
+        labels: of the surface points, as last solved.
     """
 
     def __init__(
@@ -50,18 +49,18 @@ class Correcting:
             scene_field: the frozen radiance field.
             capture: the project's.
             masks: at least one.
-            corrections: all that there are so far; later ones may be of other views, but only of the same objects.
-            settings: that the scene was learned with.
-            progress: counts the pixels of the views whose surface is looked at.
-            volumes: that objects must be inside or outside of, by their names.
+            corrections: all so far. Later ones may be on other views, but only of the same objects.
+            settings: of the learned scene.
+            progress: counts the pixels of the cached views.
+            volumes: by object, where it must be inside or outside.
 
         Raises:
-            DataError: a mark or a photo cannot be read, or nothing stands for an object.
+            DataError: a mark or a photo cannot be read, or no point belongs to any object.
         """
         own, long_side = settings.segmentation, settings.geometry.long_side
         marked = {mask.view.name for mask in masks}
-        learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
-        views = load_masked_views(masks, learned_from, long_side, own, {each.object_name for each in corrections})
+        usable = [view for view in capture.views if view.split == "train" or view.name in marked]
+        views = load_masked_views(masks, usable, long_side, own, {each.object_name for each in corrections})
         self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
         points = surface_points(cached, scene_field.voxel)
         self.objects = views.objects
@@ -69,24 +68,24 @@ class Correcting:
         self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached), self.objects, volumes)
         constraints = self._seen.constraints(corrections, self.objects)
         random = np.random.default_rng(settings.seed)
-        self._of_masks = self._labelling.solve(self.objects, constraints, own.rounds, random)
-        self.labels = self._labelling.corrected(self._of_masks, constraints)
+        self._from_masks = self._labelling.solve(self.objects, constraints, own.rounds, random)
+        self.labels = self._labelling.corrected(self._from_masks, constraints)
 
     def correct(self, corrections: Sequence[CoarseMask]) -> None:
-        """Solve again with these corrections, all that there are."""
+        """Update the labels, given all corrections."""
         constraints = self._seen.constraints(corrections, self.objects)
-        self.labels = self._labelling.corrected(self._of_masks, constraints)
+        self.labels = self._labelling.corrected(self._from_masks, constraints)
 
     def suggestions(self) -> Suggestions:
-        """The views to mark next; see `suggestions.views_to_mark`."""
+        """Return the views to mark next; see `suggestions.views_to_mark`."""
         return views_to_mark(self._cached, self._labelling.points, self.labels)
 
     def masks(self, view: View) -> dict[str, np.ndarray]:
-        """The objects' masks in a view as its pinhole shows it, at the working size, bool [H, W]."""
-        look, n_classes = self._seen.look(view), len(self.objects) + 1
-        of_points = np.concatenate([self.labels.probabilities, np.eye(n_classes)[:1]])  # -1 is the last
-        rays = of_points[look.point_of_sample].mean(1) * look.cache.opacity.cpu().numpy()[:, None]
+        """Return each object's mask in the view's pinhole at the working size, bool [H, W]."""
+        observed, n_classes = self._seen.observe(view), len(self.objects) + 1
+        of_points = np.concatenate([self.labels.probabilities, np.eye(n_classes)[:1]])  # index -1 is background
+        rays = of_points[observed.point_of_sample].mean(1) * observed.cache.opacity.cpu().numpy()[:, None]
         rays[:, 0] += 1 - rays.sum(1)
-        picture = np.zeros(look.size, int)
-        picture.flat[look.cache.index.cpu().numpy()] = rays.argmax(1)
+        picture = np.zeros(observed.size, int)
+        picture.flat[observed.cache.index.cpu().numpy()] = rays.argmax(1)
         return {name: picture == k for k, name in enumerate(self.objects, 1)}

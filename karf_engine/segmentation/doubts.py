@@ -1,4 +1,4 @@
-"""How unsure each object's labels are, where, and why: what is not yet marked, and where masks and colors disagree."""
+"""Measure how unsure the labels of each object are: where no marked view shows it, or masks and colors disagree."""
 
 from __future__ import annotations
 
@@ -16,37 +16,31 @@ from .point_labels import Labels
 from .surface_points import SurfacePoints
 from .views import CachedViews
 
-DOUBTED = 0.3  # doubt above which a point is unsure: a third is one of three opinions
+DOUBTED = 0.3  # doubt above which a point is unsure; 1/3 is one of three opinions
 AGAIN = "Run the segmentation stage again."
 
 
 @dataclass(frozen=True)
 class Unsure:
-    """How unsure an object is.
+    """The doubt of one object.
 
     Attributes:
-        share: unsure points, in [0, 1] of these and the object's.
-        unseen: of them the share that no marked view shows, in [0, 1].
+        share: of unsure points among these and the object's, in [0, 1].
+        unseen: share of the unsure points that no marked view shows, in [0, 1].
     """
 
     share: float
     unseen: float
 
     def sentence(self, name: str) -> str:
-        """What to report of the object."""
+        """Return the sentence for the user."""
         if self.unseen > 0.5:
             return f"{self.share:.0%} of {name!r} is unsure, most of it where no marked photo shows it."
         return f"{self.share:.0%} of {name!r} is unsure, most of it where masks and colors contradict each other."
 
 
 def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -> dict[str, Unsure]:
-    """How unsure each object is, by name.
-
-    Args:
-        cached: views, masks, and the n rays that the points were merged from.
-        points: on the surface.
-        labels: of the points.
-    """
+    """Return the doubt of each object by name. `points` come from the rays of `cached`, `labels` are theirs."""
     views = cached.views
     has_masks = np.repeat([bool(masks) for masks in views.masks], np.diff(views.offsets))
     from_masked = points.point_of_sample[has_masks[cached.cache.index.cpu().numpy()]]
@@ -54,8 +48,8 @@ def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -
     found = {}
     for k, name in enumerate(views.objects, 1):
         unsure = labels.doubt[:, k - 1] > DOUBTED
-        count, whole = unsure.sum(), (unsure | (labels.classes == k)).sum()
-        shares = count / max(whole, 1), (unsure & ~is_seen).sum() / max(count, 1)
+        n_unsure, n_points = unsure.sum(), (unsure | (labels.classes == k)).sum()
+        shares = n_unsure / max(n_points, 1), (unsure & ~is_seen).sum() / max(n_unsure, 1)
         found[name] = Unsure(*(round(float(share), 4) for share in shares))
     return found
 
@@ -66,8 +60,8 @@ class SurfaceDoubts:
 
     Attributes:
         objects: names of the K objects.
-        positions: [p, 3] float32, of the capture's world.
-        doubts: [p, K] uint8, 255 where nothing is sure; see `Labels.doubt`.
+        positions: [p, 3] float32, world coordinates.
+        doubts: [p, K] uint8, 255 is full doubt; see `Labels.doubt`.
     """
 
     objects: Sequence[str]
@@ -75,18 +69,18 @@ class SurfaceDoubts:
     doubts: np.ndarray
 
     def at(self, positions: np.ndarray) -> np.ndarray:
-        """Doubt of the nearest points, [n, K] in [0, 1]. positions: [n, 3] of the capture's world."""
+        """Return the doubt of the nearest points, [n, K] in [0, 1], for world positions [n, 3]."""
         tree = tree_of(self.positions, balanced_tree=False, compact_nodes=False)
         return self.doubts[tree.query(positions)[1]] / np.float32(255)
 
     def write(self, path: Path) -> None:
-        """Write them, atomically."""
+        """Write the doubts atomically."""
         arrays = {"objects": np.array(self.objects, np.str_), "positions": self.positions, "doubts": self.doubts}
         atomic_write(path, lambda temporary: np.savez_compressed(temporary, **arrays))
 
     @classmethod
     def read(cls, path: Path) -> SurfaceDoubts:
-        """Read them. Raises DataError where the file is missing, damaged, or holds other values than `write` writes."""
+        """Read what `write` wrote. Raises DataError where the file is missing or damaged."""
         objects, positions, doubts = read_arrays(path, ["objects", "positions", "doubts"], "doubts", AGAIN)
         fits = positions.ndim == 2 and positions.shape[1] == 3 and doubts.shape == (len(positions), len(objects))
         if not (fits and len(positions) and positions.dtype == np.float32 and np.isfinite(positions).all()):

@@ -1,4 +1,4 @@
-"""F_s from labels of the surface, or as in the paper from the masks alone."""
+"""Train F_s on surface labels, or on the masks alone as in the paper."""
 
 from __future__ import annotations
 
@@ -31,15 +31,9 @@ def fit_to_labels(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> SegmentationField:
-    """F_s, frozen, trained by cross-entropy on labelled surface points; 0 outside a box round each object's points.
+    """Return a frozen F_s, trained by cross-entropy on labelled points, and 0 outside a box around each object's points.
 
-    Args:
-        scene_field: the frozen radiance field.
-        surface: points with labels; each object has some.
-        settings: of F_s and its training.
-        runtime: device and random numbers.
-        progress: counts iterations.
-        checkpoint: resumes and saves the training; None trains from the start.
+    The arguments are those of `heads.fit.fit_on_points`; some points of `surface` must belong to an object.
     """
     positions, classes, voxel = surface.points.positions, surface.labels.classes, scene_field.voxel
     boxes = torch.from_numpy(surface.boxes(BOX_MARGIN_VOXELS * voxel)).float().to(runtime.device)
@@ -70,17 +64,9 @@ def fit_to_masks(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> SegmentationField:
-    """F_s, frozen, trained on the coarse masks as they are (paper, Eq. 12); nothing bounds the objects.
+    """Return a frozen F_s, trained on the coarse masks as they are (paper, Eq. 12), without boxes around the objects.
 
-    Args:
-        scene_field: the frozen radiance field.
-        n_objects: K.
-        cache: n rays with their surface samples.
-        votes: of these rays; all rays of the marked views count, whatever their opacity.
-        settings: of F_s and its training.
-        runtime: device and random numbers.
-        progress: counts iterations.
-        checkpoint: resumes and saves the training; None trains from the start.
+    All rays of the marked views count, whatever their opacity. The arguments are those of `heads.fit.fit_on_rays`.
     """
     boxes = scene_field.bounds.expand(n_objects, 2, 3).clone()
     karf = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)

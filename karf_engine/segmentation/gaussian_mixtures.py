@@ -1,8 +1,7 @@
-"""Gaussian mixtures in CIE Lab: which colors the classes have.
+"""Gaussian mixtures in CIE Lab: the color densities of the classes.
 
-All classes share one set of Gaussians, and a class is its shares of them. With a set of its own, a class that holds few
-colors by mistake (a chunk of the object that the hand left out) would describe them more finely than the class they
-belong to, and so win them.
+All classes share one set of Gaussians, with different weights. A separate mixture for each class would describe a few
+mislabelled colors more finely than the class that they belong to, and so win them.
 """
 
 from __future__ import annotations
@@ -12,10 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-COLOR_FLOOR = 4.0  # added to variances, Lab units squared: no component collapses on one color
-COMPONENTS, DRAWS = 20, 5000
+VARIANCE_FLOOR = 4.0  # Lab units squared: keeps a component from collapsing on one color
 EM_STEPS = 12
-LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class Mixture:
     covariances: np.ndarray
 
     def log_components(self, lab: np.ndarray) -> np.ndarray:
-        """Natural logarithm of each Gaussian's density at colors [n, 3], [n, m]."""
+        """Return the log density of each Gaussian at colors [n, 3], [n, m]."""
         factors = np.linalg.cholesky(self.covariances)
         inverses = np.linalg.inv(factors)
         log_norms = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1) + 1.5 * np.log(2 * np.pi)
@@ -44,44 +41,41 @@ class Mixture:
         return parts
 
     def responsibilities(self, log_components: np.ndarray) -> np.ndarray:
-        """How far each component explains each color, [n, m]; rows sum to 1."""
+        """Return the posterior of each component for each color, [n, m]; rows sum to 1."""
         parts = log_components + np.log(self.shares)
-        return np.exp(parts - _log_sum(parts)[:, None])
+        return np.exp(parts - _log_sum_exp(parts)[:, None])
 
 
 def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Natural logarithm of each class's density at the colors of n points.
+    """Return the log density of each class at the colors of n points, [n, C].
 
     Args:
         lab: [n, 3] CIE Lab.
-        strengths: [n, C] >= 0, how far a point stands for a class; not all zero. A class without any is nowhere dense.
+        strengths: [n, C] >= 0, evidence of each point for each class; not all zero.
         random: draws the points that the mixture is fitted to.
-
-    Returns:
-        [n, C].
     """
-    even = strengths / np.maximum(strengths.sum(0), 1e-12)  # small objects count as much as large ones
-    mixture = fit_mixture(lab, even.sum(1), COMPONENTS, random, DRAWS)
+    balanced = strengths / np.maximum(strengths.sum(0), 1e-12)  # small objects count as much as large ones
+    mixture = fit_mixture(lab, balanced.sum(1), n_components=20, random=random, n_draws=5000)
     log_components = mixture.log_components(lab)
-    shares = even.T @ mixture.responsibilities(log_components)
-    return np.stack([_log_sum(log_components + np.log(np.maximum(own, LEAST_SHARE))) for own in shares], 1)
+    shares = balanced.T @ mixture.responsibilities(log_components)
+    return np.stack([_log_sum_exp(log_components + np.log(np.maximum(own, 1e-9))) for own in shares], 1)
 
 
 def fit_mixture(
     lab: np.ndarray, weights: np.ndarray, n_components: int, random: np.random.Generator, n_draws: int = 4000
 ) -> Mixture:
-    """Fit a mixture by k-means and EM to points that are drawn.
+    """Fit a mixture by k-means and EM to randomly drawn colors.
 
     Args:
         lab: [n, 3] CIE Lab.
-        weights: [n] >= 0, the points' chances to be drawn; not all zero.
-        n_components: m; fewer where there are fewer colors.
-        random: draws.
-        n_draws: number of points.
+        weights: [n] >= 0, sampling weights; not all zero.
+        n_components: m; reduced where fewer colors are drawn.
+        random: draws the colors.
+        n_draws: number of colors drawn.
     """
     drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
     lab = lab[drawn]
-    n_components = min(n_components, len(np.unique(lab, axis=0)))  # an object may be all of one color
+    n_components = min(n_components, len(np.unique(lab, axis=0)))  # an object may have one color only
     _, label = kmeans2(lab, n_components, iter=4, minit="++", rng=random)
     mixture = _maximize(lab, np.eye(n_components)[label])
     for _ in range(EM_STEPS):
@@ -94,10 +88,10 @@ def _maximize(lab: np.ndarray, responsibilities: np.ndarray) -> Mixture:
     means = responsibilities.T @ lab / counts[:, None]
     products = (lab[:, :, None] * lab[:, None, :]).reshape(len(lab), 9)
     second = (responsibilities.T @ products).reshape(-1, 3, 3) / counts[:, None, None]
-    covariances = second - means[:, :, None] * means[:, None, :] + COLOR_FLOOR * np.eye(3)
+    covariances = second - means[:, :, None] * means[:, None, :] + VARIANCE_FLOOR * np.eye(3)
     return Mixture(counts / counts.sum(), means, covariances)
 
 
-def _log_sum(parts: np.ndarray) -> np.ndarray:
+def _log_sum_exp(parts: np.ndarray) -> np.ndarray:
     top = parts.max(1)
     return top + np.log(np.exp(parts - top[:, None]).sum(1))

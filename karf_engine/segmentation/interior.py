@@ -1,4 +1,4 @@
-"""The objects' rays, which the palette and F_w are learned from, and which of them are well inside an object."""
+"""Select the rays that palettes and F_w are learned from, and those well inside an object."""
 
 from __future__ import annotations
 
@@ -11,34 +11,25 @@ from ..heads.object_surface import BACKGROUND, MIN_INTERIOR_PIXELS, ObjectSurfac
 from ..io.color import to_bytes
 from .views import CachedViews
 
-CONFIDENT = 0.9  # probability of its class above which a ray may be well inside an object
+CONFIDENT = 0.9  # least probability of the class of an interior ray
 
 
 def object_surface(cached: CachedViews, probabilities: Tensor) -> ObjectSurface:
-    """The cached rays that end on an object.
-
-    Args:
-        cached: views and their n rays.
-        probabilities: [n, K+1], classes of the rays as F_s renders them.
-    """
+    """Return the cached rays that end on an object. probabilities: [n, K+1], of the n rays as F_s renders them."""
     label = probabilities.argmax(1)
-    return _surface_of(
-        cached, torch.nonzero(label > 0).squeeze(1), label - 1, interior_rays(cached, label, probabilities)
-    )
+    on_object = torch.nonzero(label > 0).squeeze(1)
+    return _select_rays(cached, on_object, label - 1, _interior_rays(cached, label, probabilities))
 
 
 def whole_surface(cached: CachedViews, probabilities: Tensor) -> ObjectSurface:
-    """All cached rays, which Eq. 11 sums over; those that end on no object are of `BACKGROUND`. `interior` is true of all.
-
-    Arguments as for `object_surface`.
-    """
+    """Return all cached rays, the sum of Eq. 11, all interior; rays without an object have the number `BACKGROUND`."""
     label = probabilities.argmax(1)
     everything = torch.arange(len(label), device=label.device)
-    return _surface_of(cached, everything, torch.where(label > 0, label - 1, BACKGROUND), label >= 0)
+    return _select_rays(cached, everything, torch.where(label > 0, label - 1, BACKGROUND), label >= 0)
 
 
-def _surface_of(cached: CachedViews, rays: Tensor, owner: Tensor, interior: Tensor) -> ObjectSurface:
-    """These of the cached rays; owner: [n] number of each cached ray's object; interior: [n] bool."""
+def _select_rays(cached: CachedViews, rays: Tensor, owner: Tensor, interior: Tensor) -> ObjectSurface:
+    """Return some cached rays. owner: [n] object number of every cached ray; interior: [n] bool."""
     cache, views = cached.cache, cached.views
     colors = torch.from_numpy(to_bytes(views.colors()))
     view = np.searchsorted(views.offsets, cache.index[rays].cpu().numpy(), side="right") - 1
@@ -52,26 +43,21 @@ def _surface_of(cached: CachedViews, rays: Tensor, owner: Tensor, interior: Tens
     )
 
 
-def interior_rays(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tensor:
-    """True for rays well inside an object, [n]: of a confident class, and one pixel from the object's border.
+def _interior_rays(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tensor:
+    """Return True for confident rays at least one pixel from the object's border, [n].
 
-    Of an object too thin to have an inside, with fewer such pixels than a palette needs, all rays count.
-
-    Args:
-        cached: views and their n rays.
-        label: [n] the rays' classes.
-        probabilities: [n, K+1], classes of the rays as F_s renders them.
+    If an object is so thin that fewer than MIN_INTERIOR_PIXELS remain, all of its rays count.
     """
-    label = label.cpu().numpy()
+    classes = label.cpu().numpy()
     objects = range(1, len(cached.views.objects) + 1)
     eroded = [
         np.logical_or.reduce([binary_erosion(picture == k) for k in objects]).ravel()
-        for picture in cached.pictures(label)
+        for picture in cached.pictures(classes)
     ]
     index = cached.cache.index.cpu().numpy()
     inside = np.concatenate(eroded)[index] & (probabilities.amax(1) > CONFIDENT).cpu().numpy()
     for k in objects:
-        own = label == k
+        own = classes == k
         if (own & inside).sum() < MIN_INTERIOR_PIXELS:
             inside |= own
     return torch.from_numpy(inside)

@@ -1,6 +1,6 @@
-"""The ways from masks to labels of the surface, by the names of `segmentation.labels`.
+"""Registry of label solvers, by the names of the setting `segmentation.labels`.
 
-A new one is a function from a `LabelProblem` to a `LabelledSurface`, and a call of `register_labels` or an entry point
+A solver is a function from a `LabelProblem` to a `LabelledSurface`. Add one with `register_labels`, or as an entry point
 `karf.labels` that is the function.
 """
 
@@ -16,7 +16,6 @@ from .labels import LabelledSurface, LabelProblem, label_surface, vote_on_surfac
 
 PLUGINS = "karf.labels"
 
-
 LabelSolver = Callable[[LabelProblem], LabelledSurface]
 
 SOLVERS: dict[str, LabelSolver] = {}
@@ -24,11 +23,11 @@ SOLVERS: dict[str, LabelSolver] = {}
 
 @checked
 def register_labels(name: str, solve: LabelSolver) -> None:
-    """Make a way to labels known: to the setting `segmentation.labels`.
+    """Add a solver under a name of the setting `segmentation.labels`.
 
     Raises:
-        TypeError: An argument is of another type.
-        BadRequest: Another way has this name.
+        TypeError: an argument has the wrong type.
+        BadRequest: another solver has this name.
     """
     if SOLVERS.setdefault(name, solve) is not solve:
         raise BadRequest(f"There are other labels {name!r}.", "Choose another name.")
@@ -37,12 +36,12 @@ def register_labels(name: str, solve: LabelSolver) -> None:
 
 
 def solve_labels(name: str, problem: LabelProblem) -> LabelledSurface:
-    """Labels of the surface.
+    """Label the surface with the solver of this name.
 
     Raises:
-        BadRequest: No way has this name.
-        DataError: No point stands for any of the objects.
-        MissingDependency: An installed package brings it, and cannot be loaded.
+        BadRequest: no solver has this name.
+        DataError: no point belongs to any object.
+        MissingDependency: the plugin with the solver cannot be loaded.
     """
     if name not in SOLVERS and name in plugin_names(PLUGINS):
         register_labels(name, load_plugin(PLUGINS, name))

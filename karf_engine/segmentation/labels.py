@@ -1,4 +1,4 @@
-"""Labels of the surface: which class each point belongs to, from the masks' votes, and where the objects are."""
+"""Label surface points from the votes of masks, corrections and volumes."""
 
 from __future__ import annotations
 
@@ -26,15 +26,14 @@ from .spreading import spread
 from .surface_points import SurfacePoints
 from .votes import RayVotes, vote_on_points
 
-LOW_PRECISION = 0.6
-AGAIN = "mark it more generously, or in another view."
+LOW_PRECISION = 0.6  # below it, the user is warned
 
 
 @dataclass(frozen=True)
 class LabelledSurface:
-    """Surface points and their labels. Class k is `objects[k - 1]`, class 0 the background.
+    """Labelled surface points. Class k is `objects[k - 1]`, class 0 the background.
 
-    fixed: [p] bool, the points that corrections have settled.
+    fixed: [p] bool, the points that corrections fixed.
     """
 
     objects: list[str]
@@ -44,13 +43,13 @@ class LabelledSurface:
 
     @property
     def lacking(self) -> list[str]:
-        """Names of the objects that no point belongs to."""
+        """Names of the objects without points."""
         return [name for k, name in enumerate(self.objects, 1) if not (self.labels.classes == k).any()]
 
     def boxes(self, margin: float) -> np.ndarray:
-        """Box round each object's points, [K, 2, 3] grid coordinates: least and greatest corner.
+        """Return a box around each object's points, [K, 2, 3] least and greatest corners in grid coordinates.
 
-        That of an object without points is a corner of another's: empty. margin: room on each side, grid coordinates.
+        An object without points gets an empty box. margin: added on each side, grid coordinates.
         """
         boxes = {}
         for k in range(1, len(self.objects) + 1):
@@ -61,7 +60,7 @@ class LabelledSurface:
         return np.stack([boxes.get(k, empty) for k in range(1, len(self.objects) + 1)])
 
     def near_objects(self, reach: float) -> np.ndarray:
-        """True for points within about `reach` (grid coordinates) of an object's point, [p]."""
+        """Return True for points within about `reach` (grid coordinates) of an object's point, [p]."""
         objects = self.points.positions[self.labels.classes > 0]
         tree = tree_of(objects, balanced_tree=False, compact_nodes=False)
         return np.isfinite(tree.query(self.points.positions, distance_upper_bound=reach)[0])
@@ -69,14 +68,14 @@ class LabelledSurface:
 
 @dataclass(frozen=True)
 class Labelling:
-    """What labels of a surface are solved from; it is found once for any number of corrections.
+    """The inputs of the label solve, computed once for any number of corrections.
 
     Attributes:
-        points: on the surface, p of them.
-        targets: [p, K+1] the masks' votes; rows sum to 1.
-        confidence: [p] >= 0 of these.
+        points: p surface points.
+        targets: [p, K+1] votes of the masks; rows sum to 1.
+        confidence: [p] >= 0, of the votes.
         normals: [p, 3] of unit length, outward.
-        allowed: [p, K+1] bool, the classes that points may have.
+        allowed: [p, K+1] bool, the classes that volumes allow.
     """
 
     points: SurfacePoints
@@ -94,10 +93,7 @@ class Labelling:
         objects: Sequence[str],
         volumes: Mapping[str, Sequence[Volume]],
     ) -> Labelling:
-        """Of points, the votes of the rays that they were merged from, and the field, whose normals part what touches.
-
-        objects: names of the K objects. volumes: that some of them must be inside or outside of.
-        """
+        """Collect the inputs from the surface points, the votes of their rays, and volumes by object name."""
         targets, confidence = vote_on_points(
             points.point_of_sample, votes.targets, votes.confidence * votes.opacity, len(points)
         )
@@ -106,35 +102,28 @@ class Labelling:
         world = scene_field.space.to_world(positions)
         allowed = Volumes.of(volumes, objects).to(world.device)(world, len(objects)).cpu().numpy()
         allowed = np.concatenate([np.ones((len(points), 1), bool), allowed], 1)
-        votes_left = targets * allowed
-        counts = votes_left.sum(1) > 0
-        targets = np.where(counts[:, None], votes_left / np.maximum(votes_left.sum(1, keepdims=True), 1e-12), targets)
-        return cls(points, targets, confidence * counts, normals, allowed)
+        kept = targets * allowed
+        has_votes = kept.sum(1) > 0
+        targets = np.where(has_votes[:, None], kept / np.maximum(kept.sum(1, keepdims=True), 1e-12), targets)
+        return cls(points, targets, confidence * has_votes, normals, allowed)
 
     @cached_property
     def graph(self) -> csr_matrix:
-        """Neighbor weights of all points."""
+        """The neighbor weights of all points."""
         return neighbor_graph(self.points.positions, self.points.lab, self.normals, self.points.spacing)
 
     def solve(
         self, objects: Sequence[str], constraints: Constraints, rounds: int, random: np.random.Generator
     ) -> Labels:
-        """Labels as the masks have them; an object without a mask has its corrections in their place.
+        """Label the points from the masks; for an object without masks, corrections serve as seeds.
 
-        Args:
-            objects: names of the K objects.
-            constraints: those of the points by corrections.
-            rounds: of the label propagation, at least 1.
-            random: of the label propagation.
-
-        Raises:
-            DataError: no point stands for any of the objects.
+        Raises DataError where no point belongs to any object.
         """
         unmarked = ~np.append(True, has_seeds(self.targets, self.confidence))
         stroked = constraints.fixed & (constraints.targets[:, unmarked].max(1, initial=0) > 0.5)
         targets = np.where(stroked[:, None], constraints.targets, self.targets)
         confidence = np.where(stroked, np.maximum(self.confidence, 1), self.confidence)
-        _require_any(objects, has_seeds(targets, confidence).any())
+        _require_any(objects, has_seeds(targets, confidence))
         points = self.points
         labels = propagate_labels(
             points.positions, points.lab, self.normals, points.spacing, targets, confidence, rounds, random
@@ -144,11 +133,13 @@ class Labelling:
     def _within_volumes(self, labels: Labels) -> Labels:
         if self.allowed.all():
             return labels
-        left, opinion = ((each + 1e-9) * self.allowed for each in (labels.probabilities, labels.opinion))
-        return Labels(left / left.sum(1, keepdims=True), labels.precision, opinion / opinion.sum(1, keepdims=True))
+        allowed, opinion = ((each + 1e-9) * self.allowed for each in (labels.probabilities, labels.opinion))
+        return Labels(
+            allowed / allowed.sum(1, keepdims=True), labels.precision, opinion / opinion.sum(1, keepdims=True)
+        )
 
     def corrected(self, labels: Labels, constraints: Constraints) -> Labels:
-        """The labels once corrections have changed them, see `spreading`."""
+        """Return labels changed by corrections; see `spreading`."""
         if not constraints.fixed.any():
             return labels
         return self._within_volumes(spread(labels, self.graph, constraints))
@@ -156,15 +147,15 @@ class Labelling:
 
 @dataclass(frozen=True)
 class LabelProblem:
-    """What labels are found from.
+    """The inputs of a label solver.
 
     Attributes:
         scene_field: the frozen radiance field.
         objects: names of the K objects.
-        points: on the surface.
+        points: surface points.
         votes: of the rays that the points were merged from.
-        constraints: those of the points by corrections.
-        volumes: that objects must be inside or outside of, by their names.
+        constraints: of the points, from corrections.
+        volumes: by object, where it must be inside or outside.
         rounds: of an iterative solver, at least 1.
         random: the only source of random numbers.
         emit: receives events.
@@ -182,10 +173,9 @@ class LabelProblem:
 
 
 def label_surface(problem: LabelProblem) -> LabelledSurface:
-    """Clean labels by label propagation; warns of objects that get none, or whose masks contradict their colors.
+    """Clean the labels by label propagation. Warns of objects without points, or whose masks contradict their colors.
 
-    Raises:
-        DataError: no point stands for any of the objects.
+    Raises DataError where no point belongs to any object.
     """
     objects, points, emit = problem.objects, problem.points, problem.emit
     labelling = Labelling.of(problem.scene_field, points, problem.votes, objects, problem.volumes)
@@ -194,17 +184,21 @@ def label_surface(problem: LabelProblem) -> LabelledSurface:
         solved = labelling.solve(objects, problem.constraints, problem.rounds, problem.random)
         labels = labelling.corrected(solved, problem.constraints)
     surface = _labelled(objects, points, labels, problem.constraints.fixed, emit)
-    _warn_of_low_precision(surface, emit)
+    for name, precision in zip(objects, labels.precision, strict=True):
+        if precision < LOW_PRECISION and name not in surface.lacking:
+            emit(
+                "warning",
+                code="precision",
+                sentence=f"Only {precision:.0%} of what looks like {name!r} is marked as it: "
+                "add a mask from another view, or mark it more tightly.",
+            )
     return surface
 
 
 def vote_on_surface(problem: LabelProblem) -> LabelledSurface:
-    """The masks' votes as they are, but where corrections contradict them: the ceiling of what labels can be, where the masks are exact.
+    """Take the votes of masks as they are, except where corrections contradict them; points without votes are background.
 
-    Points without a vote are background.
-
-    Raises:
-        DataError: no point belongs to any of the objects.
+    Raises DataError where no point belongs to any object.
     """
     objects, points, votes, fixed = problem.objects, problem.points, problem.votes, problem.constraints.fixed
     weight = (votes.confidence > 0) * votes.opacity
@@ -217,28 +211,18 @@ def vote_on_surface(problem: LabelProblem) -> LabelledSurface:
 def _labelled(
     objects: list[str], points: SurfacePoints, labels: Labels, fixed: np.ndarray, emit: Emit
 ) -> LabelledSurface:
-    _require_any(objects, labels.classes.any())
+    _require_any(objects, labels.classes > 0)
     surface = LabelledSurface(objects, points, labels, fixed)
     for name in surface.lacking:
-        emit("warning", code="lacking", sentence=f"Nothing in the scene belongs to {name!r}: {AGAIN}")
+        sentence = f"Nothing in the scene belongs to {name!r}: mark it more generously, or in another view."
+        emit("warning", code="lacking", sentence=sentence)
     return surface
 
 
-def _require_any(objects: list[str], found: bool) -> None:
-    if not found:
+def _require_any(objects: Sequence[str], found: np.ndarray) -> None:
+    if not found.any():
         raise DataError(
             "Nothing in the scene belongs to {name!r}.",
             "Mark it more generously, or in another view.",
             name=objects[0],
         )
-
-
-def _warn_of_low_precision(surface: LabelledSurface, emit: Emit) -> None:
-    for name, precision in zip(surface.objects, surface.labels.precision, strict=True):
-        if precision < LOW_PRECISION and name not in surface.lacking:
-            emit(
-                "warning",
-                code="precision",
-                sentence=f"Only {precision:.0%} of what looks like {name!r} is marked as it: "
-                "add a mask from another view, or mark it more tightly.",
-            )

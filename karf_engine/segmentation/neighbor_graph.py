@@ -1,9 +1,8 @@
-"""The graph of neighboring surface points, and the linear solver for systems on it."""
+"""Build the graph of neighboring surface points, and solve linear systems on it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
@@ -11,39 +10,19 @@ from scipy import sparse
 from ..compute.convergence import warn_not_converged
 from ..compute.neighbors import tree_of
 
-TOLERANCE, MOST_STEPS = 1e-4, 150  # of the linear solver; the tolerance is relative to the right-hand side
+TOLERANCE, MOST_STEPS = 1e-4, 150  # of conjugate gradients; relative to the right-hand side
 
-
-@dataclass(frozen=True)
-class GraphParameters:
-    """What ties surface points. None of them has been varied on record; docs/method.md says what they are for.
-
-    Attributes:
-        neighbors: Of each point.
-        pattern: What stays of a weight across a color edge: a smooth surface with a pattern is one thing.
-        concave: How many times more an inward turn of the normals separates: where things touch there is a crease.
-        color_deviation: Lab units; a difference of this much leaves exp(-1/2) of what edges take.
-        turn_scale: 1 minus the cosine between normals that leaves exp(-1/2) of a weight.
-        place_deviation: Likewise, in point spacings.
-        least: Of every weight.
-    """
-
-    neighbors: int = 12
-    pattern: float = 0.02
-    concave: float = 3.0
-    color_deviation: float = 8.0
-    turn_scale: float = 0.15
-    place_deviation: float = 4
-    least: float = 1e-6
-
-
-PARAMETERS = GraphParameters()
+NEIGHBORS = 12
+COLOR_DEVIATION = 8.0  # Lab units
+TURN_SCALE = 0.15  # 1 minus the cosine between normals at which a weight falls to exp(-1/2)
+DISTANCE_DEVIATION = 4  # point spacings
+PATTERN = 0.02  # share of a weight that a color edge leaves: a smooth surface with a pattern is one object
+CREASE_FACTOR = 3.0  # on concave turns: objects touch in creases
+MIN_WEIGHT = 1e-6
 
 
 def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, spacing: float) -> sparse.csr_matrix:
-    """Pairwise weights between the nearest points, near 1 where color, normal and place agree.
-
-    A crease (the normals turn towards each other) separates more than an edge: things touch in creases.
+    """Return weights between nearest neighbors, near 1 where color, normal and position agree.
 
     Args:
         positions: [p, 3] grid coordinates.
@@ -54,19 +33,16 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
     Returns:
         Symmetric [p, p], weights in [0, 1 + 1e-6].
     """
-    # the balanced build has crashed together with torch on real data; this one has not
+    # building a balanced tree has crashed together with torch
     tree = tree_of(positions, balanced_tree=False, compact_nodes=False)
-    distances, neighbors = tree.query(positions, k=range(1, min(PARAMETERS.neighbors + 1, len(positions)) + 1))
+    distances, neighbors = tree.query(positions, k=range(1, min(NEIGHBORS + 1, len(positions)) + 1))
     distances, neighbors = distances[:, 1:], neighbors[:, 1:]
-    color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * PARAMETERS.color_deviation**2)
-    turn = (1 - (normals[neighbors] * normals[:, None]).sum(2)) / (2 * PARAMETERS.turn_scale)
-    # negative where the normals turn towards each other
+    color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * COLOR_DEVIATION**2)
+    turn = (1 - (normals[neighbors] * normals[:, None]).sum(2)) / (2 * TURN_SCALE)
     bend = ((normals[neighbors] - normals[:, None]) * (positions[neighbors] - positions[:, None])).sum(2)
-    turn = np.where(bend < 0, PARAMETERS.concave * turn, turn)
-    place = distances**2 / (2 * (PARAMETERS.place_deviation * spacing) ** 2)
-    weights = (
-        np.exp(-turn - place) * (PARAMETERS.pattern + (1 - PARAMETERS.pattern) * np.exp(-color)) + PARAMETERS.least
-    )
+    turn = np.where(bend < 0, CREASE_FACTOR * turn, turn)  # negative: the normals turn towards each other
+    place = distances**2 / (2 * (DISTANCE_DEVIATION * spacing) ** 2)
+    weights = np.exp(-turn - place) * (PATTERN + (1 - PATTERN) * np.exp(-color)) + MIN_WEIGHT
     rows = np.repeat(np.arange(len(positions)), neighbors.shape[1])
     graph = sparse.csr_matrix((weights.ravel(), (rows, neighbors.ravel())), shape=(len(positions),) * 2)
     return graph.maximum(graph.T).tocsr()
@@ -75,15 +51,15 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
 def conjugate_gradients(
     product: Callable[[np.ndarray], np.ndarray], diagonal: np.ndarray, right: np.ndarray, x: np.ndarray
 ) -> np.ndarray:
-    """Solve A x = b for several right-hand sides at once, with the diagonal of A as preconditioner.
+    """Solve A x = b for several right-hand sides at once, preconditioned with the diagonal of A.
 
-    Scipy's solvers take one right-hand side at a time. Warns where they do not converge in MOST_STEPS iterations.
+    Warns if it has not converged after MOST_STEPS iterations. (SciPy's solvers take one right-hand side at a time.)
 
     Args:
-        product: A times [p, c]; A is positive definite.
+        product: maps [p, c] to A times it; A is positive definite.
         diagonal: of A, [p].
         right: b, [p, c].
-        x: where to start, [p, c].
+        x: initial guess, [p, c].
 
     Returns:
         x [p, c].
@@ -115,5 +91,5 @@ def conjugate_gradients(
 
 
 def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Scalar products [c] of columns [p, c]; no array of all products is made."""
+    """Return the scalar products [c] of columns [p, c] without a temporary array."""
     return np.einsum("pc,pc->c", a, b)

@@ -1,12 +1,12 @@
-"""segmentation.json: which views segmentation used, and how well its result agrees with the coarse masks."""
+"""segmentation.json: the views that segmentation used, and the agreement of its result with the coarse masks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
-import numpy as np
 from torch import Tensor
 
 from ..errors import DataError
@@ -22,17 +22,17 @@ from .views import CachedViews
 
 @dataclass(frozen=True)
 class SegmentationReport:
-    """What the segmentation stage reports to the user and to later stages.
+    """The result of segmentation, for the user and for later stages.
 
     Attributes:
         objects: names of the objects.
         precision: of each object in [0, 1], see `Labels.precision`.
-        iou_with_masks: of each object, in each view that masks it, of the rendered mask with the coarse one, in [0, 1].
-        views: names of the views used, in the order by which the objects' rays number them.
-        masked_views: names of those that have a coarse mask.
+        iou_with_masks: of each object, IoU in [0, 1] of the rendered and the coarse mask in each view with a mask.
+        views: names of the views used, in the order of `ObjectSurface.view`.
+        masked_views: names of those with a coarse mask.
         surface_points: number of labelled points.
-        unsure: how unsure each object is, by name; empty in reports that older versions wrote.
-        suggestions: the views to mark next; none in reports that older versions wrote.
+        unsure: doubt of each object by name; empty in old files.
+        suggestions: the views to mark next; none in old files.
     """
 
     objects: list[str]
@@ -61,7 +61,7 @@ class SegmentationReport:
 
     @classmethod
     def read(cls, path: Path) -> SegmentationReport:
-        """Read a report. Raises DataError where the file is damaged or holds other values than `write` writes."""
+        """Read what `write` wrote. Raises DataError where the file is missing or damaged."""
         content = read_json(path, "report")
         if not isinstance(content, dict):
             raise _damaged(path, "no table of values")
@@ -69,19 +69,19 @@ class SegmentationReport:
         masked_views = check_names(content.get("marked"), path, "a view")
         objects = check_names(content.get("objects"), path, "an object")
         precision, agreement = content.get("precision"), content.get("iou_with_marks")
-        if not _is_table(precision, objects) or not all(map(_is_share, precision.values())):
+        if not _is_table(precision, objects, _is_share):
             raise _damaged(path, "no precision of each object")
-        if not _is_table(agreement, objects) or not all(map(_are_shares, agreement.values())):
+        if not _is_table(agreement, objects, _are_shares):
             raise _damaged(path, "no agreement of each object with its masks")
         surface_points = content.get("surface_points")
         if type(surface_points) is not int or surface_points < 0:
             raise _damaged(path, "no number of surface points")
-        unsure = content.get("unsure", {})  # older ones have none
-        if not isinstance(unsure, dict) or not all(map(_is_unsure, unsure.values())):
+        unsure = content.get("unsure", {})
+        if not _is_table(unsure, None, _is_unsure):
             raise _damaged(path, "no doubts of objects")
         unsure = {name: Unsure(**each) for name, each in unsure.items()}
-        scores, any_view_helps = content.get("suggestions", {}), content.get("any_view_helps", False)  # likewise
-        if not isinstance(scores, dict) or not all(map(_is_share, scores.values())):
+        scores, any_view_helps = content.get("suggestions", {}), content.get("any_view_helps", False)
+        if not _is_table(scores, None, _is_share):
             raise _damaged(path, "no scores of views")
         if not isinstance(any_view_helps, bool):
             raise _damaged(path, "no word on whether any view helps")
@@ -90,13 +90,13 @@ class SegmentationReport:
 
 
 def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor) -> SegmentationReport:
-    """Compare a segmentation with the masks that it came from.
+    """Compare a segmentation with its masks.
 
     Args:
         cached: views, masks, and n cached rays.
-        points: on the surface, of the rays' samples.
+        points: surface points of the rays.
         labels: of the points.
-        probabilities: [n, K+1], classes of the cached rays as F_s renders them.
+        probabilities: [n, K+1], of the rays as F_s renders them.
     """
     views = cached.views
     pictures = cached.pictures(probabilities.argmax(1).cpu().numpy())
@@ -104,10 +104,9 @@ def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probab
     for picture, masks in zip(pictures, views.masks, strict=True):
         for k, mask in masks.items():
             agreement[views.objects[k - 1]].append(round(iou(picture == k, mask), 4))
-    precision = np.asarray(labels.precision)
     return SegmentationReport(
         objects=views.objects,
-        precision={name: round(float(p), 4) for name, p in zip(views.objects, precision, strict=True)},
+        precision={name: round(float(p), 4) for name, p in zip(views.objects, labels.precision, strict=True)},
         iou_with_masks=agreement,
         views=views.names,
         masked_views=views.masked_names,
@@ -121,8 +120,9 @@ def _damaged(path: Path, reason: str) -> DataError:
     return DataError(f"{path} (report) holds {reason}.", "Run the segmentation stage again.")
 
 
-def _is_table(value: Any, names: list[str]) -> bool:
-    return isinstance(value, dict) and set(value) == set(names)
+def _is_table(value: Any, names: list[str] | None, fits: Callable[[Any], bool]) -> TypeGuard[dict[str, Any]]:
+    """Return whether a value is a dict of these names, or of any names, whose values fit."""
+    return isinstance(value, dict) and (names is None or set(value) == set(names)) and all(map(fits, value.values()))
 
 
 def _is_share(value: Any) -> bool:

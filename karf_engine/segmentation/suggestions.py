@@ -1,11 +1,10 @@
-"""Which views to mark next: those where one stroke would decide most.
+"""Suggest the views to mark next: those where one stroke would decide most.
 
-A stroke decides the patch of unsure surface that it is drawn in, in all views. So of each object the unsure points are
-joined to patches, each of what the labels call it or of what they do not. A patch counts in a view where it is wide
-enough to be hit with a brush, as the geometric mean of the pixels that show it in all views and in this one, times its
-mean doubt: the former is what the stroke decides, the latter how likely it is drawn there, and runs through all of it.
+A stroke decides the patch of unsure surface that it is drawn in, in all views. So the unsure points of each object are
+joined to patches, separately inside and outside the object. Where a patch is wide enough for a brush in a view, its value
+there is the geometric mean of its pixels in all views and in this one, times its mean doubt.
 
-Often much is wrong in every view. Then views score alike, and a stroke in any of them helps about as much.
+If much is wrong in every view, scores are similar, and a stroke in any view helps about as much.
 """
 
 from __future__ import annotations
@@ -24,22 +23,19 @@ from .point_labels import Labels
 from .surface_points import CELL_IN_SPACINGS, SurfacePoints
 from .views import CachedViews
 
-MOST = 8
-PLACES = 4  # decimal places of a score
-WIDE = 2.0  # pixels from the middle of a patch to its border
-JOINED = 2.0  # distance in cells within which unsure points are of one patch
-# Below, the best score over the mean score says that any view helps. Chosen on the demo and seeds 0 to 7: views that differ
-# by less gain 1.1 times what a random view does, the others twice as much.
-ALIKE = 1.37
+MAX_SUGGESTIONS = 8
+MIN_RADIUS = 2.0  # pixels from the middle of a patch to its border, for a brush
+JOIN_DISTANCE = 2.0  # cells between unsure points of one patch
+SIMILAR = 1.37  # ratio of the best to the mean score, below it any view helps; chosen on measured gains
 
 
 @dataclass(frozen=True)
 class Suggestions:
-    """Which views to mark next.
+    """The views to mark next.
 
     Attributes:
-        scores: the unmarked views that a mark would decide most in, the best first, each with its score in [0, 1].
-        any_view_helps: whether a mark in any other unmarked view would decide about as much.
+        scores: scores in [0, 1] of the best unmarked views by name, the best first.
+        any_view_helps: whether any other unmarked view would help about as much.
     """
 
     scores: dict[str, float]
@@ -47,7 +43,7 @@ class Suggestions:
 
 
 def suggestions_of(scores: Mapping[str, float]) -> Suggestions:
-    """What the scores of all unmarked views suggest.
+    """Rank the unmarked views by their scores.
 
     Examples:
         >>> suggestions_of({"front": 0.01, "back": 0.04, "side": 0.01})
@@ -55,41 +51,35 @@ def suggestions_of(scores: Mapping[str, float]) -> Suggestions:
         >>> suggestions_of({"front": 0.03, "back": 0.04, "side": 0.03}).any_view_helps
         True
     """
-    best = sorted(scores, key=lambda name: -scores[name])[:MOST]
-    is_alike = len(best) > 1 and scores[best[0]] * len(scores) < ALIKE * sum(scores.values())
-    return Suggestions({name: scores[name] for name in best}, is_alike)
+    best = sorted(scores, key=lambda name: -scores[name])[:MAX_SUGGESTIONS]
+    are_similar = len(best) > 1 and scores[best[0]] * len(scores) < SIMILAR * sum(scores.values())
+    return Suggestions({name: scores[name] for name in best}, are_similar)
 
 
 def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) -> Suggestions:
-    """The unmarked views that a mark would decide most in.
+    """Score the unmarked views: the mean over the objects of the best patch's value, relative to the object's pixels.
 
-    A score is the mean over the objects of what the best patch counts, in parts of the pixels that show the object.
-
-    Args:
-        cached: the views and the n rays that the points were merged from.
-        points: on the surface.
-        labels: of the points.
+    `points` come from the rays of `cached`, `labels` are theirs.
     """
     views, end = cached.views, points.point_of_sample[:, points.point_of_sample.shape[1] // 2]
     pixels, scores = np.bincount(end, minlength=len(points)), np.zeros(len(views.training_images))
     for k, doubt in enumerate(labels.doubt.T, 1):
         patch = _patches(points, np.where(doubt > DOUBTED, 1 + (labels.classes == k), 0))
         total = np.maximum(np.bincount(patch, pixels), 1)
-        worth = (
-            np.sqrt(total) * np.bincount(patch, pixels * doubt) / total / max((pixels * labels.opinion[:, k]).sum(), 1)
-        )
-        best = [_best(picture, worth) for picture in cached.pictures(patch[end])]
+        object_pixels = max((pixels * labels.opinion[:, k]).sum(), 1)
+        value = np.sqrt(total) * np.bincount(patch, pixels * doubt) / total / object_pixels
+        best = [_best_value(picture, value) for picture in cached.pictures(patch[end])]
         scores += np.minimum(best, 1) / len(views.objects)
-    found = {name: round(float(score), PLACES) for name, score in zip(views.names, scores, strict=True)}
+    found = {name: round(float(score), 4) for name, score in zip(views.names, scores, strict=True)}
     return suggestions_of({name: score for name, score in found.items() if name not in views.masked_names})
 
 
 def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
-    """Number of the patch of each point, [p], 0 where there is none. kind: [p], alike in a patch; 0 is in none."""
+    """Return the patch number of each point, [p], 0 for none. kind: [p], equal within a patch, 0 for no patch."""
     patch, chosen = np.zeros(len(kind), int), np.flatnonzero(kind)
     if len(chosen):
         tree = tree_of(points.positions[chosen], balanced_tree=False, compact_nodes=False)
-        first, second = tree.query_pairs(JOINED * CELL_IN_SPACINGS * points.spacing, output_type="ndarray").T
+        first, second = tree.query_pairs(JOIN_DISTANCE * CELL_IN_SPACINGS * points.spacing, output_type="ndarray").T
         same = kind[chosen[first]] == kind[chosen[second]]
         tied = coo_matrix((same, (first, second)), (len(chosen), len(chosen)))
         tied.eliminate_zeros()
@@ -97,13 +87,13 @@ def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
     return patch
 
 
-def _best(picture: np.ndarray, worth: np.ndarray) -> float:
-    """What the best patch of a view counts. picture: [H, W] patches; worth: of each, times the root of its pixels here."""
+def _best_value(picture: np.ndarray, value: np.ndarray) -> float:
+    """Return the largest value of a patch in a view. picture: [H, W] patch numbers; value: per root of its pixels here."""
     numbers, counts = np.unique(picture, return_counts=True)
-    large = (numbers > 0) & (counts >= WIDE**2)
+    large = (numbers > 0) & (counts >= MIN_RADIUS**2)
     best = 0.0
     for number, count in zip(numbers[large], counts[large], strict=True):
-        value = worth[number] * np.sqrt(count)
-        if value > best and distance_transform_edt(np.pad(picture == number, 1)).max() >= WIDE:
-            best = value
+        here = value[number] * np.sqrt(count)
+        if here > best and np.asarray(distance_transform_edt(np.pad(picture == number, 1))).max() >= MIN_RADIUS:
+            best = here
     return best

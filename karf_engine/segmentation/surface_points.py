@@ -1,4 +1,4 @@
-"""Surface points: the samples of many rays merged into cells a little larger than the point spacing, mostly a voxel."""
+"""Merge the samples of many rays to surface points, in cells slightly larger than a voxel."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ..io.color import srgb_to_lab
 from .views import CachedViews
 
 CELL_IN_SPACINGS = 1.4
-MOST_POINTS = 60_000  # about: finer ones have few votes each, and colors outvote their neighbors
-LABEL_SAMPLES = 3  # a ray: labels are of the surface, and the first and last of many samples lie off it
+MOST_POINTS = 60_000  # approximate; with more points each has few votes
+LABEL_SAMPLES = 3  # per ray; the first and last of many samples are off the surface
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Points on the surface, p of them, with mean positions and photo colors of the samples of n rays.
+    """p surface points, merged from the samples of n rays.
 
     Attributes:
         positions: [p, 3] grid coordinates.
-        lab: [p, 3] CIE Lab, L in [0, 100].
-        point_of_sample: [n, K] int, into which point each sample of each ray went.
-        spacing: of the points, about, grid coordinates; lengths of the label propagation are multiples of it.
+        lab: [p, 3] photo colors in CIE Lab, L in [0, 100].
+        point_of_sample: [n, K] int, the point of each sample of each ray.
+        spacing: approximate distance of the points, grid coordinates; the unit of lengths in label propagation.
     """
 
     positions: np.ndarray
@@ -37,12 +37,7 @@ class SurfacePoints:
 
 
 def surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
-    """The surface in points as fine as the voxels, or coarser where these are so fine that few rays meet in one.
-
-    Args:
-        cached: views and where their rays end.
-        voxel: size of the field's voxels, grid coordinates.
-    """
+    """Return surface points as fine as the field's voxels (grid coordinates), but not many more than MOST_POINTS."""
     points = _points_of_spacing(cached, voxel)
     if len(points) <= MOST_POINTS:
         return points
@@ -52,7 +47,7 @@ def surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
 def _points_of_spacing(cached: CachedViews, spacing: float) -> SurfacePoints:
     cache = cached.cache.thinned(LABEL_SAMPLES)
     lab = srgb_to_lab(cached.views.colors()[cache.index.cpu().numpy()])
-    # samples of a silhouette ray lie far apart, and its color is a mixture
+    # a silhouette ray has spread samples and a mixed color
     confidence = torch.exp(-cache.spread / (4 * spacing)) * cache.opacity
     return merge_samples(cache.positions.cpu().numpy(), lab, confidence.cpu().numpy(), spacing)
 
@@ -63,9 +58,8 @@ def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.nda
     Args:
         positions: [n, K, 3] samples, grid coordinates.
         lab: [n, 3] photo colors of the rays.
-        ray_confidence: [n] in [0, 1], weight in the means. A ray whose samples lie far apart (a silhouette) should have
-            a low one: its color is a mixture.
-        spacing: grid coordinates.
+        ray_confidence: [n] in [0, 1], weights of the means; low for silhouette rays, whose colors are mixtures.
+        spacing: of the points, grid coordinates.
     """
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)

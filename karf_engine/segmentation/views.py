@@ -1,6 +1,6 @@
-"""Views that segmentation learns from: their photos, the coarse masks drawn on some of them, and their surface samples.
+"""The views that segmentation learns from: photos, coarse masks of some of them, and surface samples.
 
-Pixels are numbered through all photos in one row: those of photo v are `offsets[v]` to `offsets[v + 1]`, row by row.
+Pixels of all photos are numbered consecutively: photo v has `offsets[v]` to `offsets[v + 1]`, row by row.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from ..palettes.exposure import exposed_alike
 from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 
-CACHE_STEP = 1.0  # sampling step in voxels: the later stages need where a ray ends, not the last digit of its color
+CACHE_STEP = 1.0  # voxels; coarse, since only the ends of rays matter here
 
 
 @dataclass(frozen=True)
 class MaskedViews:
-    """Photos at the working size, and the coarse masks that were drawn on some of them.
+    """Photos at the working size, and the coarse masks of some of them.
 
     Attributes:
         objects: names of the K objects, sorted; class k is `objects[k - 1]`, class 0 the background.
         training_images: the V photos.
-        masks: of each photo {class number: bool [H, W]}; empty where nothing was drawn.
+        masks: {class number: bool [H, W]} of each photo; empty for unmarked photos.
     """
 
     objects: list[str]
@@ -40,31 +40,27 @@ class MaskedViews:
 
     @property
     def offsets(self) -> list[int]:
-        """Number of each photo's first pixel, and behind them the number of all pixels, V + 1."""
+        """The number of each photo's first pixel, and finally of all pixels, V + 1."""
         sizes = [training_image.camera.width * training_image.camera.height for training_image in self.training_images]
         return [0, *np.cumsum(sizes).tolist()]
 
     @property
     def n_pixels(self) -> int:
-        """Number of pixels of all photos."""
+        """The number of pixels of all photos."""
         return self.offsets[-1]
 
     @property
     def names(self) -> list[str]:
-        """Names of the views."""
+        """The names of the views."""
         return [training_image.view.name for training_image in self.training_images]
 
     @property
     def masked_names(self) -> list[str]:
-        """Names of the views that have a mask."""
-        return [
-            training_image.view.name
-            for training_image, masks in zip(self.training_images, self.masks, strict=True)
-            if masks
-        ]
+        """The names of the views with masks."""
+        return [name for name, masks in zip(self.names, self.masks, strict=True) if masks]
 
     def colors(self) -> np.ndarray:
-        """Photo colors of all pixels in the photos' mean exposure, [N, 3] float32 sRGB in [0, 1]."""
+        """Return the colors of all pixels in the photos' mean exposure, [N, 3] float32 sRGB in [0, 1]."""
         return np.concatenate(
             [exposed_alike(image.color, image.view.gains).reshape(-1, 3) for image in self.training_images]
         )
@@ -72,25 +68,23 @@ class MaskedViews:
 
 @dataclass(frozen=True)
 class CachedViews:
-    """Views and where their rays end in the frozen scene.
+    """Views with the surface samples of their rays.
 
     Attributes:
         views: photos and masks.
-        cache: surface samples of the n rays that end on something; its `index` numbers the pixels of all photos.
+        cache: of the n rays that hit something; `index` is the pixel number over all photos.
     """
 
     views: MaskedViews
     cache: SurfaceCache
 
     def pictures(self, values: np.ndarray) -> list[np.ndarray]:
-        """Integers of the cached rays, [n], as one picture [H, W] a view; 0 where no ray ends on anything."""
+        """Return integers of the cached rays, [n], as one picture [H, W] per view; 0 where a ray hits nothing."""
         pixels = np.zeros(self.views.n_pixels, np.int64)
         pixels[self.cache.index.cpu().numpy()] = values
-        offsets, training_images = self.views.offsets, self.views.training_images
-        return [
-            pixels[start:end].reshape(training_image.camera.height, training_image.camera.width)
-            for start, end, training_image in zip(offsets[:-1], offsets[1:], training_images, strict=True)
-        ]
+        cameras = [image.camera for image in self.views.training_images]
+        parts = np.split(pixels, self.views.offsets[1:-1])
+        return [part.reshape(camera.height, camera.width) for part, camera in zip(parts, cameras, strict=True)]
 
 
 def load_masked_views(
@@ -100,14 +94,14 @@ def load_masked_views(
     settings: SegmentationSettings,
     more_objects: Collection[str] = (),
 ) -> MaskedViews:
-    """Choose views spread round the scene, all masked ones among them, and load their photos and masks.
+    """Choose all masked views and others spread around the scene, and load their photos and masks.
 
     Args:
         masks: the coarse masks, at least one.
-        views: the training views, and all marked ones.
-        long_side: working size of masked views, pixels; the others only have to show colors and may be smaller.
-        settings: how many views, and how small (`cache_views`, `cache_long_side`).
-        more_objects: names of objects that have no mask.
+        views: the training views, and all masked ones.
+        long_side: working size of masked views, pixels.
+        settings: `cache_views` is the number of views, `cache_long_side` the size of unmasked ones.
+        more_objects: names of objects without masks.
 
     Raises:
         DataError: a photo or a mask is missing, damaged or of another size.
@@ -126,15 +120,15 @@ def load_masked_views(
 
 
 def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int) -> list[View]:
-    """Farthest point sampling of views by their cameras' positions.
+    """Choose views by farthest point sampling of their cameras' positions.
 
     Args:
-        views: to choose from, at least one.
-        first: names of views that are chosen in any case; where it names none, the first view is.
-        count: how many views, at most all; those of `first` may be more.
+        views: at least one.
+        first: names of views to choose in any case; the first view if none is named.
+        count: number of views to return, at most all; more if `first` names more.
 
     Returns:
-        The chosen views: those of `first` in the order of `views`, then always the one farthest from all chosen.
+        The views named in `first`, in the order of `views`, then each time the view farthest from all chosen.
     """
     positions = np.stack([view.camera.position for view in views])
     chosen = [number for number, view in enumerate(views) if view.name in first] or [0]
@@ -145,16 +139,16 @@ def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int
 
 
 def cache_views(scene_field: Field, views: MaskedViews, samples_per_ray: int, progress: Progress) -> CachedViews:
-    """Surface samples of all pixels of the views.
+    """Trace the rays of all pixels to the surface.
 
     Args:
         scene_field: the frozen radiance field.
-        views: their cameras are looked through.
-        samples_per_ray: quantile samples a ray, at least 1.
-        progress: counts pixels, `views.n_pixels` of them.
+        views: the photos, with their cameras.
+        samples_per_ray: quantile samples per ray, at least 1.
+        progress: counts pixels, `views.n_pixels` in all.
 
     Raises:
-        DataError: no ray ends on anything.
+        DataError: no ray hits anything.
     """
     parts = []
     for training_image, start in zip(views.training_images, views.offsets[:-1], strict=True):

@@ -1,9 +1,8 @@
-"""Votes of coarse masks on the classes of pixels and surface points.
+"""Turn coarse masks into votes on the classes of pixels and surface points.
 
-A masked view holds masks of some of the objects. A pixel in a mask votes for that object. A pixel outside all of them
-votes evenly for the background and for the objects that have no mask in this view: it may well be one of those.
-Confidence grows from 0 at a mask's border, where hands are least exact, to 1 a few pixels away. A thin part of a mask
-never gets that far from the border: there it grows to 1 in the part's middle.
+A pixel in a mask votes for the mask's object. A pixel outside all masks of a view votes evenly for the background and the
+objects without a mask in this view. Confidence grows from 0 at a mask's border, where masks are least exact, to 1 a few
+pixels away, or in the middle of a thin part.
 """
 
 from __future__ import annotations
@@ -16,11 +15,9 @@ from scipy.ndimage import distance_transform_edt
 from .views import CachedViews, MaskedViews
 
 BAND_PIXELS = 6.0  # width of the band along a mask's border, pixels of a photo 200 pixels high
-BAND_OF_RADIUS = 0.35
-WIDTHS = 6  # of a mask that are told apart, from one pixel to the whole band; not varied on record
-NEAR_BODY = 2.0  # radii round a disc's center that count as its width; 1, 1.5, 3 were measured on drawn seeds 0 to 7 and the demo:
-# with less corners of rough masks count too much (seed 7 loses 0.05 of IoU by 1.5), with 3 nothing is thin
-LEAST_OPACITY = 0.3  # opacity of a ray that votes
+BAND_OF_RADIUS = 0.35  # greatest width of the band, relative to the radius of a disc of the mask's area
+NEAR_BODY = 2.0  # radii around a disc's center; with less, corners of rough masks count as thin, with 3 nothing is thin
+MIN_OPACITY = 0.3  # of a ray that votes
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class RayVotes:
         targets: [n, K+1] shares of the classes; rows sum to 1.
         confidence: [n] in [0, 1]; 0 in views without masks.
         opacity: [n] in [0, 1], of the rays.
-        marked: [n] bool, rays of the views that have masks.
+        marked: [n] bool, rays of views with masks.
     """
 
     targets: np.ndarray
@@ -41,15 +38,15 @@ class RayVotes:
 
 
 def votes_of_rays(cached: CachedViews) -> RayVotes:
-    """The votes of the cached rays. Rays of low opacity hardly end on anything: their confidence is 0."""
-    targets, confidence = votes_of_pixels(cached.views)
+    """Return the votes of the cached rays; rays of low opacity get no confidence."""
+    targets, confidence = _votes_of_pixels(cached.views)
     index, opacity = cached.cache.index.cpu().numpy(), cached.cache.opacity.cpu().numpy()
     confidence = confidence[index]
-    return RayVotes(targets[index], confidence * (opacity > LEAST_OPACITY), opacity, confidence > 0)
+    return RayVotes(targets[index], confidence * (opacity > MIN_OPACITY), opacity, confidence > 0)
 
 
-def votes_of_pixels(views: MaskedViews) -> tuple[np.ndarray, np.ndarray]:
-    """Targets [N, K+1] and confidence [N] of the pixels of all views; see `mask_targets` and `mask_confidence`."""
+def _votes_of_pixels(views: MaskedViews) -> tuple[np.ndarray, np.ndarray]:
+    """Return targets [N, K+1] and confidence [N] of the pixels of all views."""
     n_classes, offsets = len(views.objects) + 1, views.offsets
     targets, confidence = np.full((offsets[-1], n_classes), 1.0 / n_classes), np.zeros(offsets[-1])
     for number, masks in enumerate(views.masks):
@@ -61,14 +58,11 @@ def votes_of_pixels(views: MaskedViews) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mask_targets(masks: dict[int, np.ndarray], n_classes: int) -> np.ndarray:
-    """Which classes the pixels of one view may have.
+    """Return the votes of one view's pixels, [H, W, n_classes] float64; they sum to 1.
 
     Args:
-        masks: {class number: bool [H, W]}, at least one. Where masks overlap they share the pixel.
+        masks: {class number: bool [H, W]}, at least one. Overlapping masks share the pixel.
         n_classes: K + 1, background included.
-
-    Returns:
-        [H, W, n_classes] float64; rows sum to 1.
     """
     height, width = next(iter(masks.values())).shape
     targets = np.zeros((height, width, n_classes))
@@ -81,13 +75,9 @@ def mask_targets(masks: dict[int, np.ndarray], n_classes: int) -> np.ndarray:
 
 
 def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
-    """How far each pixel lies from the masks' borders: 0 on one, 1 a few pixels away, or in the middle of a thin part.
+    """Return the confidence of one view's pixels, [H, W] float64 in [0, 1].
 
-    Args:
-        masks: {class number: bool [H, W]}, at least one.
-
-    Returns:
-        [H, W] float64 in [0, 1].
+    It is 0 on a mask's border, and 1 a few pixels away or in the middle of a thin part.
     """
     height, width = next(iter(masks.values())).shape
     confidence = np.ones((height, width))
@@ -95,22 +85,20 @@ def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
         if not mask.any() or mask.all():
             continue
         band = max(min(BAND_PIXELS * height / 200, BAND_OF_RADIUS * np.sqrt(mask.sum() / np.pi)), 1.0)
-        inside, outside = distance_transform_edt(mask), distance_transform_edt(~mask)
+        inside, outside = (np.asarray(distance_transform_edt(each)) for each in (mask, ~mask))
         confidence = np.minimum(confidence, np.where(mask, inside / half_width(inside, band), outside / band))
     return np.minimum(confidence, 1.0)
 
 
-def half_width(inside: np.ndarray, most: float) -> np.ndarray:
-    """Half the mask's width at each pixel: radius of the largest disc within the mask that covers it or is close to it.
+def half_width(inside: np.ndarray, limit: float) -> np.ndarray:
+    """Return half of the mask's width at each pixel, [H, W] in [1, limit]; 1 outside the mask.
 
-    So a corner and a bump of a rough outline are of the body, and only what leads away from it is thin.
+    It is the radius of the largest inscribed disc that covers the pixel or is close to it, so corners and bumps of a
+    rough outline belong to the body, and only parts that lead away from it are thin.
 
     Args:
-        inside: [H, W] distance of the mask's pixels to what is outside, 0 there.
-        most: radius up to which widths are told apart, pixels, at least 1.
-
-    Returns:
-        [H, W] in [1, most]; 1 outside.
+        inside: [H, W] distance of the mask's pixels to the outside, 0 there.
+        limit: largest radius, pixels, at least 1.
 
     Examples:
         >>> handle_on_a_body = np.zeros((20, 40), bool)
@@ -119,7 +107,7 @@ def half_width(inside: np.ndarray, most: float) -> np.ndarray:
         [2.0, 6.0]
     """
     width = np.ones(inside.shape)
-    for radius in np.linspace(1, most, WIDTHS)[1:]:
+    for radius in np.linspace(1, limit, 6)[1:]:
         centers = inside >= radius
         if not centers.any():
             break
@@ -130,7 +118,7 @@ def half_width(inside: np.ndarray, most: float) -> np.ndarray:
 def vote_on_points(
     point_of_sample: np.ndarray, targets: np.ndarray, confidence: np.ndarray, n_points: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sum the votes of rays on the surface points that their samples belong to.
+    """Sum the votes of rays on the surface points of their samples.
 
     Args:
         point_of_sample: [n, K] int, point of each sample of each ray.
@@ -139,8 +127,8 @@ def vote_on_points(
         n_points: p.
 
     Returns:
-        Targets [p, C], whose rows sum to 1, and confidence [p]: the sum over a point's samples, 0 and an even target
-        where there are none.
+        Targets [p, C], whose rows sum to 1, and confidence [p], the sum over a point's samples. Points without samples
+        have even targets and confidence 0.
     """
     n_samples = point_of_sample.shape[1]
     point = point_of_sample.ravel()

@@ -11,7 +11,7 @@ from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.errors import DataError
 from karf_engine.segmentation.constraints import Constraints, correction_targets
-from karf_engine.segmentation.corrections import IS, IS_NOT, find_corrections, load_correction
+from karf_engine.segmentation.corrections import NOT_OBJECT, OBJECT, find_corrections, load_correction
 from karf_engine.segmentation.neighbor_graph import neighbor_graph
 from karf_engine.segmentation.point_labels import Labels
 from karf_engine.segmentation.spreading import spread
@@ -53,14 +53,14 @@ def test_white_is_the_object_black_is_not_and_nothing_is_said_of_the_rest(tmp_pa
     draw(tmp_path / "pot" / "a.png", is_it=[np.s_[2:4, 3:9]], is_not=[np.s_[8:10, :]])
     (found,) = find_corrections(tmp_path, capture)
     expected = np.zeros((12, 18), int)
-    expected[2:4, 3:9], expected[8:10] = IS, IS_NOT
+    expected[2:4, 3:9], expected[8:10] = OBJECT, NOT_OBJECT
     np.testing.assert_array_equal(load_correction(found, CAMERA), expected)
 
 
 def test_a_stroke_thinner_than_a_reduced_pixel_is_not_lost(tmp_path, capture):
     draw(tmp_path / "pot" / "a.png", is_it=[np.s_[4:5, :]])
     (found,) = find_corrections(tmp_path, capture)
-    assert (load_correction(found, CAMERA.scaled(6, 4))[1] == IS).all()
+    assert (load_correction(found, CAMERA.scaled(6, 4))[1] == OBJECT).all()
 
 
 def test_a_picture_that_says_something_of_every_pixel_is_refused(tmp_path, capture):
@@ -71,7 +71,7 @@ def test_a_picture_that_says_something_of_every_pixel_is_refused(tmp_path, captu
 
 
 def test_a_pixel_is_what_one_correction_says_or_none_of_what_others_exclude():
-    said = {1: np.array([[IS, IS_NOT, IS_NOT, 0]]), 2: np.array([[0, 0, IS_NOT, 0]])}
+    said = {1: np.array([[OBJECT, NOT_OBJECT, NOT_OBJECT, 0]]), 2: np.array([[0, 0, NOT_OBJECT, 0]])}
     targets, is_said = correction_targets(said, 3)
     assert is_said.tolist() == [[True, True, True, False]]
     assert targets[0, 0].tolist() == [0, 1, 0]

@@ -11,9 +11,8 @@ pytest.importorskip("scipy")
 
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.segmentation.gaussian_mixtures import class_log_densities
-from karf_engine.segmentation.label_propagation import PARAMETERS as PROPAGATION
-from karf_engine.segmentation.label_propagation import _Propagation, propagate_labels
-from karf_engine.segmentation.neighbor_graph import PARAMETERS, conjugate_gradients, neighbor_graph
+from karf_engine.segmentation.label_propagation import AGREED_WEIGHT, _Propagation, propagate_labels
+from karf_engine.segmentation.neighbor_graph import PATTERN, conjugate_gradients, neighbor_graph
 from karf_engine.segmentation.seeds import has_seeds
 
 VOXEL = 0.05
@@ -190,7 +189,7 @@ def test_the_graph_is_symmetric_and_weak_across_edges_of_normal_and_color(random
     assert smooth == pytest.approx(np.exp(-1 / 32), abs=1e-3)
     assert corner < 0.05 * smooth
     # an edge of color alone is weak, but stronger than none: a pattern is one thing
-    assert 0.5 * PARAMETERS.pattern * smooth < pattern < 2 * PARAMETERS.pattern * smooth
+    assert 0.5 * PATTERN * smooth < pattern < 2 * PATTERN * smooth
     assert graph[4, 29] == 0
 
 
@@ -312,7 +311,7 @@ def test_what_masks_and_colors_say_alike_counts_many_times():
     silent = unsaid(labels.shape)
     agreed = replace(silent, seed_targets=np.array([[0.0, 1.0]]), seed_confidence=np.ones(1))
     one, many = (each._color_confidence(labels, labels, reliable)[0] for each in (silent, agreed))
-    assert many == pytest.approx((1 + PROPAGATION.agreed_weight) * one)
+    assert many == pytest.approx((1 + AGREED_WEIGHT) * one)
 
 
 def test_a_twin_far_away_does_not_make_a_color_useless_near_the_object():

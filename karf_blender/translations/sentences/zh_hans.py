@@ -331,6 +331,8 @@ TEXTS = {
     "{path} is named after no photo.": "{path} 的名称不对应任何照片。",
     "Nothing in the scene belongs to {name}.": "场景中没有任何部分属于 {name}。",
     "Mark it more generously, or in another view.": "请更宽松地标记它，或在另一个视图中标记。",
+    "The segmentation has no surface points of {names}.": "分割结果中没有 {names} 的表面点。",
+    "Mark it in another photo, or check that its mask covers it.": "请在另一张照片中标记它，或检查其遮罩是否覆盖它。",
     "Add one, or choose one in its properties.": "请添加一个，或在其属性中选择一个。",
     "An orthographic view cannot be rendered.": "无法渲染正交视图。",
     "Look in perspective: View > Perspective.": "请使用透视：视图 > 透视。",

@@ -1,1 +1,1 @@
-"""From a box, clicks or a lasso to the mask of an object in one photo; `proposals` is the way in."""
+"""Propose the mask of an object in one photo from a box, clicks or a lasso; start with `proposals`."""

@@ -1,29 +1,27 @@
-"""GrabCut (Rother, Kolmogorov and Blake, 2004) by OpenCV: a mask that fits the colors inside and outside of it."""
+"""GrabCut (Rother, Kolmogorov and Blake, 2004) by OpenCV: fit a mask to the colors inside and outside of it."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-# how OpenCV numbers what is known: certainly not the object, certainly the object, perhaps
-NOT, SURE, PERHAPS_NOT, PERHAPS = 0, 1, 2, 3
+# OpenCV's values of a trimap: certainly background, certainly object, probably background, probably object
+NOT, SURE, PERHAPS_NOT, PERHAPS = cv2.GC_BGD, cv2.GC_FGD, cv2.GC_PR_BGD, cv2.GC_PR_FGD
 
 
 def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.ndarray:
-    """The object's mask.
+    """Return the object's mask, bool [h, w]. A trimap of one side only is returned as it is.
 
     Args:
         colors: [h, w, 3] uint8.
-        trimap: [h, w] uint8 of the four numbers above.
-        iterations: How often colors and mask are fitted to each other.
-
-    Returns:
-        bool [h, w]; where the trimap has only one side, that side.
+        trimap: [h, w] uint8 of OpenCV's four values.
+        iterations: of fitting colors and mask to each other.
     """
     is_inside = (trimap & 1).astype(bool)
     if is_inside.all() or not is_inside.any():
         return is_inside
     cv2.setRNGSeed(0)  # photos are marked before there are settings with a seed
-    found, unused = trimap.copy(), np.zeros((1, 65))
-    cv2.grabCut(colors, found, None, unused, unused.copy(), iterations, cv2.GC_INIT_WITH_MASK)
-    return (found & 1).astype(bool)
+    mask, background, foreground = trimap.copy(), np.zeros((1, 65)), np.zeros((1, 65))
+    no_frame = (0, 0, 0, 0)  # ignored with GC_INIT_WITH_MASK
+    cv2.grabCut(colors, mask, no_frame, background, foreground, iterations, cv2.GC_INIT_WITH_MASK)
+    return (mask & 1).astype(bool)

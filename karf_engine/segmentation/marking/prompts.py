@@ -1,36 +1,37 @@
-"""What a user marks in a photo to point out an object (numpy only)."""
+"""Prompts: the box, clicks or lasso by which a user points out an object in a photo (numpy only)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from ...errors import BadRequest
 
-FEWEST_CORNERS = 3
+Box = tuple[float, float, float, float]
+Point = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Prompts:
-    """Marks in a photo, in its pixels as stored: x to the right, y down, centers of pixels at .5.
+    """Prompts in pixels of the photo as stored: x to the right, y down, centers of pixels at .5.
 
     Attributes:
-        box: (x0, y0, x1, y1), a frame that the object lies in; None where none is drawn.
-        points: Clicks (x, y, is_object) in the order in which they were made: on the object, or on what is not.
-        lasso: Corners (x, y) of a closed line around the object, at least three; None where none is drawn.
+        box: (x0, y0, x1, y1), a frame around the object, or None.
+        points: clicks (x, y, is_object) in the order they were made.
+        lasso: at least three corners (x, y) of a closed line around the object, or None.
     """
 
-    box: tuple[float, float, float, float] | None = None
+    box: Box | None = None
     points: tuple[tuple[float, float, bool], ...] = ()
-    lasso: tuple[tuple[float, float], ...] | None = None
+    lasso: tuple[Point, ...] | None = None
 
     @classmethod
     def from_json(cls, content: Any) -> Prompts:
-        """The prompts of `{"box": [x0, y0, x1, y1], "points": [[x, y, is_object], ..], "lasso": [[x, y], ..]}`.
+        """Parse `{"box": [x0, y0, x1, y1], "points": [[x, y, is_object], ..], "lasso": [[x, y], ..]}`.
 
-        Each may be left out or null. Raises BadRequest where it is anything else.
+        Each key may be missing or null. Raises BadRequest for anything else.
 
         Examples:
             >>> Prompts.from_json({"points": [[4.5, 2.5, True]]}).points
@@ -38,20 +39,19 @@ class Prompts:
         """
         try:
             box, points, lasso = (content.get(name) for name in ("box", "points", "lasso"))
-            prompts = cls(
-                None if box is None else tuple(_numbers(box, 4)),
-                tuple((*_numbers(point[:2], 2), bool(point[2])) for point in points or ()),
-                tuple(tuple(_numbers(corner, 2)) for corner in lasso) if lasso else None,
+            return cls(
+                None if box is None else cast(Box, _numbers(box, 4)),
+                tuple((*_point(click[:2]), bool(click[2])) for click in points or ()),
+                tuple(map(_point, lasso)) if lasso else None,
             )
         except (AttributeError, TypeError, ValueError, IndexError, KeyError) as error:
             raise BadRequest(
                 f"{content!r:.200} is not a box, clicks or a lasso.",
                 "Give numbers: box [x0, y0, x1, y1], points [[x, y, is_object], ...], lasso [[x, y], ...].",
             ) from error
-        return prompts
 
     def to_json(self) -> dict[str, Any]:
-        """What `from_json` reads."""
+        """Return what `from_json` reads."""
         return {
             "box": None if self.box is None else list(self.box),
             "points": [list(point) for point in self.points],
@@ -59,7 +59,7 @@ class Prompts:
         }
 
     def check(self, width: int, height: int) -> None:
-        """Raises BadRequest where they cannot be prompts of a photo of this size, or are empty."""
+        """Raise BadRequest if the prompts are empty or do not fit a photo of this size."""
         if self.box is None and self.lasso is None and not any(is_object for *_, is_object in self.points):
             raise BadRequest("Nothing says where the object is.", "Draw a box or a lasso around it, or click on it.")
         for x, y, _ in self.points:
@@ -75,23 +75,23 @@ class Prompts:
                 "Give its left, top, right and bottom.",
             )
         if self.lasso is not None and not (
-            len(self.lasso) >= FEWEST_CORNERS and _overlap(_extent(np.array(self.lasso)), width, height)
+            len(self.lasso) >= 3 and _overlap(np.stack([np.min(self.lasso, 0), np.max(self.lasso, 0)]), width, height)
         ):
             raise BadRequest("The lasso goes around nothing of the photo.", "Draw it around the object.")
 
 
-def _numbers(values: Any, count: int) -> list[float]:
-    numbers = [float(value) for value in values]
+def _numbers(values: Any, count: int) -> tuple[float, ...]:
+    numbers = tuple(float(value) for value in values)
     if len(numbers) != count or not np.isfinite(numbers).all():
         raise ValueError(f"not {count} numbers")
     return numbers
 
 
-def _extent(corners: np.ndarray) -> np.ndarray:
-    return np.stack([corners.min(0), corners.max(0)])
+def _point(values: Any) -> Point:
+    return cast(Point, _numbers(values, 2))
 
 
 def _overlap(extent: np.ndarray, width: int, height: int) -> bool:
-    """Whether a frame [[x0, y0], [x1, y1]] holds a part of a picture."""
+    """Return whether a frame [[x0, y0], [x1, y1]] overlaps a picture."""
     low, high = np.maximum(extent[0], 0), np.minimum(extent[1], (width, height))
     return bool((high > low).all())

@@ -1,15 +1,13 @@
-"""Which region of a photo a click means.
+"""Find the region of a photo that a click selects.
 
-A random walk from the click gives each pixel a number that falls where neighbors differ. Of the regions inside its
-level lines the one is taken whose border costs least for its size (a sweep cut, as in Andersen, Chung and Lang, "Local
-graph partitioning using PageRank vectors", 2006): the links that it cuts, over a power of its area. The root would not
-depend on the scale, and serves the first click; corrections are rather small.
+A random walk from the click gives each pixel a value that falls where neighbors differ. Among the regions inside its level
+lines, the one with the smallest ratio of cut links to a power of its area is selected (a sweep cut, as in Andersen, Chung
+and Lang, "Local graph partitioning using PageRank vectors", 2006).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,113 +15,76 @@ import numpy as np
 from ..random_walk import Link, random_walk
 from .working import WorkingPhoto
 
-
-@dataclass(frozen=True)
-class RegionParameters:
-    """What decides which region a click means. Chosen together on the first three captures of docs/benchmark.md's masks
-    from clicks: the demo, `thin` and flower.
-
-    Attributes:
-        radius: Of a click, pixels.
-        leak: Weight of every pixel's prior for the opposite of a click: the walk ends somewhere.
-        edge: The same at the picture's edge: objects are mostly inside.
-        leak_far: The same of a correction; grows with the distance.
-        reach: A correction goes no farther, in depths of its click in what it corrects.
-        least_depth: Of a click, pixels.
-        levels: Lines that are compared.
-        power: Of the area that a border's cost is divided by: the root does not depend on the scale.
-        power_of_correction: The same for a correction, which is rather small.
-        least_area: Of a region, in pictures.
-        most_area: The same.
-        most_added: By one click, in areas of the mask so far.
-        most_removed: The same.
-        always_added: In pictures, however small the mask is.
-    """
-
-    radius: int = 2
-    leak: float = 1e-4
-    edge: float = 0.02
-    leak_far: float = 0.002
-    reach: float = 8.0
-    least_depth: float = 2.0
-    levels: int = 120
-    power: float = 0.5
-    power_of_correction: float = 0.3
-    least_area: float = 0.0008
-    most_area: float = 0.7
-    most_added: float = 3.0
-    most_removed: float = 0.5
-    always_added: float = 0.25
-
-
-PARAMETERS = RegionParameters()
+# tuned together on three captures
+CLICK_RADIUS = 2  # pixels
+LEAK, EDGE_LEAK = 1e-4, 0.02  # prior weights of the class that was not clicked, inside and at the picture's edge
+FAR_LEAK = 0.002  # the same for corrections, times the squared distance in depths of the click, over the depth squared
+REACH = 8.0  # of a correction, in depths of its click below the border that it moves
+N_LEVELS = 120
+POWER, CORRECTION_POWER = 0.5, 0.3  # of the area; 1/2 is invariant to scale, less favors small regions
+MIN_AREA, MAX_AREA = 0.0008, 0.7  # of a region, relative to the picture
+MAX_ADDED, MAX_REMOVED = 3.0, 0.5  # by one click, relative to the mask
+ALWAYS_ADDED = 0.25  # relative to the picture: allowed however small the mask is
 
 
 def meant_region(
-    photo: WorkingPhoto, mask: np.ndarray, said: np.ndarray, click: tuple[float, float, bool]
+    photo: WorkingPhoto, mask: np.ndarray, clicked: np.ndarray, click: tuple[float, float, bool]
 ) -> np.ndarray:
-    """The region that a click adds to a mask, or takes from it.
+    """Return the connected region that a click adds to a mask or removes from it, bool [h, w].
 
     Args:
-        photo: The photo.
+        photo: at the working size.
         mask: bool [h, w], the object so far; may be empty.
-        said: int8 [h, w], 1 where a click marked the object, 0 where it marked something else, else -1.
-        click: (x, y, is_object) in pixels of the photo as stored, already in `said`.
-
-    Returns:
-        bool [h, w], the connected pixels that become the object, or not the object.
+        clicked: int8 [h, w], 1 at clicks on the object, 0 at clicks on something else, -1 elsewhere.
+        click: (x, y, is_object) in pixels of the photo as stored, contained in `clicked`.
     """
     x, y, is_object = click
-    own, same = photo.disk(x, y, PARAMETERS.radius), mask == is_object
-    leak, within = np.full(photo.shape, PARAMETERS.leak), np.ones(photo.shape, bool)
-    if is_object:
-        leak[0], leak[-1], leak[:, 0], leak[:, -1] = PARAMETERS.edge, PARAMETERS.edge, PARAMETERS.edge, PARAMETERS.edge
+    own, same = photo.disk(x, y, CLICK_RADIUS), mask == is_object
+    leak, within = np.full(photo.shape, LEAK), np.ones(photo.shape, bool)
+    if is_object:  # objects are mostly inside the picture
+        leak[0] = leak[-1] = leak[:, 0] = leak[:, -1] = EDGE_LEAK
     if mask.any():
-        column, row = photo.place(x, y)
-        depth = max(float(_depths(mask, is_object)[row, column]), PARAMETERS.least_depth)
+        column, row = photo.pixel(x, y)
+        depth = max(float(_depths(mask, is_object)[row, column]), 2.0)
         rows, columns = np.ogrid[: photo.shape[0], : photo.shape[1]]
         away = np.hypot(rows - row, columns - column) / depth
-        leak, within = leak + PARAMETERS.leak_far * (away / depth) ** 2, away <= PARAMETERS.reach
-    walk = _walk(photo.links, said, is_object, leak)
-    candidates = (~same & (said != (not is_object)) & within) | own
-    region = _cheapest(photo.links, walk, candidates, same & mask.any(), _most(mask, is_object))
+        leak, within = leak + FAR_LEAK * (away / depth) ** 2, away <= REACH
+    walk = _walk(photo.links, clicked, is_object, leak)
+    candidates = (~same & (clicked != (not is_object)) & within) | own
+    region = _sweep_cut(photo.links, walk, candidates, same & mask.any(), _max_area(mask, is_object))
     _, parts = cv2.connectedComponents((region | own).astype(np.uint8), connectivity=8)
     return np.isin(parts, np.unique(parts[own]))
 
 
 def _depths(mask: np.ndarray, is_object: bool) -> np.ndarray:
-    """How deep each pixel lies in what a click corrects; nothing of the object is beyond the picture."""
+    """Return the distance of each pixel from the border that a click moves; an object ends at the picture's edge."""
     if is_object:
         return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
     return cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
 
 
-def _walk(links: Sequence[Link], said: np.ndarray, is_object: bool, leak: np.ndarray) -> np.ndarray:
-    """[h, w] in [0, 1]: 1 at clicks of this kind, 0 at those of the other."""
-    free = said < 0
-    walk = (said == is_object).astype(np.float32)
+def _walk(links: Sequence[Link], clicked: np.ndarray, is_object: bool, leak: np.ndarray) -> np.ndarray:
+    """Return the walk's values, [h, w] in [0, 1]: 1 at clicks of this kind, 0 at clicks of the other."""
+    free = clicked < 0
+    walk = (clicked == is_object).astype(np.float32)
     walk[free] = random_walk(links, walk[None], free, leak[free])[0]
     return walk
 
 
-def _most(mask: np.ndarray, is_object: bool) -> float:
-    """Largest area of a region, pixels."""
+def _max_area(mask: np.ndarray, is_object: bool) -> float:
+    """Return the largest area of a region, pixels."""
     if not mask.any():
-        return PARAMETERS.most_area * mask.size
-    return (
-        max(PARAMETERS.most_added * mask.sum(), PARAMETERS.always_added * mask.size)
-        if is_object
-        else PARAMETERS.most_removed * mask.sum()
-    )
+        return MAX_AREA * mask.size
+    return max(MAX_ADDED * mask.sum(), ALWAYS_ADDED * mask.size) if is_object else MAX_REMOVED * mask.sum()
 
 
-def _cheapest(
-    links: Sequence[Link], walk: np.ndarray, candidates: np.ndarray, joined: np.ndarray, most: float
+def _sweep_cut(
+    links: Sequence[Link], walk: np.ndarray, candidates: np.ndarray, joined: np.ndarray, max_area: float
 ) -> np.ndarray:
-    """The candidates inside the cheapest level line; a border with what it is joined to costs nothing."""
+    """Return the candidates inside the cheapest level line; links to the pixels that they join cost nothing."""
     values = np.sort(walk[candidates])
-    least = min(max(4, PARAMETERS.least_area * walk.size), len(values))
-    sizes = np.geomspace(least, max(least, min(most, len(values))), PARAMETERS.levels).astype(int)
+    min_area = min(max(4, MIN_AREA * walk.size), len(values))
+    sizes = np.geomspace(min_area, max(min_area, min(max_area, len(values))), N_LEVELS).astype(int)
     levels = np.unique(values[len(values) - sizes])
     levels = levels[(levels > 0) & (levels < values[-1])]
     if not len(levels):
@@ -136,7 +97,6 @@ def _cheapest(
         cut += np.bincount(np.searchsorted(levels, low[differs]), link[differs], len(cut))
         cut -= np.bincount(np.searchsorted(levels, high[differs]), link[differs], len(cut))
     areas = len(values) - np.searchsorted(values, levels, side="right")
-    best = np.argmin(
-        np.cumsum(cut)[:-1] / areas ** (PARAMETERS.power_of_correction if joined.any() else PARAMETERS.power)
-    )
+    power = CORRECTION_POWER if joined.any() else POWER
+    best = np.argmin(np.cumsum(cut)[:-1] / areas**power)
     return candidates & (walk > levels[best])

@@ -1,4 +1,4 @@
-"""A captured view that is being marked, and its mask on disk."""
+"""Mark a view of a capture, and write its mask."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ from .proposals import Marker
 
 
 class Marking(Protocol):
-    """A photo that is being marked."""
+    """A photo with a method that proposes masks."""
 
     def propose(self, prompts: Prompts) -> np.ndarray:
-        """The mask of the object that the prompts mean, bool [H, W]."""
+        """Return the object's mask, bool [H, W]."""
+        ...
 
 
 def marker_of(capture: Path | str, name: str, weights: Path | str | None = None) -> Marking:
-    """Begin to mark a view.
+    """Load a view for marking.
 
     Args:
-        capture: The capture's folder or camera file.
-        name: The view's.
-        weights: The folder of a Segment Anything model, which then proposes the mask.
+        capture: folder or camera file of the capture.
+        name: of the view.
+        weights: folder of a Segment Anything model, to use instead of GrabCut.
 
     Raises:
-        KarfError: The capture has no such view, its photo cannot be read, or the weights cannot be used.
+        KarfError: the capture has no such view, its photo cannot be read, or the weights cannot be used.
     """
     photo = photo_of(open_capture(capture).view(name))
     if weights is None:
@@ -43,10 +44,9 @@ def marker_of(capture: Path | str, name: str, weights: Path | str | None = None)
 
 
 def write_mask(marking: Marking, prompts: Prompts, masks: Path, object_name: str, view: str) -> Path:
-    """Write what prompts mean as MASKS/<object>/<view>.png; returns the file.
+    """Write the proposed mask to MASKS/<object>/<view>.png and return the path.
 
-    Raises:
-        BadRequest: The object's name cannot be a folder's, or the prompts are empty.
+    Raises BadRequest where the object's name cannot be a folder's, or the prompts are empty.
     """
     if not is_file_name(object_name):
         raise BadRequest(f"{object_name!r:.200} cannot be the name of a folder.", "Call the object by a plain name.")

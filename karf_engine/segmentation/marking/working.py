@@ -1,4 +1,4 @@
-"""A photo at the size at which it is marked: what is known of it before the first click."""
+"""A photo at the working size of marking, with the links between its pixels."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ...io.color import srgb_to_lab, to_bytes
 from ...io.images import over, resize
 from ..random_walk import Link, links_of
 
-LONG_SIDE = 256  # pixels: a click is answered in a fifth of a second
-LIKENESS = 0.1  # per squared Lab unit: neighbors that differ by 3.2 are linked by exp(-1) (chosen with regions.RegionParameters)
+LONG_SIDE = 256  # pixels; a click takes a fifth of a second
+LIKENESS = 0.1  # per squared Lab unit; tuned together with `regions`
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class WorkingPhoto:
 
     Attributes:
         colors: [h, w, 3] uint8 sRGB.
-        links: How like neighbors are, see `segmentation.random_walk.links_of`.
-        scale: Its pixels per pixel of the photo, (x, y).
+        links: between neighbors, see `random_walk.links_of`.
+        scale: (x, y), working pixels per pixel of the photo.
     """
 
     colors: np.ndarray
@@ -31,21 +31,22 @@ class WorkingPhoto:
     @property
     def shape(self) -> tuple[int, int]:
         """(h, w)."""
-        return self.colors.shape[:2]
+        height, width, _ = self.colors.shape
+        return height, width
 
     def disk(self, x: float, y: float, radius: int) -> np.ndarray:
-        """Pixels about a place of the photo as stored, bool [h, w]."""
-        column, row = self.place(x, y)
+        """Return a disk around a point of the stored photo, bool [h, w]."""
+        column, row = self.pixel(x, y)
         rows, columns = np.ogrid[: self.shape[0], : self.shape[1]]
         return (rows - row) ** 2 + (columns - column) ** 2 <= radius**2
 
-    def place(self, x: float, y: float) -> tuple[int, int]:
-        """Column and row of the pixel at a place of the photo as stored."""
+    def pixel(self, x: float, y: float) -> tuple[int, int]:
+        """Return column and row of the pixel at a point of the stored photo."""
         return int(x * self.scale[0]), int(y * self.scale[1])
 
 
 def working_photo(photo: np.ndarray) -> WorkingPhoto:
-    """Reduce a photo, float sRGB [H, W, 3 or 4] in [0, 1] with straight alpha; it is never enlarged."""
+    """Reduce a photo to the working size; small ones keep theirs. photo: float sRGB [H, W, 3 or 4], straight alpha."""
     height, width = photo.shape[:2]
     factor = min(1.0, LONG_SIDE / max(height, width))
     size = max(1, round(width * factor)), max(1, round(height * factor))
