@@ -42,7 +42,7 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
         occupied: Cells [X, Y, Z] bool.
 
     Returns:
-        Blocks [ceil(X / BLOCK), ceil(Y / BLOCK), ceil(Z / BLOCK)] bool, True within BLOCK / 2 cells of an occupied cell.
+        Blocks [ceil(X / BLOCK), ceil(Y / BLOCK), ceil(Z / BLOCK)] bool; True up to BLOCK / 2 cells from occupied cells.
 
     Example:
         >>> occupied = torch.zeros(12, 4, 4, dtype=torch.bool)

@@ -7,8 +7,8 @@ there, `paths` [R, K, 3].
 - Similarity: the world rotated, scaled and translated, to the scale that the encoding of an MLP expects.
 - Contraction (Mip-NeRF 360, Eq. 10): with y = (x - center) / radius, `y if |y| <= 1 else (1 + b - b / |y|) y / |y|`.
   All of space becomes a ball of radius 1 + b, where b = `room`.
-- Frustum (NDC of NeRF, appendix C): for forward-facing cameras. The near plane and infinity become the planes z = -1 and
-  z = +1 (times `depth_scale`); the width of a pixel is constant. Straight lines stay straight.
+- Frustum (NDC of NeRF, appendix C): for forward-facing cameras. The near plane and infinity become the planes z = -1
+  and z = +1 (times `depth_scale`); the width of a pixel is constant. Straight lines stay straight.
 
 All maps are differentiable in positions and directions; the parameters of a space are not learned.
 """
