@@ -16,7 +16,7 @@ All maps are differentiable in positions and directions; the parameters of a spa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -52,6 +52,7 @@ class Space(Protocol):
         ...
 
 
+@runtime_checkable
 class StraightSpace(Space, Protocol):
     """Space that keeps straight lines straight: all but the contraction."""
 
