@@ -1,1 +1,1 @@
-"""Radiance fields behind one protocol, with the rendering and the training beneath them."""
+"""Radiance fields behind one protocol, with their rendering and training."""

@@ -1,4 +1,4 @@
-"""How much of the photos' detail a field's voxels can hold, where the photos look."""
+"""The image detail that the voxels of a field can represent."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .extent import focus_point
 from .rendering.space import Space
 from .rendering.space_values import space_on
 
-STEP = 0.5  # pixels to either side over which a space counts as straight
+STEP = 0.5  # of central differences, pixels
 
 
 def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: Camera) -> np.ndarray:
-    """Pixels of a picture that a voxel spans at some places, the mean along its two sides.
+    """Return the size of a voxel in pixels at some positions, the mean of width and height.
 
     Args:
-        space: What the voxels are cubes in.
-        voxel: Their edge, grid coordinates.
-        positions: [n, 3], world; in front of the camera.
-        camera: Without a lens distortion.
+        space: Space of the voxels.
+        voxel: Edge of a voxel, grid units.
+        positions: [n, 3], world.
+        camera: Without lens distortion.
 
     Returns:
-        float64 [n]; nan for places that are not in front of the camera.
+        float64 [n]; nan behind the camera.
 
     Example:
         >>> from .rendering.space import Box
@@ -48,31 +48,31 @@ def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: 
 
 
 def typical_pixels_per_voxel(space: Space, voxel: float, views: Sequence[View], points: SparsePoints | None) -> float:
-    """Pixels of a photo that a voxel spans, the median over what the photos look at.
+    """Return the median size of a voxel in pixels over all observed points.
 
     Args:
-        space: What the voxels are cubes in.
-        voxel: Their edge, grid coordinates.
-        views: With cameras of the pictures' size, without a lens distortion.
-        points: As these views observe them; with none, all look at the point nearest to their optical axes.
+        space: Space of the voxels.
+        voxel: Edge of a voxel, grid units.
+        views: With cameras of the image sizes, without lens distortion.
+        points: As these views observe them; without any, the focus point of the cameras is used.
     """
     focus = focus_point([view.camera for view in views]).numpy()[None]
-    no_points = points is None or not len(points.view)
-    spans = [
-        pixels_per_voxel(
-            space, voxel, focus if no_points else points.positions[points.point[points.view == number]], view.camera
-        )
-        for number, view in enumerate(views)
-    ]
-    return float(np.nanmedian(np.concatenate(spans)))
+    sizes = []
+    for number, view in enumerate(views):
+        if points is None or not len(points.view):
+            positions = focus
+        else:
+            positions = points.positions[points.point[points.view == number]]
+        sizes.append(pixels_per_voxel(space, voxel, positions, view.camera))
+    return float(np.nanmedian(np.concatenate(sizes)))
 
 
 def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
-    """A photo as voxels of this many pixels would show it: reduced by averaging, and linear in between.
+    """Remove the detail that voxels of this size cannot represent: area-average, then interpolate linearly.
 
     Args:
         photo: Float [H, W, 3] in [0, 1].
-        pixels: >= 1.
+        pixels: Voxel size, >= 1.
     """
     height, width = photo.shape[:2]
     reduced = resize(photo, max(1, round(width / max(pixels, 1))), max(1, round(height / max(pixels, 1))))
@@ -80,5 +80,5 @@ def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
 
 
 def kept_psnr(photos: Sequence[np.ndarray], pixels: float) -> list[float]:
-    """PSNR that each photo keeps without detail of this many pixels, dB: about what such voxels can reach in it."""
-    return [cv2.PSNR(np.float64(without_detail(photo, pixels)), np.float64(photo), 1.0) for photo in photos]
+    """Return the PSNR in dB of each photo without detail of this many pixels, about what such voxels can reach."""
+    return [cv2.PSNR(without_detail(photo, pixels).astype(float), photo.astype(float), 1.0) for photo in photos]

@@ -1,4 +1,4 @@
-"""A learned scene on disk: `geometry.safetensors`."""
+"""Scene files: `geometry.safetensors`."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .scene import Scene
 
 SCHEMA = "karf-geometry/1"
 BACKGROUNDS = ("alpha", "black", "white", "opaque")
-STEPS = 0.01, 10.0  # step range in voxels: finer steps never end, coarser ones miss what there is
+STEPS = 0.01, 10.0  # step range in voxels: finer ones take forever, coarser ones miss surfaces
 
 
 def save_scene(scene: Scene, path: Path) -> None:
-    """Write a scene as data: tensors, and JSON values in the header."""
+    """Save a scene: its tensors, and JSON values in the header."""
     tensors = {f"field.{name}": value for name, value in scene.field.state_dict().items()}
     if scene.background is not None:
         tensors |= {f"background.{name}": value for name, value in scene.background.state_dict().items()}
@@ -28,11 +28,7 @@ def save_scene(scene: Scene, path: Path) -> None:
 
 
 def load_scene(path: Path, device: torch.device | str = "cpu") -> Scene:
-    """Read a scene; its field is frozen.
-
-    Args:
-        path: As written by `save_scene`.
-        device: Where its tensors will live.
+    """Load a scene with a frozen field.
 
     Raises:
         DataError: The file is missing or damaged, or its kind of field is not registered.

@@ -1,4 +1,4 @@
-"""What a fit of a radiance field starts from, and what it is to the geometry stage."""
+"""The fit of a radiance field to photos: its inputs and its protocol."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .training.checkpoint import Checkpoint, Resumable
 
 @dataclass(frozen=True)
 class FitInputs:
-    """What a fit starts from.
+    """Inputs of a fit.
 
     Attributes:
         dataset: All pixels of the training photos.
-        background_kind: alpha, black, white or opaque: what the photos show behind the scene.
-        space: box, contraction or frustum (see spaces.py): what suits the capture, or was asked for.
-        views: Of the dataset, with cameras of its pictures' size.
-        points: Sparse points as these views observe them, or None.
+        background_kind: alpha, black, white or opaque; the background of the photos.
+        space: box, contraction or frustum (see spaces.py).
+        views: Of the dataset, with cameras of its image sizes.
+        points: Sparse points as observed by these views, or None.
         settings: Of the geometry stage.
-        runtime: Where to compute, and the only source of random numbers.
+        runtime: Device and only source of random numbers.
     """
 
     dataset: PixelDataset
@@ -42,7 +42,8 @@ class Fit(Resumable, Protocol):
     """A fit of one scene, fresh or resumed."""
 
     def scenes(self, progress: Progress, checkpoint: Checkpoint | None = None) -> Iterator[Scene]:
-        """Run what is left of the fit; yields the scene as it stands from time to time, and at the end.
+        """Run the rest of the fit; yield the scene at intervals and at the end.
 
-        Each iteration is one `progress.step`, and is offered to `checkpoint`: `fields.training.loop.train` does both.
+        Each iteration calls `progress.step` and offers itself to `checkpoint`, as `fields.training.loop.train` does.
         """
+        ...

@@ -1,4 +1,4 @@
-"""Where the sky begins: above all that cameras see far away, what a photo shows depends on the direction alone."""
+"""The horizon: above it a photo shows the sky, which depends on the direction alone."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..capture.camera import Camera
 from ..capture.capture import SparsePoints
 from .extent import is_reliable, upright_axes
 
-SECTORS = 36  # sectors of the compass
-MARGIN = math.radians(0.5)  # angle above the highest point of a sector, radians
+SECTORS = 36  # of the azimuth
+MARGIN = math.radians(0.5)  # above the highest point of a sector, radians
 
 
 @dataclass(frozen=True)
 class Horizon:
-    """The elevation above which nothing stands far away, for each sector of the compass.
+    """Elevation of the sky in each azimuth sector.
 
     Attributes:
         axes: [3, 3], rows: two horizontal directions and up.
@@ -30,36 +30,36 @@ class Horizon:
     elevations: Tensor
 
     def to(self, device: torch.device) -> Horizon:
-        """The same on a device."""
+        """Copy the horizon to a device."""
         return Horizon(self.axes.to(device), self.elevations.to(device))
 
     def is_sky(self, viewdirs: Tensor) -> Tensor:
-        """Whether unit directions [n, 3] lead above it, [n] bool."""
+        """Return whether unit directions [n, 3] point above the horizon, [n] bool."""
         x, y, z = (viewdirs @ self.axes.T).unbind(1)
-        return z.clamp(-1, 1).asin() > self.elevations[sector_of(x, y)]
+        return z.clamp(-1, 1).asin() > self.elevations[_sectors(x, y)]
 
 
-def sector_of(x: Tensor, y: Tensor) -> Tensor:
-    """Sector of horizontal directions."""
+def _sectors(x: Tensor, y: Tensor) -> Tensor:
+    """Return the azimuth sector of horizontal directions."""
     return ((torch.atan2(y, x) / (2 * math.pi) + 0.5) * SECTORS).long().clamp_max(SECTORS - 1)
 
 
 def horizon_of(cameras: list[Camera], points: SparsePoints | None, center: Tensor, radius: float) -> Horizon:
-    """The horizon: as high as cameras see points outside a ball, in a sector or its neighbors, and at least level.
+    """Compute the largest elevation of points outside a ball in each sector and its neighbors, at least 0.
 
     Args:
-        cameras: Held upright, more or less: their horizontal axes define what is up.
+        cameras: Roughly upright; their horizontal axes define up.
         points: As these cameras observe them, or None.
-        center: [3], of the ball round what the cameras look at.
-        radius: Its radius, world units.
+        center: [3], of the ball around the focus of the cameras.
+        radius: Of the ball, world units.
     """
     axes = upright_axes(cameras)
     elevations = torch.zeros(SECTORS)
     if points is not None and len(points.view):
         far = np.linalg.norm(points.positions - center.cpu().numpy(), axis=1) > radius
         seen = (far & is_reliable(points))[points.point]
-        eyes = np.stack([camera.position for camera in cameras])[points.view[seen]]
-        x, y, z = torch.from_numpy((points.positions[points.point[seen]] - eyes) @ axes.T).float().unbind(1)
-        elevations = elevations.scatter_reduce(0, sector_of(x, y), torch.atan2(z, torch.hypot(x, y)) + MARGIN, "amax")
+        positions = np.stack([camera.position for camera in cameras])[points.view[seen]]
+        x, y, z = torch.from_numpy((points.positions[points.point[seen]] - positions) @ axes.T).float().unbind(1)
+        elevations = elevations.scatter_reduce(0, _sectors(x, y), torch.atan2(z, torch.hypot(x, y)) + MARGIN, "amax")
         elevations = torch.stack([elevations.roll(1), elevations, elevations.roll(-1)]).amax(0)
     return Horizon(torch.from_numpy(axes).float(), elevations)

@@ -1,8 +1,8 @@
-"""What a frozen radiance field is to the later stages. They do not know whether it is voxels, a NeRF or yours."""
+"""The protocol of radiance fields: all that later stages know of one."""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor
@@ -13,54 +13,79 @@ from .rendering.volume import Trace
 
 
 class Field(Protocol):
-    """A frozen radiance field, usually an `nn.Module`. Positions, boxes and lengths are in its space's grid coordinates.
+    """A frozen radiance field, usually an `nn.Module`. Positions, boxes and lengths are in grid coordinates."""
 
-    Attributes:
-        kind: Name in the registry and in files (see registry.py).
-        space: Where the field lies in the world.
-        bounds: [2, 3], lowest and highest corner of what there is.
-        voxel: Length below which nothing is distinguished: the scale of normals and of the label solve.
-        n_features: F, number of prior features.
-    """
+    @property
+    def kind(self) -> str:
+        """Name in the registry and in files (see registry.py)."""
+        ...
 
-    kind: ClassVar[str]
-    space: Space
-    bounds: Tensor
-    voxel: float
-    n_features: int
+    @property
+    def space(self) -> Space:
+        """The map from the world to grid coordinates."""
+        ...
+
+    @property
+    def bounds(self) -> Tensor:
+        """Lowest and highest corner of the contents, [2, 3]."""
+        ...
+
+    @property
+    def voxel(self) -> float:
+        """The finest resolved length, the scale of normals and of the label solve."""
+        ...
+
+    @property
+    def n_features(self) -> int:
+        """F, the number of prior features."""
+        ...
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
-        """Where these rays, in world units, end. step_in_voxels: stride of a field that marches; others ignore it."""
+        """Sample rays in world units. Fields that do not march ignore `step_in_voxels`."""
+        ...
 
     def density(self, positions: Tensor) -> Tensor:
-        """Volume densities [n] >= 0 per grid unit, at positions [n, 3]."""
+        """Return volume densities [n] >= 0, per grid unit, at positions [n, 3]."""
+        ...
 
     def features(self, positions: Tensor) -> Tensor:
-        """Prior features [n, F], not standardized, at positions [n, 3]: what the fields on top read."""
+        """Return prior features [n, F], not standardized, at positions [n, 3]; the input of the later fields."""
+        ...
 
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-        """sRGB colors [n, 3] in [0, 1] at positions [n, 3], seen along the world's unit viewdirs [n, 3]; features [n, F]
-        are those of the positions."""
+        """Return sRGB colors [n, 3] in [0, 1].
+
+        Args:
+            positions: [n, 3].
+            viewdirs: Unit directions [n, 3] in the world.
+            features: [n, F], of these positions.
+        """
+        ...
 
     def normals(self, positions: Tensor) -> Tensor:
-        """Outward surface normals [n, 3] of unit length, or 0 where there is no surface."""
+        """Return outward unit normals [n, 3], or 0 where there is no surface."""
+        ...
 
     def summary(self) -> dict[str, Any]:
-        """JSON values to report of the field: its size, above all."""
+        """Return JSON values for reports, such as the size."""
+        ...
 
     def config(self) -> dict[str, Any]:
-        """JSON values that, with the tensors of `state_dict`, restore the field."""
+        """Return the JSON values that restore the field together with `state_dict`."""
+        ...
 
     @classmethod
     def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> Field:
-        """The field of a config and tensors, which are already on the device.
+        """Restore a field from its config and tensors, which are on the device.
 
-        Both come from a file that others may have changed: any ValueError, KeyError, TypeError, RuntimeError or
-        AttributeError raised here tells the user that the file is damaged.
+        The file is not trusted: ValueError, KeyError, TypeError, RuntimeError or AttributeError report it as damaged.
         """
+        ...
 
     def state_dict(self) -> dict[str, Tensor]:
-        """All tensors of the field, by name."""
+        """Return all tensors by name."""
+        ...
 
     def requires_grad_(self, requires_grad: bool) -> Field:
-        """Freeze (False) or release all tensors; returns the field."""
+        """Freeze (False) or unfreeze all tensors; return the field."""
+        ...

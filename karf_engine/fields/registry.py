@@ -1,5 +1,8 @@
-"""The kinds of radiance fields. A new one is one file: a `Field`, a `Fit` of it, and a call of `register_field`, or an
-entry point `karf.fields` that is a `FieldKind`."""
+"""The registry of field kinds.
+
+A new kind is one file: a `Field`, its `Fit`, and a call of `register_field`, or an entry point `karf.fields` that is a
+`FieldKind`.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ from .voxels.choice import prepare_kernels
 from .voxels.field import VoxelField
 from .voxels.start import start_voxel_fit
 
-Wait = Callable[[Emit, Callable[[], bool]], None]  # receives events; is asked whether to stop
+Wait = Callable[[Emit, Callable[[], bool]], None]  # waits; receives `emit` and `should_stop`
 
 
 @dataclass(frozen=True)
@@ -31,10 +34,10 @@ class FieldKind:
     """One kind of field.
 
     Attributes:
-        name: That `geometry.field` and files give it.
-        start: A fresh fit from photos.
-        restore: The field of a config and tensors (see `Field.restore`).
-        prepare: Begins what may run while the photos are read; what it returns waits until that is done.
+        name: In the setting `geometry.field` and in files.
+        start: Begins a fresh fit from photos.
+        restore: Restores a field from its config and tensors (see `Field.restore`).
+        prepare: Starts preparations that run while photos are read; returns a function that waits for them.
     """
 
     name: str
@@ -49,10 +52,10 @@ _KINDS: dict[str, FieldKind] = {}
 
 @checked
 def register_field(kind: FieldKind) -> None:
-    """Make a kind of field known: to the setting `geometry.field` and to `load_scene`.
+    """Register a kind of field for the setting `geometry.field` and for `load_scene`.
 
     Raises:
-        TypeError: It is no kind of field.
+        TypeError: `kind` is not a FieldKind.
         BadRequest: Another kind has this name.
     """
     if _KINDS.setdefault(kind.name, kind) != kind:
@@ -62,16 +65,16 @@ def register_field(kind: FieldKind) -> None:
 
 
 def field_kinds() -> list[str]:
-    """Names of all kinds, those that installed packages bring among them."""
+    """Return the names of all kinds, including those of installed packages."""
     return list(dict.fromkeys([*_KINDS, *plugin_names(PLUGINS)]))
 
 
 def field_kind(name: str) -> FieldKind:
-    """The kind that `geometry.field` and files name.
+    """Return the kind with this name.
 
     Raises:
-        BadRequest: It is not registered; the hint lists those that are.
-        MissingDependency: An installed package brings it, and cannot be loaded.
+        BadRequest: No such kind; the hint lists all kinds.
+        MissingDependency: The package that brings it cannot be loaded.
     """
     if name not in _KINDS and name in plugin_names(PLUGINS):
         register_field(load_plugin(PLUGINS, name))
@@ -81,10 +84,10 @@ def field_kind(name: str) -> FieldKind:
 
 
 def start_fit(inputs: FitInputs) -> Fit:
-    """A fresh fit of the kind of field that the settings name.
+    """Begin a fresh fit of the kind in the settings.
 
     Raises:
-        BadRequest: That kind is not registered, or the capture does not suit the space asked for.
+        BadRequest: No such kind, or the capture does not suit the requested space.
     """
     return field_kind(inputs.settings.field).start(inputs)
 

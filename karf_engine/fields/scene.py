@@ -1,4 +1,4 @@
-"""A learned scene: frozen field, background, and how to look at it."""
+"""A learned scene, a frozen field with a background, and its rendering."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance
 from .rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
 from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
-CPU_RAYS_PER_CHUNK = 2048  # a chunk's samples stay near the processor's cache; accelerators want more at once
+CPU_RAYS_PER_CHUNK = 2048  # samples fit the cache
 ACCELERATOR_RAYS_PER_CHUNK = 65536
 VALIDATION_PIXELS = 1500
 
@@ -31,7 +31,7 @@ class Picture:
         color: [H, W, 3] sRGB in [0, 1].
         opacity: [H, W] in [0, 1].
         depth: [H, W] along the optical axis, world units; 0 where empty.
-        cache: Surface samples of its rays, for the fields on top; None of a picture put together from others.
+        cache: Quantile samples of its rays; None for a composite of pictures.
     """
 
     color: Tensor
@@ -42,13 +42,13 @@ class Picture:
 
 @dataclass(frozen=True)
 class Scene:
-    """A field and what is behind it, as learned.
+    """A learned scene.
 
     Attributes:
         field: Frozen.
-        background: Learned color of each direction; None where a plain color is behind the field.
-        background_kind: alpha, black, white or opaque: what the photos showed there.
-        step: Stride in voxels, of a field that marches.
+        background: Learned background; None for a constant color.
+        background_kind: alpha, black, white or opaque; the background of the photos.
+        step: Stride in voxels, for fields that march.
     """
 
     field: Field
@@ -57,18 +57,18 @@ class Scene:
     step: float
 
     def behind(self, viewdirs: Tensor) -> Tensor:
-        """What is seen where nothing is solid, [n, 3]; white behind a matte, as the field's benchmarks have it."""
+        """Return the background colors [n, 3] of directions; white for mattes, as in NeRF's benchmarks."""
         if self.background is not None:
             return self.background(viewdirs)
         return torch.full_like(viewdirs, 1.0 if self.background_kind in ("alpha", "white") else 0.0)
 
     @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
-        """Render all pixels of a camera. Not differentiable.
+        """Render a camera. Not differentiable.
 
         Args:
-            camera: In world units; with a lens distortion the picture is in the grid of the photo as stored.
-            n_quantiles: Surface samples a ray, >= 1.
+            camera: In world units; the picture has its lens distortion.
+            n_quantiles: Quantile samples per ray, >= 1.
         """
         device = self.field.bounds.device
         colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
@@ -83,11 +83,11 @@ class Scene:
 
     @torch.no_grad()
     def colors(self, rays: Rays) -> Tensor:
-        """sRGB colors of single rays, [R, 3] in [0, 1]. Not differentiable."""
+        """Render the sRGB colors [R, 3] of rays. Not differentiable."""
         return torch.cat(self._render_rays(rays, 1)[0]).clamp(0, 1)
 
     def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
-        """Colors, opacities, distances and caches, each in chunks."""
+        """Return chunks of colors, opacities, distances and caches."""
         chunk = CPU_RAYS_PER_CHUNK if rays.origins.device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
         starts = range(0, len(rays), chunk)
         parts = {}
@@ -111,17 +111,12 @@ class Scene:
         sums = accumulate(ray_weights[seen], torch.cat([color, distances], 1), ray_indices, len(rays))
         opacity = 1 - final_transmittance
         color = sums[:, :3] + final_transmittance[:, None] * self.behind(rays.viewdirs)
-        # an empty ray has no distance: dividing by the smallest float keeps 0 / 0 out
-        distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)
+        distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)  # not 0 / 0 for empty rays
         return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)
 
 
 def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS, seed: int = 0) -> list[float]:
-    """PSNR of each training image of the dataset, over random pixels of it, the same ones for a seed.
-
-    Returns:
-        Values in dB, at most 100.
-    """
+    """Return the PSNR of each training image over random pixels, dB, at most 100. The seed determines the pixels."""
     errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, dataset, n_pixels, seed)]
     return [-10 * math.log10(float(error) + 1e-10) for error in errors]
 
@@ -129,7 +124,7 @@ def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATIO
 def compared_pixels(
     scene: Scene, dataset: PixelDataset, n_pixels: int, seed: int = 0
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """What scene and photo show at random pixels of each training image of the dataset, [n, 3] each; the same ones for a seed."""
+    """Yield rendered and photographed colors [n, 3] at random pixels of each training image."""
     random = torch.Generator().manual_seed(seed)
     for first, last in itertools.pairwise(dataset.first.tolist()):
         index = torch.randint(first, last, (n_pixels,), generator=random).to(dataset.color.device)

@@ -1,4 +1,4 @@
-"""Which space suits a capture, and where it lies there."""
+"""The choice of a space for a capture, and its parameters."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from ..project.settings import GeometrySettings, OpenSettings
 from .extent import box_round_focus, looks_one_way, middle_pose, nearest_depth
 from .rendering.space import Contraction, Frustum, Similarity
 
-OPAQUE_REACH = 1.2  # half-width of the box before a real background, in units of what a camera sees at the focus point
-IN_BOX = 0.98  # of the sparse points: then the box holds all there is to learn
-FRUSTUM_DEPTH = 0.5  # half the frustum's grid depth, in half picture widths: depth is known less well than place
-NEAR_SHARE = 0.75  # of the nearest depth, where the near plane is
-NEAR = 0.1  # mean camera distances; nothing is looked for nearer to a camera
+OPAQUE_REACH = 1.2  # half-width of the box before a real background, as `reach` of `box_round_focus`
+IN_BOX = 0.98  # share of sparse points inside that box from which a box suits the scene
+FRUSTUM_DEPTH = 0.5  # half the frustum's grid depth, in half image widths
+NEAR_SHARE = 0.75  # near plane of a frustum, share of the smallest depth
+NEAR = 0.1  # near distance of a contraction, mean camera distances
 
 
 def choose_space(kind: str, views: list[View], points: SparsePoints | None, settings: GeometrySettings) -> str:
-    """The space that suits cameras and points, unless the settings name one.
+    """Choose the space that suits cameras and points, unless `settings.space` names one.
 
     Args:
-        kind: Of the photos' background: alpha, black, white or opaque.
+        kind: Background of the photos: alpha, black, white or opaque.
         views: The training views.
         points: As these views observe them, or None.
-        settings: `settings.space` is `auto`, or the answer.
+        settings: Of the geometry stage.
 
     Returns:
         box, contraction or frustum.
@@ -41,24 +41,24 @@ def choose_space(kind: str, views: list[View], points: SparsePoints | None, sett
     if looks_one_way(cameras) and nearest_depth(views, points) is not None:
         return "frustum"
     if points is None or not len(points):
-        return "box"  # where open space is empty is not known
+        return "box"  # free space is unknown
     center, half_width = box_round_focus(cameras, OPAQUE_REACH)
     inside = np.abs(points.positions - center.numpy()).max(1) < half_width
     return "box" if inside.mean() >= IN_BOX else "contraction"
 
 
 def contraction_round_focus(cameras: list[Camera], recipe: OpenSettings) -> Contraction:
-    """The contraction whose inner ball lies round the cameras' focus point, as large as what they see there."""
+    """Return the contraction whose inner ball covers what the cameras see around their focus point."""
     center, radius = box_round_focus(cameras, recipe.radius)
     distance = float(np.mean([np.linalg.norm(camera.position - center.numpy()) for camera in cameras]))
     return Contraction(center.float(), radius, recipe.room, NEAR * distance)
 
 
 def middle_frustum(views: list[View], points: SparsePoints | None) -> Frustum:
-    """The frustum of a camera amid all, oriented as they are on average.
+    """Return the frustum of the mean camera pose.
 
     Raises:
-        BadRequest: How near the scene is is not known.
+        BadRequest: The depth of the scene is unknown.
     """
     cameras = [view.camera for view in views]
     near = nearest_depth(views, points)
@@ -73,7 +73,7 @@ def middle_frustum(views: list[View], points: SparsePoints | None) -> Frustum:
 
 
 def similarity(scale: float, world_to_grid: np.ndarray, center: np.ndarray) -> Similarity:
-    """The space in whose origin `center` [3] lies, rotated by [3, 3] and scaled."""
+    """Return the similarity that moves `center` [3] to the origin, rotates by [3, 3] and scales."""
     matrix = np.eye(4)
     matrix[:3, :3] = scale * world_to_grid
     matrix[:3, 3] = -scale * world_to_grid @ center
@@ -81,6 +81,6 @@ def similarity(scale: float, world_to_grid: np.ndarray, center: np.ndarray) -> S
 
 
 def ndc(frustum: Frustum, views: list[View]) -> Frustum:
-    """The same frustum with the coordinates of NeRF's NDC: the picture's edges, the near plane and infinity at +-1."""
+    """Return the frustum in NeRF's NDC: image edges, near plane and infinity at +-1."""
     aspect = np.mean([view.camera.width / view.camera.height for view in views])
     return replace(frustum, focal=frustum.focal * torch.tensor([1.0, aspect], dtype=torch.float32), depth_scale=1.0)

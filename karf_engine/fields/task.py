@@ -1,4 +1,4 @@
-"""What a fit of photos starts from, before it is known where it runs."""
+"""The task of fitting a field to photos, independent of device and process."""
 
 from __future__ import annotations
 
@@ -20,9 +20,14 @@ from .spaces import choose_space
 
 @dataclass(frozen=True)
 class FitTask:
-    """What each process of a group learns from: training images with cameras of their size, and more of `FitInputs`.
+    """All that each process of a group needs to begin the same fit; more of its attributes are in `FitInputs`.
 
-    seed: of all random numbers. threads: of each process. device: its kind; each process has a card of its own.
+    Attributes:
+        training_images: With cameras of their sizes.
+        kind: Background of the photos.
+        seed: Of all random numbers.
+        threads: Of each process.
+        device: Type of device.
     """
 
     training_images: list[TrainingImage]
@@ -36,7 +41,7 @@ class FitTask:
     device: str
 
     def start(self, runtime: Runtime) -> Fit:
-        """The fresh fit."""
+        """Begin the fit on this process's device."""
         dataset = build_pixel_dataset(self.training_images, self.kind, runtime.device)
         return start_fit(FitInputs(dataset, self.kind, self.space, self.views, self.points, self.settings, runtime))
 
@@ -50,32 +55,29 @@ def task_of(
     seed: int,
     device: torch.device,
 ) -> FitTask:
-    """The task of learning from images of these views, in the space that suits them, on this process's threads."""
-    views = [
-        replace(view, camera=training_image.camera) for view, training_image in zip(views, training_images, strict=True)
-    ]
+    """Build the task of fitting these views, in the space that suits them, with this process's threads."""
+    views = [replace(view, camera=image.camera) for view, image in zip(views, training_images, strict=True)]
     space = choose_space(kind, views, points, settings)
     return FitTask(training_images, kind, space, views, points, settings, seed, cores.count(), device.type)
 
 
 def background_of(training_images: list[TrainingImage]) -> str:
-    """What the training images show behind the scene: alpha, black, white or opaque."""
-    return background_kind([p.color if p.alpha is None else np.dstack([p.color, p.alpha]) for p in training_images])
+    """Return the background of the training images: alpha, black, white or opaque."""
+    return background_kind(
+        [image.color if image.alpha is None else np.dstack([image.color, image.alpha]) for image in training_images]
+    )
 
 
 def build_pixel_dataset(training_images: list[TrainingImage], kind: str, device: torch.device) -> PixelDataset:
-    """All pixels of the training images, with the opacity that the kind of background implies."""
-    alphas = solids = None
+    """Build the dataset of the training images, with the opacity that the kind of background implies."""
+    alphas = solids = valid = None
     if kind == "alpha":
-        alphas = [
-            np.ones(training_image.color.shape[:2]) if training_image.alpha is None else training_image.alpha
-            for training_image in training_images
-        ]
+        alphas = [np.ones(image.color.shape[:2]) if image.alpha is None else image.alpha for image in training_images]
     if kind in ("black", "white"):
-        solids = [solid_pixels(training_image.color, kind) for training_image in training_images]
-    valid = None
-    if any(training_image.valid is not None for training_image in training_images):
-        valid = [np.ones(p.color.shape[:2], bool) if p.valid is None else p.valid for p in training_images]
-    return PixelDataset(
-        [p.camera for p in training_images], [p.color for p in training_images], alphas, solids, valid, device
-    )
+        solids = [solid_pixels(image.color, kind) for image in training_images]
+    if any(image.valid is not None for image in training_images):
+        valid = [
+            np.ones(image.color.shape[:2], bool) if image.valid is None else image.valid for image in training_images
+        ]
+    cameras, colors = [image.camera for image in training_images], [image.color for image in training_images]
+    return PixelDataset(cameras, colors, alphas, solids, valid, device)

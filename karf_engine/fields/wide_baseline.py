@@ -1,8 +1,8 @@
-"""Few photos from far apart: where all of them could show one thing.
+"""Wide-baseline captures: few photos from distant cameras, and photo consistency of cells.
 
-Between cameras that stand this far apart no features are found, and a photo's surroundings can be hung up as fog where
-no other camera looks. A place on a surface has one color in most photos that look at it (voxel coloring, Seitz and Dyer
-1997; here as a share of the photos, since what hides it is not known yet); fog has another one in each.
+Such photos have no features in common, and a photo's background can be explained by fog that no other camera sees. A
+point on a surface has the same color in most photos that see it (voxel coloring, Seitz and Dyer 1997; here for a share
+of the photos, since occlusion is still unknown), fog has not.
 """
 
 from __future__ import annotations
@@ -20,22 +20,20 @@ from .rendering.rays import PixelDataset
 
 @dataclass(frozen=True)
 class WideBaselineParameters:
-    """Chosen on drawn seeds 338 and 372, a garden and a table in 14 photos from a dome; what to vary was found on seed 102.
+    """Constants for wide-baseline captures.
 
     Attributes:
-        angle: Degrees, seen from what the cameras look at, between a typical one and its second nearest neighbor, from
-            which they stand far apart. 14 cameras on a dome have 26, 36 have 19, the demo's 60 have 15.
-        likeness: Largest difference of a channel, sRGB, of colors that count as one. 0.13 and 0.2 were tried.
-        agreeing: Share of the photos that look at a place, which must show one color there. 0.55 and 0.65 were tried.
-        looking: Share of all photos that must do so: what few see could hang anywhere.
-        mean_background: Weight with which a direction's background is what others of its elevation show, where no
-            photo tells. 1 was tried.
+        angle: Smallest median angle, degrees, from a camera to its second nearest neighbor as seen from their focus.
+        color_tolerance: Largest difference per channel, sRGB, of equal colors.
+        agreeing_share: Share of the photos seeing a cell that must agree on its color.
+        min_share: Share of all photos that must agree.
+        mean_background: Weight of the prior that the background only depends on the elevation.
     """
 
     angle: float = 22.0
-    likeness: float = 0.15
-    agreeing: float = 0.6
-    looking: float = 0.25
+    color_tolerance: float = 0.15
+    agreeing_share: float = 0.6
+    min_share: float = 0.25
     mean_background: float = 0.3
 
 
@@ -43,7 +41,7 @@ PARAMETERS = WideBaselineParameters()
 
 
 def is_wide(cameras: list[Camera], center: Tensor) -> bool:
-    """Whether cameras that look at a place, [3] world units, stand far apart; False of fewer than three."""
+    """Return whether a capture is wide. center: the focus [3] of the cameras, world units."""
     if len(cameras) < 3:
         return False
     directions = np.stack([camera.position for camera in cameras]) - center.cpu().numpy()
@@ -54,33 +52,33 @@ def is_wide(cameras: list[Camera], center: Tensor) -> bool:
 
 
 def could_be_solid(dataset: PixelDataset, points: Tensor, voxel: float) -> Tensor:
-    """True for cells that show one color in most photos that look at them, and that enough photos look at.
+    """Find the photo-consistent cells: most photos that see them agree on their color.
 
     Args:
         dataset: The photos.
-        points: [n, 3] float32, the cells' centers, world units.
-        voxel: Their size, world units: a cell's color is a photo's mean over as large a square.
+        points: [n, 3] float32, cell centers, world units.
+        voxel: Cell size, world units; colors are averaged over a square of this size.
 
     Returns:
         [n] bool.
     """
-    shown = [_shown(dataset, number, points, voxel) for number in range(len(dataset.cameras))]
-    colors, is_seen = torch.stack([color for color, _ in shown], 1), torch.stack([seen for _, seen in shown], 1)
-    most_alike = torch.zeros(len(points), device=points.device)
-    for number in range(len(dataset.cameras)):
-        is_alike = (colors - colors[:, number : number + 1]).abs().amax(2) < PARAMETERS.likeness
-        most_alike = torch.maximum(most_alike, (is_alike & is_seen).sum(1) * is_seen[:, number])
-    fewest = PARAMETERS.looking * len(dataset.cameras)
-    return most_alike >= (PARAMETERS.agreeing * is_seen.sum(1)).clamp_min(fewest)
+    n_views = len(dataset.cameras)
+    samples = [_project(dataset, number, points, voxel) for number in range(n_views)]
+    colors, is_seen = (torch.stack(each, 1) for each in zip(*samples, strict=True))
+    n_agreeing = torch.zeros(len(points), device=points.device)
+    for number in range(n_views):
+        is_alike = (colors - colors[:, number : number + 1]).abs().amax(2) < PARAMETERS.color_tolerance
+        n_agreeing = torch.maximum(n_agreeing, (is_alike & is_seen).sum(1) * is_seen[:, number])
+    return n_agreeing >= (PARAMETERS.agreeing_share * is_seen.sum(1)).clamp_min(PARAMETERS.min_share * n_views)
 
 
-def _shown(dataset: PixelDataset, number: int, points: Tensor, voxel: float) -> tuple[Tensor, Tensor]:
-    """What a photo shows at places, sRGB [n, 3], and whether it looks at them, [n] bool."""
+def _project(dataset: PixelDataset, number: int, points: Tensor, voxel: float) -> tuple[Tensor, Tensor]:
+    """Return a photo's colors at points, sRGB [n, 3], and whether the points are in its image, [n] bool."""
     camera = dataset.cameras[number]
     first, last = int(dataset.first[number]), int(dataset.first[number + 1])
     photo = dataset.color[first:last].float().view(1, camera.height, camera.width, 3).permute(0, 3, 1, 2) / 255
-    inverse = torch.from_numpy(camera.world_to_camera).to(points)
-    local = points @ inverse[:3, :3].T + inverse[:3, 3]
+    world_to_camera = torch.from_numpy(camera.world_to_camera).to(points)
+    local = points @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
     depth = -local[:, 2]
     u = (camera.cx + camera.fx * local[:, 0] / depth.clamp_min(1e-6)).floor()
     v = (camera.cy - camera.fy * local[:, 1] / depth.clamp_min(1e-6)).floor()
@@ -94,12 +92,12 @@ def _shown(dataset: PixelDataset, number: int, points: Tensor, voxel: float) -> 
 
 
 def turned(viewdirs: Tensor, axes: Tensor, turns: Tensor) -> Tensor:
-    """Directions [n, 3] of the same elevations, turned about what is up.
+    """Rotate directions [n, 3] about the vertical axis.
 
     Args:
         viewdirs: [n, 3].
         axes: [3, 3], rows: two horizontal directions and up.
-        turns: [n] in [0, 1], shares of a whole turn.
+        turns: [n] in [0, 1], shares of a full turn.
 
     Examples:
         >>> turned(torch.tensor([[1.0, 0.0, 0.5]]), torch.eye(3), torch.tensor([0.5]))

@@ -1,1 +1,1 @@
-"""The paper's radiance field, a NeRF, its fit, and NeRFs that other programs have trained."""
+"""The paper's radiance field, a NeRF: its fit, and the import of NeRFs trained elsewhere."""

@@ -1,8 +1,8 @@
-"""The radiance field of NeRF (Mildenhall et al. 2020): two MLPs, sampled coarse and then fine. The paper's geometry.
+"""The radiance field of NeRF (Mildenhall et al. 2020), two MLPs with hierarchical sampling. The paper's geometry.
 
-The networks are those of the original implementation (bmild/nerf) and of nerf-pytorch, whose names for the layers are
-kept, so that checkpoints fit; what other implementations do otherwise is data (`NerfShape`). Prior features are the
-output of `feature_linear` in the fine network.
+Layers are those of the original implementation (bmild/nerf), named as in nerf-pytorch, so that checkpoints fit;
+variants of other implementations are options of `NerfShape`. Prior features are the output of the fine network's
+`feature_linear`.
 """
 
 from __future__ import annotations
@@ -22,18 +22,25 @@ from ..rendering.space import StraightSpace
 from ..rendering.space_values import space_from_json, space_to_json
 from ..rendering.volume import Trace, outward_normals, trace_of
 
-DETAIL = 128  # a "voxel", the length scale of the later stages, is this share of the field's longest side
-MOST_SAMPLES = 1 << 12  # samples of a ray
-CPU_POSITIONS_PER_CHUNK = 8192  # positions: a chunk's activations stay near the processor's cache
+VOXELS = 128  # along the longest side; their size is the length scale of later stages
+MOST_SAMPLES = 1 << 12  # per ray
+CPU_POSITIONS_PER_CHUNK = 8192  # activations fit the cache
 ACCELERATOR_POSITIONS_PER_CHUNK = 1 << 18
 
 
 @dataclass(frozen=True)
 class NerfShape:
-    """What a network looks like. skips: layers, counted from 0, that read gamma(x) before the layer above's output.
+    """Architecture of a network.
 
-    view_width: of the layer that reads the direction. linear_first: no ReLU after the first layer. rectified_features:
-    a ReLU after `feature_linear`.
+    Attributes:
+        depth: Number of layers that read the position.
+        width: Of these layers.
+        skips: Layers, counted from 0, that also read the encoded position.
+        view_width: Width of the layer that reads the direction.
+        position_frequencies: Of the positional encoding.
+        direction_frequencies: Of the encoding of directions.
+        linear_first: Omit the ReLU after the first layer.
+        rectified_features: Add a ReLU after `feature_linear`.
     """
 
     depth: int = 8
@@ -47,8 +54,7 @@ class NerfShape:
 
 
 class NerfNetwork(nn.Module):
-    """One MLP: positions to raw densities and features, these and directions to colors. Of the default shape it has
-    595,844 parameters."""
+    """An MLP from positions to density and features, and from features and directions to color."""
 
     def __init__(self, shape: NerfShape) -> None:
         super().__init__()
@@ -62,7 +68,7 @@ class NerfNetwork(nn.Module):
         self.rgb_linear = nn.Linear(shape.view_width, 3)
 
     def hidden(self, positions: Tensor) -> Tensor:
-        """What densities and features are read from, at positions [n, 3], [n, width]."""
+        """Return the last hidden layer [n, width] at positions [n, 3]."""
         encoded = positional_encoding(positions, self.shape.position_frequencies)
         hidden = encoded
         for number, layer in enumerate(self.pts_linears):
@@ -74,16 +80,16 @@ class NerfNetwork(nn.Module):
         return hidden
 
     def raw_density(self, hidden: Tensor) -> Tensor:
-        """Densities before their ReLU, [n]."""
+        """Return densities before their ReLU, [n]."""
         return self.alpha_linear(hidden)[:, 0]
 
     def features(self, hidden: Tensor) -> Tensor:
-        """Features [n, width]."""
+        """Return features [n, width]."""
         features = self.feature_linear(hidden)
         return torch.relu(features) if self.shape.rectified_features else features
 
     def color(self, features: Tensor, directions: Tensor) -> Tensor:
-        """Colors [n, 3] in (0, 1) seen along unit directions [n, 3], in the network's own axes."""
+        """Return colors [n, 3] in (0, 1) for unit directions [n, 3] in the axes of the network."""
         encoded = positional_encoding(directions, self.shape.direction_frequencies)
         hidden = torch.relu(self.views_linears[0](torch.cat([features, encoded], 1)))
         return torch.sigmoid(self.rgb_linear(hidden))
@@ -91,8 +97,15 @@ class NerfNetwork(nn.Module):
 
 @dataclass(frozen=True)
 class NerfSampling:
-    """Rays are sampled from t = near to far (see `StraightSpace.to_grid_rays`), `coarse` times evenly (in_disparity: in 1 / t)
-    and `fine` times where the coarse network saw something."""
+    """Sampling of rays from t = near to far (see `StraightSpace.to_grid_rays`).
+
+    Attributes:
+        near: First t.
+        far: Last t.
+        in_disparity: Space coarse samples evenly in 1 / t instead of t.
+        coarse: Number of coarse samples.
+        fine: Number of importance samples.
+    """
 
     near: float
     far: float
@@ -102,12 +115,14 @@ class NerfSampling:
 
 
 class NerfField(nn.Module):
-    """Two networks, a `Field` (see fields/protocol.py). Frozen use only; `NerfFit` trains the networks.
+    """A coarse and a fine network as a `Field` (see fields/protocol.py).
 
-    bounds: [2, 3] round what there is to see, grid coordinates.
+    Attributes:
+        bounds: [2, 3], bounding box of the contents, grid coordinates.
     """
 
     kind = "nerf"
+    bounds: Tensor
 
     def __init__(
         self, coarse: NerfNetwork, fine: NerfNetwork, sampling: NerfSampling, space: StraightSpace, bounds: Tensor
@@ -125,53 +140,57 @@ class NerfField(nn.Module):
 
     @property
     def voxel(self) -> float:
-        """Length below which nothing is distinguished, grid coordinates."""
-        return float((self.bounds[1] - self.bounds[0]).max()) / DETAIL
+        """The finest resolved length, grid units."""
+        return float((self.bounds[1] - self.bounds[0]).max()) / VOXELS
 
     def trace(self, rays: Rays, step_in_voxels: float = 1.0) -> Trace:
-        """Where these rays end, on the sorted union of coarse and fine samples; there is no stride to choose."""
+        """Sample rays at the sorted union of coarse and fine samples. There is no stride."""
         del step_in_voxels
-        sampling = self.sampling
         origins, directions = self.space.to_grid_rays(rays)
+        lengths = torch.linalg.norm(directions, dim=1, keepdim=True)
         t = self.coarse_t(origins.new_zeros(len(rays), 0))
-        if sampling.fine:
-            positions = origins[:, None] + t[..., None] * directions[:, None]
-            sigmas = self._in_chunks(lambda x: _density(self.coarse, x), positions.view(-1, 3)).view(t.shape)
-            lengths = torch.linalg.norm(directions, dim=1, keepdim=True)
-            even = torch.linspace(0, 1, sampling.fine, device=t.device).expand(len(rays), -1)
-            t = refine(t, dense_ray_weights(sigmas, interval_lengths(t) * lengths), even)
-        samples = self._samples(origins, directions, t)
+        if self.sampling.fine:
+            positions = points_along(origins, directions, t)
+            sigmas = self._in_chunks(lambda x: _density(self.coarse, x), positions).view(t.shape)
+            u = torch.linspace(0, 1, self.sampling.fine, device=t.device).expand(len(rays), -1)
+            t = refine(t, dense_ray_weights(sigmas, interval_lengths(t) * lengths), u)
+        samples = Samples(
+            torch.arange(len(t), device=t.device).repeat_interleave(t.shape[1]),
+            (t * lengths).view(-1),
+            points_along(origins, directions, t),
+            (interval_lengths(t) * lengths).view(-1),
+        )
         return trace_of(samples, self.density(samples.positions), len(rays))
 
     def coarse_t(self, jitter: Tensor) -> Tensor:
-        """Parameters of the coarse samples (see hierarchical.stratified_samples)."""
+        """Return the coarse samples (see hierarchical.stratified_samples)."""
         sampling = self.sampling
         return stratified_samples(sampling.near, sampling.far, sampling.coarse, sampling.in_disparity, jitter)
 
     def density(self, positions: Tensor) -> Tensor:
-        """Volume density at positions [n, 3], [n] >= 0 per grid unit."""
+        """Return volume densities [n] >= 0, per grid unit, at positions [n, 3]."""
         return self._in_chunks(lambda x: _density(self.fine, x), positions)
 
     def features(self, positions: Tensor) -> Tensor:
-        """Prior features at positions [n, 3], [n, F], not standardized."""
+        """Return prior features [n, F], not standardized, at positions [n, 3]."""
         return self._in_chunks(lambda x: self.fine.features(self.fine.hidden(x)), positions)
 
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-        """sRGB color [n, 3] in (0, 1) seen along the world's viewdirs [n, 3]."""
-        del positions  # the features hold all that depends on the place
+        """Return sRGB colors [n, 3] in (0, 1) for unit directions [n, 3] in the world."""
+        del positions  # the features suffice
         return self._in_chunks(self.fine.color, features, self.space.rotate_directions(viewdirs))
 
     @torch.no_grad()
     def normals(self, positions: Tensor) -> Tensor:
-        """Outward surface normals, [n, 3]."""
+        """Return outward unit normals [n, 3]."""
         return outward_normals(self.density, positions, self.voxel)
 
     def summary(self) -> dict[str, Any]:
-        """Length of a "voxel" in grid coordinates, and number of parameters."""
+        """Return the voxel size in grid units and the number of parameters."""
         return {"voxel": self.voxel, "parameters": sum(p.numel() for p in self.parameters())}
 
     def config(self) -> dict[str, Any]:
-        """JSON values that, with the tensors, restore the field."""
+        """Return the JSON values that restore the field together with its tensors."""
         return {
             "coarse": asdict(self.coarse.shape),
             "fine": asdict(self.fine.shape),
@@ -181,31 +200,28 @@ class NerfField(nn.Module):
 
     @classmethod
     def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> NerfField:
-        """The field of this config and these tensors; in `checkpoints.restoring`, as others may have changed them."""
+        """Restore a field from its untrusted config and tensors (see `Field.restore`)."""
         if not all(1 <= config["sampling"][name] <= MOST_SAMPLES for name in ("coarse", "fine")):
             raise ValueError(f"sampling {config['sampling']}")
-        # without numbers until the file's are there: no shape takes more memory than the file fills
-        with torch.device("meta"):
-            networks = [NerfNetwork(_shape(config[name], tensors, name)) for name in ("coarse", "fine")]
+        with torch.device("meta"):  # no shape takes more memory than the file
+            coarse, fine = (NerfNetwork(_shape(config[name], tensors, name)) for name in ("coarse", "fine"))
         space = space_from_json(config["space"], device)
-        field = cls(*networks, NerfSampling(**config["sampling"]), space, tensors["bounds"])
+        if not isinstance(space, StraightSpace):
+            raise ValueError(f"a NeRF in the space {config['space']!r:.100}")
+        field = cls(coarse, fine, NerfSampling(**config["sampling"]), space, tensors["bounds"])
         field.load_state_dict(tensors, assign=True)
         return field.float().to(device)
-
-    def _samples(self, origins: Tensor, directions: Tensor, t: Tensor) -> Samples:
-        lengths = torch.linalg.norm(directions, dim=1, keepdim=True)
-        return Samples(
-            torch.arange(len(t), device=t.device).repeat_interleave(t.shape[1]),
-            (t * lengths).view(-1),
-            (origins[:, None] + t[..., None] * directions[:, None]).view(-1, 3),
-            (interval_lengths(t) * lengths).view(-1),
-        )
 
     def _in_chunks(self, function: Callable[..., Tensor], *inputs: Tensor) -> Tensor:
         on_cpu = inputs[0].device.type == "cpu"
         size = CPU_POSITIONS_PER_CHUNK if on_cpu else ACCELERATOR_POSITIONS_PER_CHUNK
         parts = zip(*[tensor.split(size) for tensor in inputs], strict=True)
         return torch.cat([function(*part) for part in parts])
+
+
+def points_along(origins: Tensor, directions: Tensor, t: Tensor) -> Tensor:
+    """Return the points origin + t * direction, [R * N, 3], of rays [R, 3] at t [R, N]."""
+    return (origins[:, None] + t[..., None] * directions[:, None]).view(-1, 3)
 
 
 def _density(network: NerfNetwork, positions: Tensor) -> Tensor:
@@ -216,4 +232,6 @@ def _shape(values: dict[str, Any], tensors: dict[str, Tensor], network: str) -> 
     layers = sum(name.startswith(f"{network}.pts_linears.") and name.endswith(".weight") for name in tensors)
     if values["depth"] != layers:
         raise ValueError(f"{values['depth']} layers, of which {layers} are there")
-    return NerfShape(**{item.name: values[item.name] for item in fields(NerfShape)} | {"skips": tuple(values["skips"])})
+    options = {item.name: values[item.name] for item in fields(NerfShape)}
+    options["skips"] = tuple(options["skips"])
+    return NerfShape(**options)

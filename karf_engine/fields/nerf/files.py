@@ -1,10 +1,10 @@
-"""NeRFs that other programs have trained. Nothing in their files is ever run: they are read as data or refused.
+"""Checkpoints of other NeRF implementations, read without running any code in them.
 
 - nerf-pytorch, `*.tar`: torch.save of `network_fn_state_dict`, `network_fine_state_dict`
 - krrish94/nerf-pytorch, `*.ckpt`: torch.save of `model_coarse_state_dict`, `model_fine_state_dict` (FlexibleNeRFModel)
 
-Widths, encodings and skips follow from the sizes of the weights. The lists of arrays of bmild/nerf become a file of the
-first kind by `tools/convert_bmild.py`.
+Widths, encodings and skips follow from the shapes of the weights. `tools/convert_bmild.py` converts the arrays of
+bmild/nerf to the first format.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .field import NerfNetwork, NerfShape
 from .pickles import check_torch_file
 
 HINT = "Give a checkpoint of nerf-pytorch (.tar) or krrish94/nerf-pytorch (.ckpt)."
-STATE_NAMES = (  # names of the states of the coarse and the fine network
+STATE_NAMES = (  # coarse and fine network
     ("network_fn_state_dict", "network_fine_state_dict"),
     ("model_coarse_state_dict", "model_fine_state_dict"),
 )
 MOST_BYTES = 2 << 30
-WIDEST, DEEPEST = 4096, 64  # limits of networks; the paper's are 256 wide and 8 deep
+WIDEST, DEEPEST = 4096, 64  # the paper's networks are 256 wide and 8 deep
 KRRISH_LAYERS = {
     "layer1": "pts_linears.0",
     "fc_feat": "feature_linear",
@@ -36,7 +36,7 @@ KRRISH_LAYERS = {
     "layers_dir.0": "views_linears.0",
     "fc_rgb": "rgb_linear",
 }
-# numbers that training scripts store with the networks; torch allows tensors and plain Python values by itself
+# scalars that training scripts store with the networks, in addition to what torch allows
 _numpy_scalar = np.float64(0).__reduce__()[0]
 NUMPY_SCALARS = [
     (_numpy_scalar, "numpy.core.multiarray.scalar"),
@@ -47,10 +47,10 @@ NUMPY_SCALARS = [
 
 
 def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
-    """Coarse and fine network of a file; without a fine one, the coarse one twice.
+    """Read the coarse and the fine network of a checkpoint; without a fine one, the coarse one twice.
 
     Raises:
-        DataError: The file is missing, damaged, holds more than numbers, or networks of another kind.
+        DataError: The file is missing, damaged or unsafe, or has networks of another kind.
     """
     check_file(path, MOST_BYTES)
     if path.suffix == ".npy":
@@ -62,7 +62,7 @@ def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
         check_torch_file(path)
         with torch.serialization.safe_globals(NUMPY_SCALARS):
             content = torch.load(path, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch raises nearly anything on damaged files, and an unpickling error on unsafe ones
+    except Exception as error:  # torch raises nearly anything on damaged and unsafe files
         if is_out_of_memory(error):
             raise
         raise DataError(
@@ -76,15 +76,15 @@ def read_nerf(path: Path) -> tuple[NerfNetwork, NerfNetwork]:
 
 
 def network_of_state(path: Path, state: dict[str, Any]) -> NerfNetwork:
-    """The network that a state dictionary describes by the sizes of its tensors.
+    """Build a network from a state dictionary.
 
     Args:
-        path: The file that the state was read from. Messages name it, and its size bounds that of the tensors.
-        state: Weights [out, in] and biases by name, in nerf-pytorch's or krrish94's naming.
+        path: The file of the state, named in errors; its size limits that of the tensors.
+        state: Weights [out, in] and biases by name, as in nerf-pytorch or krrish94/nerf-pytorch.
 
     Raises:
-        DataError: The tensors claim more than the file holds, do not make a vanilla NeRF that sees viewing directions, are
-            beyond 64 layers or a width of 4096, or are not finite.
+        DataError: The tensors are larger than the file, are not finite, or are not those of a NeRF with view directions up
+            to the size limits.
     """
     try:
         state = {name.removeprefix("module."): value for name, value in state.items()}
@@ -111,7 +111,7 @@ def network_of_state(path: Path, state: dict[str, Any]) -> NerfNetwork:
 
 
 def _renamed(state: dict[str, Tensor]) -> dict[str, Tensor]:
-    """krrish94's FlexibleNeRFModel in nerf-pytorch's names; its skips join [h, gamma(x)] in the other order."""
+    """Rename the layers of krrish94's FlexibleNeRFModel to nerf-pytorch's, and swap the inputs of its skips."""
     width, n_position = state["layer1.weight"].shape
     renamed = {}
     for name, value in state.items():

@@ -1,6 +1,6 @@
-"""Fitting a NeRF to photos, as the original implementation does: random rays, a coarse and a fine pass, Adam.
+"""Fitting a NeRF to photos as the original implementation does: random rays, a coarse and a fine pass, Adam.
 
-What is behind the rays is a plain color: white behind a matte or a white background, else black (nothing is added).
+The background is a constant color: white behind mattes and white backgrounds, else black.
 """
 
 from __future__ import annotations
@@ -20,22 +20,19 @@ from ..rendering.surface_cache import cache_surface
 from ..scene import Scene
 from ..training.adam import Adam
 from ..training.checkpoint import Checkpoint
-from ..training.loop import train
+from ..training.loop import Metrics, train
 from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
-from .field import NerfField, NerfNetwork
+from .field import NerfField, NerfNetwork, points_along
 
-CROP_SHARE = 0.5  # share of the pictures' sides from which rays are drawn at first, so that not all are background
+CROP_SHARE = 0.5  # central share of the image sides where the first rays are drawn, to see the object early
 MEASURED_RAYS = 2048
-STRAYS = 0.005  # share of the surface on either side of each axis that is left out of the bounds
+STRAYS = 0.005  # quantile of surface positions outside the bounds, on each side
 BOUNDS_MARGIN = 0.05
 
 
 @contextmanager
-def quick_products(device: torch.device) -> Iterator[None]:
-    """Within it, CUDA rounds the factors of matrix products to TF32 (10 bits behind the point, sums in float32).
-
-    Only for learning: the positions' high frequencies lose digits, which the noise of random rays hides.
-    """
+def tf32_matmul(device: torch.device) -> Iterator[None]:
+    """Use TF32 matrix products on CUDA. Only for training: the high frequencies of positions lose digits."""
     before = torch.get_float32_matmul_precision()
     torch.set_float32_matmul_precision("high" if device.type == "cuda" else before)
     try:
@@ -45,23 +42,18 @@ def quick_products(device: torch.device) -> Iterator[None]:
 
 
 class NerfFit:
-    """A `Fit` (see fields/fit.py) of both networks."""
+    """A `Fit` of a NeRF (see fields/fit.py)."""
 
     def __init__(
         self, dataset: PixelDataset, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField
     ) -> None:
-        self.dataset, self.background_kind, self.settings, self.runtime, self.field = (
-            dataset,
-            kind,
-            settings,
-            runtime,
-            field,
-        )
+        self.dataset, self.background_kind, self.settings = dataset, kind, settings
+        self.runtime, self.field = runtime, field
         self._white = kind in ("alpha", "white")
         self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
-        self._loss_average = number(0.1).to(runtime.device)  # stays there: reading it would wait for the device
-        self._yielded = 0  # iterations of which the scene has been yielded
+        self._loss_average = number(0.1).to(runtime.device)  # reading it would wait for the device
+        self._yielded = 0  # iterations of the last yielded scene
         optimizer = Adam(field.parameters(), lr=settings.rate)
         self._training_state = TrainingState(settings.iterations, optimizer, field.state_dict, runtime)
 
@@ -72,46 +64,40 @@ class NerfFit:
 
     @property
     def done(self) -> int:
-        """Iterations that are done."""
+        """Iterations done."""
         return self._training_state.done
 
     def scenes(self, progress: Progress, checkpoint: Checkpoint | None = None) -> Iterator[Scene]:
-        """Run what is left of the fit; the scene as it stands after every `look_every` iterations, and at the end."""
+        """Run the rest of the fit; yield the scene every `look_every` iterations and at the end."""
         field = self.field
         while self._yielded < self.iterations:
             until = min(self._yielded + self.settings.look_every, self.iterations)
-            with quick_products(self.runtime.device):
+            with tf32_matmul(self.runtime.device):
                 train(self._training_state, until, self._step, self._decay, progress, checkpoint)
             field.bounds = surface_bounds(field, self.dataset.rays(self.dataset.draw(MEASURED_RAYS, self.runtime)))
             self._yielded = until
             yield Scene(field, None, self.background_kind, 1.0)
 
     def state(self) -> dict[str, Tensor]:
-        """All that resuming takes."""
-        return self._position() | prefixed("course", self._training_state.state())
+        """Return all tensors needed to resume."""
+        return self._counters() | prefixed("course", self._training_state.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Let this fresh fit resume a state, on the processor, of a fit of the same photos and settings.
-
-        Raises:
-            DataError: The state is of another fit; nothing is changed then.
-        """
-        saved_state = below("course", state)
-        check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._position())
+        """Resume a state on the CPU (see `Resumable.resume`)."""
+        check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._counters())
         yielded = whole_number(state, "looked", self.iterations - 1)
-        self._training_state.resume(saved_state)
+        self._training_state.resume(below("course", state))
         self._yielded = yielded
         self._loss_average.copy_(state["loss_average"])
 
-    def _position(self) -> dict[str, Tensor]:
-        """The numbers of a state."""
+    def _counters(self) -> dict[str, Tensor]:
         return {"looked": number(self._yielded), "loss_average": self._loss_average}
 
     def _decay(self, iteration: int, _: int) -> float:
         steps = self.settings.decay_steps
         return 0.1 ** (iteration / steps) if steps else 1.0
 
-    def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, dict[str, Tensor]]:
+    def _step(self, iteration: int, batch_scale: float) -> tuple[Tensor, Metrics]:
         n_rays = max(16, int(self.settings.rays * batch_scale))
         if iteration < self._crop:
             index = self.dataset.draw_central(n_rays, CROP_SHARE, self.runtime)
@@ -128,7 +114,7 @@ class NerfFit:
         return loss, {"psnr": -10 * torch.log10(self._loss_average.clamp_min(1e-10))}
 
     def _render(self, rays: Rays) -> tuple[Tensor, Tensor]:
-        """Differentiable colors of rays by the coarse and by the fine network, [R, 3] each."""
+        """Render rays with the coarse and with the fine network; differentiable colors [R, 3] each."""
         field, sampling, runtime = self.field, self.field.sampling, self.runtime
         grid_rays = field.space.to_grid_rays(rays)
         viewdirs = field.space.rotate_directions(rays.viewdirs)
@@ -141,8 +127,7 @@ class NerfFit:
         self, network: NerfNetwork, grid_rays: tuple[Tensor, Tensor], viewdirs: Tensor, t: Tensor
     ) -> tuple[Tensor, Tensor]:
         origins, directions = grid_rays
-        positions = (origins[:, None] + t[..., None] * directions[:, None]).view(-1, 3)
-        hidden = network.hidden(positions)
+        hidden = network.hidden(points_along(origins, directions, t))
         raw = network.raw_density(hidden).view(t.shape)
         if self._noise:
             raw = raw + self._noise * self.runtime.randn(*t.shape)
@@ -156,7 +141,7 @@ class NerfFit:
 
 
 def surface_bounds(field: NerfField, rays: Rays) -> Tensor:
-    """Corners [2, 3], grid coordinates, of a box round where these rays end, without strays."""
+    """Return the bounding box [2, 3] of the ends of these rays without outliers, grid coordinates."""
     positions = cache_surface(field, rays, 1, 1.0).positions[:, 0]
     if not len(positions):
         return field.bounds

@@ -1,7 +1,7 @@
-"""Importing a NeRF that another program has trained: where does its world lie in the capture's?
+"""Import of NeRFs trained elsewhere: alignment of their world with the capture's.
 
-A checkpoint does not record it. Programs move and scale poses before they learn, each in its own way, so the known ways are
-tried, and the one is taken with which the NeRF shows the photos. A NeRF that does not show them is refused.
+Checkpoints do not record how a program has moved and scaled the poses. Import tries the known alignments and keeps the
+one that renders the photos best.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from ...capture.camera import Camera
 from ...capture.capture import View
@@ -26,15 +25,15 @@ from .field import NerfField, NerfNetwork, NerfSampling
 from .fit import MEASURED_RAYS, surface_bounds
 from .start import OBJECT_DISTANCE
 
-SYNTHETIC_RANGE = (2.0, 6.0)  # near and far depth of NeRF-synthetic captures, whose cameras stand 4 from the object
-LLFF_NEAR = 0.9  # share of the nearest depth at which LLFF's rays begin outside NDC
+SYNTHETIC_RANGE = (2.0, 6.0)  # near and far depth of NeRF-synthetic
+LLFF_NEAR = 0.9  # near depth of LLFF outside NDC, share of the smallest depth
 MIN_PSNR = 20.0
-TRIED_PIXELS = 600
+TRIED_PIXELS = 600  # per photo
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """A candidate for the way from the capture's world to a NeRF's. near, far, in_disparity: see NerfSampling."""
+    """A candidate space of a NeRF, with the range of its rays (see `NerfSampling`)."""
 
     name: str
     space: StraightSpace
@@ -44,7 +43,7 @@ class Alignment:
 
 
 def candidate_alignments(views: list[View], settings: NerfSettings) -> list[Alignment]:
-    """The known ways, for all views of a capture; those of LLFF where depth bounds are declared."""
+    """Return the known alignments of all views; those of LLFF if depth bounds are declared."""
     found = []
     if settings.near and settings.far:
         found.append(Alignment("as it is, near and far as set", Box(), settings.near, settings.far))
@@ -63,16 +62,16 @@ def candidate_alignments(views: list[View], settings: NerfSettings) -> list[Alig
     frustum = middle_frustum(views, None)
     found.append(Alignment("LLFF in NDC", ndc(frustum, views), 0.0, 1.0))
     middle = middle_pose(cameras)
-    scale = 1 / frustum.near  # the nearest depth becomes 1 / 0.75
+    scale = 1 / frustum.near  # the smallest depth becomes 1 / 0.75
     found.append(Alignment("LLFF recentered", similarity(scale, middle[:3, :3].T, middle[:3, 3]), near, far))
     found.append(Alignment("LLFF spherified", spherified(cameras), near, far, in_disparity=True))
     return found
 
 
 def spherified(cameras: list[Camera]) -> StraightSpace:
-    """LLFF's own alignment of cameras that stand all round: on a unit sphere, up away from the focus point."""
+    """Return LLFF's alignment of surrounding cameras: on a unit sphere, with up away from the focus point."""
     middle = middle_pose(cameras)
-    # its axes hang on the recentered poses' own, by a constant vector
+    # the constant vector below is in the axes of the mean pose
     to_middle = middle[:3, :3].T
     positions = np.stack([to_middle @ (camera.position - middle[:3, 3]) for camera in cameras])
     focus = to_middle @ (focus_point(cameras).numpy() - middle[:3, 3])
@@ -95,32 +94,35 @@ def import_nerf(
     device: torch.device,
     seed: int = 0,
 ) -> tuple[Scene, str, float]:
-    """The scene of these networks, aligned with the capture.
+    """Align networks with a capture.
 
     Args:
         networks: Coarse and fine.
-        views: All of the capture.
-        datasets: Some training photos as each kind of background shows them.
-        settings: Samples a ray, and near and far where they are set.
-        source: Where the networks are from, for errors.
-        device: Where the scene shall live.
-        seed: Of the pixels that are compared, and of the rays that measure the scene's bounds.
+        views: All views of the capture.
+        datasets: Some training photos, by the kind of background.
+        settings: Samples per ray, and near and far if set.
+        source: Name of the networks in errors.
+        device: Device of the scene.
+        seed: Of the compared pixels and of the rays that measure the bounds.
 
     Returns:
-        The scene, the alignment's name, and the PSNR in dB with which it shows the photos.
+        The scene, the name of the alignment, and its mean PSNR in dB.
 
     Raises:
-        DataError: With no alignment the networks show the photos at MIN_PSNR.
+        DataError: No alignment reaches MIN_PSNR.
     """
+    coarse, fine = networks
     tried = []
     for alignment in candidate_alignments(views, settings):
-        field = _field(networks, alignment, settings, device)
+        near, far, in_disparity = alignment.near, alignment.far, alignment.in_disparity
+        sampling = NerfSampling(near, far, in_disparity, settings.coarse_samples, settings.fine_samples)
+        space = space_on(alignment.space, device)
+        field = NerfField(coarse, fine, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
         for kind, dataset in datasets.items():
             scene = Scene(field, None, kind, 1.0)
             psnr = float(np.mean(psnr_of_views(scene, dataset, TRIED_PIXELS, seed)))
-            # an alignment that does not suit the cameras may lead nowhere
-            tried.append((psnr if np.isfinite(psnr) else 0.0, alignment.name, scene))
-    psnr, name, scene = max(tried, key=lambda entry: entry[0])
+            tried.append((psnr if np.isfinite(psnr) else 0.0, alignment.name, field, scene))
+    psnr, name, field, scene = max(tried, key=lambda entry: entry[0])
     if psnr < MIN_PSNR:
         names = ", ".join(dict.fromkeys(f"{entry[1]!r}" for entry in tried))
         raise DataError(
@@ -128,19 +130,7 @@ def import_nerf(
             f"{MIN_PSNR:g} dB needed.",
             "Give the capture it was trained on, as it was given to that program; geometry.nerf.near and .far may help.",
         )
-    scene.field.bounds = _bounds(scene.field, datasets[scene.background_kind], seed)
-    return scene, name, psnr
-
-
-def _field(
-    networks: tuple[NerfNetwork, NerfNetwork], alignment: Alignment, settings: NerfSettings, device: torch.device
-) -> NerfField:
-    counts = {"coarse": settings.coarse_samples, "fine": settings.fine_samples}
-    sampling = NerfSampling(alignment.near, alignment.far, alignment.in_disparity, **counts)
-    space = space_on(alignment.space, device)
-    return NerfField(*networks, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
-
-
-def _bounds(field: NerfField, dataset: PixelDataset, seed: int) -> Tensor:
+    dataset = datasets[scene.background_kind]
     index = torch.randint(len(dataset), (MEASURED_RAYS,), generator=torch.Generator().manual_seed(seed))
-    return surface_bounds(field, dataset.rays(index.to(dataset.color.device)))
+    field.bounds = surface_bounds(field, dataset.rays(index.to(dataset.color.device)))
+    return scene, name, psnr

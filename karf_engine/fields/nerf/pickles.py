@@ -1,14 +1,13 @@
-"""Pickles of other programs, looked through before they are read as data: what they name, and what they claim to hold."""
+"""Safety checks of foreign pickles before torch reads them."""
 
 from __future__ import annotations
 
 import pickletools
 import zipfile
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, cast
 
-# what tensors, dictionaries of them and the numbers with them are made of; torch itself also calls classes by which a
-# few bytes take any memory
+# globals of tensors, dictionaries and scalars; torch itself allows more, with which a few bytes can claim any memory
 NAMES = {
     "collections OrderedDict",
     "torch._utils _rebuild_tensor_v2",
@@ -24,15 +23,15 @@ NAMES = {
     *(f"torch {kind}Storage" for kind in ("Float", "Double", "Half", "BFloat16", "Int", "Long", "Bool", "Byte")),
 }
 PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
-PICKLES_OF_OLD_FILES = 5  # pickles: magic number, version, system, content, keys of the storages that follow
+LEGACY_PICKLES = 5  # magic number, version, system, content, storage keys
 
 
 def check_torch_file(path: Path) -> None:
-    """Raise ValueError where a file of torch.save names what no checkpoint of numbers does, or packs its numbers."""
+    """Check a file of torch.save. Raise ValueError if it uses other globals or compressed records."""
     with path.open("rb") as file:
         if file.read(4) != b"PK\3\4":
             file.seek(0)
-            for _ in range(PICKLES_OF_OLD_FILES):
+            for _ in range(LEGACY_PICKLES):
                 check_pickle(file, path.stat().st_size)
             return
     with zipfile.ZipFile(path) as archive:
@@ -45,9 +44,9 @@ def check_torch_file(path: Path) -> None:
 
 
 class _Bounded:
-    """A file that is asked for no more than it holds: Python makes room for all that it is asked for."""
+    """A file that reads at most its length: Python allocates all that a pickle asks for."""
 
-    def __init__(self, file: BinaryIO, length: int) -> None:
+    def __init__(self, file: IO[bytes], length: int) -> None:
         self._file, self._length = file, length
         self.readline, self.tell = file.readline, file.tell
 
@@ -55,14 +54,19 @@ class _Bounded:
         return self._file.read(min(size, self._length))
 
 
-def check_pickle(file: BinaryIO, length: int, names: set[str] | None = NAMES) -> None:
-    """Walk through the pickle at the file's position; nothing is made of it.
+def check_pickle(file: IO[bytes], length: int, names: set[str] | None = NAMES) -> None:
+    """Check the pickle at the file's position without loading it.
 
-    length: bytes of the file. names: what it may ask for, None where the reader checks that. Raises ValueError for
-    another name, for a place in the reader's table beyond what the file can fill, and where the pickle is cut off.
+    Args:
+        file: Binary file.
+        length: Size of the file, bytes.
+        names: Allowed globals, or None for any.
+
+    Raises:
+        ValueError: Another global, a memo index beyond the length, or a truncated pickle.
     """
-    for opcode, argument, _ in pickletools.genops(_Bounded(file, length)):
-        if opcode.name in PUTS and int(argument) > length:
+    for opcode, argument, _ in pickletools.genops(cast(IO[bytes], _Bounded(file, length))):
+        if opcode.name in PUTS and int(argument or 0) > length:
             raise ValueError(f"it numbers an entry {argument} in {length} bytes")
         if names is not None and opcode.name == "GLOBAL" and argument not in names:
-            raise ValueError(f"it asks for {argument.replace(' ', '.')}, which is not a number")
+            raise ValueError(f"it asks for {str(argument).replace(' ', '.')}, which is not a number")

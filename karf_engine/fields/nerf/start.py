@@ -1,4 +1,4 @@
-"""A fresh fit of a NeRF: where it lies in the world, and where its rays are sampled."""
+"""The start of a NeRF fit: its space and the range of its rays."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from ..spaces import middle_frustum, ndc, similarity
 from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .fit import NerfFit
 
-OBJECT_DISTANCE = 4.0  # distance of the cameras in a NeRF's own units: that of the NeRF-synthetic captures
-OBJECT_RANGE = (0.5, 1.5)  # of that distance is sampled: 2 to 6 there
-OPEN_RANGE = (0.1, 20.0)  # of it, where how near and far the scene is is not known
-POINT_RANGE = (0.9, 1.1)  # of the nearest and farthest sparse point
+OBJECT_DISTANCE = 4.0  # mean camera distance in the units of a NeRF, as in NeRF-synthetic
+OBJECT_RANGE = (0.5, 1.5)  # sampled range of an object, mean camera distances
+OPEN_RANGE = (0.1, 20.0)  # sampled range of an open scene of unknown depth, mean camera distances
+POINT_RANGE = (0.9, 1.1)  # sampled range, shares of the smallest and the largest depth
 
 
 def start_nerf_fit(inputs: FitInputs) -> NerfFit:
-    """A fresh fit of a NeRF that suits the cameras.
+    """Begin a fit of a NeRF that suits the cameras.
 
     Raises:
-        BadRequest: A frustum was asked for, and how near the scene is is not known.
+        BadRequest: The requested frustum needs the depth of the scene, which is unknown.
     """
     settings, kind = inputs.settings.nerf, inputs.background_kind
     space, sampling = place_nerf(kind, inputs.space, inputs.views, inputs.points, settings)
@@ -42,7 +42,7 @@ def fresh_fit(
     settings: NerfSettings,
     runtime: Runtime,
 ) -> NerfFit:
-    """Fresh networks in a space."""
+    """Begin a fit of fresh networks in a space."""
     shape = NerfShape(
         depth=settings.depth,
         width=settings.width,
@@ -50,22 +50,22 @@ def fresh_fit(
         position_frequencies=settings.position_frequencies,
         direction_frequencies=settings.direction_frequencies,
     )
-    nothing = torch.tensor([[-1.0] * 3, [1.0] * 3])
-    field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, nothing).to(runtime.device)
+    unit_box = torch.tensor([[-1.0] * 3, [1.0] * 3])
+    field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, unit_box).to(runtime.device)
     return NerfFit(dataset, kind, settings, runtime, field)
 
 
 def place_nerf(
     kind: str, space_name: str, views: list[View], points: SparsePoints | None, settings: NerfSettings
 ) -> tuple[StraightSpace, NerfSampling]:
-    """Where a NeRF lies in the world, and where its rays are sampled.
+    """Choose the space of a NeRF and the sampling of its rays.
 
-    Cameras that look one way: NDC. Objects: the cameras stand OBJECT_DISTANCE round them. Scenes that extend all round:
-    the cameras stand at a distance of 1, and samples are even in disparity up to the farthest point.
+    Forward-facing cameras: NDC. Objects: at a mean camera distance of OBJECT_DISTANCE. Open scenes: at a mean camera
+    distance of 1, with samples evenly spaced in disparity.
     """
-    counts = {"coarse": settings.coarse_samples, "fine": settings.fine_samples}
+    coarse, fine = settings.coarse_samples, settings.fine_samples
     if space_name == "frustum":
-        return ndc(middle_frustum(views, points), views), NerfSampling(0.0, 1.0, **counts)
+        return ndc(middle_frustum(views, points), views), NerfSampling(0.0, 1.0, False, coarse, fine)
     cameras = [view.camera for view in views]
     center = focus_point(cameras).numpy()
     distances = np.array([np.linalg.norm(camera.position - center) for camera in cameras])
@@ -73,11 +73,11 @@ def place_nerf(
     near, far = _open_range(views, points, distances) if is_open else distances.mean() * np.array(OBJECT_RANGE)
     scale = (1.0 if is_open else OBJECT_DISTANCE) / distances.mean()
     space = similarity(scale, np.eye(3), center)
-    return space, NerfSampling(settings.near or float(near), settings.far or float(far), is_open, **counts)
+    return space, NerfSampling(settings.near or float(near), settings.far or float(far), is_open, coarse, fine)
 
 
 def _open_range(views: list[View], points: SparsePoints | None, distances: np.ndarray) -> tuple[float, float]:
-    """Nearest and farthest distance at which an open scene is looked for, world units."""
+    """Return the sampled range of an open scene, world units."""
     near, far = nearest_depth(views, points), farthest_depth(views, points)
     near = distances.mean() * OPEN_RANGE[0] if near is None else near * POINT_RANGE[0]
     far = distances.mean() * OPEN_RANGE[1] if far is None else far * POINT_RANGE[1]

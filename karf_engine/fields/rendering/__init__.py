@@ -1,1 +1,1 @@
-"""Volume rendering as plain functions of tensors."""
+"""Rays, sampling and volume rendering as functions of tensors."""

@@ -1,7 +1,7 @@
-"""Where a NeRF's rays are sampled: a coarse pass, then more where that pass saw something (NeRF, Sec. 5.2).
+"""Hierarchical sampling of rays: a coarse pass, then importance sampling of its weights (NeRF, Sec. 5.2).
 
-`t` [R, N], sorted: parameters of the samples along their rays. `ray_weights` [R, N]: transmittance times alpha. The
-forms are those of the original implementation (bmild/nerf), so that its checkpoints look the same here.
+`t` [R, N], sorted, are ray parameters; `ray_weights` [R, N] are transmittance times alpha. The formulas follow the
+original implementation (bmild/nerf), so that its checkpoints render alike.
 """
 
 from __future__ import annotations
@@ -9,21 +9,21 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-LAST_INTERVAL = 1e10  # the last sample's: what reaches it and meets any density ends there
-FLOOR = 1e-5  # added to the weights, so that no place is left out for good
+LAST_INTERVAL = 1e10  # length of the last interval: any density there absorbs the rest of the light
+FLOOR = 1e-5  # added to the weights, so that every interval can be sampled
 
 
 def stratified_samples(near: float, far: float, count: int, in_disparity: bool, jitter: Tensor) -> Tensor:
-    """Stratified samples along rays: one in each of `count` intervals from near to far (NeRF, Eq. 2).
+    """Draw stratified samples along rays, one in each of `count` intervals (NeRF, Eq. 2).
 
-    The intervals meet in the middles between evenly spaced values.
+    The interval borders are the midpoints of evenly spaced values.
 
     Args:
-        near: Where rays begin, in units of t; positive where `in_disparity`.
-        far: Where rays end, in units of t.
-        count: Samples a ray, N.
-        in_disparity: Space evenly in 1 / t; else in t.
-        jitter: [R, N] in [0, 1), the place within each interval; or [R, 0], which gives the evenly spaced values.
+        near: First t; positive where `in_disparity`.
+        far: Last t.
+        count: N.
+        in_disparity: Space evenly in 1 / t instead of t.
+        jitter: [R, N] in [0, 1), position within each interval; or [R, 0] for the evenly spaced values.
 
     Returns:
         t [R, N], sorted along each ray.
@@ -44,13 +44,13 @@ def stratified_samples(near: float, far: float, count: int, in_disparity: bool, 
 
 
 def interval_lengths(t: Tensor) -> Tensor:
-    """Distance from each sample to the next one; the last one's interval has no end.
+    """Return the distance from each sample to the next, and LAST_INTERVAL for the last one.
 
     Args:
         t: [R, N], sorted along each ray.
 
     Returns:
-        Lengths [R, N], in units of t; LAST_INTERVAL in the last column.
+        Lengths [R, N], in units of t.
 
     Example:
         >>> interval_lengths(torch.tensor([[2.0, 3.0, 5.0]]))
@@ -60,13 +60,13 @@ def interval_lengths(t: Tensor) -> Tensor:
 
 
 def dense_ray_weights(sigmas: Tensor, deltas: Tensor) -> Tensor:
-    """Ray weights T_i (1 - exp(-sigma_i delta_i)) of rays with as many samples each (NeRF, Eq. 3).
+    """Compute ray weights T_i (1 - exp(-sigma_i delta_i)) of N samples per ray (NeRF, Eq. 3).
 
-    Differentiable in both arguments. `fields.rendering.volume.ray_weights_from_sigmas` does the same for packed samples.
+    Differentiable in both arguments. See `volume.ray_weights_from_sigmas` for packed samples.
 
     Args:
         sigmas: Densities [R, N] >= 0, per unit of length.
-        deltas: Interval lengths [R, N], in that unit.
+        deltas: Interval lengths [R, N].
 
     Returns:
         Weights [R, N] in [0, 1]; each ray's sum is its opacity.
@@ -76,24 +76,24 @@ def dense_ray_weights(sigmas: Tensor, deltas: Tensor) -> Tensor:
         tensor([[0.0000, 0.5000, 0.2500]])
     """
     optical_depths = sigmas * deltas
-    # exclusive by leaving the last one out: it may be huge, and subtracting it again would take all digits
+    # an exclusive sum: adding and subtracting the last depth, which may be huge, would cost all digits
     before = torch.cumsum(optical_depths[:, :-1], 1)
     before = torch.cat([torch.zeros_like(before[:, :1]), before], 1)
     return torch.exp(-before) * -torch.expm1(-optical_depths)
 
 
 def sample_pdf(edges: Tensor, weights: Tensor, u: Tensor) -> Tensor:
-    """Samples of a piecewise constant density: its inverse distribution function at u.
+    """Invert the distribution function of a piecewise constant density at u.
 
-    Not differentiable in `weights` where it chooses an interval; fits detach them.
+    The choice of the interval is not differentiable in `weights`.
 
     Args:
         edges: [R, M + 1], sorted along each ray.
-        weights: [R, M] >= 0, of the intervals between the edges; FLOOR is added to each.
+        weights: [R, M] >= 0, unnormalized; FLOOR is added to each.
         u: [R, N] in [0, 1].
 
     Returns:
-        Samples [R, N], within the edges and in the order of u.
+        Samples [R, N], in the order of u.
 
     Example:
         >>> sample_pdf(torch.tensor([[0.0, 1.0, 2.0]]), torch.tensor([[1.0, 1.0]]), torch.tensor([[0.25, 0.75]]))
@@ -102,8 +102,8 @@ def sample_pdf(edges: Tensor, weights: Tensor, u: Tensor) -> Tensor:
     weights = weights + FLOOR
     cdf = torch.cumsum(weights / weights.sum(1, keepdim=True), 1)
     cdf = torch.cat([torch.zeros_like(cdf[:, :1]), cdf], 1)
-    above = torch.searchsorted(cdf, u.contiguous(), right=True).clamp_max(cdf.shape[1] - 1)
-    below = torch.searchsorted(cdf, u.contiguous(), right=True).sub(1).clamp_min(0)
+    upper = torch.searchsorted(cdf, u.contiguous(), right=True)
+    below, above = (upper - 1).clamp_min(0), upper.clamp_max(cdf.shape[1] - 1)
     low, high = cdf.gather(1, below), cdf.gather(1, above)
     size = high - low
     share = (u - low) / torch.where(size < FLOOR, torch.ones_like(size), size)
@@ -112,19 +112,19 @@ def sample_pdf(edges: Tensor, weights: Tensor, u: Tensor) -> Tensor:
 
 
 def refine(t: Tensor, ray_weights: Tensor, u: Tensor) -> Tensor:
-    """Coarse samples joined with those that their weights ask for (NeRF, Sec. 5.2).
+    """Add importance samples of the coarse weights to the coarse samples (NeRF, Sec. 5.2).
 
     Args:
         t: Coarse samples [R, N], sorted along each ray.
         ray_weights: [R, N] >= 0, of the coarse pass.
-        u: [R, F] in [0, 1], where the inverse distribution function is read.
+        u: [R, F] in [0, 1], arguments of the inverse distribution function.
 
     Returns:
         All samples [R, N + F], sorted along each ray.
 
     Example:
         >>> t, weights = torch.tensor([[0.0, 1.0, 2.0, 3.0]]), torch.tensor([[0.0, 0.0, 1.0, 0.0]])
-        >>> refine(t, weights, torch.tensor([[0.5]]))  # between 1.5 and 2.5, where the third sample is
+        >>> refine(t, weights, torch.tensor([[0.5]]))  # between 1.5 and 2.5, around the third sample
         tensor([[0.0000, 1.0000, 2.0000, 2.0000, 3.0000]])
     """
     middles = (t[:, 1:] + t[:, :-1]) / 2

@@ -1,7 +1,4 @@
-"""Pixels of a capture as rays: `PixelDataset` holds every training pixel and hands out rays for any of them.
-
-origins [R, 3] in world units; viewdirs [R, 3] of unit length, so that a sample's `distance` is its t.
-"""
+"""Rays of camera pixels, and the dataset of all training pixels."""
 
 from __future__ import annotations
 
@@ -19,11 +16,11 @@ from ...io.color import to_bytes
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays, float32, on one device; indexing takes some of them.
+    """Rays on one device, float32. Indexing selects some of them.
 
     Attributes:
         origins: [R, 3], world units.
-        viewdirs: [R, 3], of unit length.
+        viewdirs: [R, 3], unit directions.
     """
 
     origins: Tensor
@@ -37,19 +34,18 @@ class Rays:
 
 
 def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
-    """Rays through all pixel centers of a camera.
+    """Return the rays through all pixel centers of a camera.
 
     Args:
-        camera: With a lens distortion they are the rays of the photo as stored; where its lens shows nothing, the ray
-            is that of the principal point.
-        device: Where the rays' tensors live.
+        camera: With its lens distortion; pixels outside the valid area of the lens get the ray of the principal point.
+        device: Device of the rays.
 
     Returns:
         width * height rays, row by row from the top left.
 
     Example:
         >>> rays = camera_rays(Camera(1, 1, 2.0, 2.0, 0.5, 0.5, np.eye(4)))
-        >>> rays.viewdirs.tolist()  # cameras look down -z
+        >>> rays.viewdirs.tolist()  # cameras face -z
         [[0.0, 0.0, -1.0]]
     """
     origins, directions = _unit_depth_rays(camera)
@@ -58,13 +54,13 @@ def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
 
 
 def depth_per_distance(camera: Camera) -> np.ndarray:
-    """Factor from distance along the ray to depth along the optical axis, for all pixels.
+    """Return the factor from distance along each pixel's ray to depth along the optical axis.
 
     Args:
         camera: As for `camera_rays`.
 
     Returns:
-        Factors [height * width] in (0, 1], float64, row by row from the top left.
+        Factors [height * width] in (0, 1], float64.
 
     Example:
         >>> depth_per_distance(Camera(1, 1, 1.0, 1.0, 0.5, 0.5, np.eye(4))).tolist()
@@ -84,15 +80,15 @@ def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:
 
 
 class PixelDataset:
-    """All pixels of some training images: their colors, mattes and rays, addressed by one running index.
+    """All pixels of the training images with their rays, addressed by one flat index.
 
     Attributes:
-        cameras: Of the training images.
+        cameras: One per training image.
         color: [N, 3] uint8 sRGB.
         alpha: Mattes [N] uint8, or None.
-        solid: [N] bool, pixels known to show something opaque, or None.
-        gains: [V, 3] float32, how each training image is exposed beside the others, see `fields.exposures`; 1 until it is known.
-        first: [V + 1]; the pixels of training image v are first[v] .. first[v + 1] - 1.
+        solid: [N] bool, pixels known to be opaque, or None.
+        gains: [V, 3] float32, relative exposure of each image (see `fields.exposures`); 1 until it is estimated.
+        first: [V + 1]; image v has the pixels first[v] .. first[v + 1] - 1.
 
     Example:
         >>> camera = Camera(2, 1, 2.0, 2.0, 1.0, 0.5, np.eye(4))
@@ -110,30 +106,26 @@ class PixelDataset:
         valid: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
-        """Gather the training images' pixels.
+        """Concatenate the pixels of the training images.
 
         Args:
-            cameras: One a training image.
-            colors: [H, W, 3] in [0, 1], one a training image.
-            alphas: Mattes [H, W] in [0, 1], one a training image; or None.
-            solids: [H, W] bool, one a training image; or None.
-            valid: [H, W] bool, the pixels that `draw` may hand out, one a training image; None for all.
-            device: Where the pixels are kept.
+            cameras: V cameras.
+            colors: V images [H, W, 3] in [0, 1].
+            alphas: V mattes [H, W] in [0, 1], or None.
+            solids: V masks [H, W] bool, or None.
+            valid: V masks [H, W] bool of the pixels that `draw` may return; None for all.
+            device: Device of the pixels.
         """
+
+        def concatenate(images: list[np.ndarray], *channels: int) -> Tensor:
+            return torch.from_numpy(np.concatenate([image.reshape(-1, *channels) for image in images])).to(device)
+
         self.cameras = cameras
-        self.color = torch.from_numpy(np.concatenate([to_bytes(c).reshape(-1, 3) for c in colors])).to(device)
+        self.color = concatenate([to_bytes(color) for color in colors], 3)
+        self.alpha = None if alphas is None else concatenate([to_bytes(alpha) for alpha in alphas])
+        self.solid = None if solids is None else concatenate(solids)
         self.gains = torch.ones(len(cameras), 3, device=device)
-        self.alpha = (
-            None
-            if alphas is None
-            else torch.from_numpy(np.concatenate([to_bytes(a).ravel() for a in alphas])).to(device)
-        )
-        self.solid = (
-            None if solids is None else torch.from_numpy(np.concatenate([s.ravel() for s in solids])).to(device)
-        )
-        self._usable = None
-        if valid is not None:
-            self._usable = torch.from_numpy(np.flatnonzero(np.concatenate([v.ravel() for v in valid]))).to(device)
+        self._usable = None if valid is None else torch.nonzero(concatenate(valid)).squeeze(1)
         sizes = torch.tensor([c.width * c.height for c in cameras])
         self.first = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
         self._widths = torch.tensor([c.width for c in cameras], device=device)
@@ -145,33 +137,33 @@ class PixelDataset:
         return len(self.color)
 
     def draw(self, count: int, runtime: Runtime) -> Tensor:
-        """Running indices of `count` random usable pixels."""
+        """Draw the indices of `count` random valid pixels."""
         if self._usable is None:
             return runtime.randint(len(self), count)
         return self._usable[runtime.randint(len(self._usable), count)]
 
     def draw_central(self, count: int, share: float, runtime: Runtime) -> Tensor:
-        """Running indices of `count` random pixels of the middle `share` of a random picture's width and height."""
+        """Draw the indices of `count` random pixels from the central `share` of each side of random images."""
         view = runtime.randint(len(self.cameras), count)
         size = torch.stack([self._widths, torch.diff(self.first) // self._widths], 1)[view]
         pixels = ((0.5 + share * (runtime.rand(count, 2) - 0.5)) * size).long()
         return self.first[view] + pixels[:, 1] * size[:, 0] + pixels[:, 0]
 
     def view_of(self, index: Tensor) -> Tensor:
-        """Which training image each running index belongs to."""
+        """Return the number of the training image of each pixel."""
         return torch.bucketize(index, self.first, right=True) - 1
 
     def picture(self, number: int) -> np.ndarray:
-        """The training image with this number as it was photographed, [H, W, 3] float32 sRGB in [0, 1]."""
+        """Return a training image as photographed, [H, W, 3] float32 sRGB in [0, 1]."""
         camera, pixels = self.cameras[number], self.color[self.first[number] : self.first[number + 1]]
         return pixels.cpu().numpy().reshape(camera.height, camera.width, 3) / np.float32(255)
 
     def exposed_alike(self, index: Tensor) -> Tensor:
-        """Colors of the pixels with these running indices in the exposure that photos have in the mean, float sRGB [n, 3]."""
+        """Return the sRGB colors [n, 3] of pixels at the mean exposure of all photos."""
         return self.color[index].float() / 255 / self.gains[self.view_of(index)]
 
     def rays(self, index: Tensor) -> Rays:
-        """Rays through the centers of the pixels with these running indices."""
+        """Return the rays through the centers of these pixels."""
         view = self.view_of(index)
         pixel = index - self.first[view]
         u = (pixel % self._widths[view]).float() + 0.5

@@ -1,9 +1,8 @@
-"""Samples along rays, only where a grid of occupied cells says there may be something.
+"""Ray marching through an occupancy grid.
 
-The grid: an axis-aligned box from `minimum` with cubic cells of size `voxel`, in grid coordinates; `occupied` [X, Y, Z]
-bool. Rays are polylines there.
-Marching is done in two strides. A coarse one over blocks of `BLOCK` steps throws most of empty space away, a fine one
-keeps the samples whose own cell is occupied.
+The grid is an axis-aligned box from `minimum` with cubic cells of edge `voxel`, in grid coordinates; `occupied`
+[X, Y, Z] is bool. Rays are polylines there. Marching first skips empty space in strides of BLOCK steps, then keeps the
+samples in occupied cells.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ class Samples:
     """Packed samples of some rays, in grid coordinates (see space.py).
 
     Attributes:
-        ray_indices: [S], sorted: which ray each sample is of.
-        distances: [S], of the intervals' centers from where the ray enters the grid.
+        ray_indices: [S], sorted; maps each sample to its ray.
+        distances: [S], interval centers, from where the ray enters the grid.
         positions: [S, 3].
-        step: Length of the intervals, one for all or [S].
+        step: Interval length, one for all or [S].
     """
 
     ray_indices: Tensor
@@ -37,13 +36,13 @@ class Samples:
 
 
 def coarse_occupancy(occupied: Tensor) -> Tensor:
-    """Blocks of BLOCK^3 cells that hold an occupied cell or touch one within two cells.
+    """Downsample an occupancy grid by BLOCK, conservatively for coarse marching.
 
     Args:
         occupied: Cells [X, Y, Z] bool.
 
     Returns:
-        Blocks [ceil(X / BLOCK), ceil(Y / BLOCK), ceil(Z / BLOCK)] bool.
+        Blocks [ceil(X / BLOCK), ceil(Y / BLOCK), ceil(Z / BLOCK)] bool; True up to BLOCK / 2 cells from occupied cells.
 
     Example:
         >>> occupied = torch.zeros(12, 4, 4, dtype=torch.bool)
@@ -52,7 +51,7 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
         tensor([ True, False, False])
     """
     for axis in range(3):
-        # a fine sample may lie up to half a coarse stride from the point where the block is looked up
+        # a fine sample is up to half a coarse stride away from the point that selects its block
         occupied = spread(occupied, axis, BLOCK // 2)
     rest = [-size % BLOCK for size in occupied.shape]
     padded = torch.nn.functional.pad(occupied, (0, rest[2], 0, rest[1], 0, rest[0]))
@@ -61,15 +60,12 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
 
 
 def spread(occupied: Tensor, axis: int, cells: int) -> Tensor:
-    """Cells within `cells` of an occupied one along one axis; as bytes, since large grids would fill memory as floats.
+    """Dilate an occupancy grid along one axis. Works on bytes, since large grids would fill memory as floats.
 
     Args:
         occupied: Cells [X, Y, Z] bool.
         axis: 0, 1 or 2.
-        cells: How far.
-
-    Returns:
-        Cells of the same shape, bool.
+        cells: Dilation radius.
 
     Example:
         >>> spread(torch.tensor([[[True, False, False, False]]]), 2, 2)
@@ -84,16 +80,16 @@ def spread(occupied: Tensor, axis: int, cells: int) -> Tensor:
 
 
 def cell_indices(positions: Tensor, minimum: Tensor, voxel: float, shape: tuple[int, ...]) -> Tensor:
-    """Flat index of the cell that holds each position. Not differentiable.
+    """Return the flat index of the cell that contains each position. Not differentiable.
 
     Args:
-        positions: [.., 3], grid coordinates; those outside take the nearest border cell.
+        positions: [.., 3], grid coordinates; those outside are clamped to border cells.
         minimum: [3], lowest corner of the grid.
         voxel: Edge of a cell.
-        shape: Number of cells along each axis, (X, Y, Z).
+        shape: Grid shape (X, Y, Z).
 
     Returns:
-        Indices [..] in [0, X * Y * Z), those of a flattened [X, Y, Z].
+        Indices [..] in [0, X * Y * Z).
 
     Example:
         >>> cell_indices(torch.tensor([[0.5, 0.5, 1.5], [9.0, 9.0, 9.0]]), torch.zeros(3), 1.0, (2, 2, 2))
@@ -115,19 +111,16 @@ def march(
     step_in_voxels: float,
     jitter: Tensor | None = None,
 ) -> Samples:
-    """Samples at equal steps inside occupied cells, along polylines. Not differentiable.
+    """Sample polylines at equal steps inside occupied cells. Not differentiable.
 
     Args:
-        paths: Knots [R, K, 3] of each ray's polyline, grid coordinates.
+        paths: Polyline vertices [R, K, 3], grid coordinates.
         minimum: [3], lowest corner of the grid.
         voxel: Edge of a cell.
         occupied: Cells [X, Y, Z] bool.
         coarse: `coarse_occupancy(occupied)`.
-        step_in_voxels: Distance from sample to sample.
-        jitter: [R] in [0, 1), each ray's offset in steps; 0.5 for None.
-
-    Returns:
-        The samples of all rays, packed.
+        step_in_voxels: Step length, voxels.
+        jitter: [R] in [0, 1), offset of each ray's samples in steps; 0.5 for None.
 
     Example:
         >>> occupied = torch.zeros(4, 1, 1, dtype=torch.bool)
@@ -143,7 +136,8 @@ def march(
     stride = BLOCK * step
     n_strides = int((polylines.lengths.amax() / stride).ceil()) if len(paths) else 0
     if n_strides == 0:
-        return _no_samples(paths, step)
+        empty = paths.new_zeros(0, 3)
+        return Samples(torch.zeros(0, dtype=torch.long, device=paths.device), empty[:, 0], empty, step)
 
     rows = torch.arange(len(paths), device=paths.device)
     middle = ((torch.arange(n_strides, device=paths.device) + 0.5) * stride).expand(len(paths), -1)
@@ -158,7 +152,7 @@ def march(
     points = polylines.points(ray_indices, distances)
     inside = occupied.view(-1)[cell_indices(points, minimum, voxel, shape)]
     inside &= distances < polylines.lengths[ray_indices, None]
-    if paths.shape[1] > 2:  # bent paths are not clipped to the grid
+    if paths.shape[1] > 2:  # curved paths are not clipped to the grid
         maximum = minimum + voxel * torch.tensor(shape, device=minimum.device)
         inside &= ((points >= minimum) & (points < maximum)).all(-1)
     row, column = torch.nonzero(inside, as_tuple=True)
@@ -166,10 +160,10 @@ def march(
 
 
 class Polylines:
-    """Polylines by the distance travelled along them.
+    """Polylines [R, K, 3], parametrized by arc length.
 
     Attributes:
-        lengths: [R], of the whole polylines.
+        lengths: [R], total lengths.
 
     Example:
         >>> bent = Polylines(torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0]]]))
@@ -179,34 +173,27 @@ class Polylines:
     """
 
     def __init__(self, paths: Tensor) -> None:
-        """Measure polylines of knots `paths` [R, K, 3]."""
-        pieces = paths[:, 1:] - paths[:, :-1]
-        lengths = torch.linalg.norm(pieces, dim=2)
-        self._knots = paths
-        self._directions = pieces / lengths.clamp_min(1e-12)[..., None]
+        segments = paths[:, 1:] - paths[:, :-1]
+        lengths = torch.linalg.norm(segments, dim=2)
+        self._vertices = paths
+        self._directions = segments / lengths.clamp_min(1e-12)[..., None]
         self._starts = torch.cumsum(lengths, 1) - lengths
         self.lengths = lengths.sum(1)
 
     def points(self, rows: Tensor, distances: Tensor) -> Tensor:
-        """Points [A, n, 3] at `distances` [A, n] along the paths number `rows` [A]."""
-        if self._knots.shape[1] == 2:
-            return self._knots[rows, :1] + distances[..., None] * self._directions[rows]
-        piece = torch.searchsorted(self._starts[rows], distances.contiguous(), right=True) - 1
+        """Return the points [A, n, 3] at arc lengths `distances` [A, n] of the polylines `rows` [A]."""
+        if self._vertices.shape[1] == 2:
+            return self._vertices[rows, :1] + distances[..., None] * self._directions[rows]
+        segment = torch.searchsorted(self._starts[rows], distances.contiguous(), right=True) - 1
         rows = rows[:, None]
-        along = distances - self._starts[rows, piece]
-        return self._knots[rows, piece] + along[..., None] * self._directions[rows, piece]
+        along = distances - self._starts[rows, segment]
+        return self._vertices[rows, segment] + along[..., None] * self._directions[rows, segment]
 
     def nearest(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Where each path comes nearest to its point [R, 3]: distance travelled until there, and the gap, [R] each."""
-        starts = self._knots[:, :-1]
+        """Find the closest point of each polyline to its point [R, 3]: arc length and distance, [R] each."""
+        starts = self._vertices[:, :-1]
         ends = torch.cat([self._starts[:, 1:], self.lengths[:, None]], 1)
         along = ((points[:, None] - starts) * self._directions).sum(2).clamp_min(0).minimum(ends - self._starts)
         gaps = torch.linalg.norm(starts + along[..., None] * self._directions - points[:, None], dim=2)
-        gap, piece = gaps.min(1, keepdim=True)
-        return (self._starts + along).gather(1, piece)[:, 0], gap[:, 0]
-
-
-def _no_samples(paths: Tensor, step: float) -> Samples:
-    device = paths.device
-    empty = torch.zeros(0, device=device)
-    return Samples(torch.zeros(0, dtype=torch.long, device=device), empty, torch.zeros(0, 3, device=device), step)
+        gap, segment = gaps.min(1, keepdim=True)
+        return (self._starts + along).gather(1, segment)[:, 0], gap[:, 0]

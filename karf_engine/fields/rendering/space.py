@@ -1,22 +1,22 @@
-"""Where a field lies in the world: in a box round an object, in a contraction of all space, or in a camera frustum.
+"""Spaces: maps from world positions to the grid coordinates of a field.
 
-A space maps world positions to grid coordinates, in which cells are cubes. Everything learned lives in grid coordinates:
-distances between points, boxes and normals are theirs too. Rays become polylines there, `paths` [R, K, 3].
+Positions, distances, boxes and normals of a field are in grid coordinates, where cells are cubes. Rays become polylines
+there, `paths` [R, K, 3].
 
-- Box: grid coordinates are the world's.
-- Similarity: the world rotated, scaled and moved, as an MLP wants it, whose encoding has a scale of its own.
-- Contraction (Mip-NeRF 360, Eq. 10): with y = (x - center) / radius, `y where |y| <= 1, else (1 + b - b / |y|) y / |y|`. All
-  of space becomes a ball of radius 1 + b; b = `room` is the share of it that what lies outside gets.
-- Frustum (NDC of NeRF, appendix C): for cameras that look about the same way. The near plane and infinity are the
-  planes z = -1 and z = +1 (times `depth_scale`); a pixel is as wide anywhere. Straight lines stay straight.
+- Box: grid coordinates are world coordinates.
+- Similarity: the world rotated, scaled and translated, to the scale that the encoding of an MLP expects.
+- Contraction (Mip-NeRF 360, Eq. 10): with y = (x - center) / radius, `y if |y| <= 1 else (1 + b - b / |y|) y / |y|`.
+  All of space becomes a ball of radius 1 + b, where b = `room`.
+- Frustum (NDC of NeRF, appendix C): for forward-facing cameras. The near plane and infinity become the planes z = -1
+  and z = +1 (times `depth_scale`); the width of a pixel is constant. Straight lines stay straight.
 
-Positions and directions are differentiable throughout; what a space itself is made of is not learned.
+All maps are differentiable in positions and directions; the parameters of a space are not learned.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -26,51 +26,63 @@ from ...capture.camera import Camera
 from .rays import Rays, camera_rays
 
 CONTRACTION_KNOTS = 64
-FAR = 1.002  # of a path's parameter at infinity: the last knot, at 1, is 1000 radii away
-MIN_VIEWS = 1  # that see a place: what one photo alone shows has no certain depth, but a hole would show in others
-BORDER = 0.02  # of a picture's sides: what lies this far outside it counts as seen
+FAR = 1.002  # path parameter of infinity: the last vertex, at 1, is 1000 radii away
+MIN_VIEWS = 1  # one view gives no certain depth, but requiring two would leave holes
+BORDER = 0.02  # margin around an image that counts as visible, share of its sides
 
 
 class Space(Protocol):
-    """Any space. is_forward_facing: made for cameras that look about the same way."""
+    """Map between world and grid. `is_forward_facing`: for cameras that all face about the same direction."""
 
     is_forward_facing: ClassVar[bool]
 
     def to_grid(self, positions: Tensor) -> Tensor:
-        """Grid coordinates of world positions [.., 3]."""
+        """Map world positions [.., 3] to grid coordinates."""
+        ...
 
     def to_world(self, positions: Tensor) -> Tensor:
-        """World positions of grid coordinates [.., 3]."""
+        """Map grid coordinates [.., 3] to world positions."""
+        ...
 
     def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
-        """Knots of each ray within the grid from corner `minimum` to `maximum` [3], [R, K, 3] grid coordinates; they
-        coincide where it misses the grid."""
+        """Return the vertices [R, K, 3] of each ray inside the grid box from `minimum` to `maximum` [3].
+
+        They coincide for rays that miss the box.
+        """
+        ...
 
 
+@runtime_checkable
 class StraightSpace(Space, Protocol):
-    """A space in which straight lines stay straight: all but the contraction."""
+    """Space that keeps straight lines straight: all but the contraction."""
 
     def to_grid_rays(self, rays: Rays) -> tuple[Tensor, Tensor]:
-        """Origins and directions [R, 3] of the rays as origin + t direction, grid coordinates. The directions' length
-        says what t means: the world's distance from the camera, but in a frustum 0 to 1 from near plane to infinity."""
+        """Return the rays as origin + t * direction, [R, 3] each, in grid coordinates.
+
+        t is the distance from the camera in world units; in a frustum it is 0 at the near plane and 1 at infinity.
+        """
+        ...
 
     def rotate_directions(self, viewdirs: Tensor) -> Tensor:
-        """Unit viewing directions [n, 3] of the world in the axes of the grid."""
+        """Rotate unit directions [n, 3] from the world to the axes of the grid."""
+        ...
 
 
 class OpenSpace(Space, Protocol):
-    """A space for scenes that extend behind the object and the cameras."""
+    """Space for scenes that extend behind the object and the cameras."""
 
     def grid_bounds(self, cameras: list[Camera]) -> tuple[Tensor, Tensor]:
-        """Lowest and highest corner [3] of the grid that these cameras need, grid coordinates."""
+        """Return the lowest and the highest corner [3] of the grid that these cameras need."""
+        ...
 
     def is_seen(self, positions: Tensor, cameras: list[Camera]) -> Tensor:
-        """True for the positions [n, 3], grid coordinates, that enough cameras see, [n]."""
+        """Return which positions [n, 3] are seen by enough cameras, [n] bool."""
+        ...
 
 
 @dataclass(frozen=True)
 class Box:
-    """The world as it is."""
+    """The world without a transform."""
 
     is_forward_facing: ClassVar[bool] = False
 
@@ -92,10 +104,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Similarity:
-    """The world rotated, scaled and moved.
+    """The world rotated, scaled and translated.
 
     Attributes:
-        world_to_grid: [4, 4], a rotation times a uniform scale, and a shift.
+        world_to_grid: [4, 4], rotation times uniform scale, and translation.
     """
 
     world_to_grid: Tensor
@@ -119,13 +131,13 @@ class Similarity:
 
 @dataclass(frozen=True)
 class Contraction:
-    """All of space in a ball.
+    """All of space contracted to a ball.
 
     Attributes:
-        center: [3], of the inner ball, which keeps its shape; world units.
+        center: [3], of the inner ball, where the map is a similarity; world units.
         radius: Of the inner ball, world units.
-        room: Radius that what lies outside gets in the grid, in inner radii.
-        near: Distance from the camera before which nothing is looked for, world units.
+        room: Thickness of the outer shell in the grid, inner radii.
+        near: Distance from the camera where rays begin, world units.
     """
 
     center: Tensor
@@ -145,8 +157,8 @@ class Contraction:
         return self.center + self.radius * positions * torch.where(norm > 1, outside, torch.ones_like(norm))
 
     def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
-        """Knots from `near` to far out, [R, K, 3], about equally far apart in grid coordinates."""
-        # evenly round the place nearest to the center, and then as one over what is left
+        """Return the vertices [R, K, 3] of rays from `near` to 1000 radii, about evenly spaced in the grid."""
+        # linear in t around the point closest to the center, inverse farther out
         closest = ((self.center - rays.origins) * rays.viewdirs).sum(1)
         start = (self.near - closest) / (2 * self.radius)
         start = FAR * start / (1 + start.abs())
@@ -157,12 +169,12 @@ class Contraction:
         return self.to_grid(points)
 
     def grid_bounds(self, cameras: list[Camera]) -> tuple[Tensor, Tensor]:
-        """Corners of the whole ball."""
+        """Return the corners of the bounding box of the ball."""
         reach = 1 + self.room
         return torch.full_like(self.center, -reach), torch.full_like(self.center, reach)
 
     def is_seen(self, positions: Tensor, cameras: list[Camera]) -> Tensor:
-        """True where at least MIN_VIEWS cameras see a position [n, 3] of the ball, [n]."""
+        """Return which positions [n, 3] are in the ball and seen by at least MIN_VIEWS cameras, [n] bool."""
         world = self.to_world(positions).double().cpu().numpy()
         n_seen = np.zeros(len(world), int)
         for camera in cameras:
@@ -175,13 +187,13 @@ class Contraction:
 
 @dataclass(frozen=True)
 class Frustum:
-    """What lies before a camera amid all.
+    """Viewing frustum of a central camera, from a near plane to infinity.
 
     Attributes:
-        world_to_camera: [4, 4], of that camera.
-        focal: [2], focal length over half the picture's width and over half its height.
+        world_to_camera: [4, 4].
+        focal: [2], focal length over half the image width and over half the image height.
         near: Depth of the near plane, world units.
-        depth_scale: Half the grid's depth, in half picture widths.
+        depth_scale: Half the grid's depth, in half image widths.
     """
 
     world_to_camera: Tensor
@@ -209,52 +221,51 @@ class Frustum:
         return viewdirs @ self.world_to_camera[:3, :3].T
 
     def to_grid_rays(self, rays: Rays) -> tuple[Tensor, Tensor]:
-        """Origins and directions [R, 3] of the rays, from the near plane at t = 0 to infinity at t = 1."""
+        """Return origins and directions [R, 3] of rays, from the near plane at t = 0 to infinity at t = 1."""
         origins = rays.origins @ self.world_to_camera[:3, :3].T + self.world_to_camera[:3, 3]
         directions = self.rotate_directions(rays.viewdirs)
         forward = (-directions[:, 2:]).clamp_min(1e-6)
-        start = origins + ((self.near + origins[:, 2:]) / forward).clamp_min(0) * directions  # at the near plane
+        start = origins + ((self.near + origins[:, 2:]) / forward).clamp_min(0) * directions  # on the near plane
         depth = -start[:, 2:]
         plane = self.focal * start[:, :2] / depth
-        # at infinity only the direction counts
         first = torch.cat([plane, self.depth_scale * (1 - 2 * self.near / depth)], 1)
         last = torch.cat([self.focal * directions[:, :2] / forward, torch.full_like(depth, self.depth_scale)], 1)
-        looks_back = directions[:, 2:] > -1e-3
-        last = torch.where(looks_back, first, last)
+        faces_back = directions[:, 2:] > -1e-3
+        last = torch.where(faces_back, first, last)
         return first, last - first
 
     def grid_bounds(self, cameras: list[Camera]) -> tuple[Tensor, Tensor]:
-        """Corners [3] round what the cameras see, from the near plane to infinity."""
-        device, ends = self.focal.device, []
-        farthest = torch.full((3,), torch.inf, device=device)
+        """Return the corners [3] of the box that the cameras see, from the near plane to infinity."""
+        device, corner_paths = self.focal.device, []
+        unbounded = torch.full((3,), torch.inf, device=device)
         for camera in cameras:
             corners = [0, camera.width - 1, (camera.height - 1) * camera.width, camera.height * camera.width - 1]
             rays = camera_rays(camera.without_distortion(), device)[corners]
-            ends.append(self.paths(rays, -farthest, farthest).reshape(-1, 3))
-        ends = torch.cat(ends)
+            corner_paths.append(self.paths(rays, -unbounded, unbounded).reshape(-1, 3))
+        ends = torch.cat(corner_paths)
         low, high = ends.amin(0), ends.amax(0)
         low[2], high[2] = -self.depth_scale, self.depth_scale
         return low, high
 
     def is_seen(self, positions: Tensor, cameras: list[Camera]) -> Tensor:
-        """True everywhere: all cameras look about the same way."""
+        """Return True for all positions: all cameras face about the same direction."""
         return torch.ones(len(positions), dtype=torch.bool, device=positions.device)
 
 
 def clipped_paths(
     origins: Tensor, directions: Tensor, minimum: Tensor, maximum: Tensor, longest: float | None = None
 ) -> Tensor:
-    """First and last point within a box of the lines origin + t direction.
+    """Clip the lines origin + t * direction, t >= 0, to a box.
 
     Args:
         origins: [R, 3].
         directions: [R, 3], of any length.
         minimum: [3], lowest corner of the box.
         maximum: [3], highest corner of the box.
-        longest: Largest t; None for any. The smallest is 0.
+        longest: Largest t, or None.
 
     Returns:
-        Points [R, 2, 3]; both are the same where a line misses the box.
+        First and last points [R, 2, 3]; equal where a line misses the box.
 
     Example:
         >>> origin, direction = torch.tensor([[0.0, 0.0, -3.0]]), torch.tensor([[0.0, 0.0, 1.0]])
@@ -262,7 +273,7 @@ def clipped_paths(
         tensor([[[ 0.,  0., -1.],
                  [ 0.,  0.,  1.]]])
     """
-    # a zero component would give 0 * inf = nan on a box face
+    # avoid 0 * inf = nan on the faces of the box
     safe = torch.where(directions.abs() < 1e-9, torch.full_like(directions, 1e-9), directions)
     first = (minimum - origins) / safe
     second = (maximum - origins) / safe

@@ -1,32 +1,22 @@
-"""Spaces as plain values, as files hold them; and on a device."""
+"""Conversion of spaces to JSON values and between devices."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
 
 from .space import Box, Contraction, Frustum, Similarity, Space
 
-SPACES: dict[str, type] = {
-    "box": Box,
-    "similarity": Similarity,
-    "contraction": Contraction,
-    "frustum": Frustum,
-}
-SHAPES = {"world_to_grid": (4, 4), "world_to_camera": (4, 4), "center": (3,), "focal": (2,)}  # others are numbers
+AnySpace = TypeVar("AnySpace", bound=Space)
+SPACES: dict[str, type] = {"box": Box, "similarity": Similarity, "contraction": Contraction, "frustum": Frustum}
+# shapes of the tensors; all other attributes are numbers
+SHAPES = {"world_to_grid": (4, 4), "world_to_camera": (4, 4), "center": (3,), "focal": (2,)}
 
 
 def space_to_json(space: Space) -> dict[str, Any]:
-    """Plain values of a space; `space_from_json` gives it back.
-
-    Args:
-        space: One of SPACES.
-
-    Returns:
-        Its `kind` and its attributes, tensors as nested lists.
+    """Convert a space to JSON values: its `kind` and its attributes, tensors as nested lists.
 
     Example:
         >>> space_to_json(Contraction(torch.zeros(3), 2.0, 1.0, 0.5))
@@ -37,17 +27,10 @@ def space_to_json(space: Space) -> dict[str, Any]:
 
 
 def space_from_json(content: dict[str, Any], device: torch.device | str = "cpu") -> Space:
-    """The space of these values.
-
-    Args:
-        content: As `space_to_json` gives it, perhaps changed by others.
-        device: Where its tensors live.
-
-    Returns:
-        The space.
+    """Restore a space from `space_to_json`.
 
     Raises:
-        ValueError, KeyError, TypeError: The values are none of a space.
+        ValueError, KeyError, TypeError: The values do not describe a space.
 
     Example:
         >>> space_from_json({"kind": "box"})
@@ -64,20 +47,12 @@ def space_from_json(content: dict[str, Any], device: torch.device | str = "cpu")
     return SPACES[content["kind"]](**values)
 
 
-def space_on(space: Space, device: torch.device | str) -> Space:
-    """The same space with its tensors on a device: that of all that is mapped by it.
-
-    Args:
-        space: Any.
-        device: Where its tensors shall live.
-
-    Returns:
-        The space there.
+def space_on(space: AnySpace, device: torch.device | str) -> AnySpace:
+    """Copy a space to a device.
 
     Example:
         >>> space_on(Similarity(torch.eye(4)), "cpu").to_grid(torch.tensor([[1.0, 2.0, 3.0]]))
         tensor([[1., 2., 3.]])
     """
-    return replace(
-        space, **{name: value.to(device) for name, value in vars(space).items() if isinstance(value, Tensor)}
-    )
+    values = {name: v.to(device) if isinstance(v, Tensor) else v for name, v in vars(space).items()}
+    return type(space)(**values)

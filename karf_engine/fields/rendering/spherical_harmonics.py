@@ -1,4 +1,4 @@
-"""Real spherical harmonics: viewing directions as numbers that a network reads."""
+"""Real spherical harmonics, the encoding of viewing directions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from torch import Tensor
 
 
 def spherical_harmonics(viewdirs: Tensor) -> Tensor:
-    """Real spherical harmonics of degrees 0, 1 and 2 (Sloan, Stupid Spherical Harmonics Tricks, 2008).
+    """Evaluate the real spherical harmonics of degrees 0 to 2 (Sloan, Stupid Spherical Harmonics Tricks, 2008).
 
     Args:
         viewdirs: Unit directions [n, 3].

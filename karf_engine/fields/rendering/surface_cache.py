@@ -1,8 +1,8 @@
-"""A few samples a ray that stand for all of them.
+"""Quantile samples: K samples per ray that represent all of its samples.
 
-Geometry is frozen after its stage, so the rendering weights of a ray are constants. Of a ray's samples the later stages
-keep K, at the middles of K equal shares of its opacity (K = 3: at 1/6, 3/6 and 5/6), each of weight opacity / K. What
-the ray does not stop is its final transmittance; it belongs to the background class and to the black palette entry.
+Geometry is frozen after its stage, so ray weights are constants. Later stages only keep the samples at the K
+mid-quantiles of each ray's weights (K = 3: at 1/6, 3/6 and 5/6), each with weight opacity / K. The final transmittance
+belongs to the background class and to the black palette entry.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from .rays import Rays
 from .sampling import Samples
 
 RAYS_PER_CHUNK = 4096
-MIN_OPACITY = 0.02
+MIN_OPACITY = 0.02  # rays below it have no samples
 
 
 @dataclass(frozen=True)
 class SurfaceCache:
-    """Quantile samples of n rays; rays of less opacity than MIN_OPACITY are left out.
+    """Quantile samples of n rays, those with an opacity above MIN_OPACITY.
 
     Attributes:
         positions: [n, K, 3], grid coordinates.
-        distances: [n, K], grid coordinates, from where the ray enters the grid.
-        viewdirs: [n, 3], of unit length, in the world's axes.
+        distances: [n, K], grid units, from where the ray enters the grid.
+        viewdirs: [n, 3], unit directions in the world.
         opacity: [n] in [0, 1].
-        index: [n], which of the given rays each one is.
+        index: [n], index of each ray among all given rays.
     """
 
     positions: Tensor
@@ -44,11 +44,11 @@ class SurfaceCache:
 
     @property
     def spread(self) -> Tensor:
-        """Distance between the first and the last sample of each ray, [n], grid coordinates."""
+        """The distance from the first to the last sample of each ray, [n], grid units."""
         return self.distances[:, -1] - self.distances[:, 0]
 
     def thinned(self, n_samples: int) -> SurfaceCache:
-        """At most n_samples >= 1 of each ray's samples, those nearest to the middles of as many shares of its opacity."""
+        """Reduce the samples to at most n_samples >= 1 per ray, at the mid-quantiles of fewer shares."""
         n_kept = self.positions.shape[1]
         if n_kept <= n_samples:
             return self
@@ -58,17 +58,14 @@ class SurfaceCache:
 
 @torch.no_grad()
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
-    """Quantile samples of rays through a frozen field. Not differentiable.
+    """Compute the quantile samples of rays through a frozen field. Not differentiable.
 
     Args:
-        field: Has `trace(rays, step)` (see `fields.protocol.Field`).
+        field: Any field with `trace` (see `fields.protocol.Field`).
         rays: In world units.
-        n_samples: K >= 1, samples a ray.
-        step: Stride in voxels, of a field that has some.
-        progress: Told of the rays at the end; may cancel.
-
-    Returns:
-        The cache of all rays that are opaque enough.
+        n_samples: K >= 1.
+        step: Stride in voxels, for fields that march.
+        progress: Receives the number of rays at the end; may raise Cancelled.
 
     Example:
         >>> from types import SimpleNamespace
@@ -93,13 +90,7 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
 
 
 def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
-    """One cache of the rays of all.
-
-    Args:
-        parts: At least one, with as many samples a ray.
-
-    Returns:
-        Their rays one after the other; `index` stays as it is.
+    """Concatenate caches (at least one) with the same K. Their `index` stays as it is.
 
     Example:
         >>> part = SurfaceCache(torch.zeros(2, 3, 3), torch.zeros(2, 3), torch.zeros(2, 3), torch.ones(2), torch.arange(2))
@@ -111,23 +102,20 @@ def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
 
 @torch.no_grad()
 def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_samples: int, first: int = 0) -> SurfaceCache:
-    """Of each ray, the samples at the middles of K equal shares of its opacity. Not differentiable.
+    """Select the samples at the K mid-quantiles of each ray's weights. Not differentiable.
 
     Args:
         rays: R rays.
         samples: Their packed samples.
-        ray_weights: [S], of these samples.
-        n_samples: K >= 1, samples a ray.
-        first: Added to the rays' index.
-
-    Returns:
-        The cache of those rays that are opaque enough.
+        ray_weights: [S].
+        n_samples: K >= 1.
+        first: Offset added to `index`.
 
     Example:
         >>> samples = Samples(torch.tensor([0, 0]), torch.tensor([1.0, 2.0]), torch.zeros(2, 3), 1.0)
         >>> rays = Rays(torch.zeros(2, 3), torch.zeros(2, 3))
         >>> cache = quantile_samples(rays, samples, torch.tensor([0.6, 0.2]), 2)
-        >>> cache.index, cache.distances  # the second ray meets nothing; 1/4 and 3/4 of the first's 0.8 are 0.2 and 0.6
+        >>> cache.index, cache.distances  # the second ray is empty; 1/4 and 3/4 of the first's 0.8 are 0.2 and 0.6
         (tensor([0]), tensor([[1., 1.]]))
     """
     n_rays = len(rays)
@@ -138,12 +126,12 @@ def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_sample
     mass_before, opacity = padded[end - counts], padded[end] - padded[end - counts]
     kept = torch.nonzero(opacity > MIN_OPACITY).squeeze(1)
 
-    # one sorted key for all rays: (number of the ray) + (share of its opacity up to and with this sample)
+    # one sorted key for all rays: ray number + cumulative share of the ray's opacity
     share = (mass - mass_before[samples.ray_indices]) / opacity[samples.ray_indices].clamp_min(1e-12)
     key = samples.ray_indices + share.clamp(0, 1 - 1e-9)
     quantiles = (torch.arange(n_samples, device=key.device) + 0.5) / n_samples
     chosen = torch.searchsorted(key, kept[:, None] + quantiles)
-    # rounding may step over the ray's last sample: stay within the ray
+    # rounding may lead past the ray's last sample
     chosen = torch.minimum(chosen, end[kept, None] - 1)
     return SurfaceCache(
         samples.positions[chosen],

@@ -1,9 +1,13 @@
-"""Volume rendering of packed samples.
+"""Differentiable volume rendering of packed samples.
 
-Naming: S samples of all rays lie in one row, sorted by ray and then by distance; `ray_indices` [S] says whose they are.
-`optical_depths` = sigma * delta [S]; `alphas` = 1 - exp(-optical_depth); `transmittance` = light that reaches a sample;
-`ray_weights` = transmittance * alpha; `final_transmittance` [R] = light that leaves the ray behind its last
-sample, so that a ray's weights and its final transmittance sum to one.
+The S samples of R rays are packed into one dimension, sorted by ray and then by distance; `ray_indices` [S] maps a
+sample to its ray. With density sigma_i and interval length delta_i:
+
+    optical_depths       sigma_i delta_i
+    alphas               1 - exp(-sigma_i delta_i)
+    transmittance        T_i = exp(-sum over j < i of sigma_j delta_j)
+    ray_weights          T_i alpha_i
+    final_transmittance  exp(-sum of all sigma_j delta_j), per ray; a ray's weights and it sum to 1
 """
 
 from __future__ import annotations
@@ -16,17 +20,17 @@ from torch import Tensor, nn
 
 from .sampling import Samples
 
-VISIBLE_WEIGHT = 1e-4  # a sample of less weight needs no color: it cannot change an 8-bit pixel
+VISIBLE_WEIGHT = 1e-4  # samples below this weight get no color: they cannot change an 8-bit pixel
 
 
 def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tensor) -> Tensor:
-    """Light that reaches each sample: exp(-sum of the optical depths before it on its ray).
+    """Compute the transmittance in front of each sample.
 
-    Differentiable in the optical depths up to 100, behind which it is dark. The sum runs over all rays at once: float32
-    would lose up to 1e-3 of transmittance there, float64 does not.
+    Differentiable in optical depths up to 100. One float64 cumulative sum covers all rays: float32 would lose up to
+    1e-3 of transmittance.
 
     Args:
-        optical_depths: [S] >= 0, sigma times delta.
+        optical_depths: [S] >= 0.
         ray_indices: [S], sorted.
 
     Returns:
@@ -36,49 +40,49 @@ def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tenso
         >>> transmittance_from_optical_depths(torch.tensor([0.6931, 1.0, 5.0]), torch.tensor([0, 0, 1]))
         tensor([1.0000, 0.5000, 1.0000])
     """
-    # behind an optical depth of 100 it is dark in float32; one huge summand would take the digits of all rays after it
+    # exp(-100) is negligible, and a huge summand would cost later rays their digits
     limited = optical_depths.double().clamp_max(100)
     before = torch.cumsum(limited, 0) - limited
     return torch.exp(_of_ray_start(before, ray_indices) - before).to(optical_depths.dtype)
 
 
 def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor) -> Tensor:
-    """Ray weights T_i (1 - exp(-sigma_i delta_i)) of packed samples (paper, Eq. 8).
+    """Compute the ray weights T_i (1 - exp(-sigma_i delta_i)) (paper, Eq. 8).
 
     Differentiable in `sigmas` and `deltas`.
 
     Args:
         sigmas: Densities [S] >= 0, per unit of length.
-        deltas: Interval lengths [S], or one for all, in that unit.
+        deltas: Interval lengths [S], or one for all samples.
         ray_indices: [S], sorted.
 
     Returns:
-        Weights [S] in [0, 1]; a ray's sum and its final transmittance are one.
+        Weights [S] in [0, 1].
 
     Example:
         >>> ray_weights_from_sigmas(torch.tensor([0.0, 0.6931, 0.6931]), 1.0, torch.tensor([0, 0, 0]))
         tensor([0.0000, 0.5000, 0.2500])
     """
     optical_depths = sigmas * deltas
-    # expm1 keeps thin samples exact: 1 - exp(-x) is 40 % off at x = 1e-7 in float32
+    # expm1: 1 - exp(-x) is 40 % off at x = 1e-7 in float32
     alphas = -torch.expm1(-optical_depths)
     return transmittance_from_optical_depths(optical_depths, ray_indices) * alphas
 
 
-def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """Each ray's Mip-NeRF 360's distortion (Eq. 15): how far apart a ray's weight lies.
-
-    Differentiable in `ray_weights`.
+def distortion(
+    ray_weights: Tensor, distances: Tensor, step: float | Tensor, ray_indices: Tensor, n_rays: int
+) -> Tensor:
+    """Compute the distortion loss of each ray (Mip-NeRF 360, Eq. 15). Differentiable in `ray_weights`.
 
     Args:
         ray_weights: [S] in [0, 1].
-        distances: [S], of the samples along their rays.
-        step: Length of the samples' intervals, in the unit of the distances.
+        distances: [S], along the rays.
+        step: Interval lengths [S], or one for all samples, in the unit of `distances`.
         ray_indices: [S], sorted.
         n_rays: R.
 
     Returns:
-        Sums [R] >= 0.
+        Losses [R] >= 0.
 
     Example:
         >>> halves, one_ray = torch.tensor([0.5, 0.5]), torch.tensor([0, 0])
@@ -90,14 +94,14 @@ def distortion(ray_weights: Tensor, distances: Tensor, step: float, ray_indices:
     before = before - _of_ray_start(before, ray_indices)
     moments_before = torch.cumsum(moments, 0) - moments
     moments_before = moments_before - _of_ray_start(moments_before, ray_indices)
-    # the double sum over pairs of a ray, from the front: each sample meets all before it
+    # the sum over all pairs of a ray, in one pass: pair each sample with all before it
     pairs = 2 * (moments * before - weights * moments_before) + step / 3 * weights**2
     sums = torch.zeros(n_rays, dtype=pairs.dtype, device=pairs.device)
     return sums.index_add(0, ray_indices, pairs).to(ray_weights.dtype)
 
 
 def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
-    """The value at the first sample of each sample's ray, [S]."""
+    """Return the value [S] at the first sample of each sample's ray."""
     if len(ray_indices) == 0:
         return values
     is_first = torch.ones_like(ray_indices, dtype=torch.bool)
@@ -107,11 +111,11 @@ def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
 
 
 def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """Sum of ray_weights * values over each ray. Differentiable in both.
+    """Sum ray_weights * values over each ray. Differentiable in both.
 
     Args:
         ray_weights: [S].
-        values: [S, C]; None for ones, whose sum is the ray's opacity.
+        values: [S, C]; None sums the weights alone, which gives the opacity.
         ray_indices: [S].
         n_rays: R.
 
@@ -129,18 +133,18 @@ def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, 
 
 
 def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """Light that leaves each ray behind its last sample: exp(-its total optical depth).
+    """Compute the transmittance behind the last sample of each ray.
 
-    Differentiable in `sigmas` and `deltas`. Never negative, as 1 - sum(ray_weights) can be.
+    Differentiable in `sigmas` and `deltas`. Never negative, unlike 1 - sum(ray_weights).
 
     Args:
         sigmas: Densities [S] >= 0, per unit of length.
-        deltas: Interval lengths [S], or one for all, in that unit.
+        deltas: Interval lengths [S], or one for all samples.
         ray_indices: [S].
         n_rays: R.
 
     Returns:
-        Remainders [R] in [0, 1]; 1 for rays without samples.
+        Transmittances [R] in [0, 1]; 1 for rays without samples.
 
     Example:
         >>> final_transmittance_from_sigmas(torch.tensor([0.6931, 0.6931]), 1.0, torch.tensor([0, 0]), 2)
@@ -153,12 +157,12 @@ def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_
 
 @dataclass(frozen=True)
 class Trace:
-    """Where rays end in a frozen field.
+    """Samples of R rays through a frozen field, with their ray weights.
 
     Attributes:
-        samples: Packed, of all rays.
-        ray_weights: [S] in [0, 1], of the samples.
-        final_transmittance: [R] in [0, 1], what the rays do not end on.
+        samples: Packed samples.
+        ray_weights: [S] in [0, 1].
+        final_transmittance: [R] in [0, 1].
     """
 
     samples: Samples
@@ -167,15 +171,12 @@ class Trace:
 
 
 def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
-    """The trace of samples whose densities are known.
+    """Build a trace from samples and their densities.
 
     Args:
-        samples: Packed, of R rays.
+        samples: Packed samples of the rays.
         sigmas: Densities [S] >= 0, per grid unit.
         n_rays: R.
-
-    Returns:
-        Samples, their weights, and the final transmittances of the rays.
 
     Example:
         >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 0.5)
@@ -190,15 +191,15 @@ def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
 
 
 def outward_normals(density: Callable[[Tensor], Tensor], positions: Tensor, reach: float) -> Tensor:
-    """Surface normals: minus the density's gradient, by central differences. Not differentiable in the positions.
+    """Compute surface normals as the negative density gradient, by central differences.
 
     Args:
-        density: Gives densities [n] at positions [n, 3].
+        density: Maps positions [n, 3] to densities [n].
         positions: [n, 3], grid coordinates.
-        reach: Half the distance over which densities are compared, grid coordinates.
+        reach: Half the difference step, grid units.
 
     Returns:
-        Normals [n, 3] of unit length; 0 where the density is the same all round.
+        Unit normals [n, 3], not differentiable in the positions; 0 where the density is constant.
 
     Example:
         >>> outward_normals(lambda x: -x[:, 2], torch.zeros(1, 3), 0.1).abs()  # denser below

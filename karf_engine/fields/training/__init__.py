@@ -1,1 +1,1 @@
-"""The training loop, and trainings that can be interrupted."""
+"""The training loop, and the state and checkpoints of trainings."""

@@ -1,4 +1,4 @@
-"""Torch's Adam without the second that its first step takes."""
+"""Adam without loading torch's compiler, which takes a second at the first step."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ from typing import Any
 
 import torch
 
-Method = Callable[..., Any]
 
-
-def _plain(method: Method) -> Method:
-    """A method of torch's optimizers as it was written: what wraps it loads torch's compiler at the first call."""
+def _undecorated(method: Callable[..., Any]) -> Callable[..., Any]:
     return getattr(method, "__wrapped__", method)
 
 
 class Adam(torch.optim.Adam):
-    """`torch.optim.Adam`, and nothing else; it cannot be part of what torch compiles."""
+    """`torch.optim.Adam` without the decorators that load the compiler. Cannot be compiled itself."""
 
-    step = torch.no_grad()(_plain(torch.optim.Adam.step))
-    zero_grad = _plain(torch.optim.Adam.zero_grad)
-    add_param_group = _plain(torch.optim.Adam.add_param_group)
-    state_dict = _plain(torch.optim.Adam.state_dict)
-    load_state_dict = _plain(torch.optim.Adam.load_state_dict)
+    step = torch.no_grad()(_undecorated(torch.optim.Adam.step))
+    zero_grad = _undecorated(torch.optim.Adam.zero_grad)
+    add_param_group = _undecorated(torch.optim.Adam.add_param_group)
+    state_dict = _undecorated(torch.optim.Adam.state_dict)
+    load_state_dict = _undecorated(torch.optim.Adam.load_state_dict)

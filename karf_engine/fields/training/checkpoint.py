@@ -1,4 +1,4 @@
-"""What a stage has learned so far, on disk: a cancelled or killed fit resumes where it stood."""
+"""Checkpoints on disk: a cancelled or killed fit resumes from its last one."""
 
 from __future__ import annotations
 
@@ -16,47 +16,51 @@ from ...errors import DataError, KarfError
 from ...io.checkpoints import load_tensors, save_tensors
 
 SCHEMA = "karf-unfinished/1"
-INTERVAL = 30.0  # seconds between two savings: what a killed job loses at most
+INTERVAL = 30.0  # seconds between saves, the most that a killed job loses
 
 
 class Resumable(Protocol):
-    """What can be interrupted.
+    """A fit that can be interrupted."""
 
-    Attributes:
-        iterations: Of the whole.
-        done: Of those, so far.
-    """
+    @property
+    def iterations(self) -> int:
+        """Iterations of the whole fit."""
+        ...
 
-    iterations: int
-    done: int
+    @property
+    def done(self) -> int:
+        """Iterations done so far."""
+        ...
 
     def state(self) -> dict[str, Tensor]:
-        """All that resuming takes."""
+        """Return all tensors needed to resume."""
+        ...
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Let this fresh fit resume a state, on the processor, of a fit of the same inputs.
+        """Resume a state on the CPU in this fresh fit of the same inputs.
 
-        It ends bit by bit where an uninterrupted one would on the same device.
+        On the same device the result equals that of an uninterrupted fit, bit for bit.
 
         Raises:
-            DataError: The state is of another fit; nothing is changed then.
+            DataError: The state is of another fit. Nothing is changed then.
         """
+        ...
 
 
 class Checkpoint:
-    """The file of one stage's fit.
+    """The checkpoint file of one stage.
 
     Attributes:
-        notes: JSON values to keep beside the fit; after it has resumed, those that were kept.
+        notes: JSON values stored with the fit, and restored when it resumes.
     """
 
     def __init__(self, path: Path, fingerprint: str, stage: str, emit: Emit) -> None:
-        """Nothing is read or written yet.
+        """Set up a checkpoint; the file is not read yet.
 
         Args:
-            path: Of the file.
-            fingerprint: Of the stage: only a state of the same one is resumed.
-            stage: Its name, for events.
+            path: The file.
+            fingerprint: Of the stage; a state with another one is not resumed.
+            stage: Name of the stage in events.
             emit: Receives events.
         """
         self.notes: dict[str, Any] = {}
@@ -66,9 +70,9 @@ class Checkpoint:
         self._is_writable = True
 
     def follow(self, fit: Resumable, progress: Progress) -> None:
-        """Save this fresh fit from now on; first let it resume what is left of one of the same inputs.
+        """Resume a fresh fit from the file, if there is one for the same inputs, and save this fit from now on.
 
-        What is damaged or of another version is removed with a warning.
+        A damaged file is deleted with a warning.
         """
         self._fit = fit
         if not self._path.exists():
@@ -96,18 +100,16 @@ class Checkpoint:
         self.notes = notes
 
     def offer(self) -> None:
-        """Save if it is time to."""
+        """Save if the last save is INTERVAL ago."""
         if time.monotonic() >= self._due:
             self.save()
 
     def save(self) -> None:
-        """Write where the fit stands. A disk that takes nothing is a reason to warn, not to stop learning."""
+        """Save the fit. A write error is only a warning, once."""
+        assert self._fit is not None
         state = {name: tensor.detach().cpu().contiguous() for name, tensor in self._fit.state().items()}
-        metadata = {
-            "fingerprint": self._fingerprint,
-            "notes": self.notes,
-            "checksum": _checksum(state, self.notes),
-        }
+        checksum = _checksum(state, self.notes)
+        metadata = {"fingerprint": self._fingerprint, "notes": self.notes, "checksum": checksum}
         try:
             save_tensors(self._path, state, SCHEMA, metadata)
         except (OSError, SafetensorError, KarfError) as error:
@@ -117,7 +119,7 @@ class Checkpoint:
         self._due = time.monotonic() + INTERVAL
 
     def remove(self) -> None:
-        """Forget what was learned: the stage is finished, or must begin anew."""
+        """Delete the file."""
         self._path.unlink(missing_ok=True)
 
     def _warn(self, sentence: str) -> None:
@@ -125,8 +127,8 @@ class Checkpoint:
 
 
 def _checksum(state: dict[str, Tensor], notes: dict[str, Any]) -> int:
-    """CRC-32 of everything, in the order of the names."""
+    """Return the CRC-32 of notes and tensors, in the order of the names."""
     value = zlib.crc32(json.dumps(notes, sort_keys=True).encode())
     for name in sorted(state):
-        value = zlib.crc32(state[name].reshape(-1).numpy(), zlib.crc32(name.encode(), value))
+        value = zlib.crc32(state[name].reshape(-1).numpy().data, zlib.crc32(name.encode(), value))
     return value

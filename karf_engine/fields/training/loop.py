@@ -1,10 +1,12 @@
-"""The one training loop: schedule, step, stop on what is not finite, take a batch in parts when memory runs out."""
+"""The training loop: schedule the rate, step, check for divergence, split the batch when memory runs out."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
+import torch
 from torch import Tensor
 
 from ...compute.progress import Progress
@@ -13,21 +15,19 @@ from ...io.failures import is_out_of_memory
 from .checkpoint import Checkpoint
 from .state import TrainingState
 
-CHECK_EVERY = 10
+CHECK_EVERY = 10  # iterations between checks of the loss, since reading it waits for the device
 MOST_PARTS = 64  # of a batch
-Step = Callable[[int, float], tuple[Tensor, dict[str, float]]]  # iteration, batch_scale -> loss, metrics
+Metrics = Mapping[str, Any]  # numbers or scalar tensors by name
+Step = Callable[[int, float], tuple[Tensor, Metrics]]  # iteration, batch_scale -> loss, metrics
 Schedule = Callable[[int, int], float]  # iteration, iterations -> factor of the learning rate
 
 
 def cosine_with_warmup(warmup: int, floor: float) -> Schedule:
-    """Learning-rate schedule: linear warm-up times a cosine (Loshchilov and Hutter 2017).
+    """Return a schedule of linear warm-up times a cosine decay (Loshchilov and Hutter 2017).
 
     Args:
-        warmup: Iterations of the warm-up.
-        floor: Factor at the end of the run, in [0, 1].
-
-    Returns:
-        The factor of each iteration, in (0, 1].
+        warmup: Iterations.
+        floor: Factor at the end, in [0, 1].
     """
 
     def factor(iteration: int, total: int) -> float:
@@ -38,15 +38,12 @@ def cosine_with_warmup(warmup: int, floor: float) -> Schedule:
 
 
 def exponential_with_warmup(warmup: int, hold: float, floor: float) -> Schedule:
-    """Learning-rate schedule: linear warm-up, then 1, then an exponential decay.
+    """Return a schedule of linear warm-up, a constant phase and an exponential decay.
 
     Args:
-        warmup: Iterations of the warm-up.
-        hold: Share of the run, in [0, 1), at which the decay begins.
-        floor: Factor at the end of the run, in (0, 1].
-
-    Returns:
-        The factor of each iteration, in (0, 1].
+        warmup: Iterations.
+        hold: Share of the run before the decay, in [0, 1).
+        floor: Factor at the end, in (0, 1].
     """
 
     def factor(iteration: int, total: int) -> float:
@@ -57,7 +54,7 @@ def exponential_with_warmup(warmup: int, hold: float, floor: float) -> Schedule:
 
 
 def constant(iteration: int, total: int) -> float:
-    """Learning-rate schedule that leaves the rate as it is."""
+    """Schedule of a constant learning rate."""
     del iteration, total
     return 1.0
 
@@ -70,23 +67,23 @@ def train(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> None:
-    """Run a course's step and optimizer until so many iterations are done.
+    """Train until `until` iterations are done.
 
-    When memory runs out, the iteration is tried again with the batch in twice as many parts, whose losses are averaged.
-    Processes that learn together take a part each.
+    When memory runs out, the iteration is repeated with the batch in twice as many parts, whose gradients are averaged.
+    Each process of a group takes an equal share of the batch.
 
     Args:
-        training_state: What is learned, and how far it has come.
-        until: Iterations after which to stop, at most `training_state.iterations`.
-        step: Gives loss [] and metrics of an iteration; batch_scale = 1 / parts is the share of a batch to take.
-        schedule: `schedule(iteration, course.iterations)` multiplies the learning rate of every group.
-        progress: Told of each iteration and its metrics; may cancel.
-        checkpoint: Told after each iteration, and at a cancel, so that what is learned is kept.
+        training_state: Optimizer and iterations done; advanced in place.
+        until: At most `training_state.iterations`.
+        step: Maps iteration and batch_scale, the share of the batch to take, to a loss [] and metrics.
+        schedule: Factor of the learning rate of every parameter group, from iteration and `training_state.iterations`.
+        progress: Receives the metrics of each iteration; may raise Cancelled.
+        checkpoint: Saved when due, and on cancellation.
 
     Raises:
         Diverged: The loss is not finite.
-        OutOfMemory: Smaller parts no longer help.
-        Cancelled: `progress` was asked to stop.
+        OutOfMemory: Even the smallest part does not fit.
+        Cancelled: Raised by `progress`.
     """
     optimizer = training_state.optimizer
     rates = [group["lr"] for group in optimizer.param_groups]
@@ -109,7 +106,6 @@ def train(
                 ) from error
             parts *= 2
             continue
-        # reading the loss waits for the device: every tenth time is soon enough to stop
         is_checked = iteration % CHECK_EVERY == 0 or iteration == until - 1
         if is_checked and not math.isfinite(float(training_state.process_group.mean(loss))):
             raise Diverged(
@@ -128,23 +124,21 @@ def train(
         group["lr"] = rate
 
 
-def _gradients(
-    training_state: TrainingState, step: Step, iteration: int, parts: int
-) -> tuple[Tensor, dict[str, float]]:
-    """Gradients of the loss over this process's share of a batch, in parts; its mean, and the last part's metrics."""
-    mean = 0.0
-    with training_state.own_numbers():
+def _gradients(training_state: TrainingState, step: Step, iteration: int, parts: int) -> tuple[Tensor, Metrics]:
+    """Accumulate this process's gradients over `parts` of its batch; return the mean loss and the last metrics."""
+    losses, metrics = [], {}
+    with training_state.process_group.own_numbers(training_state.generator):
         for _ in range(parts):
             loss, metrics = step(iteration, 1 / (parts * training_state.process_group.size))
             share = loss / parts
             share.backward()
-            mean = mean + share.detach()
-    return mean, metrics
+            losses.append(share.detach())
+    return torch.stack(losses).sum(), metrics
 
 
-def _report(metrics: dict[str, float], progress: Progress, checkpoint: Checkpoint | None) -> None:
+def _report(metrics: Metrics, progress: Progress, checkpoint: Checkpoint | None) -> None:
     try:
-        progress.step(**metrics)
+        progress.step(1, **metrics)
     except Cancelled:
         if checkpoint is not None:
             checkpoint.save()

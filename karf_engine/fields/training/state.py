@@ -1,9 +1,8 @@
-"""A training that can be interrupted: its state as tensors, which a fresh one resumes as if nothing had happened."""
+"""The state of a training as tensors, from which a fresh training resumes exactly."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 
 import torch
 from torch import Tensor
@@ -13,13 +12,14 @@ from ...errors import DataError
 
 
 class TrainingState:
-    """One training and where it stands: what it learns, the optimizer's moments, random numbers, how far it has come.
+    """Optimizer, random generator and progress of one training.
 
     Attributes:
         iterations: Of the whole training.
-        done: Of those, so far; the training loop counts.
+        done: Iterations done; counted by the training loop.
         optimizer: Adam.
-        process_group: The processes that learn it together.
+        process_group: The processes that train together.
+        generator: Source of all random numbers.
     """
 
     def __init__(
@@ -29,48 +29,38 @@ class TrainingState:
         learned: Callable[[], dict[str, Tensor]],
         runtime: Runtime,
     ) -> None:
-        """A fresh training.
-
-        Args:
-            iterations: Of the whole.
-            optimizer: Adam over what is learned.
-            learned: Gives the tensors that make up what is learned, by name.
-            runtime: The source of the training's random numbers.
-        """
+        """Begin a training. `learned` returns the learned tensors by name."""
         self.iterations, self.optimizer = iterations, optimizer
         self.done = 0
-        self.process_group = runtime.process_group
-        self._learned, self._random = learned, runtime.generator
-
-    def own_numbers(self) -> AbstractContextManager[None]:
-        """Random numbers that no other process of the group draws, for its share of a batch."""
-        return self.process_group.own_numbers(self._random)
+        self.process_group, self.generator = runtime.process_group, runtime.generator
+        self._learned = learned
 
     def state(self) -> dict[str, Tensor]:
-        """All that resuming takes."""
-        moments = {f"{n}.{name}": v for n, entry in self._moments().items() for name, v in entry.items()}
-        own = {"random": self._random.get_state(), "done": number(self.done)}
-        return own | prefixed("learned", self._learned()) | prefixed("adam", moments)
+        """Return all tensors needed to resume."""
+        moments = self.optimizer.state_dict()["state"]
+        adam = {f"{n}.{name}": value for n, entry in moments.items() for name, value in entry.items()}
+        own = {"random": self.generator.get_state(), "done": number(self.done)}
+        return own | prefixed("learned", self._learned()) | prefixed("adam", adam)
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Resume a state, on the processor, of a training like this fresh one.
+        """Resume a state on the CPU in this fresh training.
 
-        Random numbers of another kind of device are ignored: then the rest is learned from other ones.
+        The generator state of another type of device is ignored; the remaining random numbers differ then.
 
         Raises:
-            DataError: Names, shapes or types are others; nothing is changed then.
+            DataError: Names, shapes or dtypes differ. Nothing is changed then.
         """
         moments = self._checked_moments(below("adam", state))
         rest = {name: tensor for name, tensor in state.items() if not name.startswith("adam.")}
-        here = self._random.get_state()
-        random = rest.get("random", here)
-        same_device = random.shape == here.shape
-        like = {"random": here if same_device else random, "done": number(0), **prefixed("learned", self._learned())}
-        check_alike(rest, like)
+        current = self.generator.get_state()
+        random = rest.get("random", current)
+        same_device = random.shape == current.shape
+        expected = {"random": current if same_device else random, "done": number(0)}
+        check_alike(rest, expected | prefixed("learned", self._learned()))
         done = whole_number(state, "done", self.iterations)
         if same_device:
             try:
-                self._random.set_state(random)
+                self.generator.set_state(random)
             except RuntimeError as error:
                 raise DataError(f"The random numbers of what was learned are damaged ({error}).") from error
         with torch.no_grad():
@@ -79,32 +69,28 @@ class TrainingState:
         self.optimizer.load_state_dict(self.optimizer.state_dict() | {"state": moments})
         self.done = done
 
-    def _moments(self) -> dict[int, dict[str, Tensor]]:
-        return self.optimizer.state_dict()["state"]
-
     def _checked_moments(self, state: dict[str, Tensor]) -> dict[int, dict[str, Tensor]]:
-        """Moments of each parameter; none for those that no loss has asked for yet."""
+        """Return Adam's moments of each parameter that has received gradients."""
         parameters = [value for group in self.optimizer.param_groups for value in group["params"]]
         moments = {n: entry for n in range(len(parameters)) if (entry := below(str(n), state))}
-        like = {
-            f"{n}.{name}": value
-            for n in moments
-            for name, value in {"step": torch.zeros(()), "exp_avg": parameters[n], "exp_avg_sq": parameters[n]}.items()
-        }
-        check_alike(state, like)
+        expected = {}
+        for n in moments:
+            values = {"step": torch.zeros(()), "exp_avg": parameters[n], "exp_avg_sq": parameters[n]}
+            expected |= prefixed(str(n), values)
+        check_alike(state, expected)
         return moments
 
 
 def number(value: float) -> Tensor:
-    """A number of a state, exactly."""
+    """Return a float64 scalar tensor."""
     return torch.tensor(value, dtype=torch.float64)
 
 
 def whole_number(state: dict[str, Tensor], name: str, most: int) -> int:
-    """The number of this name.
+    """Return an integer of a state.
 
     Raises:
-        DataError: It is not a whole one from 0 to `most`.
+        DataError: It is not an integer from 0 to `most`.
     """
     value = float(state[name])
     if not (value.is_integer() and 0 <= value <= most):
@@ -113,21 +99,21 @@ def whole_number(state: dict[str, Tensor], name: str, most: int) -> int:
 
 
 def prefixed(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors under names that begin with `prefix` and a dot."""
+    """Add `prefix` and a dot to all names."""
     return {f"{prefix}.{name}": tensor for name, tensor in state.items()}
 
 
 def below(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors whose names begin with `prefix` and a dot, without it."""
+    """Return the tensors whose names start with `prefix` and a dot, without that start."""
     start = f"{prefix}."
     return {name.removeprefix(start): tensor for name, tensor in state.items() if name.startswith(start)}
 
 
 def check_alike(state: dict[str, Tensor], like: dict[str, Tensor]) -> None:
-    """Check that both hold the same names with the same shapes and types.
+    """Check that two states have the same names, shapes and dtypes.
 
     Raises:
-        DataError: They do not; the sentence names the first difference.
+        DataError: They differ; the sentence names the first difference.
     """
     found, expected = ({n: (tuple(t.shape), t.dtype) for n, t in tensors.items()} for tensors in (state, like))
     for name in sorted(found.keys() | expected.keys()):

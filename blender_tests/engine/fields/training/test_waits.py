@@ -12,7 +12,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
-from karf_engine.fields.nerf.fit import NerfFit, quick_products
+from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
@@ -143,8 +143,8 @@ def test_learning_a_nerf_waits_for_nothing(waits, tools):
 
 
 @pytest.mark.parametrize(("device", "precision"), [("cuda", "high"), ("cpu", "highest")])
-def test_a_nerf_is_learned_with_quick_products_where_a_card_has_them_and_with_no_others(device, precision):
-    with contextlib.suppress(ZeroDivisionError), quick_products(torch.device(device)):
+def test_a_nerf_is_learned_with_tf32_matmul_where_a_card_has_them_and_with_no_others(device, precision):
+    with contextlib.suppress(ZeroDivisionError), tf32_matmul(torch.device(device)):
         assert torch.get_float32_matmul_precision() == precision
         raise ZeroDivisionError
     assert torch.get_float32_matmul_precision() == "highest"
