@@ -1,7 +1,7 @@
-"""What a fit asks of the field it learns: sums along rays, and the step that their gradients lead to.
+"""Differentiable rendering of a field during training: sums along rays, and the optimizer of its tables.
 
-Two ways to compute them stand behind one protocol: torch, on any device, and compiled kernels (fused/), on processors
-that have numba. Losses are ordinary torch on the sums of each ray, and the same for both.
+`TorchRenderer` runs on any device, `fused.renderer.FusedRenderer` on processors with numba. Losses are ordinary torch
+expressions of the sums, the same for both.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from torch import Tensor
 
 from ..rendering.rays import Rays
 
-DARK = 1e-4  # of the light left, a ray ends
+DARK = 1e-4  # transmittance at which a ray is terminated
 
 
 @dataclass(frozen=True)
 class PointSupervision:
-    """How exactly rays observe points, grid units.
+    """Tolerances for observed points, grid units.
 
     Attributes:
-        margin: How far before and behind an observed point its surface may lie.
-        off_path: An observed point farther from its ray is a mistake.
+        margin: Largest distance between an observed point and its surface along the ray.
+        off_path: Points farther than this from their own ray are ignored as outliers.
     """
 
     margin: float
@@ -36,11 +36,11 @@ class RayBatch:
     """Rays to render.
 
     Attributes:
-        rays: R of them, world units.
+        rays: R rays, world units.
         step: Distance between samples, voxels.
         jitter: Offset of each ray's samples in [0, 1) steps, [R].
-        is_diffuse: Whether the viewing direction is left out of the colors.
-        observed: Points that the last O rays observe, [O, 3], grid coordinates; None for none.
+        is_diffuse: Ignore the viewing direction.
+        observed: Points observed by the last O rays, [O, 3], grid coordinates.
     """
 
     rays: Rays
@@ -52,19 +52,19 @@ class RayBatch:
 
 @dataclass(frozen=True)
 class RaySums:
-    """Sums over the samples of each ray, differentiable in all that is learned of the field.
+    """Sums over the samples of each ray, differentiable in all parameters of the field.
 
     Attributes:
-        color: Weighted colors, what is behind left out, [R, 3].
-        final_transmittance: Light that leaves the ray behind its last sample, [R] in [0, 1].
-        distortion: Mip-NeRF 360's (volume.distortion), in the renderer's unit of length, [R].
-        before: Weight clearly before the ray's observed point, [R]; 0 for rays that observe none or pass it by.
-        up_to: Weight up to a little behind that point, [R], likewise.
-        observes: Whether the ray observes a point and does not pass it by, [R] bool.
-        distance: Weighted distances along the ray, in that unit, [R].
-        distance_squared: Weighted squares of them, [R].
-        alpha: Opacities of its samples, [R].
-        n_samples: Of all rays together.
+        color: Weighted colors without a background, [R, 3].
+        final_transmittance: Transmittance after the last sample, [R] in [0, 1].
+        distortion: Distortion of Mip-NeRF 360 (see volume.distortion), in the renderer's unit, [R].
+        before: Weight before the observed point less the margin, [R]; 0 for rays without a valid observation.
+        up_to: Weight before the observed point plus the margin, [R]; 0 for rays without a valid observation.
+        observes: Rays with a valid observation, [R] bool.
+        distance: Weighted distances along the ray, in the renderer's unit, [R].
+        distance_squared: Weighted squared distances, [R].
+        alpha: Sum of the samples' opacities, [R].
+        n_samples: Samples of all rays.
     """
 
     color: Tensor
@@ -80,20 +80,27 @@ class RaySums:
 
 
 class Renderer(Protocol):
-    """Renders one field while it learns. A field of other cells takes another renderer."""
+    """Renderer of one field during training; pruning or refining the field requires a new renderer."""
 
     def render(self, batch: RayBatch) -> RaySums:
-        """The sums of a batch; `backward` must reach them before the next batch is rendered."""
+        """Render a batch. Call `backward` before rendering the next one."""
+        ...
 
     def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Sums of squared differences between table rows [m] and others [m], of densities and of features, []; pairs
-        with a row of -1 count nothing. Differentiable in the tables."""
+        """Return the sums of squared differences between table rows [m] and others [m], of densities and of features.
+
+        Pairs with a row of -1 are skipped. Differentiable in the tables.
+        """
+        ...
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> torch.optim.Optimizer:
-        """Adam over groups of parameters, of which the first holds the field's densities and features."""
+        """Return Adam over parameter groups; the first group is the field's densities and features."""
+        ...
 
     def visibility(self, batches: Iterable[Rays]) -> Tensor:
-        """Largest weight of a sample in each occupied cell, over the rays of all batches, [n]."""
+        """Return the largest sample weight in each occupied cell over all rays, [n]."""
+        ...
 
     def is_free(self, rays: Rays, step: float) -> Tensor:
-        """Whether a ray meets no occupied cell, by samples so many voxels apart, [R] bool."""
+        """Return True for rays without a sample in an occupied cell, [R] bool. step: sample distance, voxels."""
+        ...
