@@ -34,7 +34,7 @@ POINT_MARGIN = 2.0  # voxels between an observed point and its surface
 OFF_PATH = 3.0  # voxels between an observed point and its ray, beyond which it is an outlier
 BATCH_RAYS, FEWEST_BATCHES = 8192, 16  # rays that measure visibility
 RAYS_PER_CELL = 0.25  # for pruning: fewer rays miss fine cells and leave holes
-PRUNED_AT = 256  # cells along the longest side up to which the visibility limit applies unscaled
+PRUNED_AT = 256  # cells along the longest side; finer grids scale the visibility limit down
 COMPARED_AFTER = 1  # level after which the exposures of photos are compared
 
 Recipe = TypeVar("Recipe", GeometrySettings, OpenSettings)
@@ -63,7 +63,7 @@ class VoxelFit(Generic[Recipe]):
 
     Attributes:
         background_kind: alpha, black, white or opaque.
-        cuts: Fractions of a level's iterations at which it is pruned again.
+        cuts: Fractions of a level's iterations before another pruning.
         first_share: Factor of the samples per iteration in the first level, whose fog needs a color for each sample.
         russian_roulette: See `choice.new_renderer`.
         recipe: Levels, learning rates and limits.
@@ -75,12 +75,7 @@ class VoxelFit(Generic[Recipe]):
     russian_roulette = 0.0
 
     def __init__(
-        self,
-        dataset: PixelDataset,
-        recipe: Recipe,
-        runtime: Runtime,
-        field: VoxelField,
-        background: Background | None,
+        self, dataset: PixelDataset, recipe: Recipe, runtime: Runtime, field: VoxelField, background: Background | None
     ) -> None:
         self.dataset, self.recipe, self.runtime = dataset, recipe, runtime
         self.field, self.background = field, background

@@ -42,33 +42,6 @@ HULL_VIEWS = (
 MATTE_BOX_CELLS = 48
 
 
-class BackgroundSupport:
-    """Fraction of free training rays by direction, in bins of 10 by 5 degrees.
-
-    Attributes:
-        free: [bins], fraction of the rays that meet no occupied cell.
-    """
-
-    def __init__(self, device: torch.device) -> None:
-        self.free = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, device=device)
-
-    def _bins(self, viewdirs: Tensor) -> Tensor:
-        azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
-        elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
-        row, column = elevation.long().clamp_max(ELEVATION_BINS - 1), azimuth.long().clamp_max(AZIMUTH_BINS - 1)
-        return column * ELEVATION_BINS + row
-
-    def measure(self, viewdirs: Tensor, free: Tensor) -> None:
-        """Set the fractions from ray directions [n, 3] and whether each ray is free, [n] bool."""
-        bins, size = self._bins(viewdirs), len(self.free)
-        all_rays = torch.bincount(bins, minlength=size)
-        self.free = torch.bincount(bins[free], minlength=size) / all_rays.clamp_min(1)
-
-    def at(self, viewdirs: Tensor) -> Tensor:
-        """Return the fraction for directions [n, 3], [n]."""
-        return self.free[self._bins(viewdirs)]
-
-
 class BoxFit(VoxelFit[GeometrySettings]):
     """Fit of a field in a box around the cameras' focus point."""
 
@@ -89,21 +62,26 @@ class BoxFit(VoxelFit[GeometrySettings]):
         super().__init__(dataset, settings, runtime, field, background)
         self.background_kind = background_kind
         self._first_voxel = field.voxel
-        self._support = BackgroundSupport(runtime.device)  # measured from the second level on
+        # fraction of the rays of each direction bin that meet no occupied cell, measured from the second level on
+        self._free = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, device=runtime.device)
         self._upright = torch.from_numpy(upright_axes(dataset.cameras)).float().to(runtime.device) if is_wide else None
 
     @torch.no_grad()
     def _begin_level(self, level: Level) -> None:
         if self.background is None:
             return
-        viewdirs, free = [], []
+        bins, is_free = [], []
         for rays in self._random_rays():
-            viewdirs.append(rays.viewdirs)
-            free.append(self.renderer.is_free(rays, level.step))
-        self._support.measure(torch.cat(viewdirs), torch.cat(free))
+            bins.append(_direction_bins(rays.viewdirs))
+            is_free.append(self.renderer.is_free(rays, level.step))
+        n_rays, n_free = (
+            torch.bincount(each, minlength=len(self._free))
+            for each in (torch.cat(bins), torch.cat(bins)[torch.cat(is_free)])
+        )
+        self._free = n_free / n_rays.clamp_min(1)
 
     def _own_tensors(self) -> dict[str, Tensor]:
-        return super()._own_tensors() | {"support": self._support.free}
+        return super()._own_tensors() | {"support": self._free}
 
     def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
         background = [] if self.background is None else list(self.background.parameters())
@@ -115,7 +93,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
         target = self.dataset.exposed_alike(index)
         sums = self.renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
         backdrop = None if self.background is None else self.background(rays.viewdirs)
-        free = None if number == 0 or backdrop is None else self._support.at(rays.viewdirs)
+        free = None if number == 0 or backdrop is None else self._free[_direction_bins(rays.viewdirs)]
         behind = self._behind(index, sums, backdrop, free)
         if self.dataset.alpha is not None:
             matte = self.dataset.alpha[index].float()[:, None] / 255
@@ -182,6 +160,14 @@ class BoxFit(VoxelFit[GeometrySettings]):
         rows = start + torch.arange(length, device=self.runtime.device)
         density, features = self.renderer.differences(rows[:-1], rows[1:])
         return (density + features / self.field.n_features) / (length - 1)
+
+
+def _direction_bins(viewdirs: Tensor) -> Tensor:
+    """Return the bin of directions [n, 3], 10 degrees of azimuth by 5 of elevation, [n]."""
+    azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
+    elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
+    row, column = elevation.long().clamp_max(ELEVATION_BINS - 1), azimuth.long().clamp_max(AZIMUTH_BINS - 1)
+    return column * ELEVATION_BINS + row
 
 
 def _explained_by(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 The grid is in a contraction or a frustum (see rendering/space.py), and every ray must end on something. Photos alone
 do not determine where: fog in front of the cameras explains them too, but fails from new views. Sparse points do: a ray
 to a point is free before it and ends there (DS-NeRF, Deng et al. 2022; Urban Radiance Fields, Rematas et al. 2022).
-Above the horizon there may be a sky, a function of direction, in front of which opacity is penalized.
+Above the horizon there may be a sky, a function of direction; opacity in front of it is penalized.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from .vertices import BITS
 DENSITY_BIAS = -4.5  # visible fog from the start, since every ray must end on something
 LATE_POINTS = 0.25  # factor of the points' weight in the last level, where photos locate surfaces better than points
 TV_VERTICES = 30_000
-CARVED = 256  # cells along the longest side up to which free space is carved from each level
+CARVED = 256  # cells along the longest side; from finer levels free space is not carved again
 SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # pixels drawn from all photos; required above the horizon
 SKY_FRACTION, SKY_ERROR = 0.8, 0.11  # of pixels above the horizon that a sky must explain; color error of each
 FOG_PENALTY = 5e-2  # weight of opacity where the sky alone explains the photo

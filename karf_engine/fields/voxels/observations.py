@@ -16,15 +16,10 @@ from ..rendering.space import Space
 
 @dataclass(frozen=True)
 class Observations:
-    """Pixels that observe a sparse point.
+    """Pixels that observe a sparse point."""
 
-    Attributes:
-        index: [m], running pixel index of a PixelDataset.
-        positions: [m, 3], observed points, grid coordinates.
-    """
-
-    index: Tensor
-    positions: Tensor
+    index: Tensor  # [m], running pixel index of a PixelDataset
+    positions: Tensor  # [m, 3], observed points, grid coordinates
 
     def __len__(self) -> int:
         return len(self.index)

@@ -15,68 +15,42 @@ from torch import Tensor
 
 from ..rendering.rays import Rays
 
-DARK = 1e-4  # transmittance at which a ray is terminated
+DARK = 1e-4  # rays are terminated at this transmittance
 
 
 @dataclass(frozen=True)
 class PointSupervision:
-    """Tolerances for observed points, grid units.
+    """Tolerances for observed points, grid units."""
 
-    Attributes:
-        margin: Largest distance between an observed point and its surface along the ray.
-        off_path: Points farther than this from their own ray are ignored as outliers.
-    """
-
-    margin: float
-    off_path: float
+    margin: float  # largest distance between an observed point and its surface along the ray
+    off_path: float  # points farther than this from their own ray are ignored as outliers
 
 
 @dataclass(frozen=True)
 class RayBatch:
-    """Rays to render.
+    """Rays to render."""
 
-    Attributes:
-        rays: R rays, world units.
-        step: Distance between samples, voxels.
-        jitter: Offset of each ray's samples in [0, 1) steps, [R].
-        is_diffuse: Ignore the viewing direction.
-        observed: Points observed by the last O rays, [O, 3], grid coordinates.
-    """
-
-    rays: Rays
-    step: float
-    jitter: Tensor
-    is_diffuse: bool = False
-    observed: Tensor | None = None
+    rays: Rays  # R rays, world units
+    step: float  # distance between samples, voxels
+    jitter: Tensor  # offset of each ray's samples in [0, 1) steps, [R]
+    is_diffuse: bool = False  # ignore the viewing direction
+    observed: Tensor | None = None  # points observed by the last O rays, [O, 3], grid coordinates
 
 
 @dataclass(frozen=True)
 class RaySums:
-    """Sums over the samples of each ray, differentiable in all parameters of the field.
+    """Sums over the samples of each ray, differentiable in all parameters of the field."""
 
-    Attributes:
-        color: Weighted colors without a background, [R, 3].
-        final_transmittance: Transmittance after the last sample, [R] in [0, 1].
-        distortion: Distortion of Mip-NeRF 360 (see volume.distortion), in the renderer's unit, [R].
-        before: Weight before the observed point less the margin, [R]; 0 for rays without a valid observation.
-        up_to: Weight before the observed point plus the margin, [R]; 0 for rays without a valid observation.
-        observes: Rays with a valid observation, [R] bool.
-        distance: Weighted distances along the ray, in the renderer's unit, [R].
-        distance_squared: Weighted squared distances, [R].
-        alpha: Sum of the samples' opacities, [R].
-        n_samples: Samples of all rays.
-    """
-
-    color: Tensor
-    final_transmittance: Tensor
-    distortion: Tensor
-    before: Tensor
-    up_to: Tensor
-    observes: Tensor
-    distance: Tensor
-    distance_squared: Tensor
-    alpha: Tensor
-    n_samples: int
+    color: Tensor  # weighted colors without a background, [R, 3]
+    final_transmittance: Tensor  # transmittance after the last sample, [R] in [0, 1]
+    distortion: Tensor  # distortion of Mip-NeRF 360 (see volume.distortion), in the renderer's unit, [R]
+    before: Tensor  # weight before the observed point less the margin, [R]; 0 for rays without a valid observation
+    up_to: Tensor  # weight before the observed point plus the margin, [R]; 0 for rays without a valid observation
+    observes: Tensor  # rays with a valid observation, [R] bool
+    distance: Tensor  # weighted distances along the ray, in the renderer's unit, [R]
+    distance_squared: Tensor  # weighted squared distances, [R]
+    alpha: Tensor  # sum of the samples' opacities, [R]
+    n_samples: int  # samples of all rays
 
 
 class Renderer(Protocol):

@@ -52,17 +52,13 @@ class TorchRenderer:
         moments = accumulate(weights, torch.stack([scaled, scaled**2], 1), samples.ray_indices, n_rays)
         alphas = -torch.expm1(-sigmas * step)
         before, up_to, observes = self._observed(batch, paths, samples, weights)
+        color = accumulate(weights[colored] * importances[colored], colors, ray_indices, n_rays)
+        final_transmittance = final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays)
+        spread = distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays)
+        alpha = accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0]
+        distance, distance_squared = moments[:, 0], moments[:, 1]
         return RaySums(
-            accumulate(weights[colored] * importances[colored], colors, ray_indices, n_rays),
-            final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays),
-            distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays),
-            before,
-            up_to,
-            observes,
-            moments[:, 0],
-            moments[:, 1],
-            accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0],
-            len(samples),
+            color, final_transmittance, spread, before, up_to, observes, distance, distance_squared, alpha, len(samples)
         )
 
     @torch.no_grad()
