@@ -1,7 +1,7 @@
-"""Few photos from far apart: what the field shows between them, for Gaussians to be held to.
+"""Pictures of the field from cameras between distant photos, used as additional photos.
 
-No photo tells a Gaussian from one that hangs before a camera that took none. The field was held against that by priors of
-its own (`fields/wide_baseline.py`), so its pictures are worth more there than nothing.
+Photos far apart do not constrain a Gaussian that floats in front of a camera that took none. The field's own priors
+(fields/wide_baseline.py) do.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from ..fields.wide_baseline import is_wide
 from ..io.color import to_bytes
 from .fit import Photo
 
-PICTURES = 6  # a photo
-SIDE = 256  # pixels of a picture at most: the field is no finer
+PICTURES = 6  # per photo
+SIDE = 256  # largest side of a picture, pixels; the field has no finer detail
 
 
 def cameras_between(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
-    """Cameras between those of the photos, where these stand far apart; else none.
-
-    PICTURES for each photo: its camera, turned all round what the photos look at about what is up, by even steps from a
-    random angle. So new cameras of the photos' heights are never far from one, on whatever side.
+    """Return PICTURES cameras per photo, rotated about the up axis through the focus point in even steps.
 
     Args:
-        scene: As learned.
+        scene: Learned scene.
         cameras: Pinholes of the photos.
-        seed: Of the angles.
+        seed: Seed of the first angle of each photo.
+
+    Returns:
+        Cameras; none unless the photos have wide baselines and an opaque background.
     """
     focus = focus_point(list(cameras))
     if scene.background_kind != "opaque" or not is_wide(list(cameras), focus):
@@ -41,20 +41,20 @@ def cameras_between(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[
     found = []
     for camera in cameras:
         for angle in 2 * np.pi * (np.arange(PICTURES) + random.random()) / PICTURES:
-            turn = Rotation.from_rotvec(angle * up).as_matrix()
+            rotation = Rotation.from_rotvec(angle * up).as_matrix()
             pose = camera.camera_to_world.copy()
-            pose[:3, :3] = turn @ pose[:3, :3]
-            pose[:3, 3] = focus.numpy() + turn @ (camera.position - focus.numpy())
+            pose[:3, :3] = rotation @ pose[:3, :3]
+            pose[:3, 3] = focus.numpy() + rotation @ (camera.position - focus.numpy())
             found.append(replace(camera, camera_to_world=pose))
     return found
 
 
 def pictures_of(scene: Scene, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> list[Photo]:
-    """What the field shows from these cameras, to be learned from as photos are.
+    """Render the field from cameras.
 
     Args:
-        scene: As learned.
-        cameras: Pinholes; their pictures are of at most SIDE pixels.
+        scene: Learned scene.
+        cameras: Pinholes; pictures are scaled down to at most SIDE pixels.
         step: Called after each picture; may raise Cancelled.
     """
     pictures = []

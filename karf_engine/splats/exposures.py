@@ -1,7 +1,7 @@
-"""How each photo is exposed beside the others: gains of red, green and blue, learned beside the Gaussians.
+"""Exposure of each photo relative to the others: gains of red, green and blue, estimated during training.
 
-Without them a photo that is brighter than its neighbors is explained by colors that change with the direction, and by
-haze. A gain in sRGB is close to one in linear light but for dark tones, and takes other white balances too.
+Without gains, brighter photos are explained by view-dependent colors and haze. A gain in sRGB is close to one in linear
+light except in dark tones, and also covers white balance.
 """
 
 from __future__ import annotations
@@ -10,57 +10,56 @@ from collections.abc import Sequence
 
 import numpy as np
 
-DARKEST, BRIGHTEST = 0.02, 0.98  # sRGB; what is clipped tells no gain
-HOLD = 0.0125  # squared sRGB that speaks for a gain of 1, beside the mean square of the picture
-SHARE = 0.5  # of a look at a photo that counts beside all before
-# deviation of logarithms of gains that what is not yet learned makes: believed, it would cost photos that are exposed
-# alike 0.5 dB
-NOISE = 0.01
+DARKEST, BRIGHTEST = 0.02, 0.98  # sRGB range of pixels that are not clipped
+PRIOR = 0.0125  # squared sRGB, added to both moments as a prior for a gain of 1
+MOMENTUM = 0.5  # weight of the newest estimate
+NOISE = 0.01  # standard deviation of log gains caused by incomplete training
 
 
 class Exposures:
-    """Gains of n photos, whose geometric mean is 1: the scene has the exposure that its photos have in the mean.
+    """Gains of n photos with a geometric mean of 1.
 
     Attributes:
-        seen: [n, 3] float32, what a photo shows by what the Gaussians show.
-        gains: [n, 3] float32, the same as far as it is believed: the nearer to 1, the less the photos differ.
+        measured: [n, 3] float32, estimates of photo / rendering.
+        gains: [n, 3] float32, the estimates shrunk toward 1, the more the less the photos differ.
     """
 
     def __init__(self, n_photos: int) -> None:
-        self.seen, self.gains = (np.ones((n_photos, 3), np.float32) for _ in range(2))
+        self.measured, self.gains = (np.ones((n_photos, 3), np.float32) for _ in range(2))
 
-    def look(self, number: int, shown: np.ndarray, photo: np.ndarray) -> None:
-        """Take in a photo.
+    def update(self, number: int, shown: np.ndarray, photo: np.ndarray) -> None:
+        """Update the gains of one photo.
 
         Args:
-            number: Of the photo.
-            shown: [m, 3] sRGB, what the Gaussians show of its pixels.
-            photo: [m, 3] sRGB in [0, 1].
+            number: Index of the photo.
+            shown: [m, 3] sRGB, rendered pixels.
+            photo: [m, 3] sRGB in [0, 1], the photo's pixels.
         """
-        told = (photo > DARKEST) & (photo < BRIGHTEST)
-        of_shown = np.where(told, shown, 0)
-        count = np.maximum(told.sum(0), 1)
-        gain = ((of_shown * photo).sum(0) / count + HOLD) / ((of_shown * of_shown).sum(0) / count + HOLD)
-        self.seen[number] += SHARE * (gain - self.seen[number])
-        self.gains[number] = self.seen[number] ** self._belief()
+        usable = (photo > DARKEST) & (photo < BRIGHTEST)
+        usable_shown = np.where(usable, shown, 0)
+        count = np.maximum(usable.sum(0), 1)
+        gain = ((usable_shown * photo).sum(0) / count + PRIOR) / ((usable_shown * usable_shown).sum(0) / count + PRIOR)
+        self.measured[number] += MOMENTUM * (gain - self.measured[number])
+        self.gains[number] = self.measured[number] ** self._shrinkage()
 
     def balance(self) -> None:
-        """Let the geometric mean of the gains be 1."""
-        self.seen /= np.exp(np.log(self.seen).mean(0))
-        self.gains[:] = self.seen ** self._belief()
+        """Normalize the geometric mean of the gains to 1."""
+        self.measured /= np.exp(np.log(self.measured).mean(0))
+        self.gains[:] = self.measured ** self._shrinkage()
 
-    def _belief(self) -> np.float32:
-        variance = np.log(self.seen).var()
+    def _shrinkage(self) -> np.float32:
+        """Return the fraction of the variance of log gains that is not noise."""
+        variance = np.log(self.measured).var()
         return variance / (variance + np.float32(NOISE**2))
 
 
 def between(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
-    """The gains of a photo that was not learned from, as photos before and after it have them.
+    """Interpolate the gains of a held-out photo between the photos before and after it.
 
     Args:
-        gains: [n, 3].
-        places: Of these n photos in the order in which they were taken, rising.
-        place: Of the photo in question.
+        gains: [n, 3], of the training photos.
+        places: Positions of these n photos in shooting order, ascending.
+        place: Position of the held-out photo.
 
     Returns:
         [3] float32.

@@ -1,4 +1,4 @@
-"""Learned Gaussians on disk: `splats.safetensors`."""
+"""Gaussians on disk: `splats.safetensors`."""
 
 from __future__ import annotations
 
@@ -12,30 +12,27 @@ from .gaussians import DEGREES, Gaussians
 from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
 SCHEMA = "karf-splats/1"
-LOOKS = 5  # columns of what is known of photos
-FILTERED = "karf-splats/2"  # with a screen filter that is not our own, which readers of the first would take for ours
+FILTERED_SCHEMA = "karf-splats/2"  # with another screen filter than PIXEL_FILTER, which readers of version 1 assume
+LOOK_COLUMNS = 5
 
 
 def save_gaussians(gaussians: Gaussians, path: Path) -> None:
-    """Write Gaussians as data: the table, and JSON values in the header."""
+    """Write Gaussians."""
     facts = {"n_behind": gaussians.n_behind, "background": list(gaussians.background), "near": gaussians.near}
     schema = SCHEMA
     if gaussians.screen_filter != PIXEL_FILTER:
-        schema, facts["screen_filter"] = FILTERED, list(map(float, gaussians.screen_filter))
+        schema, facts["screen_filter"] = FILTERED_SCHEMA, list(map(float, gaussians.screen_filter))
     arrays = {"table": gaussians.table} | ({} if gaussians.looks is None else {"looks": gaussians.looks})
     save_tensors(path, {name: torch.from_numpy(each) for name, each in arrays.items()}, schema, facts)
 
 
 def load_gaussians(path: Path) -> Gaussians:
-    """Read Gaussians.
-
-    Args:
-        path: As written by `save_gaussians`.
+    """Read Gaussians written by `save_gaussians`.
 
     Raises:
         DataError: The file is missing or damaged.
     """
-    tensors, facts = load_tensors(path, (SCHEMA, FILTERED))
+    tensors, facts = load_tensors(path, (SCHEMA, FILTERED_SCHEMA))
     with restoring(path):
         table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])
         n_harmonics = (table.shape[1] - COLOR) / 3
@@ -50,7 +47,7 @@ def load_gaussians(path: Path) -> Gaussians:
         if not (0 < blur < np.inf and 0 < least_share <= 1):
             raise ValueError(f"a screen filter {blur} {least_share}")
         looks = tensors["looks"].numpy() if "looks" in tensors else None
-        if looks is not None and (looks.dtype != np.float32 or looks.shape != (len(table), LOOKS)):
+        if looks is not None and (looks.dtype != np.float32 or looks.shape != (len(table), LOOK_COLUMNS)):
             raise ValueError(f"looks {looks.shape} of {looks.dtype} at a table {table.shape}")
     screen_filter = ScreenFilter(blur, least_share)
     return Gaussians(np.ascontiguousarray(table), n_behind, (red, green, blue), near, screen_filter, looks)

@@ -1,4 +1,4 @@
-"""Refining Gaussians on the photos: Adam on the rows that a photo shows, mean squared error, each photo as exposed."""
+"""Training of Gaussians on photos: mean squared error, sparse Adam, per-photo exposure."""
 
 from __future__ import annotations
 
@@ -24,19 +24,18 @@ from .kernels.adam import adam
 from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import SplattedView, pinhole
 
-WINDOW = 400  # pixels: of larger photos a window of at most this side and height is learned from at a time
-HALVED = 0.6  # share of the iterations, at first, that show photos at half their size
-PHOTO_EVERY = 3  # iterations, where there are pictures between the photos: the others show these
-LAST_RATE = 0.05  # all rates fall to this share
-LEAST_PIXELS = 0.1  # scale of a Gaussian where a photo shows it largest, pixels: nothing is finer than photos show
+WINDOW = 400  # side of the windows of larger photos, pixels
+HALVED = 0.6  # fraction of the iterations, at the start, with photos at half size
+PHOTO_EVERY = 3  # with pictures between the photos: every third iteration shows a photo
+LAST_RATE = 0.05  # factor of the learning rates at the end
+LEAST_PIXELS = 0.1  # least scale of a Gaussian, pixels of the photo that shows it largest
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Learning rates, of the centers in sizes of the Gaussian.
+    """Learning rates; of the centers in units of each Gaussian's size.
 
-    Four (colors, opacity) to sixteen times those of Kerbl et al. 2023: there are hundreds of steps here, not tens of
-    thousands. Chosen on the demo capture, 15 to 30 seconds of learning.
+    They are 4 to 16 times those of Kerbl et al. 2023, for hundreds of iterations instead of tens of thousands.
     """
 
     center: float = 0.2
@@ -49,55 +48,48 @@ class Rates:
 
 @dataclass(frozen=True)
 class Photo:
-    """A photo to learn from.
+    """Training photo."""
 
-    Attributes:
-        camera: A pinhole of its size.
-        color: uint8 sRGB [H, W, 3], straight.
-        alpha: float32 [H, W]; None where the photo is opaque.
-        valid: bool [H, W], False where nothing is known; None where all is.
-    """
-
-    camera: Camera
-    color: np.ndarray
-    alpha: np.ndarray | None
-    valid: np.ndarray | None
+    camera: Camera  # pinhole
+    color: np.ndarray  # uint8 sRGB [H, W, 3], straight alpha
+    alpha: np.ndarray | None  # float32 [H, W]; None if opaque
+    valid: np.ndarray | None  # bool [H, W], False for pixels to ignore; None if all are valid
 
     @classmethod
     def of(cls, image: TrainingImage) -> Photo:
-        """A training image, in a quarter of its memory."""
+        """Convert a training image to a quarter of its memory."""
         return cls(image.camera, to_bytes(image.color), image.alpha, image.valid)
 
     def over(self, background: Sequence[float]) -> np.ndarray:
-        """The photo over an sRGB color, [H, W, 3] float32."""
-        color = np.float32(self.color) / 255
+        """Composite the photo over an sRGB color, [H, W, 3] float32."""
+        color = self.color.astype(np.float32) / 255
         if self.alpha is None:
             return color
-        return self.alpha[..., None] * color + (1 - self.alpha[..., None]) * np.float32(background)
+        return self.alpha[..., None] * color + (1 - self.alpha[..., None]) * np.array(background, np.float32)
 
     def halved(self) -> Photo:
-        """The photo at half its size."""
+        """Return the photo at half size."""
         height, width = (max(1, side // 2) for side in self.color.shape[:2])
-        color = to_bytes(resize(np.float32(self.color) / 255, width, height))
+        color = to_bytes(resize(self.color.astype(np.float32) / 255, width, height))
         alpha = None if self.alpha is None else resize(self.alpha, width, height)
-        valid = None if self.valid is None else resize(np.float32(self.valid), width, height) > 0.999
+        valid = None if self.valid is None else resize(self.valid.astype(np.float32), width, height) > 0.999
         return Photo(self.camera.scaled(width, height), color, alpha, valid)
 
     def window(self, left: int, top: int) -> Photo:
-        """At most WINDOW x WINDOW pixels from this corner."""
+        """Crop at most WINDOW x WINDOW pixels from this corner."""
         camera, rows, columns = self.camera, slice(top, top + WINDOW), slice(left, left + WINDOW)
         height, width = self.color[rows, columns].shape[:2]
         alpha, valid = (None if each is None else each[rows, columns] for each in (self.alpha, self.valid))
-        moved = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
-        return Photo(moved, self.color[rows, columns], alpha, valid)
+        cropped = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
+        return Photo(cropped, self.color[rows, columns], alpha, valid)
 
 
 class SplatFit:
-    """Gaussians as they are learned.
+    """Fit of Gaussians to photos.
 
     Attributes:
-        iterations: Of the whole.
-        done: Of those, so far.
+        iterations: Number of iterations.
+        done: Completed iterations.
     """
 
     def __init__(
@@ -109,16 +101,15 @@ class SplatFit:
         rates: Rates = Rates(),
         between: Sequence[Photo] = (),
     ) -> None:
-        """A fresh fit.
+        """Create a new fit.
 
         Args:
-            gaussians: To begin with; they are not changed.
-            photos: To learn from.
-            iterations: Photos to show, or windows of them.
-            seed: Of their order.
-            rates: How fast.
-            between: Pictures of the field, of cameras between the photos; where there are any, two of three iterations
-                show one.
+            gaussians: Initial Gaussians, not modified.
+            photos: Training photos.
+            iterations: Photos, or windows of them, to show.
+            seed: Seed of their order.
+            rates: Learning rates.
+            between: Pictures of the field between the photos, shown in two of three iterations.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
@@ -134,16 +125,16 @@ class SplatFit:
 
     @property
     def gaussians(self) -> Gaussians:
-        """What is learned so far."""
+        """Copy of the current Gaussians."""
         return replace(self._start, table=self._table.copy())
 
     @property
     def gains(self) -> np.ndarray:
-        """How each photo is exposed beside the others, [n, 3] float32: gains of red, green and blue."""
+        """Exposure gains of each photo, [n, 3] float32 (see exposures.py)."""
         return self._exposures.gains
 
     def run(self, progress: Progress, checkpoint: Checkpoint | None = None) -> None:
-        """Learn until all iterations are done.
+        """Run the remaining iterations.
 
         Raises:
             Diverged: The error is not finite.
@@ -151,7 +142,9 @@ class SplatFit:
         """
         while self.done < self.iterations:
             error = self._step()
-            if not (np.isfinite(error) and self._is_finite()):
+            with np.errstate(all="ignore"):
+                is_finite = np.isfinite(self._table.sum())  # Gaussians that are not finite are not seen in the picture
+            if not (np.isfinite(error) and is_finite):
                 raise Diverged(
                     "Training diverged at iteration {iteration}: loss {loss}.",
                     "Lower the learning rate.",
@@ -164,84 +157,77 @@ class SplatFit:
                 checkpoint.offer()
 
     def _step(self) -> float:
-        """Learn from one photo; its mean squared error."""
+        """Train on one photo; return its mean squared error."""
         random = np.random.default_rng([self._seed, self.done])
         photo, number = self._photo(random)
-        # what is behind a matte changes each time: only what is solid can hide it
+        # a random background behind a matte requires opacity where the photo is solid
         background = self._start.background if photo.alpha is None else tuple(random.random(3))
         camera = pinhole(photo.camera, self._start.near, self._start.screen_filter)
         view = SplattedView(self._table, camera, background)
-        shown, wanted = view.image[..., :3], photo.over(background)
-        gains = 1 if number is None else self._gains(number, photo, shown, wanted)
-        difference = gains * shown - wanted
+        shown, target = view.image[..., :3], photo.over(background)
+        gains = 1 if number is None else self._gains(number, photo, shown, target)
+        difference = gains * shown - target
         if photo.valid is not None:
             difference *= photo.valid[..., None]
         view.backward(gains * difference * np.float32(2 / difference.size), self._gradients)
-        self._hold_behind()
+        behind = self._gradients[self._start.n_solid :]  # of the background only the constant color is trained
+        behind[:, :COLOR] = 0
+        behind[:, COLOR + 3 :] = 0
         rates = self._rates * np.float32(LAST_RATE ** (self.done / self.iterations))
         share(
             adam, len(self._table), self._table, self._gradients, self._means, self._squares, self._steps,
-            view.slots, rates, self._sizes, self._least,
+            view.offsets, rates, self._sizes, self._least,
         )  # fmt: skip
         return float(np.square(difference).mean())
 
-    def _gains(self, number: int, photo: Photo, shown: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """How a photo is exposed, [3], once the Gaussians have seen all; what has a matte counts as alike."""
-        looks = self._looks
-        if looks >= len(self._photos) and photo.alpha is None:
-            if looks % len(self._photos) == 0:
+    def _gains(self, number: int, photo: Photo, shown: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Return the gains of a photo [3], updated after the first pass over all photos; photos with a matte keep 1."""
+        count = self._shown_before()
+        if count >= len(self._photos) and photo.alpha is None:
+            if count % len(self._photos) == 0:
                 self._exposures.balance()
-            known = slice(None) if photo.valid is None else photo.valid.ravel()
-            self._exposures.look(number, shown.reshape(-1, 3)[known], wanted.reshape(-1, 3)[known])
+            valid = slice(None) if photo.valid is None else photo.valid.ravel()
+            self._exposures.update(number, shown.reshape(-1, 3)[valid], target.reshape(-1, 3)[valid])
         return self._exposures.gains[number]
-
-    @property
-    def _looks(self) -> int:
-        """At photos, or at pictures between them, before the one of this iteration."""
-        if not self._between[0]:
-            return self.done
-        at_photos = -(-self.done // PHOTO_EVERY)
-        return self.done - at_photos if self._is_between else at_photos
 
     @property
     def _is_between(self) -> bool:
         """Whether this iteration shows a picture between the photos."""
         return bool(self._between[0]) and self.done % PHOTO_EVERY != 0
 
-    def _number(self, count: int) -> int:
-        """Of the picture of this iteration, of so many: each once in a round, in an order of its own."""
-        turn, place = divmod(self._looks, count)
-        return int(np.random.default_rng([self._seed, turn, 1]).permutation(count)[place])
-
-    def _is_finite(self) -> bool:
-        """Whether all numbers are; a Gaussian that is none is not seen, so no picture tells."""
-        with np.errstate(all="ignore"):
-            return bool(np.isfinite(self._table.sum()))
+    def _shown_before(self) -> int:
+        """Return the number of previous iterations with photos, or with pictures between them, as in this iteration."""
+        if not self._between[0]:
+            return self.done
+        n_photos = -(-self.done // PHOTO_EVERY)
+        return self.done - n_photos if self._is_between else n_photos
 
     def _photo(self, random: np.random.Generator) -> tuple[Photo, int | None]:
-        """The next picture, of a large one a window, and the photo's number; None between the photos."""
+        """Return the picture of this iteration and the photo's number, None between the photos.
+
+        Each picture is shown once per epoch, in random order; of large ones a random window.
+        """
         sizes = self._between if self._is_between else (self._photos, self._halves)
         photos = sizes[0 if self.done >= HALVED * self.iterations else 1]
-        number = self._number(len(photos))
-        return _window(photos[number], random), None if self._is_between else number
+        epoch, position = divmod(self._shown_before(), len(photos))
+        number = int(np.random.default_rng([self._seed, epoch, 1]).permutation(len(photos))[position])
+        photo = photos[number]
+        height, width = photo.color.shape[:2]
+        if max(width, height) > WINDOW:
+            left, top = (int(random.integers(0, max(0, side - WINDOW) + 1)) for side in (width, height))
+            photo = photo.window(left, top)
+        return photo, None if self._is_between else number
 
-    def _hold_behind(self) -> None:
-        """What is behind keeps its place and shape, and looks the same from everywhere."""
-        behind = self._gradients[self._start.n_solid :]
-        behind[:, :COLOR] = 0
-        behind[:, COLOR + 3 :] = 0
-
-    # --- interruptions ---------------------------------------------------------------------------------------------
     def _learned(self) -> dict[str, np.ndarray]:
         learned = {"table": self._table, "means": self._means, "squares": self._squares, "steps": self._steps}
-        return learned | {"gains": self._exposures.gains, "gains_seen": self._exposures.seen}
+        return learned | {"gains": self._exposures.gains, "gains_seen": self._exposures.measured}
 
     def state(self) -> dict[str, Tensor]:
-        """All that resuming takes."""
+        """Return the tensors to resume from."""
         return {name: torch.from_numpy(each) for name, each in self._learned().items()} | {"done": number(self.done)}
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Let this fresh fit resume a state; it ends bit by bit where an uninterrupted one would.
+        """Resume this new fit from a state; the result is the same as without interruption, to the bit.
 
         Raises:
             DataError: The state is of another fit; nothing is changed then.
@@ -250,15 +236,6 @@ class SplatFit:
         self.done = whole_number(state, "done", self.iterations)
         for name, each in self._learned().items():
             each[:] = state[name].numpy()
-
-
-def _window(photo: Photo, random: np.random.Generator) -> Photo:
-    """A photo, or of a large one a window at random."""
-    height, width = photo.color.shape[:2]
-    if max(width, height) <= WINDOW:
-        return photo
-    left, top = (int(random.integers(0, max(0, side - WINDOW) + 1)) for side in (width, height))
-    return photo.window(left, top)
 
 
 def _by_column(rates: Rates, n_columns: int) -> np.ndarray:
@@ -270,7 +247,7 @@ def _by_column(rates: Rates, n_columns: int) -> np.ndarray:
 
 
 def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
-    """World units that a pixel spans at each Gaussian, [n], in the photo that shows it largest."""
+    """Return the size of a pixel at each Gaussian in the photo that shows it largest, [n] world units."""
     least = np.full(len(gaussians), np.inf)
     centers = gaussians.table[:, :3].astype(np.float64)
     for photo in photos:

@@ -1,4 +1,4 @@
-"""A scene as Gaussians: the table that is learned, shown and written."""
+"""Scene representation as 3D Gaussians."""
 
 from __future__ import annotations
 
@@ -8,24 +8,23 @@ import numpy as np
 
 from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
-DEGREES = {1: 0, 4: 1, 9: 2, 16: 3}  # by the number of harmonics
+DEGREES = {1: 0, 4: 1, 9: 2, 16: 3}  # by number of harmonics
 
 
 @dataclass(frozen=True)
 class Gaussians:
-    """n Gaussians in the capture's world, of which the last show what is behind the scene.
+    """n Gaussians in world coordinates; the last rows are the background.
 
     Attributes:
-        table: [n, 11 + 3 K] float32, C-contiguous: center; logarithm of the scales; rotation as quaternion w x y z, of
-            any length; logit of the opacity; and for each of K = 1, 4, 9 or 16 spherical harmonics red, green and blue,
-            in the order and signs of Kerbl et al. 2023. A color is 0.5 and the sum of the harmonics, display-referred
-            sRGB, and at least 0.
-        n_behind: How many rows, at the table's end, show what is behind all that is solid.
-        background: sRGB of what is behind them all.
-        near: What is nearer to a camera, along its axis, is not seen; world units.
-        screen_filter: With which they were learned, and are shown.
-        looks: [n, 5] float32, how photos look at them: the unit vector to the middle of the photos that show each; the angle
-            between it and the farthest of these, radians; and how many they are. None where it is not known.
+        table: [n, 11 + 3 K] float32, C-contiguous. Columns: center; log scales; rotation as quaternion w x y z of any
+            length; opacity logit; red, green, blue for each of K = 1, 4, 9 or 16 spherical harmonics, with the order
+            and signs of Kerbl et al. 2023. A color is max(0, 0.5 + sum of harmonics), display-referred sRGB.
+        n_behind: Number of background rows at the table's end.
+        background: sRGB color behind all Gaussians.
+        near: Depth of the near plane, world units.
+        screen_filter: Filter used for training and rendering.
+        looks: [n, 5] float32, visibility in photos: unit vector to the mean direction of the photos that show the
+            Gaussian; largest angle between it and one of them, radians; their number. None if unknown.
     """
 
     table: np.ndarray
@@ -45,5 +44,5 @@ class Gaussians:
 
     @property
     def n_solid(self) -> int:
-        """How many rows, at the table's start, are of the scene itself."""
+        """Number of rows without the background, at the table's start."""
         return len(self.table) - self.n_behind

@@ -1,4 +1,4 @@
-"""Gaussians of another program, as the scene is shown."""
+"""Gaussians of other programs."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from .gaussians import Gaussians
 from .kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
 from .start import nearest_shown
 
-BLACK = (0.0, 0.0, 0.0)  # what most programs show behind all Gaussians
+BLACK = (0.0, 0.0, 0.0)  # the usual background of other programs
 ANY_DEPTH = 1e-6
 
 
 def captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gaussians:
-    """Gaussians as their file has them, over black.
+    """Read the Gaussians of a capture, over black.
 
     Args:
-        splats: Of a capture.
-        cameras: The capture's.
+        splats: File of the Gaussians.
+        cameras: Cameras of the capture.
 
     Raises:
         DataError: The file is missing or damaged.
@@ -32,12 +32,12 @@ def captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gau
 
 
 def gaussians_before(table: np.ndarray, is_antialiased: bool, cameras: Sequence[Camera]) -> Gaussians:
-    """A table of another program as cameras show it, over black.
+    """Return the table of another program as Gaussians over black.
 
     Args:
-        table: [n, 11 + 3 K], see `gaussians.Gaussians`.
+        table: [n, 11 + 3 K] (see gaussians.Gaussians).
         is_antialiased: See `CapturedSplats`.
-        cameras: They say what is too near to be shown; without any, all is shown.
+        cameras: Determine the near plane; without cameras everything is shown.
     """
     near = nearest_shown(table[:, :3], np.stack([camera.position for camera in cameras])) if cameras else ANY_DEPTH
     return Gaussians(table, 0, BLACK, near, ANTIALIASED_FILTER if is_antialiased else PLAIN_FILTER)

@@ -1,7 +1,6 @@
-"""Which Gaussians the photos show, and from where. What none shows is guesswork, and is drawn as unsure.
+"""Visibility of Gaussians in the photos, and the confidence in their appearance from other viewpoints.
 
-A surface is known from where photos look at it and some way around; from behind, or where nothing constrained it, a
-Gaussian shows whatever it happens to hold.
+A surface is known from the photos' directions and somewhat beyond. From elsewhere a Gaussian's color is unconstrained.
 """
 
 from __future__ import annotations
@@ -14,22 +13,19 @@ from ..capture.camera import Camera
 from .gaussians import Gaussians
 from .rasterizer import splatted
 
-SIDE = 256  # pixels, to which photos are reduced
-VISIBLE = 0.05  # pixels that a Gaussian must fill there, by what it is blended with: less hardly moves it
-ENOUGH = 2.0  # photos that must show it: what only one shows is guesswork too
-KNOWN, UNKNOWN = np.radians(10), np.radians(40)  # beyond the photo that looks at it most from aside
+SIDE = 256  # pixels of the reduced photos
+VISIBLE = 0.05  # pixels that a Gaussian must cover there, as the sum of its blending weights
+ENOUGH = 2.0  # photos needed for full confidence
+KNOWN, UNKNOWN = np.radians(10), np.radians(40)  # angles beyond the outermost photo of full and of no confidence
 
 
 def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> np.ndarray:
-    """How cameras look at Gaussians.
+    """Compute `Gaussians.looks`.
 
     Args:
-        gaussians: As learned.
-        cameras: Of the photos.
+        gaussians: Learned Gaussians.
+        cameras: Cameras of the photos.
         step: Called after each camera; may raise Cancelled.
-
-    Returns:
-        `Gaussians.looks`.
     """
     centers, shown = gaussians.table[:, :3], []
     for camera in cameras:
@@ -45,30 +41,30 @@ def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[],
 
 
 def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
-    """How well photos know what each Gaussian looks like from a place.
+    """Return the confidence in each Gaussian's appearance from a viewpoint.
 
     Args:
-        gaussians: With their looks.
+        gaussians: With `looks`.
         eye: [3], world.
 
     Returns:
-        [n] float32 in [0, 1]: 1 where two photos show it, and the place is at most KNOWN beyond the farthest of these from their
-        middle; 0 where no photo shows it, or from UNKNOWN beyond. What is behind the scene counts as known: it goes on smoothly
-        from what photos show of it.
+        [n] float32 in [0, 1]: 1 if at least ENOUGH photos show it and the viewpoint is at most KNOWN beyond them,
+        0 from UNKNOWN beyond them or if no photo shows it. 1 for the background.
     """
+    assert gaussians.looks is not None
     middle, widest, count = np.split(gaussians.looks, (3, 4), axis=1)
     beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest[:, 0]
     known = np.clip((UNKNOWN - beyond) / (UNKNOWN - KNOWN), 0, 1) * np.minimum(count[:, 0] / ENOUGH, 1)
     known[gaussians.n_solid :] = 1
-    return (known * known * (3 - 2 * known)).astype(np.float32)  # no seam where it begins and ends
+    return (known * known * (3 - 2 * known)).astype(np.float32)  # smoothstep: no visible seam
 
 
 def _directions(centers: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Unit vectors [n, 3] from centers to a place."""
+    """Return unit vectors [n, 3] from centers to a viewpoint."""
     away = np.asarray(eye, np.float32) - centers
     return away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
 
 
 def _angles(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Radians [n] between unit vectors [n, 3]."""
+    """Return angles [n] between unit vectors [n, 3], radians."""
     return np.arccos(np.clip(np.einsum("nc,nc->n", one, other), -1, 1))

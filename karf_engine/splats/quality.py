@@ -1,4 +1,4 @@
-"""How well Gaussians show photos."""
+"""PSNR of Gaussians."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from .rasterizer import splatted
 
 
 def psnr(gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | float = 1.0) -> float:
-    """Peak signal-to-noise ratio in dB for peak 1, of the mean over photos; at most 100.
+    """Return the PSNR in dB, at most 100, of the mean squared error over photos.
 
     Args:
-        gaussians: As learned or read.
-        photos: Of their cameras.
-        gains: How the photos are exposed beside the scene, [3] sRGB, see `exposures`.
+        gaussians: Scene.
+        photos: Photos, rendered from their own cameras.
+        gains: Exposure of the photos relative to the scene, [3] sRGB (see exposures.py).
     """
     return -10 * float(np.log10(np.mean([_squared_error(gaussians, photo, gains) for photo in photos]) + 1e-10))
 

@@ -1,11 +1,12 @@
-"""Gaussians as a camera sees them, on the processor: the picture, other values blended alike, and gradients.
+"""Rasterization of Gaussians on the processor: images, blending of other values, and gradients.
 
 After Kerbl et al. 2023 ("3D Gaussian Splatting for Real-Time Radiance Field Rendering"), with the screen filter of
-Mip-Splatting (Yu et al. 2024): a picture of another size than those that were learned from is neither thicker nor
-thinner. The same bits come out on any number of threads.
+Mip-Splatting (Yu et al. 2024). Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
+
+from functools import cached_property
 
 import numpy as np
 
@@ -13,40 +14,41 @@ from ..capture.camera import Camera
 from ..compute.cores import share
 from ..errors import OutOfMemory
 from .gaussians import Gaussians
-from .kernels.arrays import ENTRY, PIXEL_FILTER, SLOPES, SPLAT, TILE, TILES, Pinhole, ScreenFilter
+from .kernels.arrays import ENTRY, PIXEL_FILTER, SPLAT, SPLAT_GRADIENTS, TILE, TILE_BOX, Pinhole, ScreenFilter
 from .kernels.blending import blend, blend_back, blend_values
 from .kernels.projection import project, project_back
 from .kernels.tiles import count_entries, fill_entries
 
 Background = tuple[float, float, float]
-UNSURE = np.float32(0.5)  # sRGB gray into which fades what is not known
+CHANNELS = ("red", "green", "blue")
+UNKNOWN_COLOR = np.float32(0.5)  # sRGB gray of Gaussians with confidence 0
 
 
 class SplattedView:
     """One view of a table of Gaussians.
 
     Attributes:
-        depths: [n] float32 of the centers along the optical axis, world units; of unseen ones anything.
-        image: [H, W, 4] float32: sRGB over the background, and the transmittance.
-        slots: [n + 1] int32, which Gaussians are seen: those of which the next number is larger.
+        depths: [n] float32, depth of the centers, world units; undefined for invisible Gaussians.
+        image: [H, W, 4] float32, sRGB over the background, and the transmittance.
+        offsets: [n + 1] int32, first tile entry of each Gaussian in the order of the table.
     """
 
     def __init__(
-        self, table: np.ndarray, camera: Pinhole, background: Background, sure: np.ndarray | None = None
+        self, table: np.ndarray, camera: Pinhole, background: Background, confidence: np.ndarray | None = None
     ) -> None:
-        """Splat a table [n, 11 + 3 K] float32 (see `gaussians.Gaussians`).
+        """Rasterize a table [n, 11 + 3 K] float32 (see gaussians.Gaussians).
 
-        sure: [n] in [0, 1], as how sure Gaussians are drawn; None: all are, and not one bit is another.
+        confidence: [n] in [0, 1], fades colors to UNKNOWN_COLOR; None is the same as all 1, to the bit.
 
-        Raises OutOfMemory where too many Gaussians cover too much of the picture.
+        Raises OutOfMemory if too many Gaussians cover too much of the picture.
         """
         n, tiles_x = len(table), -(-camera.width // TILE)
         n_tiles = tiles_x * -(-camera.height // TILE)
         self._table, self._camera = table, camera
-        self._splats, tiles = np.empty(n, SPLAT), np.empty(n, TILES)
-        share(project, n, table, camera, self._splats, tiles)
-        self.slots, self._starts = np.empty(n + 1, np.int32), np.zeros(n_tiles + 1, np.int32)
-        if not count_entries(tiles, tiles_x, self.slots, self._starts):
+        self._splats, boxes = np.empty(n, SPLAT), np.empty(n, TILE_BOX)
+        share(project, n, table, camera, self._splats, boxes)
+        self.offsets, self._starts = np.empty(n + 1, np.int32), np.zeros(n_tiles + 1, np.int32)
+        if not count_entries(boxes, tiles_x, self.offsets, self._starts):
             raise OutOfMemory(
                 "Too many of {count} Gaussians cover too much of a picture of {width}x{height} pixels.",
                 "Render smaller pictures, or remove the largest Gaussians in the program that wrote them.",
@@ -54,83 +56,83 @@ class SplattedView:
                 width=camera.width,
                 height=camera.height,
             )
-        order = _near_to_far(self._splats["depth"], np.flatnonzero(np.diff(self.slots)))
-        self._entries = np.empty(self.slots[-1], ENTRY)
-        fill_entries(order, tiles, tiles_x, self.slots, self._starts[:-1].copy(), self._entries)
-        self._colors = None
-        if sure is not None:
-            self._colors = self.colors
-            _fade(self._splats, sure, np.flatnonzero((sure < 1) & (np.diff(self.slots) > 0)))
+        self.depths, seen = self._splats["depth"], np.flatnonzero(self.is_seen)
+        # positive floats sort like integers
+        order = seen[np.argsort(self.depths[seen].view(np.int32), kind="stable")].astype(np.int32)
+        self._entries = np.empty(self.offsets[-1], ENTRY)
+        fill_entries(order, boxes, tiles_x, self.offsets, self._starts[:-1].copy(), self._entries)
+        if confidence is not None:
+            _ = self.colors  # caches them before fading
+            faded = np.flatnonzero((confidence < 1) & self.is_seen)
+            gray = (1 - confidence[faded]) * UNKNOWN_COLOR
+            for name in CHANNELS:
+                self._splats[name][faded] = self._splats[name][faded] * confidence[faded] + gray
         self.image = np.empty((camera.height, camera.width, 4), np.float32)
         share(blend, n_tiles, *self._of_tiles, np.asarray(background, np.float32), self.image)
-        self.depths = self._splats["depth"]
 
     @property
     def _of_tiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return self._splats, self._entries, self._starts
 
     @property
+    def is_seen(self) -> np.ndarray:
+        """Gaussians that cover part of the picture, [n] bool."""
+        return np.diff(self.offsets) > 0
+
+    @cached_property
     def colors(self) -> np.ndarray:
-        """Colors of the Gaussians as seen from here, [n, 3] float32 sRGB, at least 0; of unseen ones 0. None is faded."""
-        if self._colors is not None:
-            return self._colors
-        is_seen = np.diff(self.slots) > 0
-        return np.stack([np.where(is_seen, self._splats[name], np.float32(0)) for name in ("red", "green", "blue")], 1)
+        """Colors of the Gaussians from this viewpoint before fading, [n, 3] float32 sRGB >= 0; 0 if not seen."""
+        return np.stack([np.where(self.is_seen, self._splats[name], np.float32(0)) for name in CHANNELS], 1)
 
     def picture(self) -> np.ndarray:
-        """What a screen shows of the image, whose own values are clipped with it: [H, W, 3] float32 sRGB in [0, 1]."""
+        """Clip the image in place to [0, 1]; return its colors [H, W, 3]."""
         return np.clip(self.image, 0, 1, out=self.image)[..., :3]
 
     def blended(self, values: np.ndarray) -> np.ndarray:
-        """Other values of the Gaussians, [n, C] float32, blended as their colors are, over 0: [C, H, W] float32."""
+        """Blend values [n, C] of the Gaussians like their colors, over 0; return [C, H, W] float32."""
         result = np.empty((values.shape[1], *self.image.shape[:2]), np.float32)
         share(blend_values, len(self._starts) - 1, *self._of_tiles, np.ascontiguousarray(values), result)
         return result
 
     def weights(self) -> np.ndarray:
-        """What each Gaussian is blended with, [n] float32 >= 0: the sum over all pixels."""
-        slopes = np.empty(len(self._entries), SLOPES)
-        share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, np.ones_like(self.image[..., :3]), slopes)
-        seen, result = np.flatnonzero(np.diff(self.slots)), np.zeros(len(self._table), np.float32)
+        """Return the sum of each Gaussian's blending weights over all pixels, [n] float32 >= 0."""
+        seen, result = np.flatnonzero(self.is_seen), np.zeros(len(self._table), np.float32)
+        gradients = self._splat_gradients(np.ones_like(self.image[..., :3]))
         if len(seen):
-            result[seen] = np.add.reduceat(slopes["red"], self.slots[seen])  # the slope of the picture by its color
+            result[seen] = np.add.reduceat(gradients["red"], self.offsets[seen])  # derivatives of the red channel's sum
         return result
 
     def backward(self, gradient: np.ndarray, gradients: np.ndarray) -> None:
-        """Write the gradients of a loss to the rows that are seen; others are left as they are.
+        """Write the gradients of a loss for all visible rows; other rows are unchanged.
 
         Args:
-            gradient: [H, W, 3] float32, to the image's colors.
-            gradients: [n, 11 + 3 K] float32.
+            gradient: [H, W, 3] float32, with respect to the image's colors.
+            gradients: [n, 11 + 3 K] float32, output.
         """
-        slopes = np.empty(len(self._entries), SLOPES)
-        share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, gradient, slopes)
-        share(project_back, len(self._table), self._table, self._camera, self._splats, self.slots, slopes, gradients)
+        by_splat = self._splat_gradients(gradient)
+        share(
+            project_back, len(self._table), self._table, self._camera, self._splats, self.offsets, by_splat, gradients
+        )
 
-
-def _fade(splats: np.ndarray, sure: np.ndarray, rows: np.ndarray) -> None:
-    """Turn the colors of these rows gray as far as they are not sure."""
-    share_of_gray = (1 - sure[rows]) * UNSURE
-    for name in ("red", "green", "blue"):
-        splats[name][rows] = splats[name][rows] * sure[rows] + share_of_gray
-
-
-def _near_to_far(depths: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """The seen Gaussians in the order of their depths, which as positive floats sort like whole numbers."""
-    return seen[np.argsort(depths[seen].view(np.int32), kind="stable")].astype(np.int32)
+    def _splat_gradients(self, gradient: np.ndarray) -> np.ndarray:
+        """Return the gradients of each Gaussian in each tile, SPLAT_GRADIENTS."""
+        result = np.empty(len(self._entries), SPLAT_GRADIENTS)
+        share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, gradient, result)
+        return result
 
 
 def pinhole(camera: Camera, near: float, screen_filter: ScreenFilter = PIXEL_FILTER) -> Pinhole:
-    """A camera as kernels read it; its lens distortion is left out. near, screen_filter: see `Gaussians`."""
+    """Return a camera for the kernels; lens distortion is ignored. near, screen_filter: see `Gaussians`."""
     world_to_camera = np.diag([1.0, -1, -1, 1]) @ np.linalg.inv(camera.camera_to_world)
-    turn, shift = world_to_camera[:3, :3].ravel(), world_to_camera[:3, 3]
-    numbers = map(np.float32, (camera.fx, camera.fy, camera.cx, camera.cy))
+    rotation, translation = world_to_camera[:3, :3].ravel(), world_to_camera[:3, 3]
     eye = camera.camera_to_world[:3, 3]
-    arrays = (np.ascontiguousarray(each, np.float32) for each in (turn, shift, eye))
-    return Pinhole(*arrays, *numbers, camera.width, camera.height, np.float32(near), *screen_filter)
+    rotation, translation, eye = (np.ascontiguousarray(each, np.float32) for each in (rotation, translation, eye))
+    fx, fy, cx, cy = (np.float32(value) for value in (camera.fx, camera.fy, camera.cx, camera.cy))
+    size = camera.width, camera.height
+    return Pinhole(rotation, translation, eye, fx, fy, cx, cy, *size, np.float32(near), *screen_filter)
 
 
-def splatted(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> SplattedView:
-    """Gaussians as a camera's pinhole sees them. sure: see `SplattedView`."""
-    seen_by = pinhole(camera, gaussians.near, gaussians.screen_filter)
-    return SplattedView(gaussians.table, seen_by, gaussians.background, sure)
+def splatted(gaussians: Gaussians, camera: Camera, confidence: np.ndarray | None = None) -> SplattedView:
+    """Rasterize Gaussians for a camera without its lens distortion. confidence: see `SplattedView`."""
+    shown_by = pinhole(camera, gaussians.near, gaussians.screen_filter)
+    return SplattedView(gaussians.table, shown_by, gaussians.background, confidence)

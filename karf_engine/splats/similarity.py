@@ -1,4 +1,4 @@
-"""Gaussians moved, turned and scaled as a whole, with what they look like from each side."""
+"""Similarity transforms of Gaussians, including rotation of their spherical harmonics."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ..errors import BadRequest
 from .gaussians import Gaussians
 from .kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION
 
-TOLERANCE = 1e-5  # deviation from a rotation with a uniform scale that single precision explains
-MOVED_OTHERWISE = 0.01  # of what is left to explain: more than files that pack positions lose
-ROUNDED = 6  # digits: harmonics are computed in single precision, and flips of axes must be exact
+TOLERANCE = 1e-5  # rounding of single precision
+MAX_RESIDUAL = 0.01  # relative to the points; above the quantization of packed files
+ROUNDED = 6  # digits of harmonics' rotations, so that flips of axes are exact
 N_DIRECTIONS = 64
 
 
 def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
-    """Gaussians in another world, where cameras moved alike see the same.
+    """Return transformed Gaussians.
 
     Args:
-        gaussians: As learned.
-        matrix: [4, 4] float64, from their world to the other: a rotation, a uniform scale and a translation.
+        gaussians: Any.
+        matrix: [4, 4] float64, a rotation, uniform scale and translation.
 
     Raises:
         BadRequest: The matrix shears, mirrors, scales unequally or is not finite.
@@ -40,21 +40,21 @@ def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
 
 
 def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Gaussians moved by a rotation, a uniform scale and a translation; their colors turn with them.
+    """Transform a table of Gaussians.
 
     Args:
-        table: [n, 11 + 3 K] as in `gaussians.Gaussians.table`, of any floating type.
-        matrix: [4, 4] float64, which moves columns (x, y, z, 1).
+        table: [n, 11 + 3 K] (see gaussians.Gaussians), of any floating type.
+        matrix: [4, 4] float64, applied to columns (x, y, z, 1).
 
     Returns:
-        [n, 11 + 3 K] of the same type; the table itself where the matrix is the identity.
+        [n, 11 + 3 K] of the same type; the table itself if the matrix is the identity.
 
     Raises:
         ValueError: The matrix shears, mirrors, or scales unequally.
     """
     if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
         return table
-    scale, rotation = _parts(matrix)
+    scale, rotation = _scale_and_rotation(matrix)
     result = table.copy()
     result[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
     result[:, LOG_SCALE:ROTATION] += np.log(scale)
@@ -64,34 +64,26 @@ def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 
 
 def turned_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Colors of Gaussians that are turned: what was seen from d is then seen from R d.
-
-    Args:
-        harmonics: [n, 3 K], of each harmonic red, green and blue.
-        rotation: [3, 3] float64.
-
-    Returns:
-        [n, 3 K] of the same type; the same numbers where nothing turns.
-    """
+    """Rotate harmonics [n, 3 K] by a rotation [3, 3]; return them unchanged for the identity."""
     count = harmonics.shape[1] // 3
     if count == 1 or np.array_equal(rotation, np.eye(3)):
         return harmonics
-    turn = _harmonics_turn(rotation, count).astype(harmonics.dtype)
-    return harmonics @ np.kron(turn, np.eye(3, dtype=turn.dtype)).T
+    of_one_color = _harmonics_rotation(rotation, count).astype(harmonics.dtype)
+    return harmonics @ np.kron(of_one_color, np.eye(3, dtype=of_one_color.dtype)).T
 
 
 def turn_between(here: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """The rotation with which points were moved, beside a uniform scale and a translation (Umeyama 1991).
+    """Estimate the rotation between points moved by a similarity transform (Umeyama 1991).
 
     Args:
         here: [m, 3], m >= 1, any unit.
-        there: [m, 3], the same points where they are now.
+        there: [m, 3], the same points after the transform.
 
     Returns:
-        [3, 3] float64; the identity where they were turned by no more than rounding.
+        [3, 3] float64; the exact identity if the rotation is below rounding.
 
     Raises:
-        ValueError: They are not as many, or were moved otherwise.
+        ValueError: The numbers of points differ, or they were not moved by a similarity transform.
     """
     before, after = (
         points - points.mean(0) for points in (np.asarray(here, np.float64), np.asarray(there, np.float64))
@@ -100,13 +92,12 @@ def turn_between(here: np.ndarray, there: np.ndarray) -> np.ndarray:
     signs = np.array([1, 1, np.sign(np.linalg.det(left @ right))])
     rotation = (left * signs) @ right
     scale = (sizes * signs).sum() / max((before**2).sum(), np.finfo(np.float64).tiny)
-    if not np.linalg.norm(after - scale * before @ rotation.T) <= MOVED_OTHERWISE * np.linalg.norm(after):
+    if not np.linalg.norm(after - scale * before @ rotation.T) <= MAX_RESIDUAL * np.linalg.norm(after):
         raise ValueError("the points were moved one by one")
     return np.eye(3) if np.allclose(rotation, np.eye(3), rtol=0, atol=TOLERANCE) else rotation
 
 
-def _parts(matrix: np.ndarray) -> tuple[float, np.ndarray]:
-    """The uniform scale and the rotation of a matrix."""
+def _scale_and_rotation(matrix: np.ndarray) -> tuple[float, np.ndarray]:
     linear = matrix[:3, :3]
     determinant = float(np.linalg.det(linear)) if np.isfinite(matrix).all() else 0.0
     if determinant <= 0 or np.abs(matrix[3] - [0, 0, 0, 1]).max() > TOLERANCE:
@@ -119,8 +110,8 @@ def _parts(matrix: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def _quaternion_product(rotation: np.ndarray) -> np.ndarray:
-    """[4, 4], which multiplies quaternions w x y z from the left by a rotation's."""
-    symmetric = np.empty((4, 4))  # its greatest eigenvector is the quaternion (Bar-Itzhack 2000)
+    """Return the matrix [4, 4] that multiplies quaternions w x y z from the left by a rotation's."""
+    symmetric = np.empty((4, 4))  # its largest eigenvector is the quaternion (Bar-Itzhack 2000)
     symmetric[0, 0] = np.trace(rotation)
     symmetric[0, 1:] = symmetric[1:, 0] = [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
                                            rotation[1, 0] - rotation[0, 1]]  # fmt: skip
@@ -129,8 +120,8 @@ def _quaternion_product(rotation: np.ndarray) -> np.ndarray:
     return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
 
 
-def _harmonics_turn(rotation: np.ndarray, count: int) -> np.ndarray:
-    """[count, count], which turns the harmonics of one color: what is seen from d is then seen from R d."""
+def _harmonics_rotation(rotation: np.ndarray, count: int) -> np.ndarray:
+    """Return the matrix [count, count] that rotates the harmonics of one color, by least squares over directions."""
     directions = np.random.default_rng(0).normal(size=(N_DIRECTIONS, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     before, after = _harmonics(directions, count), _harmonics(directions @ rotation.T, count)
@@ -138,8 +129,8 @@ def _harmonics_turn(rotation: np.ndarray, count: int) -> np.ndarray:
 
 
 def _harmonics(directions: np.ndarray, count: int) -> np.ndarray:
-    """The first harmonics [n, count] of unit directions [n, 3]."""
-    from .kernels.harmonics import harmonics  # compiled by numba, which other kinds of files do not need
+    """Return the first harmonics [n, count] of unit directions [n, 3]."""
+    from .kernels.harmonics import harmonics  # needs numba, unlike files of degree 0
 
     values = np.empty((len(directions), count), np.float64)
     for (x, y, z), row in zip(directions, values, strict=True):

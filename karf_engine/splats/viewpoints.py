@@ -1,9 +1,9 @@
-"""Cameras for Gaussians without photos: on a dome round what photos have looked at, or, where that is full, amid it.
+"""Cameras for Gaussians without photos: on a dome around the scene, or inside it if the dome is obstructed.
 
-What was photographed from near has finer Gaussians than what was far away. Where sizes tell so of distances, they tell
-where the photographers stood; of a scene that lies together, cameras frame the whole. Candidates are looked through in
-small pictures: one that stands amid something or sees little is left out, and where most are, the dome shrinks. Of the
-others those stay that see surfaces: from where no photo was taken, Gaussians are a haze.
+Gaussians grow with their distance from the photos' cameras. If sizes and distances agree, they determine the distance
+of the cameras; otherwise the cameras frame the whole scene. Candidates are rated in thumbnails: those inside of objects
+or with an almost empty picture are rejected, and the dome shrinks if most are. Of the others, those that show the most
+surfaces are kept, since Gaussians seen from unphotographed directions are a haze.
 """
 
 from __future__ import annotations
@@ -18,42 +18,42 @@ from scipy.spatial.transform import Rotation
 from ..capture.camera import Camera
 from ..compute.neighbors import tree_of
 from ..errors import DataError
-from .depths import sure_depths
+from .depths import reliable_depths
 from .gaussians import Gaussians
 from .kernels.arrays import LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import splatted
 
-SOLID = 0.3  # opacity
-SAMPLE = 20_000  # Gaussians that say where the scene lies
-ONE_PLACE = 1e-6  # of the largest coordinate: what single precision cannot tell apart
-NEIGHBOR = 8  # to whose distance a Gaussian's surroundings are measured
-NEAR_MIDDLE = 4.0  # median distances from the middle; what is farther is background
-UNEXPLAINED = 0.55  # of the variance of sizes that distances leave unexplained, up to which they are believed
-USUAL_ERROR = 0.3  # of a size's logarithm; larger ones count less
+SOLID = 0.3  # least opacity
+SAMPLE = 20_000  # Gaussians that locate the scene
+MIN_EXTENT = 1e-6  # of the largest coordinate: rounding of single precision
+NEIGHBOR = 8  # whose distance measures the spacing
+NEAR_MIDDLE = 4.0  # median distances from the middle to the background
+UNEXPLAINED = 0.55  # largest fraction of the variance of log sizes that distances may leave unexplained
+SIZE_DEVIATION = 0.3  # of log sizes; larger errors are outliers
 ANGLE = np.radians(45)  # field of view
-STEP_BACK = 1.3  # of the distance that sizes tell: more is seen of what stands around
-FRAMING = 1.15  # picture's half width by that of what is looked at
+STEP_BACK = 1.3  # factor of the distance from sizes, to show the surroundings
+FRAMING = 1.15  # half-width of the picture / radius of the scene
 ELEVATIONS = np.radians((10, 60))
-SHRINKS = 0.8 ** np.arange(6)  # of the dome, where candidates stand amid something
-CANDIDATES = 4  # a wanted camera
-THUMBNAIL, FEW = 64, 100_000  # pixels; Gaussians that small pictures are made of
-BLOCKED, NEAR_SHARE = 0.05, 0.3  # share of a picture nearer than this share of the distance to the middle
-COVERED = 0.2  # share of a picture that must show something
-SURE = 0.5  # of the share that shows surfaces in the best views: less is not taken
-FREE = 0.5  # share of the candidates with which a dome is taken
-BESIDE = 0.1  # of the distance that cameras stand beside the middle where they look around from there
-FLATTENED = 0.55  # of directions' second moments that the strongest has where a floor tells what is up
-COLMAP_UP, BLENDER_UP = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])  # COLMAP's: as the first photo was held
+SHRINKS = 0.8 ** np.arange(6)  # factors of the dome's radius
+CANDIDATES = 4  # per camera
+THUMBNAIL, MAX_THUMBNAIL_GAUSSIANS = 64, 100_000
+BLOCKED, NEAR_FRACTION = 0.05, 0.3  # largest fraction of a picture nearer than this fraction of the dome's radius
+COVERED = 0.2  # least fraction of a picture that shows something
+LEAST_RATING = 0.5  # relative to the best candidates
+FREE = 0.5  # least fraction of usable candidates of a dome
+PANORAMA_OFFSET = 0.1  # of the dome's radius, from the middle
+FLATTENED = 0.55  # least largest eigenvalue of the normals' second moments with a floor
+COLMAP_UP, BLENDER_UP = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Target:
-    """What cameras look at.
+    """Region shown by cameras.
 
     Attributes:
         middle: [3], world.
-        up: [3], of unit length.
-        distance: Of the cameras from the middle, world units.
+        up: [3], unit vector.
+        distance: Distance between cameras and middle, world units.
     """
 
     middle: np.ndarray
@@ -62,58 +62,57 @@ class Target:
 
 
 def target_of(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
-    """What the photos of Gaussians have looked at.
+    """Estimate what the photos of Gaussians showed, and from how far.
 
     Args:
         gaussians: As read.
-        up: [3], or None: across the largest flat parts, to the side of COLMAP's -y or Blender's z.
+        up: [3]; None for the normal of the largest flat areas, on the side of COLMAP's -y or Blender's z.
 
     Raises:
-        DataError: Nothing is solid, or all of it lies in one place.
+        DataError: Nothing is solid, or everything is in one place.
     """
     table = gaussians.table[gaussians.table[:, LOGIT] > np.log(SOLID / (1 - SOLID))]
     if len(table) <= NEIGHBOR:
         raise DataError("Of {count} Gaussians almost all are transparent.", "Give another file.", count=len(gaussians))
     table = table[np.random.default_rng(0).permutation(len(table))[:SAMPLE]].astype(np.float64)
     table = table[_is_near(table[:, :3])]
-    if np.ptp(table[:, :3], axis=0).max() <= ONE_PLACE * np.abs(table[:, :3]).max():
+    if np.ptp(table[:, :3], axis=0).max() <= MIN_EXTENT * np.abs(table[:, :3]).max():
         raise DataError("Of {count} Gaussians almost all lie in one place.", "Give another file.", count=len(gaussians))
     middle, distance = _by_sizes(table) or _by_extent(table[:, :3])
     return Target(middle, _up(table) if up is None else up / np.linalg.norm(up), distance)
 
 
 def _is_near(centers: np.ndarray) -> np.ndarray:
-    """Whether centers [n, 3] are of the scene, and not of what is far behind it, [n]."""
+    """Return False for centers [n, 3] of the distant background, [n] bool."""
     away = np.linalg.norm(centers - np.median(centers, 0), axis=1)
     return away <= NEAR_MIDDLE * np.median(away)
 
 
 def _by_sizes(table: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """The middle, and how far from it photos were taken, such that sizes grow with the distance from the cameras.
+    """Estimate middle and camera distance from the growth of sizes with distance; None if it explains too little.
 
-    From cameras all round, `distance` away from the middle, something r away from it is at about the root of r^2 and
-    distance^2. None where that explains little.
+    A point at r from the middle is at about sqrt(r^2 + distance^2) from cameras around it.
     """
     sizes = np.sort(table[:, LOG_SCALE : LOG_SCALE + 3], 1)[:, 1:].mean(1)
     start = np.median(table[:, :3], 0)
     unit = np.median(np.linalg.norm(table[:, :3] - start, axis=1)) + 1e-12
-    places = (table[:, :3] - start) / unit
+    points = (table[:, :3] - start) / unit
 
     def errors(guess: np.ndarray) -> np.ndarray:
-        return sizes - 0.5 * np.log(((places - guess[:3]) ** 2).sum(1) + np.exp(2 * guess[3])) - guess[4]
+        return sizes - 0.5 * np.log(((points - guess[:3]) ** 2).sum(1) + np.exp(2 * guess[3])) - guess[4]
 
     fits = [
-        least_squares(errors, [0, 0, 0, log_distance, np.median(sizes)], loss="soft_l1", f_scale=USUAL_ERROR)
+        least_squares(errors, [0, 0, 0, log_distance, np.median(sizes)], loss="soft_l1", f_scale=SIZE_DEVIATION)
         for log_distance in (0.0, -1.0)
     ]
     best = min(fits, key=lambda fit: fit.cost)
-    if errors(best.x).var() > UNEXPLAINED * sizes.var() or sizes.std() < USUAL_ERROR:
+    if errors(best.x).var() > UNEXPLAINED * sizes.var() or sizes.std() < SIZE_DEVIATION:
         return None
     return start + unit * best.x[:3], float(STEP_BACK * unit * np.exp(best.x[3]))
 
 
 def _by_extent(centers: np.ndarray) -> tuple[np.ndarray, float]:
-    """The middle of where centers lie densest, and from how far a picture holds them."""
+    """Return the middle of the densest region, and the distance that frames it."""
     spacing = tree_of(centers).query(centers, NEIGHBOR + 1)[0][:, -1]
     dense = centers[spacing <= np.median(spacing)]
     dense = dense[_is_near(dense)]
@@ -123,15 +122,15 @@ def _by_extent(centers: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _up(table: np.ndarray) -> np.ndarray:
-    """Across most of the surface, [3]."""
+    """Return the normal of most of the surface area, [3]."""
     scales = np.exp(table[:, LOG_SCALE : LOG_SCALE + 3])
     thinnest = scales.argmin(1)
     rotations = Rotation.from_quat(table[:, ROTATION:LOGIT], scalar_first=True).as_matrix()
     normals = np.take_along_axis(rotations, thinnest[:, None, None], 2)[..., 0]
     area = scales.prod(1) / scales.min(1)
     weights = np.minimum(area, 10 * np.median(area))[:, None]
-    shares, axes = np.linalg.eigh((weights * normals).T @ normals / weights.sum())
-    if shares[-1] < FLATTENED:  # walls are as flat as the floor
+    moments, axes = np.linalg.eigh((weights * normals).T @ normals / weights.sum())
+    if moments[-1] < FLATTENED:
         return COLMAP_UP
     axis = axes[:, -1]
     usual = BLENDER_UP if abs(axis[2]) > abs(axis[1]) else COLMAP_UP
@@ -141,80 +140,76 @@ def _up(table: np.ndarray) -> np.ndarray:
 def cameras_around(
     gaussians: Gaussians, target: Target, count: int, size: int, step: Callable[[], None] = lambda: None
 ) -> list[Camera]:
-    """Cameras that look at the target from all sides, or around from its middle where it surrounds them.
+    """Return cameras that face the target from all sides, or outward from its middle if it surrounds them.
 
     Args:
         gaussians: As read.
-        target: Of them.
-        count: How many.
-        size: Width and height of their pictures.
+        target: From `target_of`.
+        count: Number of cameras, at most.
+        size: Width and height of their pictures, pixels.
         step: Called after each candidate; may raise Cancelled.
     """
     thinned = _thinned(gaussians)
     for distance in target.distance * SHRINKS:
         candidates = _dome(target, distance, CANDIDATES * count)
-        sure = np.array([_sure_share(thinned, camera, distance, step) for camera in candidates])
-        if (sure >= 0).mean() >= FREE:
-            good = np.flatnonzero(sure >= max(0, SURE * np.quantile(sure, 0.9)))
-            return [candidates[good[number]].scaled(size, size) for number in _evenly(len(good), count)]
+        ratings = np.array([_rating(thinned, camera, distance, step) for camera in candidates])
+        if (ratings >= 0).mean() >= FREE:
+            good = np.flatnonzero(ratings >= max(0, LEAST_RATING * np.quantile(ratings, 0.9)))
+            even = np.unique(np.linspace(0, len(good) - 1, min(len(good), count)).round().astype(int))
+            return [candidates[good[number]].scaled(size, size) for number in even]
     return [camera.scaled(size, size) for camera in _panorama(target, count)]
 
 
 def _thinned(gaussians: Gaussians) -> Gaussians:
-    """As many Gaussians as small pictures need, each as much wider as there are fewer."""
-    if len(gaussians) <= FEW:
+    """Return a subset of at most MAX_THUMBNAIL_GAUSSIANS, scaled up to cover the same area."""
+    if len(gaussians) <= MAX_THUMBNAIL_GAUSSIANS:
         return gaussians
-    table = gaussians.table[np.random.default_rng(0).choice(len(gaussians), FEW, replace=False)]
-    table[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(len(gaussians) / FEW)
+    table = gaussians.table[np.random.default_rng(0).choice(len(gaussians), MAX_THUMBNAIL_GAUSSIANS, replace=False)]
+    table[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(len(gaussians) / MAX_THUMBNAIL_GAUSSIANS)
     return replace(gaussians, table=table, n_behind=0)
 
 
 def _dome(target: Target, distance: float, count: int) -> list[Camera]:
-    """Cameras on an even spiral over the target, from low to high."""
+    """Return cameras on a spiral over the target, from low to high."""
     low, high = np.sin(ELEVATIONS)
     number = np.arange(count) + 0.5
-    height, turn = low + (high - low) * number / count, np.pi * (1 + 5**0.5) * number
-    directions = _directions(turn, height, target.up)
-    return [_looking(target.middle + distance * each, -each, target.up) for each in directions]
+    height, azimuth = low + (high - low) * number / count, np.pi * (1 + 5**0.5) * number
+    directions = _directions(azimuth, height, target.up)
+    return [_camera(target.middle + distance * each, -each, target.up) for each in directions]
 
 
 def _panorama(target: Target, count: int) -> list[Camera]:
-    """Cameras at the target's middle and a little beside it, which look around, somewhat up and down."""
+    """Return cameras near the middle that face outward, level, up and down in turn."""
     number = np.arange(count)
-    turn, height = 2 * np.pi * number / count, np.sin(np.radians(20)) * np.array([0, 1, -1])[number % 3]
-    directions = _directions(turn, height, target.up)
-    return [_looking(target.middle - BESIDE * target.distance * each, each, target.up) for each in directions]
+    azimuth, height = 2 * np.pi * number / count, np.sin(np.radians(20)) * np.array([0, 1, -1])[number % 3]
+    directions = _directions(azimuth, height, target.up)
+    return [_camera(target.middle - PANORAMA_OFFSET * target.distance * each, each, target.up) for each in directions]
 
 
-def _directions(turn: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Unit directions [n, 3] that are turned around what is up by angles [n], and reach up by sines of elevations [n]."""
+def _directions(azimuth: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Return unit directions [n, 3] of azimuths [n] about the up axis and sines of elevations [n]."""
     right = np.cross(np.eye(3)[np.abs(up).argmin()], up)
     right /= np.linalg.norm(right)
     level = np.sqrt(1 - height**2)
-    return np.stack([np.cos(turn) * level, np.sin(turn) * level, height], 1) @ np.stack(
-        [right, np.cross(up, right), up]
-    )
+    axes = np.stack([right, np.cross(up, right), up])
+    return np.stack([np.cos(azimuth) * level, np.sin(azimuth) * level, height], 1) @ axes
 
 
-def _looking(place: np.ndarray, direction: np.ndarray, up: np.ndarray) -> Camera:
+def _camera(position: np.ndarray, direction: np.ndarray, up: np.ndarray) -> Camera:
     right = np.cross(direction, up)
     right /= np.linalg.norm(right)
     pose = np.eye(4)
-    pose[:3] = np.stack([right, np.cross(right, direction), -direction, place], 1)
+    pose[:3] = np.stack([right, np.cross(right, direction), -direction, position], 1)
     focal = THUMBNAIL / 2 / np.tan(ANGLE / 2)
     return Camera(THUMBNAIL, THUMBNAIL, focal, focal, THUMBNAIL / 2, THUMBNAIL / 2, pose)
 
 
-def _sure_share(gaussians: Gaussians, camera: Camera, distance: float, step: Callable[[], None]) -> float:
-    """The share of a camera's picture that shows one surface; -1 where the camera sees little, or something too close."""
+def _rating(gaussians: Gaussians, camera: Camera, distance: float, step: Callable[[], None]) -> float:
+    """Return the fraction of a picture with reliable depths; -1 if it is almost empty or obstructed."""
     view = splatted(replace(gaussians, near=1e-3 * distance), camera)
     step()
     covered = 1 - view.image[..., 3]
-    close = view.blended((view.depths < NEAR_SHARE * distance).astype(np.float32)[:, None])[0]
+    close = view.blended((view.depths < NEAR_FRACTION * distance).astype(np.float32)[:, None])[0]
     if (close > 0.5).mean() > BLOCKED or (covered > 0.5).mean() < COVERED:
         return -1.0
-    return float((sure_depths(view) > 0).mean())
-
-
-def _evenly(total: int, count: int) -> np.ndarray:
-    return np.unique(np.linspace(0, total - 1, min(total, count)).round().astype(int))
+    return float((reliable_depths(view) > 0).mean())

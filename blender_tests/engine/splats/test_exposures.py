@@ -50,13 +50,13 @@ def test_clipped_pixels_tell_nothing():
     shown = np.float32([[0.4, 0.4, 0.4], [0.9, 0.9, 0.9]])
     photo = np.minimum(shown * 1.5, 1)
     exposures, without = Exposures(1), Exposures(1)
-    exposures.look(0, shown, photo)
-    without.look(0, shown[:1], photo[:1])
-    assert_array_equal(exposures.seen, without.seen)
-    assert (exposures.seen > 1.1).all()
+    exposures.update(0, shown, photo)
+    without.update(0, shown[:1], photo[:1])
+    assert_array_equal(exposures.measured, without.measured)
+    assert (exposures.measured > 1.1).all()
     black = Exposures(1)
-    black.look(0, shown, np.zeros((2, 3), np.float32))
-    assert_allclose(black.seen, 1)
+    black.update(0, shown, np.zeros((2, 3), np.float32))
+    assert_allclose(black.measured, 1)
 
 
 def test_gains_are_believed_as_far_as_photos_differ_more_than_they_would_by_chance():
@@ -65,10 +65,10 @@ def test_gains_are_believed_as_far_as_photos_differ_more_than_they_would_by_chan
     for spread in (0.002, 0.2):
         exposures = Exposures(2)
         for _ in range(20):
-            exposures.look(0, shown, shown * (1 + spread))
-            exposures.look(1, shown, shown / (1 + spread))
+            exposures.update(0, shown, shown * (1 + spread))
+            exposures.update(1, shown, shown / (1 + spread))
         exposures.balance()
-        believed[spread] = np.log(exposures.gains[0]) / np.log(exposures.seen[0])
+        believed[spread] = np.log(exposures.gains[0]) / np.log(exposures.measured[0])
     assert (believed[0.002] < 0.1).all() and (believed[0.2] > 0.9).all()
 
 

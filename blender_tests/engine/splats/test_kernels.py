@@ -110,7 +110,7 @@ def test_what_is_not_seen_has_no_gradient():
 @pytest.mark.parametrize("place", [(0, 0, 4.5), (0, 0, 3.9), (30, 0, 0), (0, -30, 0)], ids=str)
 def test_what_is_behind_the_camera_too_near_or_outside_is_not_seen(place):
     view = shown(ball(place, 0.02))
-    assert view.slots[-1] == 0
+    assert view.offsets[-1] == 0
     assert_array_equal(view.image, np.broadcast_to(np.float32([*BACKGROUND, 1]), (36, 40, 4)))
 
 

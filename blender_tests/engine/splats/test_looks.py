@@ -12,7 +12,7 @@ pytest.importorskip("numba")
 from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, ball, camera_ahead, cloud
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.looks import looks_at, sureness
-from karf_engine.splats.rasterizer import UNSURE, splatted
+from karf_engine.splats.rasterizer import UNKNOWN_COLOR, splatted
 
 ABOVE = np.array([0.0, 0.0, 4.0])
 
@@ -59,7 +59,7 @@ def test_the_unknown_is_gray_and_the_known_keeps_its_bits():
     plain = splatted(found, camera)
     assert_array_equal(splatted(found, camera, sure).image, plain.image)
     faded = splatted(found, camera, 0 * sure)
-    gray = UNSURE * (1 - plain.image[..., 3:]) + plain.image[..., 3:] * np.float32(BACKGROUND)
+    gray = UNKNOWN_COLOR * (1 - plain.image[..., 3:]) + plain.image[..., 3:] * np.float32(BACKGROUND)
     np.testing.assert_allclose(faded.image[..., :3], gray, atol=1e-5)
     assert_array_equal(faded.colors, plain.colors)
 

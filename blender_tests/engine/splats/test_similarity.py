@@ -44,7 +44,7 @@ def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
     here = splatted(gaussians, camera)
     assert here.image[..., 3].min() < 0.5
     assert_allclose(there.image, here.image, atol=1e-4)
-    seen = np.diff(here.slots) > 0
+    seen = np.diff(here.offsets) > 0
     assert_allclose(there.depths[seen], scale * here.depths[seen], rtol=1e-4)
 
 

@@ -113,7 +113,7 @@ def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(mo
 def test_a_disk_turns_to_its_normal(normal):
     normal = np.array([normal], np.float32) / np.linalg.norm(normal)
     table = np.zeros((1, COLOR), np.float32)
-    table[:, ROTATION : ROTATION + 4] = start._turned_to(normal)
+    table[:, ROTATION : ROTATION + 4] = start._rotations_to(normal)
     assert_allclose(axes_of(table)[0, :, 2], normal[0], atol=0.02)
 
 

@@ -2,7 +2,7 @@
 
 import torch
 
-from karf_engine.splats.kernels.arrays import DARK, LEAST_ALPHA, MOST_ALPHA
+from karf_engine.splats.kernels.arrays import DARK, MAX_ALPHA, MIN_ALPHA
 
 C0, C1 = 0.28209479177387814, 0.4886025119029199
 C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
@@ -36,8 +36,8 @@ def rotations(quaternions):
 
 def splat(table, camera, background):
     """Colors and transmittance [H, W, 4] of a table [n, 11 + 3 K], float64; `camera` is a kernels' Pinhole."""
-    turn = torch.from_numpy(camera.turn.reshape(3, 3)).double()
-    at = table[:, :3] @ turn.T + torch.from_numpy(camera.shift).double()
+    turn = torch.from_numpy(camera.rotation.reshape(3, 3)).double()
+    at = table[:, :3] @ turn.T + torch.from_numpy(camera.translation).double()
     x, y, z = at.unbind(1)
     fx, fy = float(camera.fx), float(camera.fy)
     none = torch.zeros_like(x)
@@ -60,7 +60,7 @@ def splat(table, camera, background):
     apart = torch.stack([u, v], -1).double()[:, :, None] - center  # [H, W, n, 2]
     power = 0.5 * torch.einsum("hwni,nij,hwnj->hwn", apart, torch.linalg.inv(covariance), apart)
     alphas = opacity * torch.exp(-power)
-    alphas = torch.where(alphas < float(LEAST_ALPHA), torch.zeros_like(alphas), alphas.clamp_max(float(MOST_ALPHA)))
+    alphas = torch.where(alphas < float(MIN_ALPHA), torch.zeros_like(alphas), alphas.clamp_max(float(MAX_ALPHA)))
     alphas = alphas[..., (z >= float(camera.near)).nonzero()[:, 0][z[z >= float(camera.near)].argsort()]]
     colors = colors[(z >= float(camera.near)).nonzero()[:, 0][z[z >= float(camera.near)].argsort()]]
     light = torch.cumprod(1 - alphas, -1)

@@ -1,4 +1,4 @@
-"""Which renderer learns a field: the compiled kernels where they run, torch everywhere else."""
+"""Selection of the renderer for training: compiled kernels where numba runs, torch elsewhere."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .torch_renderer import TorchRenderer
 def new_renderer(
     field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
 ) -> Renderer:
-    """A renderer of this field.
+    """Return a renderer for training this field.
 
     Args:
-        field: Of any device.
-        runtime: Where to compute, and the source of random numbers.
-        unit: Length in which distances along rays are summed up, grid units.
-        russian_roulette: Samples of less weight get a color with a probability in proportion to it; 0 for none.
-        supervision: How exactly rays observe points.
+        field: Field to train.
+        runtime: Device and source of random numbers.
+        unit: Unit of the summed distances, grid units.
+        russian_roulette: Samples below this weight get a color with a probability proportional to it; 0 turns it off.
+        supervision: Tolerances for observed points.
     """
     if field.suits_kernels:
         from .fused.renderer import FusedRenderer  # needs numba
@@ -36,10 +36,10 @@ def new_renderer(
 
 
 def prepare_kernels(settings: GeometrySettings, device: torch.device) -> Callable[[Emit, Callable[[], bool]], None]:
-    """Begin to compile what a fit will call, in a process beside.
+    """Start compiling the kernels of a fit in another process.
 
     Returns:
-        Call it to wait for that, with a message, until it is done or should be no longer.
+        A function (emit, should_stop) that waits for the compilation and emits a message if it is still running.
     """
     if device.type != "cpu" or not has_kernels():
         return lambda emit, should_stop: None

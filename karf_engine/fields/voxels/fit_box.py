@@ -1,16 +1,15 @@
-"""Fitting what lies in a box: an object alone, or on a table before a background far away.
+"""Training in a box: an object alone, or on a table in front of a distant background.
 
-What makes it clean, by kind of background:
+Handling of the background, by kind:
 
-- alpha: the matte supervises opacity over random backgrounds, and the first grid is the mattes' visual hull;
-- black, white: rays end at that color, and at a random one where the photo shows something else, which must then be
-  opaque: otherwise opacity and brightness trade off; half-transparent rays are punished;
-- opaque: the background is a function of direction that only rays through empty space may teach. Where no such ray
-  exists it is random, so that what stands there must become opaque; a ray's samples are drawn together. Where the
-  background alone shows a photo's color, opacity costs: fog of that color, which no photo contradicts, clears. Where
-  cameras stand far apart (`wide_baseline.py`), the first grid is what could look alike in the photos, and the
-  background is never random, since fog would be made of it; where no photo tells it is what others of the same
-  elevation show.
+- alpha: random colors behind the matte supervise the opacity; training starts from the visual hull of the mattes.
+- black, white: the plain color, but a random color behind pixels known to be solid, which must then become opaque.
+  An entropy loss penalizes partial opacity.
+- opaque: a function of direction, learned only from rays through empty space. In directions without such rays its color
+  is random, so that what is there must become opaque. Opacity is penalized where the background alone explains the
+  photo, which removes fog, and the variance of the depth along each ray is penalized.
+- opaque with wide baselines (see wide_baseline.py): training starts from the cells whose color agrees between photos.
+  The background is never random, which would create fog, and is drawn to the photos' colors at the same elevation.
 """
 
 from __future__ import annotations
@@ -33,44 +32,18 @@ from .fit import Batch, VoxelFit
 from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
-FOG_PENALTY = 3e-2  # weight of opacity before a background that shows the photo's color by itself
-ALIKE = 0.03  # standard deviation of a photo's color from a background that it shows
-# share of a direction's rays that must pass everything: else photos show things there, and a background that was learned
-# past them may look like these
-LEAST_BACKGROUND_SUPPORT = 0.2
-SEEING = 0.25  # of the views see all that mattes may be of: a table is wider than a picture
+FOG_PENALTY = 3e-2  # weight of opacity where the background alone explains the photo
+COLOR_DEVIATION = 0.03  # standard deviation between photo and background that count as equal
+# fraction of the rays of a direction that must be free before fog is penalized; with fewer, the photos show objects there
+MIN_FREE = 0.2
+HULL_VIEWS = (
+    0.25  # fraction of the views that must see a point of the visual hull; not all, a table may exceed a picture
+)
+MATTE_BOX_CELLS = 48
 
 
-class BackgroundSupport:
-    """Which directions training rays see through empty space, in bins of 10 by 5 degrees.
-
-    Attributes:
-        free: Share of the rays in each bin that met no occupied cell.
-    """
-
-    def __init__(self, device: torch.device) -> None:
-        self.free = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, device=device)
-
-    def _bins(self, viewdirs: Tensor) -> Tensor:
-        azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
-        elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
-        return azimuth.long().clamp_max(AZIMUTH_BINS - 1) * ELEVATION_BINS + elevation.long().clamp_max(
-            ELEVATION_BINS - 1
-        )
-
-    def note(self, viewdirs: Tensor, free: Tensor) -> None:
-        """Directions [n, 3] of rays, and which of them met no occupied cell, [n] bool."""
-        bins, size = self._bins(viewdirs), len(self.free)
-        all_rays = torch.bincount(bins, minlength=size)
-        self.free = torch.bincount(bins[free], minlength=size) / all_rays.clamp_min(1)
-
-    def shares(self, viewdirs: Tensor) -> Tensor:
-        """Share of the rays in each direction's bin that are such rays, [n]."""
-        return self.free[self._bins(viewdirs)]
-
-
-class BoxFit(VoxelFit):
-    """The fit of what lies in a box round the cameras' focus point."""
+class BoxFit(VoxelFit[GeometrySettings]):
+    """Fit of a field in a box around the cameras' focus point."""
 
     cuts = (1 / 6, 1 / 2)
     first_share = 0.5
@@ -84,33 +57,43 @@ class BoxFit(VoxelFit):
         field: VoxelField,
         is_wide: bool = False,
     ) -> None:
-        """A fresh fit; is_wide: whether the photos' cameras stand far apart."""
+        """Create a new fit. is_wide: the cameras have wide baselines."""
         background = Background().to(runtime.device) if background_kind == "opaque" else None
         super().__init__(dataset, settings, runtime, field, background)
         self.background_kind = background_kind
         self._first_voxel = field.voxel
-        self._support = BackgroundSupport(runtime.device)  # learned from the second level on
+        # fraction of the rays of each direction bin that meet no occupied cell, measured from the second level on
+        self._free = torch.zeros(AZIMUTH_BINS * ELEVATION_BINS, device=runtime.device)
         self._upright = torch.from_numpy(upright_axes(dataset.cameras)).float().to(runtime.device) if is_wide else None
 
+    @torch.no_grad()
     def _begin_level(self, level: Level) -> None:
-        if self.background is not None:
-            self._learn_support(level)
+        if self.background is None:
+            return
+        bins, is_free = [], []
+        for rays in self._random_rays():
+            bins.append(_direction_bins(rays.viewdirs))
+            is_free.append(self.renderer.is_free(rays, level.step))
+        n_rays, n_free = (
+            torch.bincount(each, minlength=len(self._free))
+            for each in (torch.cat(bins), torch.cat(bins)[torch.cat(is_free)])
+        )
+        self._free = n_free / n_rays.clamp_min(1)
 
     def _own_tensors(self) -> dict[str, Tensor]:
-        return super()._own_tensors() | {"support": self._support.free}
+        return super()._own_tensors() | {"support": self._free}
 
-    def _trained_networks(self, field: VoxelField) -> list:
-        return super()._trained_networks(field) + (
-            [] if self.background is None else list(self.background.parameters())
-        )
+    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
+        background = [] if self.background is None else list(self.background.parameters())
+        return super()._trained_networks(field) + background
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         index = self.dataset.draw(n_rays, self.runtime)
         rays = self.dataset.rays(index)
         target = self.dataset.exposed_alike(index)
-        sums = self._renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
+        sums = self.renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
         backdrop = None if self.background is None else self.background(rays.viewdirs)
-        free = None if number == 0 or backdrop is None else self._support.shares(rays.viewdirs)
+        free = None if number == 0 or backdrop is None else self._free[_direction_bins(rays.viewdirs)]
         behind = self._behind(index, sums, backdrop, free)
         if self.dataset.alpha is not None:
             matte = self.dataset.alpha[index].float()[:, None] / 255
@@ -118,22 +101,27 @@ class BoxFit(VoxelFit):
         error = ((sums.color + sums.final_transmittance[:, None] * behind - target) ** 2).mean()
         loss = error + self._regularization(number, sums)
         if self._upright is not None:
-            loss = loss + WIDE_BASELINE.mean_background * self._background_of_elevation(rays.viewdirs, target, sums)
-        if free is not None:
-            needless = _needless(backdrop.detach(), target, free)
-            loss = loss + FOG_PENALTY * (needless * (1 - sums.final_transmittance)).mean()
+            elevation = self._elevation_loss(self._upright, rays.viewdirs, target, sums)
+            loss = loss + WIDE_BASELINE.mean_background * elevation
+        if backdrop is not None and free is not None:
+            fog = _explained_by(backdrop.detach(), target, free) * (1 - sums.final_transmittance)
+            loss = loss + FOG_PENALTY * fog.mean()
         return Batch(loss, error, sums.n_samples)
 
     def _behind(self, index: Tensor, sums: RaySums, backdrop: Tensor | None, free: Tensor | None) -> Tensor:
-        """The color behind the ray of each pixel, [R, 3].
+        """Return the color behind each pixel's ray, [R, 3].
 
-        backdrop: what the background shows there, [R, 3]; None without one. free: share of the rays in the ray's
-        direction that see past everything, [R]; None while that is not known.
+        Args:
+            index: Pixels, [R].
+            sums: Of their rays.
+            backdrop: Color of the learned background, [R, 3]; None without one.
+            free: Fraction of free rays in the same direction, [R]; None until it is measured.
         """
         n_rays = len(index)
         if self.background_kind == "alpha":
             return self.runtime.rand(n_rays, 3)
         if backdrop is None:
+            assert self.dataset.solid is not None  # given with plain backgrounds
             plain = torch.full((n_rays, 3), 1.0 if self.background_kind == "white" else 0.0, device=self.runtime.device)
             return torch.where(self.dataset.solid[index, None], self.runtime.rand(n_rays, 3), plain)
         if free is None or self._upright is not None:
@@ -142,9 +130,10 @@ class BoxFit(VoxelFit):
         color = torch.where(passes, backdrop, backdrop.detach())
         return torch.where((free > 0)[:, None] | passes, color, self.runtime.rand(n_rays, 3))
 
-    def _background_of_elevation(self, viewdirs: Tensor, target: Tensor, sums: RaySums) -> Tensor:
-        """How far the background in other directions of the same elevations is from what photos show past everything."""
-        elsewhere = self.background(turned(viewdirs, self._upright, self.runtime.rand(len(viewdirs))))
+    def _elevation_loss(self, upright: Tensor, viewdirs: Tensor, target: Tensor, sums: RaySums) -> Tensor:
+        """Return the difference between free rays' colors and the background in other directions of their elevation."""
+        assert self.background is not None
+        elsewhere = self.background(turned(viewdirs, upright, self.runtime.rand(len(viewdirs))))
         return (sums.final_transmittance.detach() * ((elsewhere - target) ** 2).sum(1)).mean()
 
     def _regularization(self, number: int, sums: RaySums) -> Tensor:
@@ -164,32 +153,41 @@ class BoxFit(VoxelFit):
         return loss
 
     def _total_variation(self) -> Tensor:
-        """Mean squared difference of neighbors in table order (along z) over a random stretch of an eighth."""
+        """Return the mean squared difference of consecutive rows (neighbors along z) in a random eighth of the table."""
         n_rows = len(self.field.raw_density)
         length = max(2, n_rows // 8)
         start = self.runtime.randint(n_rows - length + 1, 1)
         rows = start + torch.arange(length, device=self.runtime.device)
-        density, features = self._renderer.differences(rows[:-1], rows[1:])
+        density, features = self.renderer.differences(rows[:-1], rows[1:])
         return (density + features / self.field.n_features) / (length - 1)
 
-    @torch.no_grad()
-    def _learn_support(self, level: Level) -> None:
-        """Note which directions training rays see past every occupied cell."""
-        viewdirs, free = [], []
-        for rays in self._some_rays():
-            viewdirs.append(rays.viewdirs)
-            free.append(self._renderer.is_free(rays, level.step))
-        self._support.note(torch.cat(viewdirs), torch.cat(free))
+
+def _direction_bins(viewdirs: Tensor) -> Tensor:
+    """Return the bin of directions [n, 3], 10 degrees of azimuth by 5 of elevation, [n]."""
+    azimuth = (torch.atan2(viewdirs[:, 1], viewdirs[:, 0]) / (2 * math.pi) + 0.5) * AZIMUTH_BINS
+    elevation = torch.acos(viewdirs[:, 2].clamp(-1, 1)) / math.pi * ELEVATION_BINS
+    row, column = elevation.long().clamp_max(ELEVATION_BINS - 1), azimuth.long().clamp_max(AZIMUTH_BINS - 1)
+    return column * ELEVATION_BINS + row
 
 
-def _needless(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
-    """How well the background alone shows each pixel, [R] in [0, 1]; 0 in directions that rarely show it."""
+def _explained_by(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
+    """Return how well the background alone explains each pixel, [R] in [0, 1]; 0 in directions with few free rays."""
     gap = ((backdrop - target) ** 2).sum(1)
-    return torch.exp(-gap / (2 * ALIKE**2)) * (free > LEAST_BACKGROUND_SUPPORT)
+    return torch.exp(-gap / (2 * COLOR_DEVIATION**2)) * (free > MIN_FREE)
 
 
 def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
-    """True for points [n, 3] that SEEING of the views see, each with something within `margin` (world units)."""
+    """Carve points by the mattes.
+
+    Args:
+        dataset: Photos with mattes.
+        points: [n, 3], world.
+        margin: Dilation of the mattes, world units.
+
+    Returns:
+        [n] bool, True for points inside all mattes of the views that see them, if HULL_VIEWS of the views do.
+    """
+    assert dataset.alpha is not None
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
     n_seen = torch.zeros(len(points), dtype=torch.long, device=points.device)
     for number, camera in enumerate(dataset.cameras):
@@ -205,14 +203,14 @@ def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
         inside = (local[:, 2] < 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
         possible &= ~inside | matte[v.clamp(0, camera.height - 1), u.clamp(0, camera.width - 1)]
         n_seen += inside
-    return possible & (n_seen >= SEEING * len(dataset.cameras))
+    return possible & (n_seen >= HULL_VIEWS * len(dataset.cameras))
 
 
 def start_box_fit(dataset: PixelDataset, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:
-    """A fresh field in a box round the cameras' focus point, with everything in it possible."""
+    """Create the fit of a new field in a box around the cameras' focus point."""
     center, half_width = box_round_focus(dataset.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
     n = settings.levels[0].voxels
-    if dataset.alpha is not None:  # the mattes allow a tighter box
+    if dataset.alpha is not None:
         center, half_width = _matte_box(dataset, center, half_width)
     minimum = (center - half_width).float().to(runtime.device)
     voxel = 2 * half_width / n
@@ -228,8 +226,8 @@ def start_box_fit(dataset: PixelDataset, background_kind: str, settings: Geometr
 
 
 def _matte_box(dataset: PixelDataset, center: Tensor, half_width: float) -> tuple[Tensor, float]:
-    """A box round the mattes' visual hull, looked for in a generous one."""
-    n, wide = 48, half_width * 1.8
+    """Return center and half-width of the bounding box of the visual hull, found within 1.8 times the given box."""
+    n, wide = MATTE_BOX_CELLS, half_width * 1.8
     grid = torch.stack(torch.meshgrid(*[torch.arange(n)] * 3, indexing="ij"), -1).view(-1, 3)
     voxel = 2 * wide / n
     points = ((center - wide) + (grid + 0.5) * voxel).float().to(dataset.color.device)

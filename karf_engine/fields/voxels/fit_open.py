@@ -1,9 +1,9 @@
-"""Fitting open space: scenes that extend behind the object and behind the cameras, without a background of their own.
+"""Training in open space: scenes that extend behind the object and the cameras, without a separate background.
 
-The grid lies in a contraction or a frustum (rendering.space), and every ray ends on something. Photos alone do not say
-where: fog before the cameras explains them as well, and held-out views then show it. Sparse points do: a ray to a point
-is free up to it and ends at it (after DS-NeRF, Deng et al. 2022, and Urban Radiance Fields, Rematas et al. 2022).
-Above them lies the sky, a function of direction alone, before which opacity costs.
+The grid is in a contraction or a frustum (see rendering/space.py), and every ray must end on something. Photos alone
+do not determine where: fog in front of the cameras explains them too, but fails from new views. Sparse points do: a ray
+to a point is free before it and ends there (DS-NeRF, Deng et al. 2022; Urban Radiance Fields, Rematas et al. 2022).
+Above the horizon there may be a sky, a function of direction; opacity in front of it is penalized.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
 from ...project.settings import Level, OpenSettings
@@ -29,18 +29,18 @@ from .observations import Observations
 from .renderer import RayBatch, Renderer
 from .vertices import BITS
 
-DENSITY_BIAS = -4.5  # fog that is thick enough to be seen at once: everything in open space is opaque somewhere
-LATE_POINTS = 0.25  # of their weight in the last level, where photos know better than points by some tenths of a pixel
+DENSITY_BIAS = -4.5  # visible fog from the start, since every ray must end on something
+LATE_POINTS = 0.25  # factor of the points' weight in the last level, where photos locate surfaces better than points
 TV_VERTICES = 30_000
-CARVED = 256  # cells along the longest side, up to which those of each level are asked whether they are free
-SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # of all photos that are looked at; above the horizon
-AGREEING, SKY_LIKENESS = 0.8, 0.11  # share of what photos show above the horizon; its difference from a sky, a channel
-FOG_PENALTY = 5e-2  # weight of opacity before a sky that shows the photo's color by itself
-ALIKE = 0.2  # standard deviation of a photo's color from the sky that it shows: clouds move
+CARVED = 256  # cells along the longest side; from finer levels free space is not carved again
+SKY_PIXELS, FEWEST_SKY_PIXELS = 200_000, 200  # pixels drawn from all photos; required above the horizon
+SKY_FRACTION, SKY_ERROR = 0.8, 0.11  # of pixels above the horizon that a sky must explain; color error of each
+FOG_PENALTY = 5e-2  # weight of opacity where the sky alone explains the photo
+COLOR_DEVIATION = 0.2  # standard deviation between photo and sky that count as equal: clouds move
 
 
-class OpenFit(VoxelFit):
-    """The fit of open space. observations may be empty; horizon: above which there is a sky, None for nowhere."""
+class OpenFit(VoxelFit[OpenSettings]):
+    """Fit of a field in open space. horizon: there may be a sky above it; None for no sky."""
 
     cuts = (1 / 4, 1 / 2)
     russian_roulette = 0.02
@@ -68,8 +68,8 @@ class OpenFit(VoxelFit):
             return super()._refined(level)
         return field.refined(level.voxels, lambda cells: ~self._free.holds(field.space.to_world(cells)))
 
-    def _learn(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
-        super()._learn(field, renderer, training_state)
+    def _set_field(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
+        super()._set_field(field, renderer, training_state)
         self._vertices = field.numbers()
 
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
@@ -80,37 +80,38 @@ class OpenFit(VoxelFit):
         index[n_rays - n_observed :] = self._observations.index[chosen]
         jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
         rays, target = dataset.rays(index), dataset.exposed_alike(index)
-        sums = self._renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
-        # behind everything but the sky it is any color, so that rays must end on something
+        sums = self.renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
+        # random colors behind everything but the sky, so that rays must end on something
         behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.final_transmittance
         if self._horizon is not None:
+            assert self.background is not None
             is_sky, sky = self._horizon.is_sky(rays.viewdirs), self.background(rays.viewdirs)
-            needless = torch.exp(-((sky.detach() - target) ** 2).sum(1) / (2 * ALIKE**2))
+            explained = torch.exp(-((sky.detach() - target) ** 2).sum(1) / (2 * COLOR_DEVIATION**2))
             behind = torch.where(is_sky[:, None], sky, behind)
-            passing = torch.where(is_sky, FOG_PENALTY * needless * (1 - sums.final_transmittance), passing)
+            passing = torch.where(is_sky, FOG_PENALTY * explained * (1 - sums.final_transmittance), passing)
         error = ((sums.color + sums.final_transmittance[:, None] * behind - target) ** 2).mean()
         loss = error + settings.distortion * sums.distortion.mean() + passing.mean()
         loss = loss + settings.total_variation * self._total_variation()
         if n_observed:
             strength = settings.point_depth * (LATE_POINTS if level is settings.levels[-1] else 1.0)
-            # weight before an observed point, and weight that is missing up to it
+            # weight in front of an observed point, and weight missing up to it
             missed = (sums.before + 1 - sums.up_to) * sums.observes
             loss = loss + strength * missed.sum() / n_observed
         return Batch(loss, error, sums.n_samples)
 
-    def _trained_networks(self, field: VoxelField) -> list:
-        networks = super()._trained_networks(field)
-        return networks if self._horizon is None else networks + list(self.background.parameters())
+    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
+        sky = [] if self._horizon is None or self.background is None else list(self.background.parameters())
+        return super()._trained_networks(field) + sky
 
     def _total_variation(self) -> Tensor:
-        """Mean squared difference to the next vertex along each axis, over random vertices."""
+        """Return the mean squared difference to the next vertex along each axis, over random vertices."""
         field = self.field
-        # in the order of memory, a vertex with all its neighbors: waiting for memory is most of the time
+        # sorted, since memory latency dominates
         rows = self.runtime.randint(len(self._vertices), TV_VERTICES).sort().values
         steps = field.vertex_numbers(torch.eye(3, dtype=torch.long, device=rows.device))
         last = field.index.numel() * BITS - 1
         neighbors = field.rows_of((self._vertices[rows, None] + steps).clamp_max(last))
-        density, features = self._renderer.differences(rows.repeat_interleave(3), neighbors.view(-1))
+        density, features = self.renderer.differences(rows.repeat_interleave(3), neighbors.view(-1))
         return (density + features / self.field.n_features) / TV_VERTICES
 
 
@@ -124,10 +125,7 @@ def start_open_fit(
     horizon: Horizon | None,
     runtime: Runtime,
 ) -> OpenFit:
-    """A fresh field in all of a space, on the runtime's device, that a camera sees and that is not free.
-
-    horizon: above which there may be a sky.
-    """
+    """Create the fit of a new field in the part of a space that cameras see and that is not known to be free."""
     low, high = space.grid_bounds(dataset.cameras)
     voxel = float((high - low).max()) / settings.levels[0].voxels
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
@@ -139,36 +137,36 @@ def start_open_fit(
 
 
 def fit_background(dataset: PixelDataset, runtime: Runtime) -> Background:
-    """What the photos show in each direction on average: a better filling for unseen gaps than any one color."""
+    """Fit the photos' mean color in each direction, which fills gaps that no photo sees."""
     background = Background().to(runtime.device)
-    _learn_directions(background, dataset, None, torch.square, runtime)
+    _fit_directions(background, dataset, None, torch.square, runtime)
     return background.requires_grad_(False)
 
 
 def fit_sky(dataset: PixelDataset, horizon: Horizon, runtime: Runtime) -> Background | None:
-    """What most photos show in each direction above the horizon; None where that does not follow from the direction."""
+    """Fit the color of each direction above the horizon; None if the photos disagree there."""
     index = dataset.draw(SKY_PIXELS, runtime)
     index = index[horizon.is_sky(dataset.rays(index).viewdirs)]
     if len(index) < FEWEST_SKY_PIXELS:
         return None
     sky = Background().to(runtime.device)
-    # absolute differences: things before the sky are strays
-    gaps = _learn_directions(sky, dataset, index, torch.abs, runtime)
-    return sky if float(gaps.quantile(AGREEING)) < SKY_LIKENESS else None
+    # absolute differences: objects in front of the sky are outliers
+    errors = _fit_directions(sky, dataset, index, torch.abs, runtime)
+    return sky if float(errors.quantile(SKY_FRACTION)) < SKY_ERROR else None
 
 
-def _learn_directions(
+def _fit_directions(
     background: Background,
     dataset: PixelDataset,
     index: Tensor | None,
     penalty: Callable[[Tensor], Tensor],
     runtime: Runtime,
 ) -> Tensor:
-    """Learn the colors of random pixels, or of those in `index`; differences of the last ones, [n] in a channel."""
-    optimizer = Adam(background.parameters(), lr=1e-2)
+    """Fit a background to the pixels in `index`, or to all; return the RMS errors of the last batch, [n]."""
+    optimizer, gaps = Adam(background.parameters(), lr=1e-2), torch.zeros(0, 3)
     for _ in range(200):
-        some = dataset.draw(2048, runtime) if index is None else index[runtime.randint(len(index), 2048)]
-        gaps = background(dataset.rays(some).viewdirs) - dataset.color[some].float() / 255
+        batch = dataset.draw(2048, runtime) if index is None else index[runtime.randint(len(index), 2048)]
+        gaps = background(dataset.rays(batch).viewdirs) - dataset.color[batch].float() / 255
         loss = penalty(gaps).mean()
         optimizer.zero_grad()
         loss.backward()

@@ -1,4 +1,4 @@
-"""Sparse points as the pixels of photos observe them."""
+"""Sparse points and the pixels that observe them."""
 
 from __future__ import annotations
 
@@ -16,22 +16,17 @@ from ..rendering.space import Space
 
 @dataclass(frozen=True)
 class Observations:
-    """Which pixel observes which sparse point.
+    """Pixels that observe a sparse point."""
 
-    Attributes:
-        index: [m], running pixel index of a PixelDataset.
-        positions: [m, 3], of the points, grid coordinates.
-    """
-
-    index: Tensor
-    positions: Tensor
+    index: Tensor  # [m], running pixel index of a PixelDataset
+    positions: Tensor  # [m, 3], observed points, grid coordinates
 
     def __len__(self) -> int:
         return len(self.index)
 
 
 def observations_of(dataset: PixelDataset, space: Space, points: SparsePoints | None) -> Observations:
-    """The pixels of the dataset that see a reliable sparse point."""
+    """Return all observations of reliable sparse points by the dataset's pixels."""
     index, positions = [torch.zeros(0, dtype=torch.long)], [torch.zeros(0, 3)]
     if points is not None and len(points):
         reliable = is_reliable(points)

@@ -1,7 +1,7 @@
-"""What a fit asks of the field it learns: sums along rays, and the step that their gradients lead to.
+"""Differentiable rendering of a field during training: sums along rays, and the optimizer of its tables.
 
-Two ways to compute them stand behind one protocol: torch, on any device, and compiled kernels (fused/), on processors
-that have numba. Losses are ordinary torch on the sums of each ray, and the same for both.
+`TorchRenderer` runs on any device, `fused.renderer.FusedRenderer` on processors with numba. Losses are ordinary torch
+expressions of the sums, the same for both.
 """
 
 from __future__ import annotations
@@ -15,85 +15,66 @@ from torch import Tensor
 
 from ..rendering.rays import Rays
 
-DARK = 1e-4  # of the light left, a ray ends
+DARK = 1e-4  # rays are terminated at this transmittance
 
 
 @dataclass(frozen=True)
 class PointSupervision:
-    """How exactly rays observe points, grid units.
+    """Tolerances for observed points, grid units."""
 
-    Attributes:
-        margin: How far before and behind an observed point its surface may lie.
-        off_path: An observed point farther from its ray is a mistake.
-    """
-
-    margin: float
-    off_path: float
+    margin: float  # largest distance between an observed point and its surface along the ray
+    off_path: float  # points farther than this from their own ray are ignored as outliers
 
 
 @dataclass(frozen=True)
 class RayBatch:
-    """Rays to render.
+    """Rays to render."""
 
-    Attributes:
-        rays: R of them, world units.
-        step: Distance between samples, voxels.
-        jitter: Offset of each ray's samples in [0, 1) steps, [R].
-        is_diffuse: Whether the viewing direction is left out of the colors.
-        observed: Points that the last O rays observe, [O, 3], grid coordinates; None for none.
-    """
-
-    rays: Rays
-    step: float
-    jitter: Tensor
-    is_diffuse: bool = False
-    observed: Tensor | None = None
+    rays: Rays  # R rays, world units
+    step: float  # distance between samples, voxels
+    jitter: Tensor  # offset of each ray's samples in [0, 1) steps, [R]
+    is_diffuse: bool = False  # ignore the viewing direction
+    observed: Tensor | None = None  # points observed by the last O rays, [O, 3], grid coordinates
 
 
 @dataclass(frozen=True)
 class RaySums:
-    """Sums over the samples of each ray, differentiable in all that is learned of the field.
+    """Sums over the samples of each ray, differentiable in all parameters of the field."""
 
-    Attributes:
-        color: Weighted colors, what is behind left out, [R, 3].
-        final_transmittance: Light that leaves the ray behind its last sample, [R] in [0, 1].
-        distortion: Mip-NeRF 360's (volume.distortion), in the renderer's unit of length, [R].
-        before: Weight clearly before the ray's observed point, [R]; 0 for rays that observe none or pass it by.
-        up_to: Weight up to a little behind that point, [R], likewise.
-        observes: Whether the ray observes a point and does not pass it by, [R] bool.
-        distance: Weighted distances along the ray, in that unit, [R].
-        distance_squared: Weighted squares of them, [R].
-        alpha: Opacities of its samples, [R].
-        n_samples: Of all rays together.
-    """
-
-    color: Tensor
-    final_transmittance: Tensor
-    distortion: Tensor
-    before: Tensor
-    up_to: Tensor
-    observes: Tensor
-    distance: Tensor
-    distance_squared: Tensor
-    alpha: Tensor
-    n_samples: int
+    color: Tensor  # weighted colors without a background, [R, 3]
+    final_transmittance: Tensor  # transmittance after the last sample, [R] in [0, 1]
+    distortion: Tensor  # distortion of Mip-NeRF 360 (see volume.distortion), in the renderer's unit, [R]
+    before: Tensor  # weight before the observed point less the margin, [R]; 0 for rays without a valid observation
+    up_to: Tensor  # weight before the observed point plus the margin, [R]; 0 for rays without a valid observation
+    observes: Tensor  # rays with a valid observation, [R] bool
+    distance: Tensor  # weighted distances along the ray, in the renderer's unit, [R]
+    distance_squared: Tensor  # weighted squared distances, [R]
+    alpha: Tensor  # sum of the samples' opacities, [R]
+    n_samples: int  # samples of all rays
 
 
 class Renderer(Protocol):
-    """Renders one field while it learns. A field of other cells takes another renderer."""
+    """Renderer of one field during training; pruning or refining the field requires a new renderer."""
 
     def render(self, batch: RayBatch) -> RaySums:
-        """The sums of a batch; `backward` must reach them before the next batch is rendered."""
+        """Render a batch. Call `backward` before rendering the next one."""
+        ...
 
     def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Sums of squared differences between table rows [m] and others [m], of densities and of features, []; pairs
-        with a row of -1 count nothing. Differentiable in the tables."""
+        """Return the sums of squared differences between table rows [m] and others [m], of densities and of features.
+
+        Pairs with a row of -1 are skipped. Differentiable in the tables.
+        """
+        ...
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> torch.optim.Optimizer:
-        """Adam over groups of parameters, of which the first holds the field's densities and features."""
+        """Return Adam over parameter groups; the first group is the field's densities and features."""
+        ...
 
     def visibility(self, batches: Iterable[Rays]) -> Tensor:
-        """Largest weight of a sample in each occupied cell, over the rays of all batches, [n]."""
+        """Return the largest sample weight in each occupied cell over all rays, [n]."""
+        ...
 
     def is_free(self, rays: Rays, step: float) -> Tensor:
-        """Whether a ray meets no occupied cell, by samples so many voxels apart, [R] bool."""
+        """Return True for rays without a sample in an occupied cell, [R] bool. step: sample distance, voxels."""
+        ...

@@ -1,13 +1,15 @@
-"""A fresh fit of voxels: in a box, or in open space."""
+"""Creation of a voxel fit for the space of a capture."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 from ...project.settings import Level
 from ..fit import FitInputs
 from ..free_space import FreeSpace
 from ..horizon import horizon_of
+from ..rendering.space import OpenSpace
 from ..rendering.space_values import space_on
 from ..spaces import contraction_round_focus, middle_frustum
 from .fit import VoxelFit
@@ -17,10 +19,10 @@ from .observations import observations_of
 
 
 def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
-    """A fresh fit of voxels in the space that the inputs name.
+    """Create the fit of a new voxel field.
 
     Raises:
-        BadRequest: A frustum was asked for, and how near the scene is is not known.
+        BadRequest: The space is a frustum and the nearest depth is unknown.
     """
     dataset, settings, runtime = inputs.dataset, inputs.settings, inputs.runtime
     if inputs.space == "box":
@@ -34,7 +36,7 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
     else:
         space = contraction_round_focus(dataset.cameras, recipe)
         horizon = horizon_of(dataset.cameras, inputs.points, space.center, space.radius).to(runtime.device)
-    space = space_on(space, runtime.device)
+    space = cast(OpenSpace, space_on(space, runtime.device))
     observations = observations_of(dataset, space, inputs.points)
     free = FreeSpace.of(inputs.views, inputs.points, runtime.device)
     return start_open_fit(dataset, space, recipe, settings.features, observations, free, horizon, runtime)

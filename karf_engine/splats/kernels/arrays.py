@@ -1,4 +1,7 @@
-"""The arrays that kernels share, and what their columns are. Without numba."""
+"""Arrays of the kernels and their columns. Importable without numba.
+
+Sizes: n Gaussians, K harmonics per color, T tiles, E entries of all tiles, H x W pixels.
+"""
 
 from __future__ import annotations
 
@@ -6,77 +9,62 @@ from typing import NamedTuple
 
 import numpy as np
 
-# columns of the table of Gaussians; behind COLOR three for each harmonic: red, green, blue
+# columns of the table of Gaussians; from COLOR on red, green, blue of each harmonic
 CENTER, LOG_SCALE, ROTATION, LOGIT, COLOR = 0, 3, 6, 10, 11
-C0 = np.float32(0.28209479177387814)  # the first harmonic, the same from everywhere
-TILE = 16  # pixels of a tile's side
-LANES = 8  # neighboring pixels of a row that are computed at once
+C0 = np.float32(0.28209479177387814)  # the constant harmonic
+TILE = 16  # side of a tile, pixels
+LANES = 8  # adjacent pixels of a row processed by vector instructions
 BLOCKS = TILE // LANES
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
-LEAST_ALPHA, MOST_ALPHA = np.float32(1 / 255), np.float32(0.99)  # Kerbl et al.: less is left out, more cut off
-DARK = np.float32(1e-4)  # transmittance behind which nothing is seen
-LOOK_EVERY = 32  # Gaussians of a tile between two looks at whether it has become dark
-# of the picture's larger side, beyond which a center's Gaussian is left out: its shape on the screen is a linear
-# guess. Bands and windows of a picture show what it shows, so nothing else depends on where the axis is
+MIN_ALPHA, MAX_ALPHA = np.float32(1 / 255), np.float32(0.99)  # Kerbl et al.: skipped below, clamped above
+DARK = np.float32(1e-4)  # tiles are finished at this transmittance
+CHECK_EVERY = 32  # Gaussians of a tile between checks of its transmittance
+# Largest distance of a center from the picture, in its longer sides: beyond it the linear approximation of the shape
+# fails. Nothing else depends on the optical axis, so crops of a picture are equal to parts of it.
 BORDER = 0.3
 
 
 class ScreenFilter(NamedTuple):
-    """What is done to Gaussians on the screen so that none is finer than a pixel.
+    """Low-pass filter on the screen."""
 
-    Attributes:
-        blur: Added to their covariances, pixels squared.
-        least_share: Their opacities fall by as much as their areas grow (Yu et al. 2024, "Mip-Splatting", Eq. 12), to no
-            less than this share's square root. 1: they stay.
-    """
-
-    blur: np.float32
+    blur: np.float32  # variance added to the covariances, pixels squared
+    # Opacities are scaled by the square root of the ratio of areas before and after the blur, but at least of this
+    # ratio (Yu et al. 2024, "Mip-Splatting", Eq. 12); 1 turns the scaling off
     least_share: np.float32
 
 
-# our own: the variance of a pixel's square; the least share keeps the opacity's slope finite
+# variance of a square pixel; the lower limit keeps the gradient finite
 PIXEL_FILTER = ScreenFilter(np.float32(1 / 12), np.float32(0.005))
-# of Kerbl et al. 2023, and of what their program and gsplat learn where they are asked for antialiasing
+# of Kerbl et al. 2023, and of their program and gsplat with antialiasing
 PLAIN_FILTER = ScreenFilter(np.float32(0.3), ONE)
 ANTIALIASED_FILTER = ScreenFilter(np.float32(0.3), np.float32(0.000025))
 
 
 class Pinhole(NamedTuple):
-    """A camera as kernels read it: x right, y down, z forward; pixel corners at integers.
+    """Camera with x right, y down, z forward; pixel corners are at integers."""
 
-    Attributes:
-        turn: [9], rotation from world to camera, row by row.
-        shift: [3], its translation.
-        eye: [3], the camera's place in the world.
-        fx, fy, cx, cy: Pixels.
-        width, height: Pixels.
-        near: What is nearer, along the axis, is not seen; world units.
-        blur, least_share: Of the screen filter.
-    """
-
-    turn: np.ndarray
-    shift: np.ndarray
-    eye: np.ndarray
+    rotation: np.ndarray  # [9], world to camera, row-major
+    translation: np.ndarray  # [3], world to camera
+    eye: np.ndarray  # [3], position in the world
     fx: np.float32
     fy: np.float32
     cx: np.float32
     cy: np.float32
     width: int
     height: int
-    near: np.float32
-    blur: np.float32
+    near: np.float32  # depth of the near plane, world units
+    blur: np.float32  # of the screen filter
     least_share: np.float32
 
 
-def _record(*names: str) -> np.dtype:
-    return np.dtype((np.record, [(name, np.float32) for name in names]))
+def _record(*names: str, kind: type = np.float32) -> np.dtype:
+    return np.dtype((np.record, [(name, kind) for name in names]))
 
 
-# a Gaussian on the screen: center u v, inverse covariance [[a, b], [b, c]], opacity as blended, depth along the axis,
-# half width and height of the box beyond which its alpha is under LEAST_ALPHA; red green blue as seen from here
+# Gaussian on the screen: center u v, inverse covariance [[a, b], [b, c]], filtered opacity, depth, half width and height
+# of the box outside which its alpha is below MIN_ALPHA, and its color from this viewpoint
 SPLAT = _record("u", "v", "a", "b", "c", "opacity", "depth", "reach_x", "reach_y", "red", "green", "blue")
-# gradients of a loss to these, summed over the pixels of one tile
-SLOPES = _record("u", "v", "a", "b", "c", "opacity", "red", "green", "blue")
-TILES = np.dtype((np.record, [(name, np.int32) for name in ("left", "right", "top", "bottom")]))  # ends are exclusive
-# which Gaussian an entry of a tile is, and its row of slopes
-ENTRY = np.dtype((np.record, [("gaussian", np.int32), ("slot", np.int32)]))
+# gradients of a loss with respect to these, summed over the pixels of one tile
+SPLAT_GRADIENTS = _record("u", "v", "a", "b", "c", "opacity", "red", "green", "blue")
+TILE_BOX = _record("left", "right", "top", "bottom", kind=np.int32)  # tiles touched by a Gaussian; ends are exclusive
+ENTRY = _record("gaussian", "row", kind=np.int32)  # of a tile: its Gaussian, and the row of the gradients of this pair

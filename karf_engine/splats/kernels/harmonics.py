@@ -1,4 +1,4 @@
-"""Real spherical harmonics up to degree 3 and their slopes, in the order and signs of Kerbl et al.'s files."""
+"""Real spherical harmonics up to degree 3 and their derivatives, with the order and signs of Kerbl et al. 2023."""
 
 from __future__ import annotations
 
@@ -35,26 +35,26 @@ def harmonics(x, y, z, count, values):
 
 
 @kernel
-def harmonic_slopes(x, y, z, count, slopes):
-    """Write their derivatives by x, y and z, each as if the others were free, [count, 3]."""
-    slopes[:count] = 0
+def harmonic_gradients(x, y, z, count, gradients):
+    """Write the partial derivatives of the first `count` harmonics with respect to x, y, z, [count, 3]."""
+    gradients[:count] = 0
     if count > 1:
-        slopes[1, 1], slopes[2, 2], slopes[3, 0] = -C1, C1, -C1
+        gradients[1, 1], gradients[2, 2], gradients[3, 0] = -C1, C1, -C1
     if count > 4:
-        slopes[4, 0], slopes[4, 1] = C4 * y, C4 * x
-        slopes[5, 1], slopes[5, 2] = -C4 * z, -C4 * y
-        slopes[6, 0], slopes[6, 1], slopes[6, 2] = -TWO * C6 * x, -TWO * C6 * y, FOUR * C6 * z
-        slopes[7, 0], slopes[7, 2] = -C4 * z, -C4 * x
-        slopes[8, 0], slopes[8, 1] = TWO * C8 * x, -TWO * C8 * y
+        gradients[4, 0], gradients[4, 1] = C4 * y, C4 * x
+        gradients[5, 1], gradients[5, 2] = -C4 * z, -C4 * y
+        gradients[6, 0], gradients[6, 1], gradients[6, 2] = -TWO * C6 * x, -TWO * C6 * y, FOUR * C6 * z
+        gradients[7, 0], gradients[7, 2] = -C4 * z, -C4 * x
+        gradients[8, 0], gradients[8, 1] = TWO * C8 * x, -TWO * C8 * y
     if count > 9:
         xx, yy, zz = x * x, y * y, z * z
-        slopes[9, 0], slopes[9, 1] = -SIX * C9 * x * y, -THREE * C9 * (xx - yy)
-        slopes[10, 0], slopes[10, 1], slopes[10, 2] = C10 * y * z, C10 * x * z, C10 * x * y
-        slopes[11, 0], slopes[11, 2] = TWO * C11 * x * y, -EIGHT * C11 * y * z
-        slopes[11, 1] = -C11 * (FOUR * zz - xx - THREE * yy)
-        slopes[12, 0], slopes[12, 1] = -SIX * C12 * x * z, -SIX * C12 * y * z
-        slopes[12, 2] = C12 * (SIX * zz - THREE * xx - THREE * yy)
-        slopes[13, 0] = -C11 * (FOUR * zz - THREE * xx - yy)
-        slopes[13, 1], slopes[13, 2] = TWO * C11 * x * y, -EIGHT * C11 * x * z
-        slopes[14, 0], slopes[14, 1], slopes[14, 2] = TWO * C14 * x * z, -TWO * C14 * y * z, C14 * (xx - yy)
-        slopes[15, 0], slopes[15, 1] = -THREE * C9 * (xx - yy), SIX * C9 * x * y
+        gradients[9, 0], gradients[9, 1] = -SIX * C9 * x * y, -THREE * C9 * (xx - yy)
+        gradients[10, 0], gradients[10, 1], gradients[10, 2] = C10 * y * z, C10 * x * z, C10 * x * y
+        gradients[11, 0], gradients[11, 2] = TWO * C11 * x * y, -EIGHT * C11 * y * z
+        gradients[11, 1] = -C11 * (FOUR * zz - xx - THREE * yy)
+        gradients[12, 0], gradients[12, 1] = -SIX * C12 * x * z, -SIX * C12 * y * z
+        gradients[12, 2] = C12 * (SIX * zz - THREE * xx - THREE * yy)
+        gradients[13, 0] = -C11 * (FOUR * zz - THREE * xx - yy)
+        gradients[13, 1], gradients[13, 2] = TWO * C11 * x * y, -EIGHT * C11 * x * z
+        gradients[14, 0], gradients[14, 1], gradients[14, 2] = TWO * C14 * x * z, -TWO * C14 * y * z, C14 * (xx - yy)
+        gradients[15, 0], gradients[15, 1] = -THREE * C9 * (xx - yy), SIX * C9 * x * y

@@ -1,4 +1,7 @@
-"""Gaussians on the screen of a pinhole (Zwicker et al. 2001, "EWA Splatting"; Kerbl et al. 2023), and back."""
+"""Projection of Gaussians to the screen (Zwicker et al. 2001, "EWA Splatting"; Kerbl et al. 2023), and its gradients.
+
+A row of the table is [11 + 3 K] (see gaussians.Gaussians); the camera is an arrays.Pinhole.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +10,15 @@ import math
 import numpy as np
 
 from ...compute.kernels import allocating_kernel, kernel
-from .arrays import (
-    BORDER,
-    COLOR,
-    HALF,
-    LEAST_ALPHA,
-    LOG_SCALE,
-    LOGIT,
-    ONE,
-    ROTATION,
-    TILE,
-    ZERO,
-)
-from .harmonics import harmonic_slopes, harmonics
+from .arrays import BORDER, COLOR, HALF, LOG_SCALE, LOGIT, MIN_ALPHA, ONE, ROTATION, TILE, ZERO
+from .harmonics import harmonic_gradients, harmonics
 
 TWO, LARGEST = np.float32(2), np.float32(3e38)
 
 
 @kernel
 def rotate(row, rotation):
-    """Write the rotation [3, 3] of a row's quaternion w x y z, of any length."""
+    """Write the rotation [3, 3] of a row's quaternion."""
     w, x, y, z = row[ROTATION], row[ROTATION + 1], row[ROTATION + 2], row[ROTATION + 3]
     norm = ONE / math.sqrt(w * w + x * x + y * y + z * z)
     w, x, y, z = w * norm, x * norm, y * norm, z * norm
@@ -38,92 +30,84 @@ def rotate(row, rotation):
 
 
 @kernel
-def place(row, camera, at):
-    """Write a center's x y z in the camera, at [3]."""
-    turn, shift = camera.turn, camera.shift
+def to_camera(row, camera, center):
+    """Write the center [3] in camera coordinates."""
+    view, translation = camera.rotation, camera.translation
     for i in range(3):
-        at[i] = turn[3 * i] * row[0] + turn[3 * i + 1] * row[1] + turn[3 * i + 2] * row[2] + shift[i]
+        center[i] = view[3 * i] * row[0] + view[3 * i + 1] * row[1] + view[3 * i + 2] * row[2] + translation[i]
 
 
 @kernel
-def flatten(row, camera, at, to_screen, rotation, scale, axes):
-    """Write a placed Gaussian's axes on the screen.
+def project_axes(row, camera, center, jacobian, rotation, scale, axes):
+    """Write the Gaussian's three axes on the screen, [2, 3] pixels, and what they are computed from.
 
     Args:
-        row: Of the table.
+        row: Row of the table.
         camera: Pinhole.
-        at: [3], x y z in the camera.
-        to_screen: [2, 3], slope of the projection by the world's axes.
-        rotation: [3, 3].
-        scale: [3].
-        axes: [2, 3], the Gaussian's three axes on the screen, pixels.
+        center: [3], camera coordinates.
+        jacobian: [2, 3], output: of the projection with respect to world coordinates.
+        rotation: [3, 3], output.
+        scale: [3], output.
+        axes: [2, 3], output.
     """
-    turn = camera.turn
+    view = camera.rotation
     for i in range(3):
         scale[i] = math.exp(row[LOG_SCALE + i])
     for j in range(3):
-        to_screen[0, j] = camera.fx / at[2] * (turn[j] - at[0] / at[2] * turn[6 + j])
-        to_screen[1, j] = camera.fy / at[2] * (turn[3 + j] - at[1] / at[2] * turn[6 + j])
+        jacobian[0, j] = camera.fx / center[2] * (view[j] - center[0] / center[2] * view[6 + j])
+        jacobian[1, j] = camera.fy / center[2] * (view[3 + j] - center[1] / center[2] * view[6 + j])
     rotate(row, rotation)
     for i in range(2):
         for j in range(3):
-            turned = to_screen[i, 0] * rotation[0, j] + to_screen[i, 1] * rotation[1, j]
-            axes[i, j] = (turned + to_screen[i, 2] * rotation[2, j]) * scale[j]
+            projected = jacobian[i, 0] * rotation[0, j] + jacobian[i, 1] * rotation[1, j]
+            axes[i, j] = (projected + jacobian[i, 2] * rotation[2, j]) * scale[j]
 
 
 @kernel
-def direction(row, camera, way):
-    """Write the unit direction [3] from the camera's place to a center; returns one over the distance."""
+def direction(row, camera, viewdir):
+    """Write the unit direction [3] from the camera to the center; return 1 / distance."""
     for i in range(3):
-        way[i] = row[i] - camera.eye[i]
-    inverse = ONE / math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        viewdir[i] = row[i] - camera.eye[i]
+    inverse = ONE / math.sqrt(viewdir[0] * viewdir[0] + viewdir[1] * viewdir[1] + viewdir[2] * viewdir[2])
     for i in range(3):
-        way[i] *= inverse
+        viewdir[i] *= inverse
     return inverse
 
 
 @allocating_kernel
-def project(first, last, table, camera, splats, tiles):
-    """Write splats [n] and their tiles [n] of the rows first to last; unseen ones get no tiles.
+def project(first, last, table, camera, splats, boxes):
+    """Write `splats` [n] of SPLAT and their `boxes` [n] of TILE_BOX for rows first to last.
 
-    Nor do rows from which no finite ellipse follows: the questions are asked so that NaN is a no.
-
-    Args:
-        first: Row.
-        last: Row.
-        table: [n, 11 + 3 K].
-        camera: Pinhole.
-        splats: [n] of SPLAT.
-        tiles: [n] of TILES.
+    Invisible Gaussians and those without a finite ellipse get an empty box; comparisons are False for NaN.
     """
     count = (table.shape[1] - COLOR) // 3
-    at, scale, way = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
-    to_screen, axes = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
+    center, scale, viewdir = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(3, np.float32)
+    jacobian, axes = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
     rotation, basis = np.empty((3, 3), np.float32), np.empty(16, np.float32)
     width, height = np.float32(camera.width), np.float32(camera.height)
     border = np.float32(BORDER) * max(width, height)
     for g in range(first, last):
-        row, splat, box = table[g], splats[g], tiles[g]
+        row, splat, box = table[g], splats[g], boxes[g]
         box.left = box.right = box.top = box.bottom = 0
-        place(row, camera, at)
-        if not at[2] >= camera.near:
+        to_camera(row, camera, center)
+        if not center[2] >= camera.near:
             continue
-        u, v = camera.fx * at[0] / at[2] + camera.cx, camera.fy * at[1] / at[2] + camera.cy
+        u, v = camera.fx * center[0] / center[2] + camera.cx, camera.fy * center[1] / center[2] + camera.cy
         if not (-border <= u <= width + border and -border <= v <= height + border):
             continue
-        flatten(row, camera, at, to_screen, rotation, scale, axes)
+        project_axes(row, camera, center, jacobian, rotation, scale, axes)
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
         yy = axes[1, 0] * axes[1, 0] + axes[1, 1] * axes[1, 1] + axes[1, 2] * axes[1, 2]
-        sharp = xx * yy - xy * xy
+        unblurred = xx * yy - xy * xy
         xx, yy = xx + camera.blur, yy + camera.blur
         area = xx * yy - xy * xy
         if not ZERO < area < LARGEST:
             continue
-        opacity = math.sqrt(max(sharp / area, camera.least_share)) / (ONE + math.exp(-row[LOGIT]))
-        if not opacity >= LEAST_ALPHA:
+        opacity = math.sqrt(max(unblurred / area, camera.least_share)) / (ONE + math.exp(-row[LOGIT]))
+        if not opacity >= MIN_ALPHA:
             continue
-        reach = TWO * math.log(opacity / LEAST_ALPHA)
+        reach = TWO * math.log(opacity / MIN_ALPHA)
         reach_x, reach_y = math.sqrt(reach * xx), math.sqrt(reach * yy)
         left, right = max(ZERO, math.floor(u - reach_x)), min(width, math.ceil(u + reach_x))
         top, bottom = max(ZERO, math.floor(v - reach_y)), min(height, math.ceil(v + reach_y))
@@ -131,21 +115,19 @@ def project(first, last, table, camera, splats, tiles):
             continue
         box.left, box.right = int(left) // TILE, (int(right) - 1) // TILE + 1
         box.top, box.bottom = int(top) // TILE, (int(bottom) - 1) // TILE + 1
-        splat.u, splat.v, splat.depth = u, v, at[2]
+        splat.u, splat.v, splat.depth = u, v, center[2]
         splat.a, splat.b, splat.c = yy / area, -xy / area, xx / area
         splat.opacity, splat.reach_x, splat.reach_y = opacity, reach_x, reach_y
-        direction(row, camera, way)
-        harmonics(way[0], way[1], way[2], count, basis)
-        splat.red, splat.green, splat.blue = (
-            seen_color(row, basis, count, 0),
-            seen_color(row, basis, count, 1),
-            seen_color(row, basis, count, 2),
-        )
+        direction(row, camera, viewdir)
+        harmonics(viewdir[0], viewdir[1], viewdir[2], count, basis)
+        splat.red = seen_color(row, basis, count, 0)
+        splat.green = seen_color(row, basis, count, 1)
+        splat.blue = seen_color(row, basis, count, 2)
 
 
 @kernel
 def seen_color(row, basis, count, channel):
-    """A channel's color of a row: half a gray and its harmonics, never under 0."""
+    """Return max(0, 0.5 + sum of harmonics) of a channel."""
     color = HALF
     for k in range(count):
         color += basis[k] * row[COLOR + 3 * k + channel]
@@ -153,63 +135,59 @@ def seen_color(row, basis, count, channel):
 
 
 @allocating_kernel
-def project_back(first, last, table, camera, splats, slots, slopes, gradients):
-    """Write the gradients of the table's rows first to last; those of unseen Gaussians are left as they are.
+def project_back(first, last, table, camera, splats, offsets, splat_gradients, gradients):
+    """Write the `gradients` of visible rows first to last; other rows are unchanged.
 
     Args:
         first: Row.
-        last: Row.
+        last: Row, exclusive.
         table: [n, 11 + 3 K].
         camera: Pinhole.
-        splats: [n] of SPLAT, as projected.
-        slots: [n + 1], the first row of slopes of each Gaussian.
-        slopes: [S] of SLOPES, by Gaussian and tile.
-        gradients: [n, 11 + 3 K].
+        splats: [n] of SPLAT, from `project`.
+        offsets: [n + 1], first row of each Gaussian in splat_gradients.
+        splat_gradients: [E] of SPLAT_GRADIENTS.
+        gradients: [n, 11 + 3 K], output.
     """
     count = (table.shape[1] - COLOR) // 3
-    at, scale, way, color = (
-        np.empty(3, np.float32),
-        np.empty(3, np.float32),
-        np.empty(3, np.float32),
-        np.empty(3, np.float32),
-    )
-    to_screen, axes = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
-    by_turned, by_screen = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
+    center, scale = np.empty(3, np.float32), np.empty(3, np.float32)
+    viewdir, color = np.empty(3, np.float32), np.empty(3, np.float32)
+    jacobian, axes = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
+    by_axes, by_jacobian = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
     rotation, by_rotation = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
-    basis, basis_slopes = np.empty(16, np.float32), np.empty((16, 3), np.float32)
-    by_camera, by_way = np.empty(3, np.float32), np.empty(3, np.float32)
-    turn = camera.turn
+    basis, basis_gradients = np.empty(16, np.float32), np.empty((16, 3), np.float32)
+    by_camera, by_viewdir = np.empty(3, np.float32), np.empty(3, np.float32)
+    view = camera.rotation
     for g in range(first, last):
-        if slots[g + 1] == slots[g]:
+        if offsets[g + 1] == offsets[g]:
             continue
         row, splat, out = table[g], splats[g], gradients[g]
         by_u, by_v, by_a, by_b, by_c, by_opacity = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
         color[0] = color[1] = color[2] = ZERO
-        for slot in range(slots[g], slots[g + 1]):
-            slope = slopes[slot]
-            by_u, by_v = by_u + slope.u, by_v + slope.v
-            by_a, by_b, by_c = by_a + slope.a, by_b + slope.b, by_c + slope.c
-            by_opacity += slope.opacity
-            color[0] += slope.red
-            color[1] += slope.green
-            color[2] += slope.blue
-        place(row, camera, at)
-        flatten(row, camera, at, to_screen, rotation, scale, axes)
-        # the share of the opacity that the blur leaves
+        for entry in range(offsets[g], offsets[g + 1]):
+            by_splat = splat_gradients[entry]
+            by_u, by_v = by_u + by_splat.u, by_v + by_splat.v
+            by_a, by_b, by_c = by_a + by_splat.a, by_b + by_splat.b, by_c + by_splat.c
+            by_opacity += by_splat.opacity
+            color[0] += by_splat.red
+            color[1] += by_splat.green
+            color[2] += by_splat.blue
+        to_camera(row, camera, center)
+        project_axes(row, camera, center, jacobian, rotation, scale, axes)
+        # filtered opacity
         xx = axes[0, 0] * axes[0, 0] + axes[0, 1] * axes[0, 1] + axes[0, 2] * axes[0, 2]
         xy = axes[0, 0] * axes[1, 0] + axes[0, 1] * axes[1, 1] + axes[0, 2] * axes[1, 2]
         yy = axes[1, 0] * axes[1, 0] + axes[1, 1] * axes[1, 1] + axes[1, 2] * axes[1, 2]
-        sharp = xx * yy - xy * xy
+        unblurred = xx * yy - xy * xy
         area = (xx + camera.blur) * (yy + camera.blur) - xy * xy
-        by_xx, by_xy, by_yy = ZERO, ZERO, ZERO  # of the covariance [[xx, xy], [xy, yy]], xy taken once
-        if sharp / area > camera.least_share:
-            by_ratio = HALF * by_opacity * splat.opacity  # times the logarithm's slope
-            by_xx = by_ratio * (yy / sharp - (yy + camera.blur) / area)
-            by_yy = by_ratio * (xx / sharp - (xx + camera.blur) / area)
-            by_xy = -by_ratio * TWO * xy * (ONE / sharp - ONE / area)
-        solid = ONE / (ONE + math.exp(-row[LOGIT]))
-        out[LOGIT] = by_opacity * splat.opacity * (ONE - solid)
-        # from the inverse covariance to the covariance: -Q G Q
+        by_xx, by_xy, by_yy = ZERO, ZERO, ZERO  # of the covariance [[xx, xy], [xy, yy]] with xy as one variable
+        if unblurred / area > camera.least_share:
+            by_ratio = HALF * by_opacity * splat.opacity  # d sqrt(ratio) = sqrt(ratio) / 2 d log(ratio)
+            by_xx = by_ratio * (yy / unblurred - (yy + camera.blur) / area)
+            by_yy = by_ratio * (xx / unblurred - (xx + camera.blur) / area)
+            by_xy = -by_ratio * TWO * xy * (ONE / unblurred - ONE / area)
+        sigmoid = ONE / (ONE + math.exp(-row[LOGIT]))
+        out[LOGIT] = by_opacity * splat.opacity * (ONE - sigmoid)
+        # covariance from its inverse Q: -Q G Q
         a, b, c, half_b = splat.a, splat.b, splat.c, HALF * by_b
         ha, hb = a * by_a + b * half_b, a * half_b + b * by_c
         hc, hd = b * by_a + c * half_b, b * half_b + c * by_c
@@ -218,62 +196,60 @@ def project_back(first, last, table, camera, splats, slots, slopes, gradients):
         by_yy -= hc * b + hd * c
         half_xy = HALF * by_xy
         for j in range(3):
-            by_turned[0, j] = TWO * (by_xx * axes[0, j] + half_xy * axes[1, j])
-            by_turned[1, j] = TWO * (half_xy * axes[0, j] + by_yy * axes[1, j])
-            out[LOG_SCALE + j] = by_turned[0, j] * axes[0, j] + by_turned[1, j] * axes[1, j]
-            by_turned[0, j] *= scale[j]
-            by_turned[1, j] *= scale[j]
+            by_axes[0, j] = TWO * (by_xx * axes[0, j] + half_xy * axes[1, j])
+            by_axes[1, j] = TWO * (half_xy * axes[0, j] + by_yy * axes[1, j])
+            out[LOG_SCALE + j] = by_axes[0, j] * axes[0, j] + by_axes[1, j] * axes[1, j]
+            by_axes[0, j] *= scale[j]
+            by_axes[1, j] *= scale[j]
         for i in range(3):
             for j in range(3):
-                by_rotation[i, j] = to_screen[0, i] * by_turned[0, j] + to_screen[1, i] * by_turned[1, j]
+                by_rotation[i, j] = jacobian[0, i] * by_axes[0, j] + jacobian[1, i] * by_axes[1, j]
             for j in range(2):
-                by_screen[j, i] = (
-                    by_turned[j, 0] * rotation[i, 0]
-                    + by_turned[j, 1] * rotation[i, 1]
-                    + by_turned[j, 2] * rotation[i, 2]
+                by_jacobian[j, i] = (
+                    by_axes[j, 0] * rotation[i, 0] + by_axes[j, 1] * rotation[i, 1] + by_axes[j, 2] * rotation[i, 2]
                 )
         rotate_back(row, by_rotation, out)
-        # the projection's slope and the center, in the camera's axes
-        z = at[2]
-        slope_xx, slope_xz, slope_yy, slope_yz = ZERO, ZERO, ZERO, ZERO
+        # center in camera coordinates, through its projection and the jacobian
+        z = center[2]
+        by_jxx, by_jxz, by_jyy, by_jyz = ZERO, ZERO, ZERO, ZERO
         for j in range(3):
-            slope_xx += by_screen[0, j] * turn[j]
-            slope_xz += by_screen[0, j] * turn[6 + j]
-            slope_yy += by_screen[1, j] * turn[3 + j]
-            slope_yz += by_screen[1, j] * turn[6 + j]
+            by_jxx += by_jacobian[0, j] * view[j]
+            by_jxz += by_jacobian[0, j] * view[6 + j]
+            by_jyy += by_jacobian[1, j] * view[3 + j]
+            by_jyz += by_jacobian[1, j] * view[6 + j]
         inverse_square = ONE / (z * z)
-        by_camera[0] = camera.fx / z * by_u - camera.fx * inverse_square * slope_xz
-        by_camera[1] = camera.fy / z * by_v - camera.fy * inverse_square * slope_yz
-        by_camera[2] = -(by_camera[0] * at[0] + by_camera[1] * at[1]) / z
-        by_camera[2] -= (camera.fx * slope_xx + camera.fy * slope_yy) * inverse_square
-        by_camera[2] += (camera.fx * at[0] * slope_xz + camera.fy * at[1] * slope_yz) * inverse_square / z
-        # colors, and through the direction the center again
+        by_camera[0] = camera.fx / z * by_u - camera.fx * inverse_square * by_jxz
+        by_camera[1] = camera.fy / z * by_v - camera.fy * inverse_square * by_jyz
+        by_camera[2] = -(by_camera[0] * center[0] + by_camera[1] * center[1]) / z
+        by_camera[2] -= (camera.fx * by_jxx + camera.fy * by_jyy) * inverse_square
+        by_camera[2] += (camera.fx * center[0] * by_jxz + camera.fy * center[1] * by_jyz) * inverse_square / z
+        # colors, and the center through the viewing direction
         if splat.red <= ZERO:
             color[0] = ZERO
         if splat.green <= ZERO:
             color[1] = ZERO
         if splat.blue <= ZERO:
             color[2] = ZERO
-        inverse = direction(row, camera, way)
-        harmonics(way[0], way[1], way[2], count, basis)
-        harmonic_slopes(way[0], way[1], way[2], count, basis_slopes)
-        by_way[0] = by_way[1] = by_way[2] = ZERO
+        inverse = direction(row, camera, viewdir)
+        harmonics(viewdir[0], viewdir[1], viewdir[2], count, basis)
+        harmonic_gradients(viewdir[0], viewdir[1], viewdir[2], count, basis_gradients)
+        by_viewdir[0] = by_viewdir[1] = by_viewdir[2] = ZERO
         for k in range(count):
             along = ZERO
             for channel in range(3):
                 out[COLOR + 3 * k + channel] = basis[k] * color[channel]
                 along += row[COLOR + 3 * k + channel] * color[channel]
             for j in range(3):
-                by_way[j] += along * basis_slopes[k, j]
-        along = by_way[0] * way[0] + by_way[1] * way[1] + by_way[2] * way[2]
+                by_viewdir[j] += along * basis_gradients[k, j]
+        along = by_viewdir[0] * viewdir[0] + by_viewdir[1] * viewdir[1] + by_viewdir[2] * viewdir[2]
         for j in range(3):
-            in_world = turn[j] * by_camera[0] + turn[3 + j] * by_camera[1] + turn[6 + j] * by_camera[2]
-            out[j] = in_world + (by_way[j] - along * way[j]) * inverse
+            in_world = view[j] * by_camera[0] + view[3 + j] * by_camera[1] + view[6 + j] * by_camera[2]
+            out[j] = in_world + (by_viewdir[j] - along * viewdir[j]) * inverse
 
 
 @kernel
 def rotate_back(row, by, out):
-    """Write the gradient of a row's quaternion, of any length, from that of its rotation [3, 3]."""
+    """Write the gradient of a row's quaternion from that of its rotation [3, 3]."""
     w, x, y, z = row[ROTATION], row[ROTATION + 1], row[ROTATION + 2], row[ROTATION + 3]
     norm = ONE / math.sqrt(w * w + x * x + y * y + z * z)
     w, x, y, z = w * norm, x * norm, y * norm, z * norm

@@ -1,32 +1,32 @@
-"""Which Gaussians each tile of a picture shows, from near to far: sorted once, then dealt out to the tiles in order."""
+"""Assignment of Gaussians to the tiles of a picture, from near to far."""
 
 from __future__ import annotations
 
 from ...compute.kernels import kernel
 
-MOST_ENTRIES = 1 << 30  # 8 GiB of them; slots and starts hold twice as many
+MAX_ENTRIES = 1 << 30  # 8 GiB of entries; the sums fit into int32
 
 
 @kernel
-def count_entries(tiles, tiles_x, slots, starts):
-    """Count entries; returns whether they are at most MOST_ENTRIES, else nothing is counted.
+def count_entries(boxes, tiles_x, offsets, starts):
+    """Count the entries of each Gaussian and tile; return False, with nothing counted, above MAX_ENTRIES.
 
     Args:
-        tiles: [n] of TILES.
-        tiles_x: Tiles of a row of the picture.
-        slots: [n + 1]: becomes the first slot of each Gaussian, which has one for each of its tiles.
-        starts: [T + 1], zeros: becomes the first entry of each tile.
+        boxes: [n] of TILE_BOX.
+        tiles_x: Tiles per row of the picture.
+        offsets: [n + 1], output: first entry of each Gaussian in the order of the table.
+        starts: [T + 1], zeros, output: first entry of each tile.
     """
-    total = 0  # of 64 bits
-    slots[0] = 0
-    for g in range(len(tiles)):
-        box = tiles[g]
+    total = 0  # int64
+    offsets[0] = 0
+    for g in range(len(boxes)):
+        box = boxes[g]
         total += (box.right - box.left) * (box.bottom - box.top)
-        if total > MOST_ENTRIES:
+        if total > MAX_ENTRIES:
             return False
-        slots[g + 1] = total
-    for g in range(len(tiles)):
-        box = tiles[g]
+        offsets[g + 1] = total
+    for g in range(len(boxes)):
+        box = boxes[g]
         for y in range(box.top, box.bottom):
             for x in range(box.left, box.right):
                 starts[y * tiles_x + x + 1] += 1
@@ -36,22 +36,22 @@ def count_entries(tiles, tiles_x, slots, starts):
 
 
 @kernel
-def fill_entries(order, tiles, tiles_x, slots, free, entries):
+def fill_entries(order, boxes, tiles_x, offsets, free, entries):
     """Write the entries of all tiles.
 
     Args:
-        order: The seen Gaussians from near to far.
-        tiles: [n] of TILES.
-        tiles_x: Tiles of a row of the picture.
-        slots: As counted.
-        free: [T], the first entry of each tile; used up.
-        entries: [S] of ENTRY.
+        order: Visible Gaussians from near to far.
+        boxes: [n] of TILE_BOX.
+        tiles_x: Tiles per row of the picture.
+        offsets: From `count_entries`.
+        free: [T], first entry of each tile; overwritten.
+        entries: [E] of ENTRY, output.
     """
     for g in order:
-        box, slot = tiles[g], slots[g]
+        box, row = boxes[g], offsets[g]
         for y in range(box.top, box.bottom):
             for x in range(box.left, box.right):
                 entry = entries[free[y * tiles_x + x]]
-                entry.gaussian, entry.slot = g, slot
+                entry.gaussian, entry.row = g, row
                 free[y * tiles_x + x] += 1
-                slot += 1
+                row += 1

@@ -1,5 +1,7 @@
 """Fitting the field: a still life of known geometry, on every kind of background, in a few iterations."""
 
+import gc
+import weakref
 from dataclasses import replace
 from itertools import islice
 
@@ -86,6 +88,25 @@ def test_two_runs_of_the_same_seed_are_bit_identical(photos):
     first, second = (fit(photos[True], "opaque", short).field.state_dict() for _ in range(2))
     assert first.keys() == second.keys()
     assert all(torch.equal(first[name], second[name]) for name in first)
+
+
+@pytest.mark.parametrize("kernels", ["on", "off"])
+def test_a_finished_fit_frees_its_photos_fields_and_moments_at_once(photos, kernels, monkeypatch):
+    monkeypatch.setenv("KARF_KERNELS", kernels)
+    short = replace(SETTINGS, levels=(Level(16, 30, 1.0), Level(24, 6, 1.0)), samples=8000)
+    box_fit = start_box_fit(bank_of(photos[True], "opaque"), "opaque", short, start_runtime(0, 1, "cpu"))
+    gc.disable()  # a reference cycle would live on
+    try:
+        for _ in box_fit.scenes(Progress(lambda *_, **__: None, lambda: False, "geometry", 1)):
+            pass
+        box_fit.state()
+        moments = [entry["exp_avg"] for entry in box_fit._training_state.optimizer.state.values()]
+        parts = [box_fit, box_fit.dataset, box_fit.field, box_fit.background, box_fit._renderer, *moments]
+        held = [weakref.ref(part) for part in parts]
+        del box_fit, moments, parts, _
+        assert [reference() for reference in held] == [None] * len(held)
+    finally:
+        gc.enable()
 
 
 def test_a_capture_that_shows_nothing_is_called_diverged():

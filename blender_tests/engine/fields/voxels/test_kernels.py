@@ -26,8 +26,8 @@ from karf_engine.fields.training.state import TrainingState
 from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
-from karf_engine.fields.voxels.fused.bending import paths_of
-from karf_engine.fields.voxels.fused.marching import share_of, uniform
+from karf_engine.fields.voxels.fused.marching import importance_of, uniform
+from karf_engine.fields.voxels.fused.ray_paths import paths_of
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
 from karf_engine.fields.voxels.renderer import PointSupervision, RayBatch
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
@@ -175,7 +175,7 @@ def test_a_ray_ends_where_its_light_is_used_up(make):
 def _shares(weight, limits, n_rays, n_numbers, out):
     for ray in range(n_rays):
         for number in range(n_numbers):
-            out[ray, number] = share_of(weight, limits, ray, number)
+            out[ray, number] = importance_of(weight, limits, ray, number)
 
 
 @kernel
@@ -200,7 +200,7 @@ def test_russian_roulette_is_uniform_and_its_draws_do_not_depend_on_each_other()
 
 @pytest.mark.parametrize("weight", [0.0005, 0.004, 0.019, 0.5])
 def test_colors_count_as_much_as_without_russian_roulette_on_average(weight):
-    limits = fused(random_field("box"), russian_roulette=0.02)._limits
+    limits = fused(random_field("box"), russian_roulette=0.02)._settings
     shares = np.empty((2000, 100), np.float32)
     _shares(np.float32(weight), limits, 2000, 100, shares)
     chance = min(1.0, weight / 0.02)

@@ -1,4 +1,4 @@
-"""Adam for tables of which an iteration touches few rows: the others rest (as in `torch.optim.SparseAdam`)."""
+"""Adam that updates only the table rows touched in an iteration, like `torch.optim.SparseAdam`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EPSILON = np.float32(1e-12)
 
 @kernel
 def adam_value(table, k, step, beta1, beta2, correction):
-    """Adam's step of one value; its gradient is used up."""
+    """Update one value and reset its gradient."""
     gradient = table.gradients[k]
     table.gradients[k] = np.float32(0)
     mean = beta1 * table.means[k] + (ONE - beta1) * gradient
@@ -32,35 +32,32 @@ def adam_value(table, k, step, beta1, beta2, correction):
 
 @kernel
 def adam_rows(first, last, touched, density, features, n_features, step, beta1, beta2, correction):
-    """Adam's step of the touched rows first to last.
+    """Update the touched rows first to last.
 
-    step: the learning rate over the first moment's bias correction. correction: one over the root of the second's.
+    step: learning rate / (1 - beta1^t). correction: 1 / sqrt(1 - beta2^t).
     """
     n = len(n_features)
     for row in range(first, last):
         if touched[row] & DENSITY and density.gradients[row] != ZERO:
             adam_value(density, row, step, beta1, beta2, correction)
-        at = np.uint64(row) * np.uint64(n)
-        if touched[row] & FEATURES and has_gradient(features.gradients, at, n):
+        start = np.uint64(row) * np.uint64(n)
+        if touched[row] & FEATURES and has_gradient(features.gradients, start, n):
             for number in range(n):
-                adam_value(features, at + np.uint64(number), step, beta1, beta2, correction)
+                adam_value(features, start + np.uint64(number), step, beta1, beta2, correction)
         touched[row] = np.uint8(0)
 
 
 @kernel
-def has_gradient(gradients, at, n):
-    """Whether any of n values is not 0: processes that learn together know no more of each other's rows."""
+def has_gradient(gradients, start, n):
+    """Return True if any of n values is not 0: all that a process group knows of other processes' rows."""
     for number in range(n):
-        if gradients[at + np.uint64(number)] != ZERO:
+        if gradients[start + np.uint64(number)] != ZERO:
             return True
     return False
 
 
 class LazyAdam(Adam):
-    """Adam whose first group are the tables of a field: their rows only step in iterations that touch them.
-
-    All other parameters step as ever. The tables' gradients are those that kernels have added up, not `.grad`.
-    """
+    """Adam whose first parameter group is a field's tables; their gradients are those accumulated by the kernels."""
 
     def __init__(
         self, groups: list[dict], betas: tuple[float, float], tables: FieldTables, process_group: ProcessGroup
@@ -70,26 +67,26 @@ class LazyAdam(Adam):
 
     @torch.no_grad()
     def step(self, closure: None = None) -> None:
-        """One step of everything that has a gradient."""
+        """Update all parameters with a gradient."""
+        tables = self._tables
         if self._process_group.size > 1:
-            self._tables.touch_others()
+            tables.touch_remote_rows()
         group = self.param_groups[0]
         beta1, beta2 = group["betas"]
-        density, features = (self._table(p, g) for p, g in zip(group["params"], self._tables.gradients, strict=True))
+        density, features = (self._table(p, g) for p, g in zip(group["params"], tables.gradients, strict=True))
         count = float(self.state[group["params"][0]]["step"])
         rate = group["lr"] / (1 - beta1**count)
         correction = 1 / math.sqrt(1 - beta2**count)
-        tables = self._tables
         share(
             adam_rows, len(tables.touched), tables.touched, density, features, tables.n_features,
             *map(np.float32, (rate, beta1, beta2, correction)),
         )  # fmt: skip
         for parameter in group["params"]:
-            parameter.grad = None  # its step is done
+            parameter.grad = None  # excludes the tables from the dense step
         super().step(closure)
 
     def _table(self, parameter: Tensor, gradients: np.ndarray) -> Table:
-        """A parameter as kernels see it, after counting the step."""
+        """Increment the step of a parameter and return its arrays."""
         state = self.state[parameter]
         if not state:
             state["step"] = torch.zeros(())

@@ -1,4 +1,4 @@
-"""Forward, in the order of places: features and colors of the samples that have one, and their sums by ray."""
+"""Forward pass in sorted order: features and colors of the colored samples, and their sums by ray."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .arrays import BLUE, GREEN, RED
 from .marching import ONE, ZERO
 from .prefetching import prefetch
 
-N_HARMONICS = 9  # numbers of a viewing direction (see rendering/spherical_harmonics.py)
-GROUP = 4  # samples that go through the network together
-AHEAD = 12  # samples; rows are asked for so much earlier: memory answers while the network computes
+N_HARMONICS = 9  # per viewing direction (see rendering/spherical_harmonics.py)
+GROUP = 4  # samples processed by the network at once
+AHEAD = 12  # samples between the prefetch of a row and its use
 
 
 @kernel
 def gather(features, corners, x, y, z, n, out):
-    """The n trilinear features of a place in the cell of these four lower corners."""
-    # unsigned: no test for negative indices
+    """Interpolate n features in the cell of these four lower corners."""
+    # unsigned indices need no test for negative ones
     a, b = np.uint64(corners[0]) * np.uint64(n), np.uint64(corners[1]) * np.uint64(n)
     c, d = np.uint64(corners[2]) * np.uint64(n), np.uint64(corners[3]) * np.uint64(n)
     wa, wb, wc, wd = (ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y
@@ -35,19 +35,19 @@ def gather(features, corners, x, y, z, n, out):
 
 
 @kernel
-def ask_for_rows(number, last, ordered, table, n):
-    """Ask for the rows of n of the ordered sample AHEAD of this one."""
+def prefetch_rows(number, last, ordered, table, n):
+    """Prefetch the corner rows of n values of the sorted sample AHEAD of this one."""
     number += AHEAD
-    if number < last and ordered.places[number].share != ZERO:
+    if number < last and ordered.points[number].importance != ZERO:
         for corner in range(4):
-            at = np.int64(ordered.corners[number, corner]) * n
-            prefetch(table, at)
-            prefetch(table, at + n)  # of the upper corner
+            start = np.int64(ordered.corners[number, corner]) * n
+            prefetch(table, start)
+            prefetch(table, start + n)  # upper corner
 
 
 @kernel
 def hidden_layers(inputs, network, out):
-    """Before the ReLU, of GROUP inputs [GROUP, F + N_HARMONICS] at once: each weight is read once for all of them."""
+    """Write the hidden layer before the ReLU of GROUP inputs [GROUP, F + N_HARMONICS], reading each weight once."""
     for unit in range(out.shape[1]):
         out[0, unit] = out[1, unit] = out[2, unit] = out[3, unit] = network.b1[unit]
     for k in range(0, inputs.shape[1] // 3 * 3, 3):
@@ -69,7 +69,7 @@ def hidden_layers(inputs, network, out):
 
 @kernel
 def logits(features, hidden, network):
-    """Of the three colors: the diffuse ones, plus what the network makes of the hidden layer."""
+    """Return the color logits: the first three features plus the network's output."""
     red, green, blue = network.b2[0], network.b2[1], network.b2[2]
     for unit in range(len(hidden)):
         value = max(hidden[unit], ZERO)
@@ -86,10 +86,10 @@ def sigmoid(value):
 
 @kernel
 def next_group(number, last, ordered, group):
-    """Fill `group` with the next GROUP samples that have a color; how many there were, and where to look on."""
+    """Write the next GROUP colored samples to `group`; return their count and the number after the last one."""
     count = 0
     while number < last and count < GROUP:
-        if ordered.places[number].share != ZERO:
+        if ordered.points[number].importance != ZERO:
             group[count] = number
             count += 1
         number += 1
@@ -98,7 +98,7 @@ def next_group(number, last, ordered, group):
 
 @allocating_kernel
 def color_samples(first, last, ordered, samples, features, harmonics, network, n_features, n_hidden, is_diffuse):
-    """Colors of the ordered samples first to last that have one. Lengths of the tuples n_* are sizes."""
+    """Compute the colors of sorted samples first to last. n_features, n_hidden: tuples of F and H elements."""
     inputs = np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32)
     hidden = np.zeros((GROUP, len(n_hidden)), np.float32)
     group = np.zeros(GROUP, np.int64)
@@ -111,15 +111,15 @@ def color_samples(first, last, ordered, samples, features, harmonics, network, n
 def color_groups(
     first, last, ordered, samples, features, harmonics, network, n_features, is_diffuse, inputs, hidden, group
 ):
-    """The same, in room for a group."""
+    """Compute the colors of sorted samples in groups, in allocated arrays."""
     count, number = next_group(first, last, ordered, group)
     while count:
         for member in range(count):
-            at = group[member]
-            own = ordered.features[at]
-            ask_for_rows(at, last, ordered, features, len(n_features))
-            place = ordered.places[at]
-            gather(features, ordered.corners[at], place.x, place.y, place.z, len(n_features), own)
+            sample = group[member]
+            own = ordered.features[sample]
+            prefetch_rows(sample, last, ordered, features, len(n_features))
+            point = ordered.points[sample]
+            gather(features, ordered.corners[sample], point.x, point.y, point.z, len(n_features), own)
         if not is_diffuse:
             read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
             hidden_layers(inputs, network, hidden)
@@ -135,23 +135,23 @@ def color_groups(
 
 @kernel
 def read_inputs(group, count, ordered, harmonics, n_features, inputs):
-    """Features and harmonics of the direction, of the first `count` members of a group."""
+    """Copy features and harmonics of the first `count` members of a group to `inputs`."""
     for member in range(count):
-        at = group[member]
-        ray = ordered.rays[at]
+        sample = group[member]
+        ray = ordered.rays[sample]
         for number in range(n_features):
-            inputs[member, number] = ordered.features[at, number]
+            inputs[member, number] = ordered.features[sample, number]
         for number in range(N_HARMONICS):
             inputs[member, n_features + number] = harmonics[ray, number]
 
 
 @kernel
 def composite(first, last, rays, samples):
-    """Sums of weighted colors of the rays first to last."""
+    """Write the sums of weighted colors of rays first to last."""
     for ray in range(first, last):
         red, green, blue = ZERO, ZERO, ZERO
         for sample in range(rays.first[ray], rays.first[ray] + rays.counts[ray]):
-            weight = samples.shares[sample] * samples.light[sample].weight
+            weight = samples.importances[sample] * samples.light[sample].weight
             if weight != ZERO:
                 red += weight * samples.colors[sample, 0]
                 green += weight * samples.colors[sample, 1]

@@ -1,4 +1,4 @@
-"""A frozen field, rendered by kernels."""
+"""Queries of a frozen field by compiled kernels."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ...rendering.sampling import Samples
 from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace
 from ..grid import VoxelGrid
-from .arrays import FINAL_TRANSMITTANCE, Limits, RayArrays, new_rays, new_samples
+from .arrays import FINAL_TRANSMITTANCE, MarchSettings, RayArrays, new_rays, new_samples
 from .arrays import Samples as Chunks
-from .asking import colors_at, features_at, pack
-from .bending import paths_of
+from .field_queries import colors_at, features_at, pack
 from .marching import CHUNK, march
+from .ray_paths import paths_of
 from .tables import flat, grid_of, network_of
 
-CAPACITY = 64 * CHUNK  # samples that a chunk of rays may have at first
-NOTHING = np.zeros((0, 3), np.float32)
+CAPACITY = 64 * CHUNK  # initial sample slots per chunk of rays
+NO_POINTS = np.zeros((0, 3), np.float32)
 
 
 class FrozenField:
-    """What kernels read of a field that changes no more."""
+    """Arrays of a field that no longer changes."""
 
     def __init__(self, field: VoxelGrid) -> None:
         take_from_torch()
@@ -35,9 +35,9 @@ class FrozenField:
         self._capacity = CAPACITY
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
-        """Where these rays end (see `VoxelField.trace`); what lies behind the last of their light is left out."""
+        """Render ray weights (see `VoxelField.trace`); rays are terminated at a transmittance of marching.DARK."""
         step = np.float32(step_in_voxels)
-        arrays = new_rays(paths_of(self._space, self._bounds, rays), np.full(len(rays), 0.5, np.float32), NOTHING)
+        arrays = new_rays(paths_of(self._space, self._bounds, rays), np.full(len(rays), 0.5, np.float32), NO_POINTS)
         chunks = self._march(arrays, step)
         starts = np.cumsum(chunks.counts) - chunks.counts
         total = int(chunks.counts.sum())
@@ -50,27 +50,27 @@ class FrozenField:
         return Trace(samples, weights, torch.from_numpy(arrays.sums[:, FINAL_TRANSMITTANCE].copy()))
 
     def features(self, positions: Tensor) -> Tensor:
-        """Prior features [n, F] at positions [n, 3] (see `VoxelField.features`)."""
+        """Return prior features [n, F] at positions [n, 3] (see `VoxelField.features`)."""
         result = np.empty((len(positions), len(self._n_features)), np.float32)
-        at = positions.contiguous().numpy()
-        share(features_at, len(at), self._grid, at, self._features, self._n_features, result)
+        points = positions.contiguous().numpy()
+        share(features_at, len(points), self._grid, points, self._features, self._n_features, result)
         return torch.from_numpy(result)
 
     def color(self, viewdirs: Tensor, features: Tensor) -> Tensor:
-        """Colors [n, 3] of features [n, F] seen along viewdirs [n, 3] (see `VoxelField.color`)."""
+        """Return colors [n, 3] of features [n, F] seen along viewdirs [n, 3] (see `VoxelField.color`)."""
         result = np.empty((len(features), 3), np.float32)
         harmonics = spherical_harmonics(viewdirs).numpy()
-        own = features.contiguous().numpy()
-        share(colors_at, len(own), own, harmonics, self._network, self._n_features, self._n_hidden, result)
+        inputs = features.contiguous().numpy()
+        share(colors_at, len(inputs), inputs, harmonics, self._network, self._n_features, self._n_hidden, result)
         return torch.from_numpy(result)
 
     def _march(self, rays: RayArrays, step: np.float32) -> Chunks:
-        """Samples of these rays in chunks of equal room."""
-        n_chunks, one, none = -(-len(rays.jitter) // CHUNK), np.float32(1), np.float32(0)
+        """March rays, with more slots until all samples fit."""
+        n_chunks, one, zero = -(-len(rays.jitter) // CHUNK), np.float32(1), np.float32(0)
         while True:
             capacity = self._capacity
             samples = new_samples(n_chunks, capacity)
-            share(march, n_chunks, self._grid, rays, samples, Limits(capacity, 0, step, none, none, none, one))
+            share(march, n_chunks, self._grid, rays, samples, MarchSettings(capacity, 0, step, zero, zero, zero, one))
             if samples.counts.max(initial=0) < capacity:
                 return samples
             self._capacity = capacity * 3 // 2

@@ -1,4 +1,4 @@
-"""Backward: from gradients of per-ray sums to those of the tables and of the color network."""
+"""Backward pass: from gradients of the ray sums to those of the tables and the color network."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from .arrays import (
     Network,
     Workspace,
 )
-from .coloring import GROUP, N_HARMONICS, ask_for_rows, hidden_layers, next_group, read_inputs
+from .coloring import GROUP, N_HARMONICS, hidden_layers, next_group, prefetch_rows, read_inputs
 from .marching import ONE, THIRD, TWO, ZERO
 
 
 @kernel
 def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sample_gradients):
-    """Fill the gradients of the samples of the rays first to last, from those of the rays' sums.
+    """Write the sample gradients of rays first to last, from the gradients of their sums.
 
-    A ray's sums are linear in its weights (the distortion: quadratic). A weight's own optical depth raises it and takes
-    light from all behind it, which is summed up from the back.
+    The sums are linear in the ray weights, the distortion quadratic. With optical depths d and transmittances T after
+    each sample, dw_i/dd_i = T_i and dw_j/dd_i = -w_j for j > i, accumulated from the last sample.
     """
     for ray in range(first, last):
         begin, end = rays.first[ray], rays.first[ray] + rays.counts[ray]
@@ -41,7 +41,7 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
         weights_before, moments_before = ZERO, ZERO
         for sample in range(begin, end):
             weight = samples.light[sample].weight
-            distance = samples.places[sample].distance
+            distance = samples.points[sample].distance
             scaled = distance / unit
             moments_behind = moments - moments_before - weight * scaled
             weights_behind = weights - weights_before - weight
@@ -53,34 +53,35 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
                 gradient += upstream[UP_TO] if distance < reach + margin else ZERO
             weights_before += weight
             moments_before += weight * scaled
-            share = samples.shares[sample]
-            if share != ZERO:
-                color = logit_gradients = samples.colors[sample]  # these take the place of the colors
-                gradient += share * (upstream[RED] * color[0] + upstream[GREEN] * color[1] + upstream[BLUE] * color[2])
+            importance = samples.importances[sample]
+            if importance != ZERO:
+                color = logit_gradients = samples.colors[sample]  # overwritten in place
+                along_color = upstream[RED] * color[0] + upstream[GREEN] * color[1] + upstream[BLUE] * color[2]
+                gradient += importance * along_color
                 for channel in range(3):
                     value = color[channel]
-                    logit_gradients[channel] = upstream[channel] * weight * share * value * (ONE - value)
+                    logit_gradients[channel] = upstream[channel] * weight * importance * value * (ONE - value)
             sample_gradients.weights[sample] = gradient
-        behind = upstream[FINAL_TRANSMITTANCE] * rays.sums[ray, FINAL_TRANSMITTANCE]
+        after = upstream[FINAL_TRANSMITTANCE] * rays.sums[ray, FINAL_TRANSMITTANCE]
         for sample in range(end - 1, begin - 1, -1):
             light, gradient = samples.light[sample], sample_gradients.weights[sample]
-            by_depth = gradient * light.behind - behind + upstream[ALPHA] * light.transmittance
-            sample_gradients.densities[sample] = light.slope * by_depth
-            behind += gradient * light.weight
+            by_depth = gradient * light.transmittance - after + upstream[ALPHA] * light.transparency
+            sample_gradients.densities[sample] = light.depth_gradient * by_depth
+            after += gradient * light.weight
 
 
 @kernel
 def network_gradients(inputs, n_features, hidden, logit_gradients, network, sums, hidden_gradients, feature_gradients):
-    """Add the gradients of GROUP samples to those of the network; fill those of their features [GROUP, F].
+    """Add the network gradients of GROUP samples to `sums`; write those of their features [GROUP, F].
 
-    Members without a sample have logit gradients of 0, and add nothing. Nobody asks for gradients of directions.
+    Unused members of the group have logit gradients of 0.
     """
     n_units = hidden.shape[1]
     red, green, blue = logit_gradients[:, 0], logit_gradients[:, 1], logit_gradients[:, 2]
     red0, red1, red2, red3 = red[0], red[1], red[2], red[3]
     green0, green1, green2, green3 = green[0], green[1], green[2], green[3]
     blue0, blue1, blue2, blue3 = blue[0], blue[1], blue[2], blue[3]
-    for unit in range(n_units):  # of all members at once: the sums are read and written once
+    for unit in range(n_units):  # all members at once, to read and write the sums once
         r, g, b = network.w2[0, unit], network.w2[1, unit], network.w2[2, unit]
         value0, value1 = max(hidden[0, unit], ZERO), max(hidden[1, unit], ZERO)
         value2, value3 = max(hidden[2, unit], ZERO), max(hidden[3, unit], ZERO)
@@ -121,20 +122,20 @@ def network_gradients(inputs, n_features, hidden, logit_gradients, network, sums
 
 
 @kernel
-def add_at(table, row, low, high, n, values):
-    """Add low * values to a row of n and high * values to the next one."""
-    at = np.uint64(row) * np.uint64(n)
+def add_to_rows(table, row, low, high, n, values):
+    """Add low * values to a row of n values and high * values to the next row."""
+    start = np.uint64(row) * np.uint64(n)
     for number in range(n):
-        k = at + np.uint64(number)
+        k = start + np.uint64(number)
         table[k] += low * values[number]
         table[k + np.uint64(n)] += high * values[number]
 
 
 @kernel
-def corner_shares(place):
-    """What each of a cell's four lower corners counts for, and the upper ones' part of it."""
-    x, y = place.x, place.y
-    return ((ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y), place.z
+def corner_weights(point):
+    """Return the bilinear weights of a cell's four lower corners, and the fraction of the upper ones."""
+    x, y = point.x, point.y
+    return ((ONE - x) * (ONE - y), (ONE - x) * y, x * (ONE - y), x * y), point.z
 
 
 @allocating_kernel
@@ -142,9 +143,9 @@ def slab_gradients(
     first, last, offset, cuts, ordered, sample_gradients, harmonics, network, gradients, touched, sums,
     n_features, n_hidden, is_diffuse,
 ):  # fmt: skip
-    """Gradients of the slabs number offset + 2 * (first to last): no two of these share a vertex.
+    """Add the gradients of slabs offset + 2 * (first to last), which share no vertex.
 
-    The network's are summed by slab. Which thread takes which slab is chance, and changes no bit.
+    The network gradients are summed by slab, so the result does not depend on the threads.
     """
     workspace = Workspace(
         np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32),
@@ -168,7 +169,7 @@ def slab_gradients_in(
     workspace, first, last, ordered, sample_gradients, harmonics, network, gradients, touched, sums, n_features,
     is_diffuse,
 ):  # fmt: skip
-    """Gradients of the slab of ordered samples first to last."""
+    """Add the gradients of the slab of sorted samples first to last."""
     inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group = workspace
     density_gradients(first, last, ordered, sample_gradients, gradients.densities, touched)
     count, number = next_group(first, last, ordered, group)
@@ -185,27 +186,27 @@ def slab_gradients_in(
                 inputs, len(n_features), hidden, logit_gradients, network, sums, hidden_gradients, feature_gradients
             )
         for member in range(count):
-            ask_for_rows(group[member], last, ordered, gradients.features, len(n_features))
+            prefetch_rows(group[member], last, ordered, gradients.features, len(n_features))
             corners = ordered.corners[group[member]]
-            shares, upper = corner_shares(ordered.places[group[member]])
+            weights, upper = corner_weights(ordered.points[group[member]])
             for corner in range(4):
-                low, high = shares[corner] * (ONE - upper), shares[corner] * upper
-                add_at(gradients.features, corners[corner], low, high, len(n_features), feature_gradients[member])
+                low, high = weights[corner] * (ONE - upper), weights[corner] * upper
+                add_to_rows(gradients.features, corners[corner], low, high, len(n_features), feature_gradients[member])
         count, number = next_group(number, last, ordered, group)
 
 
 @kernel
 def density_gradients(first, last, ordered, sample_gradients, gradients, touched):
-    """Gradients of raw densities, of the ordered samples first to last, and which rows they touch."""
+    """Add the gradients of raw densities of sorted samples first to last, and flag the touched rows."""
     for number in range(first, last):
-        place = ordered.places[number]
+        point = ordered.points[number]
         corners = ordered.corners[number]
-        shares, upper = corner_shares(place)
+        weights, upper = corner_weights(point)
         gradient = sample_gradients.densities[ordered.index[number]]
-        flag = DENSITY if place.share == ZERO else BOTH
+        flag = DENSITY if point.importance == ZERO else BOTH
         for corner in range(4):
             row = np.uint64(corners[corner])
-            gradients[row] += shares[corner] * (ONE - upper) * gradient
-            gradients[row + np.uint64(1)] += shares[corner] * upper * gradient
+            gradients[row] += weights[corner] * (ONE - upper) * gradient
+            gradients[row + np.uint64(1)] += weights[corner] * upper * gradient
             touched[row] |= flag
             touched[row + np.uint64(1)] |= flag

@@ -1,6 +1,6 @@
-"""Forward, ray by ray: samples in occupied cells, their density, how much light is left, and which get a color.
+"""Forward pass by ray: samples in occupied cells, densities, ray weights, and the selection of colored samples.
 
-A ray stops where the light is used up: what lies behind cannot be seen and is not computed.
+A ray is terminated when its transmittance falls to DARK. Sorting of the samples by position follows.
 """
 
 from __future__ import annotations
@@ -13,34 +13,22 @@ from ....compute.kernels import allocating_kernel, kernel
 from ...rendering.sampling import BLOCK
 from ...rendering.volume import VISIBLE_WEIGHT
 from .. import renderer
-from .arrays import (
-    ALPHA,
-    BEFORE,
-    DISTANCE,
-    DISTORTION,
-    FINAL_TRANSMITTANCE,
-    SQUARE,
-    UP_TO,
-    Grid,
-    Limits,
-    RayArrays,
-    Samples,
-)
+from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, FINAL_TRANSMITTANCE, SQUARE, UP_TO
 
-CHUNK = 32  # rays whose samples lie in one piece of memory
+CHUNK = 32  # rays with a common range of sample slots
 DARK = np.float32(renderer.DARK)
-MOST_STEPS = np.float32(1 << 20)  # of a ray: the finest grid's diagonal has a third of that
-VISIBLE = np.float32(VISIBLE_WEIGHT)  # without Russian roulette, samples of less weight have no color
+MAX_STEPS = np.float32(1 << 20)  # per ray: three times the diagonal of the finest grid
+VISIBLE = np.float32(VISIBLE_WEIGHT)  # least weight of a colored sample without Russian roulette
 ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
 THIRD = np.float32(1 / 3)
 
 
 @kernel
 def uniform(seed, ray, number):
-    """A number in [0, 1) that only depends on these three (a mix of their bits after Wellons, 2018)."""
-    mask = np.uint64(0xFFFFFFFF)  # products of 32 bits are widened to 64: every step is cut again
+    """Return a pseudorandom number in [0, 1): an integer hash of the arguments (after Wellons, 2018)."""
+    mask = np.uint64(0xFFFFFFFF)  # numba widens 32-bit products to 64 bits
     x = (np.uint64(seed) + np.uint64(ray) * np.uint64(0x9E3779B1) + np.uint64(number) * np.uint64(0x85EBCA77)) & mask
-    for _ in range(2):  # neighbors in ray and number need both rounds
+    for _ in range(2):  # one round leaves neighbors correlated
         x ^= x >> np.uint64(16)
         x = (x * np.uint64(0x7FEB352D)) & mask
         x ^= x >> np.uint64(15)
@@ -51,7 +39,7 @@ def uniform(seed, ray, number):
 
 @kernel
 def polyline(path, starts, directions):
-    """Distances travelled at the knots, and the directions of the pieces between them."""
+    """Write the arc lengths of the knots and the unit directions of the segments."""
     starts[0] = ZERO
     for k in range(len(path) - 1):
         x, y, z = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1], path[k + 1, 2] - path[k, 2]
@@ -63,8 +51,8 @@ def polyline(path, starts, directions):
 
 @kernel
 def distance_to(point, path, starts, directions, off_path):
-    """Distance travelled until the path is nearest to a point; -1 if it passes it by."""
-    smallest, at = off_path * off_path, np.float32(-1)
+    """Return the arc length of the path's point nearest to a point; -1 if it is not within off_path."""
+    smallest, distance = off_path * off_path, np.float32(-1)
     for k in range(len(path) - 1):
         x, y, z = point[0] - path[k, 0], point[1] - path[k, 1], point[2] - path[k, 2]
         along = x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2]
@@ -72,23 +60,23 @@ def distance_to(point, path, starts, directions, off_path):
         x, y, z = x - along * directions[k, 0], y - along * directions[k, 1], z - along * directions[k, 2]
         gap = x * x + y * y + z * z
         if gap < smallest:
-            smallest, at = gap, starts[k] + along
-    return at
+            smallest, distance = gap, starts[k] + along
+    return distance
 
 
 @kernel
 def row_of(index, vertex):
-    """Table row of a vertex that has one: the rows before its eight, and those of lower bits than its own."""
+    """Return the table row of a vertex with a row (see ../vertices.py)."""
     entry = index[vertex >> 3]
-    below = entry & ((1 << (vertex & 7)) - 1)
-    below -= (below >> 1) & 0x55
-    below = (below & 0x33) + ((below >> 2) & 0x33)
-    return (entry >> 8) + ((below + (below >> 4)) & 0x0F)
+    n_lower = entry & ((1 << (vertex & 7)) - 1)
+    n_lower -= (n_lower >> 1) & 0x55
+    n_lower = (n_lower & 0x33) + ((n_lower >> 2) & 0x33)
+    return (entry >> 8) + ((n_lower + (n_lower >> 4)) & 0x0F)
 
 
 @kernel
 def corners_of(grid, vertex):
-    """Table rows of the four lower corners of the occupied cell at a vertex; each has the upper one's after it."""
+    """Return the table rows of the four lower corners of an occupied cell; each upper corner has the next row."""
     row, plane = grid.row_stride, grid.plane_stride
     return (
         row_of(grid.index, vertex), row_of(grid.index, vertex + row),
@@ -98,7 +86,7 @@ def corners_of(grid, vertex):
 
 @kernel
 def raw_density(densities, corners, x, y, z):
-    """Trilinear in a cell."""
+    """Interpolate the raw density in a cell."""
     a = densities[corners[0]] + z * (densities[corners[0] + 1] - densities[corners[0]])
     b = densities[corners[1]] + z * (densities[corners[1] + 1] - densities[corners[1]])
     c = densities[corners[2]] + z * (densities[corners[2] + 1] - densities[corners[2]])
@@ -109,62 +97,62 @@ def raw_density(densities, corners, x, y, z):
 
 
 @kernel
-def place_at(path, starts, directions, piece, distance, grid):
-    """Where a path is after a distance that lies on one of its pieces, in cells from the grid's corner."""
-    along, cells = distance - starts[piece], ONE / grid.voxel
-    x = (path[piece, 0] + along * directions[piece, 0] - grid.minimum[0]) * cells
-    y = (path[piece, 1] + along * directions[piece, 1] - grid.minimum[1]) * cells
-    z = (path[piece, 2] + along * directions[piece, 2] - grid.minimum[2]) * cells
+def point_on_path(path, starts, directions, segment, distance, grid):
+    """Return the point at an arc length on a segment of a path, in cells from the grid's corner."""
+    along, cells = distance - starts[segment], ONE / grid.voxel
+    x = (path[segment, 0] + along * directions[segment, 0] - grid.minimum[0]) * cells
+    y = (path[segment, 1] + along * directions[segment, 1] - grid.minimum[1]) * cells
+    z = (path[segment, 2] + along * directions[segment, 2] - grid.minimum[2]) * cells
     return x, y, z
 
 
 @allocating_kernel
-def march(first_chunk, last_chunk, grid: Grid, rays: RayArrays, samples: Samples, limits: Limits):
-    """Fill `samples`, and all of `rays` but the colors. The count of a chunk that needs more places is its capacity."""
+def march(first_chunk, last_chunk, grid, rays, samples, settings):
+    """Write `samples`, and `rays` except the color sums. A chunk with too few slots has a count equal to its capacity."""
     n_rays, n_knots = len(rays.jitter), rays.paths.shape[1]
     starts = np.empty(n_knots, np.float32)
     directions = np.empty((n_knots, 3), np.float32)
     for chunk in range(first_chunk, last_chunk):
-        count = chunk * limits.capacity
-        end = count + limits.capacity
+        count = chunk * settings.capacity
+        end = count + settings.capacity
         for ray in range(chunk * CHUNK, min(n_rays, (chunk + 1) * CHUNK)):
             polyline(rays.paths[ray], starts, directions)
             observation = ray - (n_rays - len(rays.observed))
             rays.reach[ray] = np.float32(-1)
             if observation >= 0:
                 rays.reach[ray] = distance_to(
-                    rays.observed[observation], rays.paths[ray], starts, directions, limits.off_path
+                    rays.observed[observation], rays.paths[ray], starts, directions, settings.off_path
                 )
             rays.first[ray] = count
-            count = march_ray(ray, count, end, starts, directions, grid, rays, samples, limits)
+            count = march_ray(ray, count, end, starts, directions, grid, rays, samples, settings)
             rays.counts[ray] = count - rays.first[ray]
-        samples.counts[chunk] = count - chunk * limits.capacity
+        samples.counts[chunk] = count - chunk * settings.capacity
 
 
 @kernel
-def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
-    """Samples of one ray from place `count` on; returns the place after the last one. A ray that is not finite has none."""
+def march_ray(ray, count, end, starts, directions, grid, rays, samples, settings):
+    """Write the samples of one ray from slot `count` on; return the slot after the last one. Non-finite rays have none."""
     path, jitter, reach, sums = rays.paths[ray], rays.jitter[ray], rays.reach[ray], rays.sums[ray]
     cells, blocks = grid.cells, grid.blocks
-    step = limits.step * grid.voxel
+    step = settings.step * grid.voxel
     stride = np.float32(BLOCK) * step
-    unit = ONE / limits.unit
-    n_pieces = len(path) - 1
-    is_bent, length = n_pieces > 1, starts[n_pieces]
-    light, depth = ONE, ZERO
+    unit = ONE / settings.unit
+    n_segments = len(path) - 1
+    is_bent, length = n_segments > 1, starts[n_segments]
+    transmittance, depth = ONE, ZERO
     weight_sum, distance_sum, square_sum, pairs, before, up_to, alpha_sum = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-    coarse_piece, piece, block = 0, 0, -1
-    if not length < MOST_STEPS * step:  # not finite: such a ray would never end
+    coarse_segment, segment, block = 0, 0, -1
+    if not length < MAX_STEPS * step:  # or not finite: it would never end
         sums[FINAL_TRANSMITTANCE] = math.nan
         return count
-    while light > DARK:
+    while transmittance > DARK:
         block += 1
         distance = (np.float32(block) + HALF) * stride
         if distance - HALF * stride >= length:
             break
-        while coarse_piece + 1 < n_pieces and starts[coarse_piece + 1] <= distance:
-            coarse_piece += 1
-        x, y, z = place_at(path, starts, directions, coarse_piece, distance, grid)
+        while coarse_segment + 1 < n_segments and starts[coarse_segment + 1] <= distance:
+            coarse_segment += 1
+        x, y, z = point_on_path(path, starts, directions, coarse_segment, distance, grid)
         i = min(max(int(x * np.float32(1 / BLOCK)), 0), blocks.x - 1)
         j = min(max(int(y * np.float32(1 / BLOCK)), 0), blocks.y - 1)
         k = min(max(int(z * np.float32(1 / BLOCK)), 0), blocks.z - 1)
@@ -174,9 +162,9 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             distance = (np.float32(number) + jitter) * step
             if distance >= length:
                 break
-            while piece + 1 < n_pieces and starts[piece + 1] <= distance:
-                piece += 1
-            x, y, z = place_at(path, starts, directions, piece, distance, grid)
+            while segment + 1 < n_segments and starts[segment + 1] <= distance:
+                segment += 1
+            x, y, z = point_on_path(path, starts, directions, segment, distance, grid)
             # bent paths are not clipped to the grid
             if is_bent and (x < 0 or y < 0 or z < 0 or x >= cells.x or y >= cells.y or z >= cells.z):
                 continue
@@ -186,20 +174,20 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             if (grid.bits[(i * cells.y + j) * grid.row_bytes + (k >> 3)] >> (k & 7)) & 1 == 0:
                 continue
             if count == end:
-                return end  # a full chunk is computed again with more places
+                return end  # the chunk is repeated with more slots
             x, y, z = x - np.float32(i), y - np.float32(j), z - np.float32(k)
             lowest = i * grid.plane_stride + j * grid.row_stride + k
             corners = corners_of(grid, lowest)
             raw = raw_density(grid.densities, corners, x, y, z) + grid.bias
             small = math.exp(-abs(raw))
             softplus = max(raw, ZERO) + (math.log(ONE + small) if small > np.float32(1e-4) or raw > ZERO else small)
-            optical_depth = softplus * limits.step
-            slope = (ONE if raw > ZERO else small) / (ONE + small)
-            through = math.exp(-optical_depth)
-            alpha = ONE - through
-            if optical_depth < np.float32(1e-3):  # the difference would lose its digits
+            optical_depth = softplus * settings.step
+            depth_gradient = (ONE if raw > ZERO else small) / (ONE + small)
+            transparency = math.exp(-optical_depth)
+            alpha = ONE - transparency
+            if optical_depth < np.float32(1e-3):  # the difference would cancel
                 alpha = optical_depth * (ONE - HALF * optical_depth)
-            weight = light * alpha
+            weight = transmittance * alpha
             scaled = distance * unit
             pairs += weight * (TWO * (scaled * weight_sum - distance_sum) + step * unit * THIRD * weight)
             weight_sum += weight
@@ -207,20 +195,21 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
             square_sum += weight * scaled * scaled
             alpha_sum += alpha
             if reach >= ZERO:
-                before += weight if distance < reach - limits.margin else ZERO
-                up_to += weight if distance < reach + limits.margin else ZERO
+                before += weight if distance < reach - settings.margin else ZERO
+                up_to += weight if distance < reach + settings.margin else ZERO
             depth += optical_depth
-            light *= through
+            transmittance *= transparency
             samples.vertices[count] = lowest
             for corner in range(4):
                 samples.corners[count, corner] = corners[corner]
             samples.rays[count] = ray
-            place, lit = samples.places[count], samples.light[count]
-            place.x, place.y, place.z, place.distance = x, y, z, distance
-            lit.weight, lit.transmittance, lit.behind, lit.slope = weight, through, light, slope * limits.step
-            samples.shares[count] = share_of(weight, limits, ray, number)
+            point, light = samples.points[count], samples.light[count]
+            point.x, point.y, point.z, point.distance = x, y, z, distance
+            light.weight, light.transparency, light.transmittance = weight, transparency, transmittance
+            light.depth_gradient = depth_gradient * settings.step
+            samples.importances[count] = importance_of(weight, settings, ray, number)
             count += 1
-            if light <= DARK:
+            if transmittance <= DARK:
                 break
     sums[FINAL_TRANSMITTANCE], sums[DISTORTION] = math.exp(-depth), pairs
     sums[BEFORE], sums[UP_TO] = before, up_to
@@ -229,73 +218,73 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, limits):
 
 
 @kernel
-def share_of(weight, limits, ray, number):
-    """What a sample's color counts for: nothing, or one over the probability that it is drawn (Russian roulette)."""
-    if limits.russian_roulette == ZERO:
+def importance_of(weight, settings, ray, number):
+    """Return 1 / p if a sample is drawn with its probability p (Russian roulette), else 0."""
+    if settings.russian_roulette == ZERO:
         return ONE if weight > VISIBLE else ZERO
-    if weight >= limits.russian_roulette:
+    if weight >= settings.russian_roulette:
         return ONE
-    if uniform(limits.seed, ray, number) * limits.russian_roulette < weight:
-        return limits.russian_roulette / weight
+    if uniform(settings.seed, ray, number) * settings.russian_roulette < weight:
+        return settings.russian_roulette / weight
     return ZERO
 
 
 @kernel
-def count_places(first, last, pieces, grid, samples, bins, capacity):
-    """Of each piece of the chunks, how many samples lie in each bin: a part of a plane of the grid."""
+def count_bins(first, last, cuts, grid, samples, bins, capacity):
+    """Count the samples of each bin, a part of a plane of the grid, in ranges of chunks."""
     plane = grid.plane_stride
-    parts = bins.shape[1] // (grid.cells.x + 1)  # of each plane
-    for piece in range(first, last):
-        own = bins[piece]
-        own[:] = 0
-        for chunk in range(pieces[piece], pieces[piece + 1]):
+    parts = bins.shape[1] // (grid.cells.x + 1)  # per plane
+    for span in range(first, last):
+        counts = bins[span]
+        counts[:] = 0
+        for chunk in range(cuts[span], cuts[span + 1]):
             for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
-                own[bin_of(samples.vertices[sample], plane, parts)] += 1
+                counts[bin_of(samples.vertices[sample], plane, parts)] += 1
 
 
 @kernel
-def place_bins(n_planes, bins, planes):
-    """Where in the order each piece's samples of each bin begin, in place of their numbers; how many there are in all."""
+def bin_offsets(n_planes, bins, planes):
+    """Replace the counts of each range and bin by offsets in the sorted order; return the number of samples."""
     parts = bins.shape[1] // n_planes
     total = 0
     for number in range(n_planes * parts):
         if number % parts == 0:
             planes[number // parts] = total
-        for piece in range(len(bins)):
-            total, bins[piece, number] = total + bins[piece, number], total
+        for span in range(len(bins)):
+            total, bins[span, number] = total + bins[span, number], total
     planes[n_planes] = total
     return total
 
 
 @kernel
-def put_in_place(first, last, pieces, grid, samples, ordered, bins, capacity):
-    """Write the samples of these pieces of the chunks in order: a stable counting sort, however they are cut."""
+def write_sorted(first, last, cuts, grid, samples, ordered, bins, capacity):
+    """Write the sorted samples: a stable counting sort, whatever the ranges."""
     plane = grid.plane_stride
     parts = bins.shape[1] // (grid.cells.x + 1)
-    for piece in range(first, last):
-        for chunk in range(pieces[piece], pieces[piece + 1]):
+    for span in range(first, last):
+        for chunk in range(cuts[span], cuts[span + 1]):
             for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
                 number = bin_of(samples.vertices[sample], plane, parts)
-                to = bins[piece, number]
-                bins[piece, number] = to + 1
-                ordered.index[to] = sample
+                target = bins[span, number]
+                bins[span, number] = target + 1
+                ordered.index[target] = sample
                 for corner in range(4):
-                    ordered.corners[to, corner] = samples.corners[sample, corner]
-                ordered.rays[to] = samples.rays[sample]
-                own, place = ordered.places[to], samples.places[sample]
-                own.x, own.y, own.z, own.share = place.x, place.y, place.z, samples.shares[sample]
+                    ordered.corners[target, corner] = samples.corners[sample, corner]
+                ordered.rays[target] = samples.rays[sample]
+                copy, point = ordered.points[target], samples.points[sample]
+                copy.x, copy.y, copy.z, copy.importance = point.x, point.y, point.z, samples.importances[sample]
 
 
 @kernel
 def bin_of(vertex, plane, parts):
-    """Number of the part of a plane that a vertex lies in."""
+    """Return the bin of a vertex."""
     i = vertex // plane
     return i * parts + (vertex - i * plane) * parts // plane
 
 
 @kernel
 def mark_visible(n_chunks, samples, capacity, visibility):
-    """Raise `visibility` of each cell, by the row of its lowest vertex, to the largest weight of a sample in it."""
+    """Raise `visibility`, by the row of each cell's lowest vertex, to the largest sample weight in the cell."""
     for chunk in range(n_chunks):
         for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
             cell = samples.corners[sample, 0]

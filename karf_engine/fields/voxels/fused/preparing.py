@@ -1,6 +1,6 @@
-"""Kernels compiled ahead, in a process beside: half a minute, once on a machine for each version of them.
+"""Compilation of all kernels in another process: about half a minute, once per machine and version.
 
-Without it they are compiled where they are first called, which takes as long and says nothing.
+Without it, kernels are compiled at their first call, which takes as long without a message.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ from ...rendering.space import Contraction
 from ...scene import Scene
 from ..field import VoxelField
 from ..renderer import PointSupervision, RayBatch
-from .bending import paths_of
+from .ray_paths import paths_of
 from .renderer import FusedRenderer
 
 
 def stamp_of(n_features: int) -> Path:
-    """The empty file that says: these kernels are compiled for this processor, this Python and this numba."""
+    """Return the empty file that marks these kernels as compiled for this processor, Python and numba."""
     sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))
     names = f"{n_features} {numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()} {Path(__file__)}"
     return cache_folder() / f"compiled-{hashlib.sha256(sources + os.fsencode(names)).hexdigest()[:20]}"
 
 
 def begin(n_features: int) -> subprocess.Popen | None:
-    """Start compiling in a process beside; None if all is there already."""
-    with suppress(OSError):  # the folder may not be entered
+    """Start the compilation; None if everything is compiled already."""
+    with suppress(OSError):  # the folder may be inaccessible
         if stamp_of(n_features).exists():
             return None
-    # the engine may run as a folder, off the path that a child gets
+    # the engine may run from a folder outside the child's path
     root = str(Path(__file__).parents[4])
-    code = f"import sys; sys.path.insert(0, {root!r}); from {__spec__.name} import prepare; prepare({n_features})"
-    # beside the first photos nobody waits; an error will show itself where the kernels are called
+    code = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import prepare; prepare({n_features})"
+    # errors are ignored here; they appear again where the kernels are called
     command = [sys.executable, "-I", "-B", "-c", code]
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def prepare(n_features: int) -> None:
-    """Call every kernel once, as a fit does, and then whoever looks at what it has learned."""
+    """Call every kernel once, for training and for rendering."""
     runtime = start_runtime(0, 1, "cpu")
     rays = Rays(torch.tensor([[0.5, 0.5, -1.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
     field = VoxelField(torch.zeros(3), 0.5, torch.ones(2, 2, 2, dtype=torch.bool), n_features)

@@ -1,8 +1,9 @@
-"""The kernels in their order: a `Renderer` (see ../renderer.py) for fields on the processor."""
+"""`Renderer` (see ../renderer.py) by compiled kernels, for fields on the processor."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,47 +16,37 @@ from ...rendering.spherical_harmonics import spherical_harmonics
 from ..field import VoxelField
 from ..renderer import PointSupervision, RayBatch, RaySums
 from .adam import LazyAdam
-from .arrays import (
-    SHARED_PLACE,
-    Limits,
-    Network,
-    SampleGradients,
-    Samples,
-    Sorted,
-    new_rays,
-    new_sample_gradients,
-    new_samples,
-)
-from .bending import paths_of
+from .arrays import SORTED_POINT, MarchSettings, Network, SampleGradients, Samples, SortedSamples, new_rays, new_samples
 from .coloring import color_samples, composite
 from .gradients import ray_gradients, slab_gradients
-from .marching import CHUNK, count_places, march, mark_visible, place_bins, put_in_place
+from .marching import CHUNK, bin_offsets, count_bins, march, mark_visible, write_sorted
+from .ray_paths import paths_of
 from .smoothing import BLOCK_PAIRS, difference_gradients, difference_sums
-from .tables import FieldTables
+from .tables import FieldTables, network_of
 
-BINS = 65536  # of the sort by place
-SLABS = 24  # of the grid, whose gradients are computed side by side
+BINS = 65536  # of the sort by position
+SLABS = 24  # of the grid, for parallel gradients
 
 
 class FusedRenderer:
-    """Renders and learns one field of the processor's memory."""
+    """Renderer of one field (see choice.new_renderer)."""
 
     def __init__(
         self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
     ) -> None:
-        """See ../renderer.py: new_renderer."""
         take_from_torch()
         self.field, self.runtime = field, runtime
         self.tables = FieldTables(field)
-        self._limits = Limits(
+        self._settings = MarchSettings(
             64 * CHUNK,
             0,
             np.float32(1),
             *map(np.float32, (russian_roulette, supervision.margin, supervision.off_path, unit)),
         )
-        self._samples: Samples | None = None
-        self._gradients: SampleGradients | None = None
-        self._ordered: Sorted | None = None
+        self._n_slots = -1  # nothing is allocated
+        self._samples: Samples
+        self._gradients: SampleGradients
+        self._ordered: SortedSamples
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> LazyAdam:
         return LazyAdam(groups, betas, self.tables, self.runtime.process_group)
@@ -77,21 +68,20 @@ class FusedRenderer:
         visibility = np.zeros(len(self.field.raw_density), np.float32)
         for rays in batches:
             self._march(RayBatch(rays, 1.0, torch.full((len(rays),), 0.5)))
-            mark_visible(self._n_chunks, self._samples, self._limits.capacity, visibility)
+            mark_visible(self._n_chunks, self._samples, self._settings.capacity, visibility)
         return torch.from_numpy(visibility)[self.field.lowest_rows()]
 
     def is_free(self, rays: Rays, step: float) -> Tensor:
         self._march(RayBatch(rays, step, torch.full((len(rays),), 0.5)))
         return torch.from_numpy(self._rays.counts == 0)
 
-    # ------------------------------------------------------------------------------------------------------ kernels
     def forward(self, batch: RayBatch) -> Tensor:
-        """Sums of each ray, [R, N_SUMS], in the order of arrays.RED to ALPHA."""
+        """Return the sums of each ray, [R, N_SUMS], in the order of arrays.RED to ALPHA."""
         self._march(batch)
         samples, ordered, tables = self._samples, self._ordered, self.tables
-        total = self._sort_by_place()
+        total = self._sort_by_position()
         self._harmonics = spherical_harmonics(batch.rays.viewdirs).numpy()
-        self._network, self._is_diffuse = tables.network(), batch.is_diffuse
+        self._network, self._is_diffuse = network_of(self.field), batch.is_diffuse
         self._total = total
         share(
             color_samples, total, ordered, samples, tables.values.features, self._harmonics, self._network,
@@ -101,40 +91,41 @@ class FusedRenderer:
         return torch.from_numpy(self._rays.sums)
 
     def backward(self, gradients: Tensor) -> None:
-        """Add up the gradients of tables and network, from those of the last batch's sums [R, N_SUMS]."""
-        tables, limits, ordered = self.tables, self._limits, self._ordered
+        """Accumulate the gradients of tables and network from those of the last batch's sums [R, N_SUMS]."""
+        tables, settings, ordered = self.tables, self._settings, self._ordered
         share(
-            ray_gradients, len(gradients), self._rays, self._samples, gradients.contiguous().numpy(), limits.margin,
-            limits.unit, np.float32(limits.step * self.field.voxel), self._gradients,
+            ray_gradients, len(gradients), self._rays, self._samples, gradients.contiguous().numpy(), settings.margin,
+            settings.unit, np.float32(settings.step * self.field.voxel), self._gradients,
         )  # fmt: skip
         cuts = self._cuts()
         n_slabs = len(cuts) - 1
         sums = Network(*(np.zeros((n_slabs, *part.shape), np.float32) for part in self._network))
-        for offset in range(2):  # even slabs share no vertex, nor do odd ones
+        for offset in range(2):  # even slabs share no vertex, neither do odd ones
             share(
                 slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, ordered, self._gradients,
                 self._harmonics, self._network, tables.gradients, tables.touched, sums, tables.n_features,
                 tables.n_hidden, self._is_diffuse,
             )  # fmt: skip
-        self.tables.show_gradients()
+        self.tables.expose_gradients()
         if not self._is_diffuse:
-            first, _, last = self.field.color_network
+            hidden, output = self.field.color_layers
             w1, b1, w2, b2 = (torch.from_numpy(part.sum(0)) for part in sums)
-            for parameter, gradient in ((first.weight, w1.T), (first.bias, b1), (last.weight, w2), (last.bias, b2)):
+            parameters = hidden.weight, hidden.bias, output.weight, output.bias
+            for parameter, gradient in zip(parameters, (w1.T, b1, w2, b2), strict=True):
                 parameter.grad = gradient.contiguous() if parameter.grad is None else parameter.grad + gradient
 
-    def _sort_by_place(self) -> int:
-        """Order the samples by plane of the grid and part of the plane; returns how many there are."""
+    def _sort_by_position(self) -> int:
+        """Sort the samples by plane of the grid and part of the plane; return their number."""
         grid, samples, ordered, bins = self.tables.grid, self._samples, self._ordered, self._ordered.bins
-        capacity, n_pieces = self._limits.capacity, len(bins)
-        pieces = np.arange(n_pieces + 1) * self._n_chunks // n_pieces
-        share(count_places, n_pieces, pieces, grid, samples, bins, capacity)
-        total = place_bins(len(ordered.planes) - 1, bins, ordered.planes)
-        share(put_in_place, n_pieces, pieces, grid, samples, ordered, bins, capacity)
+        capacity, n_spans = self._settings.capacity, len(bins)
+        cuts = np.arange(n_spans + 1) * self._n_chunks // n_spans
+        share(count_bins, n_spans, cuts, grid, samples, bins, capacity)
+        total = bin_offsets(len(ordered.planes) - 1, bins, ordered.planes)
+        share(write_sorted, n_spans, cuts, grid, samples, ordered, bins, capacity)
         return total
 
     def _cuts(self) -> np.ndarray:
-        """First sample of each slab, and their number: slabs of whole planes, with about as many samples each."""
+        """Return the first sample of each slab, and the number of samples. Slabs are whole planes with similar counts."""
         wanted = np.searchsorted(self._ordered.planes, self._total * np.arange(1, SLABS) / SLABS)
         return np.concatenate([[0], self._ordered.planes[np.unique(wanted)], [self._total]])
 
@@ -144,29 +135,31 @@ class FusedRenderer:
         observed = np.zeros((0, 3), np.float32) if batch.observed is None else batch.observed.numpy()
         paths = paths_of(self.field.space, self.field.bounds, batch.rays)
         self._rays = new_rays(paths, batch.jitter.numpy(), observed)
-        seed = int(self.runtime.randint(2**31 - 1, 1)) if self._limits.russian_roulette else 0
-        self._limits = self._limits._replace(seed=seed, step=np.float32(batch.step))
-        self._grow(self._limits.capacity)
+        seed = int(self.runtime.randint(2**31 - 1, 1)) if self._settings.russian_roulette else 0
+        self._settings = self._settings._replace(seed=seed, step=np.float32(batch.step))
+        self._grow(self._settings.capacity)
         while True:
-            share(march, self._n_chunks, self.tables.grid, self._rays, self._samples, self._limits)
-            if self._samples.counts[: self._n_chunks].max(initial=0) < self._limits.capacity:
+            share(march, self._n_chunks, self.tables.grid, self._rays, self._samples, self._settings)
+            if self._samples.counts[: self._n_chunks].max(initial=0) < self._settings.capacity:
                 return
-            self._grow(self._limits.capacity * 3 // 2)
+            self._grow(self._settings.capacity * 3 // 2)
 
     def _grow(self, capacity: int) -> None:
-        """Memory for `capacity` samples a chunk; it only grows."""
+        """Ensure `capacity` sample slots per chunk."""
         size = self._n_chunks * capacity
-        self._limits = self._limits._replace(capacity=capacity)
-        if self._samples is not None and len(self._samples.rays) >= size:
+        self._settings = self._settings._replace(capacity=capacity)
+        if self._n_slots >= size:
             return
+        self._n_slots = size
         n_planes = self.field.occupied.shape[0] + 1
         self._samples = new_samples(self._n_chunks, capacity)
-        self._gradients = new_sample_gradients(self._samples)
-        self._ordered = Sorted(
+        weights, densities = np.empty(size, np.float32), np.empty(size, np.float32)
+        self._gradients = SampleGradients(weights, densities, self._samples.colors)
+        self._ordered = SortedSamples(
             np.empty(size, np.int32),
             np.empty((size, 4), np.int32),
             np.empty(size, np.int32),
-            np.empty(size, SHARED_PLACE),
+            np.empty(size, SORTED_POINT),
             np.empty((size, self.field.n_features), np.float32),
             np.empty((count(), max(1, BINS // n_planes) * n_planes), np.int32),
             np.empty(n_planes + 1, np.int64),
@@ -174,26 +167,26 @@ class FusedRenderer:
 
 
 class _Render(torch.autograd.Function):
-    """Kernels as an operation of torch. The densities stand for all that is learned, whose gradients take another way."""
+    """Rendering as a torch operation. The densities only mark it as differentiable; kernels write the gradients."""
 
     @staticmethod
-    def forward(context, densities: Tensor, renderer: FusedRenderer, batch: RayBatch) -> Tensor:
+    def forward(context: Any, densities: Tensor, renderer: FusedRenderer, batch: RayBatch) -> Tensor:
         del densities
         context.renderer = renderer
         return renderer.forward(batch)
 
     @staticmethod
-    def backward(context, gradients: Tensor) -> tuple[None, None, None]:
+    def backward(context: Any, gradients: Tensor) -> tuple[None, None, None]:
         context.renderer.backward(gradients)
         return None, None, None
 
 
 class _Differences(torch.autograd.Function):
-    """Squared differences between rows, of densities and of features, [2]."""
+    """Squared differences between rows as a torch operation, of densities and of features, [2]."""
 
     @staticmethod
     def forward(
-        context, densities: Tensor, renderer: FusedRenderer, rows: np.ndarray, other_rows: np.ndarray
+        context: Any, densities: Tensor, renderer: FusedRenderer, rows: np.ndarray, other_rows: np.ndarray
     ) -> Tensor:
         del densities
         context.renderer, context.pairs = renderer, (rows, other_rows)
@@ -203,12 +196,12 @@ class _Differences(torch.autograd.Function):
         return torch.from_numpy(sums.sum(0)).float()
 
     @staticmethod
-    def backward(context, gradient: Tensor) -> tuple[None, None, None, None]:
+    def backward(context: Any, gradient: Tensor) -> tuple[None, None, None, None]:
         tables = context.renderer.tables
         density, features = (np.float32(value) for value in gradient.tolist())
         share(
             difference_gradients, len(tables.touched), *context.pairs, tables.values, tables.gradients,
             tables.n_features, tables.touched, density, features,
         )  # fmt: skip
-        tables.show_gradients()
+        tables.expose_gradients()
         return None, None, None, None

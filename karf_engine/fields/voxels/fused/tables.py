@@ -1,4 +1,4 @@
-"""A field's grid and tables as kernels see them, with the gradients that they add up."""
+"""Grid, tables and gradients of a field as arrays."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .arrays import DENSITY, FEATURES, Axes, Grid, Network, TablePair
 
 
 class FieldTables:
-    """Arrays of one field; its parameters are shared, not copied.
+    """Arrays of one field; the parameters are not copied.
 
     Attributes:
-        grid: The cells.
-        gradients: Of densities and of features, added up since the last step.
-        touched: Which rows have gradients, bits of arrays.DENSITY and arrays.FEATURES, [n] uint8.
-        n_features: A tuple as long as there are features: lengths of tuples are constants to numba.
-        n_hidden: A tuple as long as there are hidden units.
+        grid: Cells of the field.
+        gradients: Gradients of densities and features, accumulated since the last step.
+        touched: [n] uint8, flags of each row's gradients (arrays.DENSITY, arrays.FEATURES).
+        n_features: Tuple of F elements: numba treats its length as a constant.
+        n_hidden: Tuple of H elements.
     """
 
     def __init__(self, field: VoxelGrid) -> None:
@@ -31,31 +31,27 @@ class FieldTables:
 
     @property
     def parameters(self) -> tuple[nn.Parameter, nn.Parameter]:
-        """Raw densities and features, as torch knows them."""
+        """Raw densities and features as parameters."""
         return self.field.raw_density, self.field.feature_table
 
     @property
     def values(self) -> TablePair:
-        """Raw densities and features, the field's own memory."""
+        """Raw densities and features as arrays."""
         return TablePair(*map(flat, self.parameters))
 
-    def show_gradients(self) -> None:
-        """Let the field's parameters have these gradients, in this very memory: processes that learn together read it."""
+    def expose_gradients(self) -> None:
+        """Set the `grad` of both parameters to the gradients' own memory, which process groups reduce in place."""
         for parameter, gradients in zip(self.parameters, self.gradients, strict=True):
             parameter.grad = torch.from_numpy(gradients).view_as(parameter)
 
-    def touch_others(self) -> None:
-        """Note the rows that have gradients of other processes."""
+    def touch_remote_rows(self) -> None:
+        """Flag the rows with gradients from other processes."""
         density, features = self.gradients
         self.touched |= DENSITY * (density != 0) | FEATURES * (features.reshape(len(density), -1) != 0).any(1)
 
-    def network(self) -> Network:
-        """The color network as it is now."""
-        return network_of(self.field)
-
 
 def grid_of(field: VoxelGrid) -> Grid:
-    """The cells of a field, with its densities."""
+    """Return the cells of a field, with its densities."""
     bits = np.packbits(field.occupied.numpy(), axis=2, bitorder="little")
     row_stride, plane_stride = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
     return Grid(
@@ -75,16 +71,16 @@ def grid_of(field: VoxelGrid) -> Grid:
 
 
 def network_of(field: VoxelGrid) -> Network:
-    """The color network as it is now."""
-    first, _, last = field.color_network
+    """Return the color network with a transposed copy of its first layer's weights."""
+    hidden, output = field.color_layers
     return Network(
-        np.ascontiguousarray(first.weight.detach().numpy().T),
-        first.bias.detach().numpy(),
-        last.weight.detach().numpy(),
-        last.bias.detach().numpy(),
+        np.ascontiguousarray(hidden.weight.detach().numpy().T),
+        hidden.bias.detach().numpy(),
+        output.weight.detach().numpy(),
+        output.bias.detach().numpy(),
     )
 
 
 def flat(tensor: Tensor) -> np.ndarray:
-    """A tensor's own memory as one row."""
+    """Return a flat view of a tensor's memory."""
     return tensor.detach().numpy().reshape(-1)

@@ -1,4 +1,4 @@
-"""Rays as polylines in the grid: the contraction's 64 knots a ray take torch longer than their samples take kernels."""
+"""Rays as polylines in the grid. Torch takes longer for the contraction's knots than the kernels for the samples."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ FARTHEST = np.float32(FAR)
 
 
 def paths_of(space: Space, bounds: Tensor, rays: Rays) -> np.ndarray:
-    """Knots of these rays in a space, within the corners `bounds` [2, 3] of a grid, [R, K, 3]: its `paths`."""
+    """Return `space.paths` within the grid's corners `bounds` [2, 3], [R, K, 3]."""
     if not isinstance(space, Contraction):
         return space.paths(rays, *bounds).contiguous().numpy()
     paths = np.empty((len(rays), CONTRACTION_KNOTS, 3), np.float32)
     origins, viewdirs = rays.origins.contiguous().numpy(), rays.viewdirs.contiguous().numpy()
-    numbers = map(np.float32, (space.radius, space.room, space.near))
-    share(contracted_paths, len(rays), origins, viewdirs, space.center.numpy(), *numbers, paths)
+    lengths = map(np.float32, (space.radius, space.room, space.near))
+    share(contracted_paths, len(rays), origins, viewdirs, space.center.numpy(), *lengths, paths)
     return paths
 
 
 @kernel
 def contracted_paths(first, last, origins, viewdirs, center, radius, room, near, paths):
-    """Knots of the rays first to last in a contraction (see space.Contraction.paths)."""
+    """Write the knots of rays first to last in a contraction (see space.Contraction.paths)."""
     n_knots = paths.shape[1]
     to_unit = ONE / radius
     for ray in range(first, last):
