@@ -1,4 +1,4 @@
-"""What users are told: messages, and one family of exceptions that say what went wrong and what can be done."""
+"""Translatable messages, and the exceptions whose sentence and remedy are shown to users."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import re
 import sys
 from typing import Any
 
-INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # where pip's name is another
-LONGEST = 1500  # letters of a sentence or a value in it: what is quoted of a file may be without end
-PLACE = re.compile(r"\{(\w+)((?:![rs])?)((?::[^{}]*)?)\}")  # of a value in a template: name, conversion, format
-# torch on the processor, OpenCV and C++ libraries have no error class of their own for it
+INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # pip names that differ from import names
+LONGEST = 1500  # characters of a message, or of one value in it
+PLACE = re.compile(r"\{(\w+)((?:![rs])?)((?::[^{}]*)?)\}")  # placeholder in a template: name, conversion, format
+# torch on the CPU, OpenCV and C++ libraries raise generic classes when memory runs out
 MEMORY_MESSAGES = (
     "out of memory",
     "allocate memory",
@@ -20,17 +20,19 @@ MEMORY_MESSAGES = (
     "bad_alloc",
     "storage size calculation overflowed",
     "larger than the maximum possible size",
-    "failed to map segment from shared object",  # the system's loader of libraries
+    "failed to map segment from shared object",  # the dynamic linker
 )
 CONVERSIONS = {"": lambda value: value, "!r": repr, "!s": str}
 
 
 class Message(str):
-    """A sentence for people: English text that still knows its template and its values, by which it is translated.
+    """An English sentence that keeps its template and values, so that it can be translated.
+
+    Placeholders are `{name}`, `{name!r}` or `{name:.1f}`; braces around any other name stay in the text.
 
     Attributes:
-        key: The template with plain places, `{name}`: what tables of other languages are looked up by.
-        values: Texts for the places by name; messages where the values were such.
+        key: The template with plain placeholders (`{name}`), the key of translation tables.
+        values: Formatted values by placeholder; nested messages stay messages.
 
     Examples:
         >>> message = Message("{path} has {share:.0%} of {name!r}.", path="a.png", share=0.25, name="pot")
@@ -44,7 +46,6 @@ class Message(str):
     values: dict[str, str]
 
     def __new__(cls, template: str, /, **values: Any) -> Message:
-        """The places are `{name}`, `{name!r}` or `{name:.1f}`; braces around anything but a value's name stay as they are."""
         texts = {name: text for place in PLACE.finditer(template) for name, text in _formatted(place, values)}
         message = super().__new__(cls, PLACE.sub(lambda place: texts.get(place[1], place[0]), template))
         message.key = PLACE.sub(lambda place: f"{{{place[1]}}}" if place[1] in texts else place[0], template)
@@ -52,13 +53,13 @@ class Message(str):
         return message
 
     def to_json(self) -> dict[str, Any]:
-        """Key and values as JSON values, for `from_json` on the other side of a process boundary."""
+        """Return key and values as JSON values, for `from_json` in another process."""
         values = {name: text.to_json() if isinstance(text, Message) else text for name, text in self.values.items()}
         return {"key": self.key, "values": values}
 
     @classmethod
     def from_json(cls, content: Any) -> Message:
-        """The message of these key and values. Raises ValueError where they are not a message's."""
+        """Rebuild a message from `to_json`. Raises ValueError where the content is not a message."""
         key, values = (content.get("key"), content.get("values")) if isinstance(content, dict) else (None, None)
         if not isinstance(key, str) or not isinstance(values, dict):
             raise ValueError("not a message: a key and values were expected")
@@ -68,15 +69,14 @@ class Message(str):
 
 
 def _formatted(place: re.Match[str], values: dict[str, Any]) -> list[tuple[str, str]]:
-    """The name and the text of a place in a template; nothing where no value has its name."""
+    """Return [(name, text)] for a placeholder; [] if no value has its name."""
     name, conversion, form = place.groups()
     if name not in values:
         return []
     value = values[name]
     if isinstance(value, Message) and not conversion and not form:
         return [(name, value)]
-    text = format(CONVERSIONS[conversion](value), form[1:])
-    return [(name, _cut(text))]
+    return [(name, _cut(format(CONVERSIONS[conversion](value), form[1:])))]
 
 
 def _cut(text: str) -> str:
@@ -84,18 +84,18 @@ def _cut(text: str) -> str:
 
 
 class KarfError(Exception):
-    """Base of all errors that a user can act on.
+    """Base class of all errors that a user can act on.
 
     Attributes:
-        code: A stable word for programs, of the class.
-        exit_code: Of a process that ends by it, of the class.
-        sentence: What went wrong; names the file and the value.
+        code: Stable identifier of the class.
+        exit_code: Exit status of a process that ends with this error.
+        sentence: The problem; names the file and the value.
         hint: The remedy.
 
     Args:
-        sentence: A template of what went wrong, see `Message`.
-        hint: A template of the remedy.
-        **values: Of both.
+        sentence: Template of the problem, see `Message`.
+        hint: Template of the remedy.
+        **values: Values of both templates.
 
     Example:
         try:
@@ -118,7 +118,7 @@ class KarfError(Exception):
 
     @property
     def message(self) -> Message:
-        """Sentence and hint as one."""
+        """Sentence and hint in one message."""
         return Message("{sentence} {hint}", sentence=self.sentence, hint=self.hint) if self.hint else self.sentence
 
 
@@ -168,7 +168,7 @@ ERROR_CLASSES = (BadRequest, MissingDependency, DataError, OutOfMemory, Cancelle
 
 
 def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
-    """The error of the class with this code, rebuilt on the other side of a process boundary.
+    """Rebuild an error from its code, for example one sent by another process.
 
     Examples:
         >>> error_from_code("data", "a.png is empty.", "Copy it again.")
@@ -181,7 +181,7 @@ def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether this is a failed allocation, on an accelerator or in main memory, by any library.
+    """Test whether an error reports a failed allocation, on any device and by any library.
 
     Examples:
         >>> is_out_of_memory(RuntimeError("CUDA out of memory.")), is_out_of_memory(ValueError("no"))
@@ -193,13 +193,13 @@ def is_out_of_memory(error: BaseException) -> bool:
         return True
     if getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES):
         return True
-    # packages that cannot load a library of theirs say so in words of their own, or try others
+    # packages wrap the failure to load a shared library in errors of their own wording
     before = error.__cause__ or error.__context__
     return isinstance(error, ImportError | OSError) and before is not None and is_out_of_memory(before)
 
 
 def missing_package(name: str) -> MissingDependency:
-    """The error for a package (by its import name) that this Python lacks."""
+    """Return the error for a missing package, given its import name."""
     return MissingDependency(
         "The engine's Python ({executable}) has no package {name!r}.",
         "Install it there: {executable} -m pip install {package}",
@@ -210,7 +210,7 @@ def missing_package(name: str) -> MissingDependency:
 
 
 def missing_extra(name: str, extra: str) -> MissingDependency:
-    """The error for a package (by its import name) that this Python lacks, of one of pyproject.toml's extras."""
+    """Return the error for a missing package (import name) that belongs to an extra of pyproject.toml."""
     return MissingDependency(
         "The engine's Python ({executable}) has no package {name!r}.",
         'Install the extra there: {executable} -m pip install "karf[{extra}]"',

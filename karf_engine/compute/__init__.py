@@ -1,1 +1,1 @@
-"""The processor's cores, devices, compiled kernels, processes that learn together, progress."""
+"""Devices, CPU cores, compiled kernels, distributed training and progress reports."""

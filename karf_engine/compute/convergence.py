@@ -1,4 +1,4 @@
-"""Iterative solvers say where they stopped before they reached their tolerance."""
+"""Warnings of iterative solvers that stop before they reach their tolerance."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from .progress import Emit
 
 
 class NotConverged(UserWarning):
-    """A solver has stopped before its tolerance; what it has found so far is used.
+    """A solver stopped before it reached its tolerance; its last iterate is used.
 
     Attributes:
-        residual: Norm of what is left, relative to the right-hand side's.
+        residual: Norm of the residual relative to the right-hand side.
     """
 
     def __init__(self, iterations: int, residual: float, tolerance: float) -> None:
-        """See `warn_not_converged`."""
         super().__init__(
             f"Conjugate gradients have not converged: after {iterations} iterations a relative residual of "
             f"{residual:.1e} is left, and {tolerance:.0e} was the goal. What was found so far is used."
@@ -26,19 +25,13 @@ class NotConverged(UserWarning):
 
 
 def warn_not_converged(iterations: int, residual: float, tolerance: float) -> None:
-    """Warn that conjugate gradients have not converged.
-
-    Args:
-        iterations: That were done.
-        residual: Norm of what is left, relative to the right-hand side's.
-        tolerance: Which the residual should have reached.
-    """
+    """Warn that conjugate gradients have not converged; residual and tolerance are relative to the right-hand side."""
     warnings.warn(NotConverged(iterations, residual, tolerance), stacklevel=3)
 
 
 @contextmanager
 def convergence_as_event(emit: Emit) -> Iterator[None]:
-    """Emit the worst of the `NotConverged` warned of in here as one event of the stage; other warnings stay."""
+    """Emit the worst `NotConverged` warning of the block as one event; other warnings are warned again."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NotConverged)
         yield

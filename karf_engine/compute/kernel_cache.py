@@ -1,4 +1,4 @@
-"""The compiler's cache on disk, in files that are checked before anything of them is used. Needs numba."""
+"""Numba's cache on disk, with a checksum that is verified before unpickling."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ DIGEST_BYTES = 32
 
 
 class KernelCache(FunctionCache):
-    """The cache of one function. What cannot be read counts as missing; where nothing can be written nothing is kept.
+    """Cache of one function; read errors count as missing entries, write errors are ignored.
 
     Raises:
-        RuntimeError: There is no folder that can be written.
+        RuntimeError: Numba finds no folder that can be written.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -29,17 +29,17 @@ class KernelCache(FunctionCache):
         source = f"{numba.__version__} {self._impl.locator.get_source_stamp()!r}"
         self._cache_file = CheckedFile(Path(self.cache_path, f"{self._impl.filename_base}.kernel"), source.encode())
 
-    def save_overload(self, *compiled: Any) -> None:
+    def save_overload(self, sig: Any, data: Any) -> None:
         with suppress(OSError):
-            super().save_overload(*compiled)
+            super().save_overload(sig, data)
 
 
 class CheckedFile:
-    """Machine code by signature, in one file that begins with the SHA-256 of its source and of what follows.
+    """Machine code by signature in one file, which begins with the SHA-256 of the source and the rest of the file.
 
     Args:
-        path: Of the file.
-        source: What the code was compiled of and by; a file of anything else counts as missing.
+        path: The file.
+        source: Identifies source code and compiler; a file with another source counts as missing.
     """
 
     def __init__(self, path: Path, source: bytes) -> None:
@@ -47,12 +47,12 @@ class CheckedFile:
         self._source = source
 
     def load(self, key: Any) -> Any:
-        """What was saved for a key; None for nothing."""
+        """Return the value saved for a key, or None."""
         entry = self._entries().get(key)
         return None if entry is None else pickle.loads(entry)
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep something for a key. Raises OSError where the file cannot be written."""
+        """Save a value for a key. Raises OSError if the file cannot be written."""
         body = dumps(self._entries() | {key: dumps(data)})
         temporary = self._path.with_name(f"{self._path.name}.{uuid.uuid4().hex[:16]}")
         try:

@@ -1,4 +1,4 @@
-"""Compiled kernels: whether numba is there, how they are compiled, and where their machine code is kept."""
+"""Compile kernels with numba, and locate their cache."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from typing import Any, TypeVar
 from ..errors import is_out_of_memory
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
-# all liberties but those that let NaN and infinity vanish: training must see them and stop
+# all fast-math flags except nnan and ninf: training must detect values that are not finite
 MATH = {"contract", "reassoc", "nsz", "arcp", "afn"}
 
 
 def has_kernels() -> bool:
-    """Whether numba is there and loads, and is not left out by the variable KARF_KERNELS=off.
+    """Test whether numba can be imported and the environment does not set KARF_KERNELS=off.
 
     Raises:
-        Exception: It is there, and memory does not suffice to load it.
+        Exception: Memory ran out while numba was loaded.
     """
     if os.environ.get("KARF_KERNELS", "on") == "off":
         return False
     try:
         import numba  # noqa: F401
-    except (ImportError, OSError) as error:  # not there, or not made for this numpy or processor
+    except (ImportError, OSError) as error:  # missing, or built for another numpy or CPU
         if is_out_of_memory(error):
             raise
         return False
@@ -34,7 +34,7 @@ def has_kernels() -> bool:
 
 
 def cache_folder() -> Path:
-    """Where compiled kernels are kept: the user's own cache, for the package may lie where nothing can be written."""
+    """Return the cache folder in the user's account; the package may be read-only."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return Path(os.environ["NUMBA_CACHE_DIR"])
     if sys.platform == "win32":
@@ -47,29 +47,31 @@ def cache_folder() -> Path:
 
 
 def kernel(function: Kernel) -> Kernel:
-    """A function of numbers and arrays, compiled when it is first called and kept for other processes.
+    """Compile a function on first call and cache it on disk; it must not allocate arrays.
 
-    It makes no arrays, so that none are counted: counting costs as much as a small function does.
+    Without allocation numba needs no reference counting, which costs as much as a small function.
     """
-    return _compiled(function, MATH, False)
+    return _compile(function, MATH, False)
 
 
 def allocating_kernel(function: Kernel) -> Kernel:
-    """A kernel that makes arrays to work in."""
-    return _compiled(function, MATH, True)
+    """Compile a function that may allocate arrays."""
+    return _compile(function, MATH, True)
 
 
 def literal_kernel(function: Kernel) -> Kernel:
-    """A kernel whose operations are rounded one by one, as they are written: two forms of one sum give the same bits."""
-    return _compiled(function, False, False)
+    """Compile a function without fast-math, so that equal sums have equal bits."""
+    return _compile(function, False, False)
 
 
-def _compiled(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Kernel:
+def _compile(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Kernel:
     import numba
+    from numba.core import config
 
-    numba.config.CACHE_DIR = str(cache_folder())
-    compiled = numba.njit(function, fastmath=math, error_model="numpy", nogil=True, _nrt=makes_arrays)
-    # no folder that could be written, one whose name is not UTF-8, or another numba within: each process compiles for itself
+    config.CACHE_DIR = str(cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
+    options: dict[str, Any] = {"fastmath": math, "error_model": "numpy", "nogil": True, "_nrt": makes_arrays}
+    compiled: Any = numba.njit(function, **options)
+    # without a writable folder with a UTF-8 name, or with an unknown numba, each process compiles for itself
     with suppress(RuntimeError, ImportError, AttributeError, TypeError, UnicodeError):
         from .kernel_cache import KernelCache
 

@@ -1,4 +1,4 @@
-"""Trees that find nearest neighbors, built where denormal numbers are flushed to zero."""
+"""Nearest-neighbor trees in processes that flush denormal numbers to zero."""
 
 from __future__ import annotations
 
@@ -6,18 +6,17 @@ import math
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
+from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def tree_of(positions: np.ndarray, **options: bool) -> cKDTree:
-    """The tree of positions.
+    """Build a k-d tree with denormal numbers enabled.
 
-    SciPy splits points whose least coordinate is 0 at the number next to it, which is denormal. Flushed to zero it splits
-    nothing, and the process ends in an endless recursion. So denormal numbers are kept while a tree is built.
+    SciPy may split at the denormal number next to a coordinate of 0; flushed to zero, the split recurses endlessly.
 
     Args:
         positions: [n, D], finite.
-        options: Of `scipy.spatial.cKDTree`.
+        **options: Options of `scipy.spatial.cKDTree`.
 
     Examples:
         >>> tree = tree_of(np.array([[0.0, 0.0], [3.0, 4.0]]))

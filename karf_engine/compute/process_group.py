@@ -1,6 +1,6 @@
-"""Several processes that learn one scene together, by torch's own launcher: `torchrun -m karf_engine geometry ...`.
+"""Data-parallel training of one scene, launched by `torchrun -m karf_engine geometry ...`.
 
-Each draws its share of an iteration's rays and learns from the mean of all gradients, so that all hold the same field.
+Each process samples its share of an iteration's rays and applies the mean of all gradients.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from torch import Tensor, distributed
 
 from ..errors import BadRequest
 
-PATIENCE = timedelta(days=30)  # timeout: helpers wait for whole stages; torchrun notices which process has died
+PATIENCE = timedelta(days=30)  # helpers wait for whole stages; torchrun detects processes that died
 
 
 @dataclass(frozen=True)
 class ProcessGroup:
-    """Which process this is, and of how many. By default it is alone, and nothing below does anything.
+    """Rank and size of a process group; a group of one does nothing.
 
     Attributes:
-        rank: From 0; the first one runs the command, the others help it.
-        size: How many there are.
+        rank: Rank of this process; rank 0 runs the command, the others help it.
+        size: Number of processes.
     """
 
     rank: int = 0
     size: int = 1
 
     def share(self, value: Any = None) -> Any:
-        """The first process's value, at all of them; each calls this at the same place."""
+        """Broadcast the value of rank 0 and return it; a collective call."""
         if self.size == 1:
             return value
         box = [value]
@@ -42,17 +42,17 @@ class ProcessGroup:
         return box[0]
 
     def mean(self, value: Tensor) -> Tensor:
-        """The mean of all processes' tensors of one shape; in place."""
+        """Average a tensor over all processes, in place; a collective call."""
         if self.size > 1:
             distributed.all_reduce(value)
             value /= self.size
         return value
 
     def average(self, parameters: Iterable[Tensor]) -> None:
-        """Replace gradients by their means over all processes; one that no process has stays None.
+        """Average gradients over all processes; those that are None everywhere stay None.
 
         Raises:
-            BadRequest: Parameters have other sizes elsewhere.
+            BadRequest: The processes have parameters of different sizes.
         """
         if self.size == 1:
             return
@@ -65,21 +65,22 @@ class ProcessGroup:
                     f"The processes have come apart: {parameter.numel()} and {size} numbers of one tensor.",
                     "Let computers of one kind, with the same packages, learn together.",
                 )
-            if size and parameter.grad is None:
-                parameter.grad = torch.zeros_like(parameter)
             if size:
+                if parameter.grad is None:
+                    parameter.grad = torch.zeros_like(parameter)
                 self.mean(parameter.grad)
 
     @contextmanager
     def own_numbers(self, generator: torch.Generator) -> Iterator[None]:
-        """Random numbers of this process alone; afterwards the generator stands at one place for all again."""
+        """Draw different random numbers in each process in the block; afterwards all generators agree again."""
         if self.size == 1:
             yield
             return
         before = generator.get_state()
-        torch.rand((), generator=generator, device=generator.device)  # all move on alike
+        torch.rand((), generator=generator, device=generator.device)  # advances all generators alike
         after = generator.get_state()
-        generator.manual_seed(zlib.crc32(after.numpy()) + self.rank)  # reading the number would wait for the device
+        # seeded by the state, since reading the number would synchronize with the device
+        generator.manual_seed(zlib.crc32(after.numpy().tobytes()) + self.rank)
         try:
             yield
         except BaseException:
@@ -92,7 +93,7 @@ _joined = ProcessGroup()
 
 
 def join() -> ProcessGroup:
-    """Join the processes that torchrun has started; each on a card of its own where there are some."""
+    """Join the processes that torchrun started, each on its own GPU if there are any."""
     global _joined
     has_cards = torch.cuda.is_available()
     if has_cards:
@@ -103,11 +104,11 @@ def join() -> ProcessGroup:
 
 
 def leave() -> None:
-    """Part, once all are here: a process that just ends may take the others' last message with it."""
+    """Leave the group after a barrier, so that no message is lost."""
     distributed.barrier()
     distributed.destroy_process_group()
 
 
 def joined() -> ProcessGroup:
-    """The process group of this process: alone, unless it has joined one."""
+    """Return the process group of this process, of size 1 unless it has joined one."""
     return _joined

@@ -1,6 +1,6 @@
-"""Progress of a job: events at most four times a second, with rate and time left, and the question whether to stop.
+"""Progress events of a job, with rate and remaining time, and cancellation.
 
-`emit(kind, **values)` receives the events of `worker.protocol`; a child process writes them to its job, a terminal prints them.
+`emit(kind, **values)` receives the events of `worker.protocol`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 from ..errors import Cancelled
 
 Emit = Callable[..., None]
-INTERVAL = 0.25
+INTERVAL = 0.25  # seconds between events
 
 
 class Progress:
-    """Counts steps of one stage and emits `progress` events. Raises Cancelled from `step` when asked to stop."""
+    """Counter of the steps of one stage, which emits `progress` events."""
 
     def __init__(self, emit: Emit, should_stop: Callable[[], bool], stage: str, total: int) -> None:
         self._emit, self._should_stop, self._stage, self._total = emit, should_stop, stage, total
@@ -27,7 +27,7 @@ class Progress:
         self._last_emit = 0.0
 
     def resume_at(self, done: int) -> None:
-        """Resume the count at the steps that an earlier job has done; rate and time left are those of this job."""
+        """Continue the count of an earlier job; rate and remaining time are those of this job."""
         self._done = self._first = done
         self._start = time.monotonic()
 
@@ -35,11 +35,11 @@ class Progress:
         """Count finished steps.
 
         Args:
-            count: How many; 0 only asks whether to stop.
-            **metrics: Current loss, psnr or the like.
+            count: Number of steps; 0 only checks for cancellation.
+            **metrics: Current values, such as the loss.
 
         Raises:
-            Cancelled: The job was asked to stop.
+            Cancelled: The job was cancelled.
         """
         if self._should_stop():
             raise Cancelled(
@@ -67,7 +67,7 @@ class Progress:
 
 
 class TerminalEmit:
-    """Shows events to a person: one live line on a terminal, plain lines every few seconds in a log."""
+    """Event handler that prints: one live line on a terminal, a line every few seconds in a log."""
 
     def __init__(self, stream: Any = None, log_interval: float = 5.0) -> None:
         self._stream = stream or sys.stderr
@@ -111,7 +111,7 @@ class TerminalEmit:
 
 
 def peak_memory_bytes() -> int:
-    """Largest resident memory of this process so far, bytes; 0 where the system does not report it."""
+    """Return the largest resident memory of this process so far; 0 if the system does not report it."""
     status = Path("/proc/self/status")
     if status.exists():
         for line in status.read_text(encoding="utf-8").splitlines():

@@ -1,1 +1,1 @@
-"""Files: reading, writing and checking them; names that become files; colors; pictures."""
+"""File access: atomic writes, input checks, names, images and color conversion."""

@@ -1,7 +1,6 @@
-"""What a caller of the library gives, checked by the types that the signature names. The standard library alone is needed,
-but for arrays.
+"""Check the arguments of library functions against their annotations. Needs the standard library only, except for arrays.
 
-A wrong argument is a TypeError whose sentence names it; what is of the right type and yet impossible, a KarfError.
+A value of the wrong type raises TypeError; a value of the right type that is out of range raises a KarfError.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from functools import cache, wraps
 from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, Union
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast
 
 from ..errors import BadRequest
 
@@ -28,14 +27,11 @@ NAMES = {
     "str": "a text", "int": "a whole number", "float": "a number", "bool": "True or False", "Path": "a path",
     "ndarray": "an array", "NoneType": "None",
 }  # fmt: skip
-LONGEST = 80  # characters of a wrong value that a message quotes
+LONGEST = 80  # characters of a value quoted in a message
 
 
 def checked(function: Function) -> Function:
-    """Let a function refuse arguments of types that its annotations do not name.
-
-    Raises:
-        TypeError: When the function is called with such an argument. Its sentence names function, argument and value.
+    """Decorate a function so that arguments of other types than annotated raise TypeError.
 
     Examples:
         >>> @checked
@@ -48,35 +44,35 @@ def checked(function: Function) -> Function:
     signature = inspect.signature(function)
 
     @wraps(function)
-    def calling(*given: Any, **named: Any) -> Any:
-        bound, kinds = signature.bind(*given, **named), _types_of(function)
+    def wrapper(*args: Any, **kwargs: Any) -> Any:
+        bound, annotations = signature.bind(*args, **kwargs), _types_of(function)
         for name, value in bound.arguments.items():
-            if name in kinds and signature.parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
-                check_type(function.__qualname__.removesuffix(".__init__"), name, value, kinds[name])
-        return function(*given, **named)
+            if name in annotations and signature.parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
+                check_type(function.__qualname__.removesuffix(".__init__"), name, value, annotations[name])
+        return function(*args, **kwargs)
 
-    return calling
+    return cast(Function, wrapper)
 
 
 def check_fields(record: Any) -> None:
-    """Refuse a dataclass instance with a field of another type than it declares, by a TypeError that names the field."""
-    kinds = _types_of(type(record))
+    """Raise TypeError if a field of a dataclass instance has another type than declared."""
+    annotations = _types_of(type(record))
     for item in fields(record):
-        check_type(type(record).__name__, item.name, getattr(record, item.name), kinds[item.name])
+        check_type(type(record).__name__, item.name, getattr(record, item.name), annotations[item.name])
 
 
 def check_type(what: str, name: str, value: Any, kind: Any) -> None:
-    """Refuse a value that is not of a type.
+    """Check a value against an annotation.
 
     Args:
-        what: Whose argument it is, for the message.
-        name: The argument's name.
-        value: What was given.
+        what: Name of the function or class, for the message.
+        name: Name of the argument.
+        value: The argument.
         kind: The annotation.
 
     Raises:
-        TypeError: The value is of another type.
-        BadRequest: It is a path that is empty or holds a zero character.
+        TypeError: The value has another type.
+        BadRequest: The value is a path that is empty or contains a NUL character.
     """
     if not _fits(value, kind):
         raise TypeError(f"{what} takes {_name_of(kind)} as {name}, not {quoted(value)}.")
@@ -85,16 +81,7 @@ def check_type(what: str, name: str, value: Any, kind: Any) -> None:
 
 
 def check_number(name: str, value: float, lowest: float, highest: float | None = None) -> None:
-    """Refuse a number that is out of range or not finite.
-
-    Args:
-        name: The argument's name, for the message.
-        value: What was given.
-        lowest: The least number that is allowed.
-        highest: The greatest; None for no limit.
-
-    Raises:
-        BadRequest: The number is not allowed.
+    """Raise BadRequest if a number is not finite or outside [lowest, highest]; a `highest` of None means no limit.
 
     Examples:
         >>> check_number("size", 0, 1)
@@ -108,16 +95,16 @@ def check_number(name: str, value: float, lowest: float, highest: float | None =
 
 
 def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
-    """Refuse an array of another shape, or of anything but numbers.
+    """Check that an array is numeric and has a shape.
 
     Args:
-        name: The argument's name, for the message.
-        array: What was given.
-        shape: Its axes; a text stands for an axis of any length.
+        name: Name of the argument, for the message.
+        array: The argument.
+        shape: Size of each axis; a string, such as "n", allows any size.
 
     Raises:
-        TypeError: It is no array.
-        BadRequest: It is of another shape, or holds no numbers.
+        TypeError: The argument is not an array.
+        BadRequest: The array has another shape or is not numeric.
 
     Examples:
         >>> import numpy as np
@@ -125,7 +112,7 @@ def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> N
         Traceback (most recent call last):
         karf_engine.errors.BadRequest: points is an array of shape (2, 2). Give numbers [n, 3].
     """
-    import numpy as np  # all else here is asked where there may be none
+    import numpy as np  # the rest of this module must run without numpy
 
     check_type("This", name, array, np.ndarray)
     fits = len(array.shape) == len(shape) and all(
@@ -136,13 +123,13 @@ def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> N
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
-    """Refuse a text that is none of a few. Raises BadRequest, which names the argument and the choices."""
+    """Raise BadRequest if a value is not one of the choices."""
     if value not in choices:
         raise BadRequest(f"{name} = {quoted(value)} is unknown.", f"Use one of: {', '.join(choices)}.")
 
 
 def quoted(value: Any) -> str:
-    """A value as a message quotes it: short, and without what it holds where it is an array.
+    """Format a value for a message: the repr if short, otherwise its type; arrays by their shape.
 
     Examples:
         >>> import numpy as np
@@ -157,12 +144,12 @@ def quoted(value: Any) -> str:
 
 @cache
 def _types_of(owner: Any) -> dict[str, Any]:
-    """Annotations by name, resolved when they are first needed, for modules may name types of each other."""
+    """Return resolved annotations by name; lazily, since modules may refer to each other's types."""
     if isinstance(owner, type):
         return typing.get_type_hints(owner)
-    # what a function returns may be imported for type checkers alone
-    given = {name: kind for name, kind in owner.__annotations__.items() if name != "return"}
-    return typing.get_type_hints(types.SimpleNamespace(__annotations__=given), vars(sys.modules[owner.__module__]))
+    # the return type may be imported under TYPE_CHECKING only
+    arguments = {name: kind for name, kind in owner.__annotations__.items() if name != "return"}
+    return typing.get_type_hints(types.SimpleNamespace(__annotations__=arguments), vars(sys.modules[owner.__module__]))
 
 
 def _fits(value: Any, kind: Any) -> bool:
@@ -177,11 +164,10 @@ def _fits(value: Any, kind: Any) -> bool:
         return isinstance(value, PathLike)
     if origin is None:
         return isinstance(value, kind)
-    return isinstance(value, origin) and not isinstance(value, str) and _holds(value, origin, parts)
+    return isinstance(value, origin) and not isinstance(value, str) and _items_fit(value, origin, parts)
 
 
-def _holds(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:
-    """Whether what a container holds is of the types that its annotation names."""
+def _items_fit(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:
     if issubclass(origin, Mapping):
         return all(_fits(key, parts[0]) and _fits(each, parts[1]) for key, each in value.items())
     if origin is tuple and parts[-1] is not Ellipsis:

@@ -1,4 +1,4 @@
-"""Learned tensors on disk: safetensors with their settings in the header. Data only; nothing in a file is ever run."""
+"""Checkpoints: tensors and JSON metadata in safetensors files. Nothing in a file is executed."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from .inputs import check_file
 from .library_paths import library_path
 
 AGAIN = "Run the stage that writes it again."
-# what code raises that makes something of a damaged file's tensors and metadata
+# raised by code that restores objects from damaged tensors or metadata
 DAMAGE = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError)
 
 
 def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: dict[str, Any]) -> None:
-    """Write tensors and metadata atomically. Equal ones become equal bytes.
+    """Write tensors and metadata atomically; equal content gives equal bytes.
 
     Args:
-        path: Of the file.
-        tensors: By name, on any device.
-        schema: What the file is, and its version.
+        path: The file.
+        tensors: Tensors by name, on any device.
+        schema: Kind and version of the file.
         metadata: JSON values.
     """
-    # one entry: safetensors writes several in any order, and equal results must be equal bytes
+    # one entry, because safetensors writes several in any order
     header = {"karf": json.dumps({"schema": schema, "facts": metadata})}
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
 
@@ -51,13 +51,13 @@ def load_tensors(
     """Read tensors and metadata.
 
     Args:
-        path: Of the file.
-        schema: Which one it may have, or which ones.
-        device: Where the tensors are to be.
+        path: The file.
+        schema: Accepted schema, or several.
+        device: Device of the returned tensors.
 
     Raises:
-        DataError: The file is missing, damaged, of another schema, or holds numbers that are not finite, or of a type that
-            cannot be checked.
+        DataError: The file is missing, damaged or of another schema, or a tensor is not finite or of a type that cannot
+            be checked.
     """
     if path.exists():
         check_file(path, sys.maxsize)
@@ -68,7 +68,7 @@ def load_tensors(
             known = (schema,) if isinstance(schema, str) else schema
             if found not in known:
                 raise DataError(f"{path} holds {found!r:.200}, not {known[-1]!r}.", AGAIN)
-            # copies: as long as the file itself is mapped, Windows does not let it be replaced
+            # clone, because Windows cannot replace a file that is memory-mapped
             tensors = {name: stored.get_tensor(name).clone() for name in stored.keys()}
             metadata = header["facts"]
     except FileNotFoundError as error:
@@ -80,7 +80,7 @@ def load_tensors(
     for name, tensor in tensors.items():
         try:
             is_finite = torch.isfinite(tensor).all()
-        except NotImplementedError as error:  # of types such as float8_e4m3fn
+        except NotImplementedError as error:  # for types such as float8_e4m3fn
             raise DataError(f"{path} holds {name!r:.200} as {tensor.dtype}, which is not read.", AGAIN) from error
         if not is_finite:
             raise DataError(f"{path} holds values in {name!r:.200} that are not finite.", AGAIN)
@@ -89,13 +89,7 @@ def load_tensors(
 
 @contextmanager
 def restoring(path: Path) -> Iterator[None]:
-    """A context in which errors count as damage of the file, while its tensors and metadata are turned into something.
-
-    Errors of memory and those that are sentences already pass.
-
-    Raises:
-        DataError: The file is damaged.
-    """
+    """Raise DataError for any error of the block that a damaged file can cause; out-of-memory errors pass."""
     try:
         yield
     except DAMAGE as error:
@@ -111,7 +105,7 @@ def _damaged(path: Path, error: Exception) -> DataError:
 
 
 def _header(entries: dict[str, str]) -> dict[str, Any]:
-    """Schema and metadata ("facts") of a file; the first versions wrote them as two entries."""
+    """Return schema and metadata ("facts"); the first versions wrote them as two entries."""
     if "karf" in entries:
         return json.loads(entries["karf"], parse_constant=_refuse)
     metadata = json.loads(entries.get("facts", "{}"), parse_constant=_refuse)

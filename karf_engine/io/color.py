@@ -1,9 +1,8 @@
-"""Color spaces of pictures, palettes and labels.
+"""Color conversion between sRGB, linear light and CIE L*a*b*, and the CIEDE2000 difference. Needs numpy only.
 
-Hand-written because the extension needs them, and Blender's Python has numpy alone. Colors are arrays [..., 3]; "sRGB"
-is display-referred, "linear" is scene-linear with Rec. 709 primaries. Results are float64. Ranges, for colors inside
-the sRGB cube: sRGB and linear 0..1; XYZ 0..0.9505, 0..1, 0..1.0888 (white D65, 2 degree observer); L* 0..100, a*
--86.2..98.2, b* -107.9..94.5; hue -pi..pi radians.
+Colors are arrays [..., 3]; "sRGB" is display-referred, "linear" is scene-linear with Rec. 709 primaries. Results are
+float64. Ranges inside the sRGB gamut: sRGB and linear 0..1; XYZ 0..0.9505, 0..1, 0..1.0888 (D65, 2 degree observer);
+L* 0..100, a* -86.2..98.2, b* -107.9..94.5; hue -pi..pi radians.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ _LINEAR_TO_XYZ = np.array(
         [0.0193339, 0.1191920, 0.9503041],
     ]
 )
-# the white is that of sRGB (1, 1, 1) itself, so that greys have a* = b* = 0 exactly
+# the white point of sRGB (1, 1, 1) itself, so that a* = b* = 0 exactly for greys
 _WHITE = _LINEAR_TO_XYZ.sum(axis=1)
 _WHITE_D50 = np.array([0.9642, 1.0, 0.8249])  # ICC.1:2022, 7.2.16
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
 def to_bytes(color: np.ndarray) -> np.ndarray:
-    """8-bit values of sRGB colors in [0, 1], clipped and rounded (cutting would darken by half a level), uint8.
+    """Quantize sRGB colors in [0, 1] to uint8, clipped and rounded.
 
     Examples:
         >>> to_bytes(np.array([-0.1, 0.5, 0.999, 1.2])).tolist()
@@ -35,7 +34,7 @@ def to_bytes(color: np.ndarray) -> np.ndarray:
 
 
 def srgb_to_linear(color: np.ndarray) -> np.ndarray:
-    """Scene-linear values of sRGB [..., 3]; 0..1 maps to 0..1 (IEC 61966-2-1). Negative values are scaled linearly.
+    """Decode sRGB to scene-linear values (IEC 61966-2-1); negative values are scaled linearly.
 
     Examples:
         >>> srgb_to_linear(np.array([0.0, 0.5, 1.0])).round(4).tolist()
@@ -46,7 +45,7 @@ def srgb_to_linear(color: np.ndarray) -> np.ndarray:
 
 
 def linear_to_srgb(color: np.ndarray) -> np.ndarray:
-    """sRGB of scene-linear values [..., 3]; the inverse of `srgb_to_linear`, not clipped.
+    """Encode scene-linear values as sRGB, not clipped; the inverse of `srgb_to_linear`.
 
     Examples:
         >>> linear_to_srgb(np.array([0.0, 0.18, 1.0])).round(4).tolist()
@@ -57,7 +56,7 @@ def linear_to_srgb(color: np.ndarray) -> np.ndarray:
 
 
 def srgb_to_lab(color: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* (white D65) of sRGB [..., 3] in [0, 1].
+    """Convert sRGB in [0, 1] to CIE L*a*b* (D65).
 
     Examples:
         >>> print(srgb_to_lab(np.array([[1.0, 1, 1], [1, 0, 0]])).round(2) + 0.0)
@@ -68,7 +67,7 @@ def srgb_to_lab(color: np.ndarray) -> np.ndarray:
 
 
 def lab_to_srgb(lab: np.ndarray) -> np.ndarray:
-    """sRGB of CIE L*a*b* colors [..., 3]; not clipped, so that what no screen shows lies outside 0..1.
+    """Convert CIE L*a*b* (D65) to sRGB, not clipped: colors out of gamut leave 0..1.
 
     Examples:
         >>> lab_to_srgb(srgb_to_lab(np.array([0.2, 0.4, 0.9]))).round(6).tolist()
@@ -78,22 +77,20 @@ def lab_to_srgb(lab: np.ndarray) -> np.ndarray:
 
 
 def lab_d50_to_d65(lab: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* [..., 3] of colors that are known with the white D50, as ICC profiles and Adobe's files have it.
-
-    What is white there is white here: the cones' responses are scaled (Bradford, as ICC.1:2022, annex E).
+    """Adapt CIE L*a*b* from the white D50 of ICC profiles and Adobe files to D65 (Bradford; ICC.1:2022, annex E).
 
     Examples:
         >>> print(lab_d50_to_d65(np.array([[100.0, 0, 0], [54.29, 80.81, 69.89]])).round(1) + 0.0)
         [[100.    0.    0. ]
          [ 53.2  80.1  67.2]]
     """
-    seen = _ratio_of_lab(lab) * _WHITE_D50 @ _BRADFORD.T
-    adapted = seen * (_BRADFORD @ _WHITE) / (_BRADFORD @ _WHITE_D50)
+    cones = _ratio_of_lab(lab) * _WHITE_D50 @ _BRADFORD.T
+    adapted = cones * (_BRADFORD @ _WHITE) / (_BRADFORD @ _WHITE_D50)
     return _lab_of_ratio(adapted @ np.linalg.inv(_BRADFORD).T / _WHITE)
 
 
 def _lab_of_ratio(ratio: np.ndarray) -> np.ndarray:
-    """CIE L*a*b* of XYZ [..., 3] as shares of the white's."""
+    """Convert XYZ relative to the white point to CIE L*a*b*."""
     f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
     x, y, z = f[..., 0], f[..., 1], f[..., 2]
     return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
@@ -108,7 +105,7 @@ def _ratio_of_lab(lab: np.ndarray) -> np.ndarray:
 
 
 def lab_hue(lab: np.ndarray) -> np.ndarray:
-    """Hue angle of Lab colors [..., 3] in radians, -pi..pi; 0 for exact greys.
+    """Return the hue angle of Lab colors in radians, -pi..pi; 0 for exact greys.
 
     Examples:
         >>> np.degrees(lab_hue(np.array([[50.0, 10, 0], [50, 0, 10]]))).tolist()
@@ -118,7 +115,7 @@ def lab_hue(lab: np.ndarray) -> np.ndarray:
 
 
 def lab_chroma(lab: np.ndarray) -> np.ndarray:
-    """Chroma of Lab colors [..., 3]: distance from the grey axis, 0..134 inside the sRGB cube.
+    """Return the chroma of Lab colors, 0..134 inside the sRGB gamut.
 
     Examples:
         >>> float(lab_chroma(np.array([50.0, 3, 4])))
@@ -128,8 +125,7 @@ def lab_chroma(lab: np.ndarray) -> np.ndarray:
 
 
 def lab_saturation(lab: np.ndarray) -> np.ndarray:
-    """Saturation of Lab colors [..., 3], C / sqrt(C^2 + L^2) (Luebbe 2011): 0 for greys, below 1; nearly the same in the
-    light and in the shade.
+    """Return the saturation C / sqrt(C^2 + L^2) of Lab colors (Luebbe 2011), in [0, 1) and nearly shading-invariant.
 
     Examples:
         >>> lab_saturation(np.array([[40.0, 30, 0], [20, 15, 0], [50, 0, 0]])).round(2).tolist()
@@ -141,7 +137,7 @@ def lab_saturation(lab: np.ndarray) -> np.ndarray:
 
 
 def ciede2000(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Color difference CIEDE2000 of two arrays of Lab colors [..., 3]; about 1 is just visible side by side.
+    """Return the color difference CIEDE2000 of two arrays of Lab colors; about 1 is just noticeable.
 
     Sharma, Wu and Dalal (2005), "The CIEDE2000 color-difference formula: implementation notes, supplementary test data
     and mathematical observations"; k_L = k_C = k_H = 1.

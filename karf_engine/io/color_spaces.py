@@ -1,8 +1,7 @@
-"""Named color spaces of photos and layers: to the engine's sRGB and back, by OpenColorIO.
+"""Convert between the engine's sRGB and named color spaces of an OpenColorIO configuration.
 
-A space is one of a configuration: the user's file, or the one that comes with the library. The engine's sRGB is the space
-that every configuration can be brought to, by OpenColorIO's own way between configurations. Both ways are computed in
-float32 without its fast approximations: sRGB colors of 16 bits go to a space and back within a step.
+The configuration is a file of the user or the built-in one. Conversions are computed in float32 without OpenColorIO's
+fast approximations, so that 16-bit sRGB survives a round trip to within one step.
 """
 
 from __future__ import annotations
@@ -19,61 +18,61 @@ import numpy as np
 from ..errors import BadRequest, DataError, is_out_of_memory, missing_extra
 from .limited import run_limited
 
-SRGB = "srgb_rec709_scene"  # IEC 61966-2-1's curve and primaries, by the name that the Color Interop Forum gives it
+SRGB = "srgb_rec709_scene"  # Color Interop Forum name of the curve and primaries of IEC 61966-2-1
 BUILT_IN = "ocio://default"
-VARIABLE = "OCIO"  # of the environment: the path of a configuration, as in other programs
+VARIABLE = "OCIO"  # environment variable with the path of a configuration
 EXTRA = "color"
 
 
 @dataclass(frozen=True)
 class ColorSpace:
-    """A color space by its name.
+    """A color space of a configuration.
 
     Attributes:
         name: Name or alias in the configuration.
-        config: Absolute path of the configuration, or its `ocio://` address; empty for the one that comes with the library.
+        config: Absolute path or `ocio://` address of the configuration; empty for the built-in one.
     """
 
     name: str
     config: str = ""
 
     def to_srgb(self, colors: np.ndarray) -> np.ndarray:
-        """sRGB float32 [..., 3] of colors in this space; not clipped. Raises DataError where the space is no longer known."""
-        return _through(_processor(self, True), colors)
+        """Convert colors [..., 3] of this space to sRGB float32, not clipped. Raises what `color_space` raises."""
+        return _apply(_processor(self, True), colors)
 
     def from_srgb(self, colors: np.ndarray) -> np.ndarray:
-        """The inverse of `to_srgb`."""
-        return _through(_processor(self, False), colors)
+        """Convert sRGB to this space; the inverse of `to_srgb`."""
+        return _apply(_processor(self, False), colors)
 
     @property
     def interop_id(self) -> str:
-        """What the Color Interop Forum calls the space; empty where its configuration does not say."""
+        """The Color Interop Forum's name of the space; empty if the configuration has none."""
         _check(self)
         return _config(self.config).getColorSpace(self.name).getInteropID()
 
 
 def color_space(name: str, config: str | None = None) -> ColorSpace:
-    """A space that is there.
+    """Look a color space up.
 
     Args:
         name: Name or alias.
-        config: The configuration's file, or its `ocio://` address. None: that of the environment variable OCIO, else the one
-            of the library.
+        config: Path or `ocio://` address of the configuration. None: that of the environment variable OCIO, else the
+            built-in one.
 
     Raises:
         MissingDependency: OpenColorIO is not installed.
         DataError: The configuration cannot be read.
-        BadRequest: It has no such space, or the space has no way to sRGB.
+        BadRequest: The configuration has no such space, or the space cannot be converted to sRGB.
     """
     place = os.environ.get(VARIABLE, "") if config is None else config
-    found = ColorSpace(name, place if "://" in place or not place else str(Path(place).absolute()))
-    _check(found)
-    return found
+    space = ColorSpace(name, place if "://" in place or not place else str(Path(place).absolute()))
+    _check(space)
+    return space
 
 
 @lru_cache(maxsize=8)
 def _check(space: ColorSpace) -> None:
-    """Raise what `color_space` does. A file, and the tables that it names, are tried in a child process."""
+    """Raise what `color_space` raises; configuration files are first read in a limited child process."""
     if not space.config or "://" in space.config:
         _require(space)
     else:
@@ -81,19 +80,20 @@ def _check(space: ColorSpace) -> None:
 
 
 def try_configuration(path: Path, name: str) -> dict[str, np.ndarray]:
-    """What a child process does: read a configuration and make a space's ways. Raises as `color_space`; gives nothing."""
+    """Read a configuration and build the conversions of a space, in a child process. Raises what `color_space` raises."""
     _require(ColorSpace(name, str(path)))
     return {}
 
 
 def _require(space: ColorSpace) -> None:
-    known = _config(space.config)
-    if known.getColorSpace(space.name) is None:
-        names = [*known.getColorSpaceNames()]
-        words = {word.lower(): each for each in names for word in (each, *known.getColorSpace(each).getAliases())}
-        near = list(dict.fromkeys(words[word] for word in difflib.get_close_matches(space.name.lower(), words, 5, 0.4)))
+    config = _config(space.config)
+    if config.getColorSpace(space.name) is None:
+        names = [*config.getColorSpaceNames()]
+        aliases = {alias.lower(): each for each in names for alias in (each, *config.getColorSpace(each).getAliases())}
+        matches = difflib.get_close_matches(space.name.lower(), aliases, 5, 0.4)
+        near = list(dict.fromkeys(aliases[alias] for alias in matches))
         raise BadRequest(
-            f"There is no color space {space.name!r:.200} in {_said(space.config)}.",
+            f"There is no color space {space.name!r:.200} in {_describe(space.config)}.",
             f"Nearest: {', '.join(near)}." if near else f"It has {', '.join(names)}.",
         )
     for is_to_srgb in (True, False):
@@ -113,7 +113,7 @@ def _library() -> Any:
 @lru_cache(maxsize=4)
 def _config(place: str) -> Any:
     library = _library()
-    place.encode()  # the library takes UTF-8 alone
+    place.encode()  # raises for paths that are not UTF-8, which the library cannot open
     try:
         return library.Config.CreateFromFile(place or BUILT_IN)
     except (library.Exception, library.ExceptionMissingFile) as error:
@@ -131,24 +131,25 @@ def _processor(space: ColorSpace, is_to_srgb: bool) -> Any:
 
 def _new_processor(space: ColorSpace, is_to_srgb: bool) -> Any:
     library, config = _library(), _config(space.config)
-    between = library.Config
-    convert = between.GetProcessorToBuiltinColorSpace if is_to_srgb else between.GetProcessorFromBuiltinColorSpace
     try:
-        processor = convert(config, space.name, SRGB) if is_to_srgb else convert(SRGB, config, space.name)
+        if is_to_srgb:
+            processor = library.Config.GetProcessorToBuiltinColorSpace(config, space.name, SRGB)
+        else:
+            processor = library.Config.GetProcessorFromBuiltinColorSpace(SRGB, config, space.name)
         depth = library.BIT_DEPTH_F32
         return processor.getOptimizedCPUProcessor(depth, depth, library.OPTIMIZATION_LOSSLESS)
     except (library.Exception, library.ExceptionMissingFile) as error:
         raise BadRequest(
-            f"The color space {space.name!r:.200} of {_said(space.config)} has no way to sRGB: {str(error).strip():.300}",
+            f"The color space {space.name!r:.200} of {_describe(space.config)} has no way to sRGB: {str(error).strip():.300}",
             "Name another space, or a configuration with the roles aces_interchange and scene_linear.",
         ) from error
 
 
-def _through(processor: Any, colors: np.ndarray) -> np.ndarray:
-    result = np.array(colors, np.float32, order="C")  # which OpenColorIO changes in place
+def _apply(processor: Any, colors: np.ndarray) -> np.ndarray:
+    result = np.array(colors, np.float32, order="C")  # a copy, converted in place
     processor.applyRGB(result.reshape(-1, 3))
     return result
 
 
-def _said(config: str) -> str:
+def _describe(config: str) -> str:
     return f"the color configuration {config}" if config else "OpenColorIO's built-in configuration"

@@ -1,7 +1,7 @@
-"""Paths inside a folder that a stranger may have filled: no link in it leads out of it.
+"""Check that no symbolic link inside an untrusted folder leads out of it.
 
-Archives and version control keep symbolic links, so a project from elsewhere may have one in place of any file or folder.
-Every path is checked before it is used. The folder itself may be reached through a link: the user chose it.
+Archives and version control keep symbolic links, so any file or folder of a downloaded project may be one. The root
+folder itself may be reached through a link.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ JUNCTION = 0xA0000003  # Windows: IO_REPARSE_TAG_MOUNT_POINT
 
 
 def inside(root: Path, *names: str) -> Path:
-    """Return the path of these names below a folder, once no link on the way leads out of the folder.
+    """Join path parts to a folder and check every link on the way.
 
     Args:
         root: The folder, which need not exist.
-        *names: Of folders and at last a file or folder, which need not exist.
+        *names: Path parts below it, which need not exist.
 
     Raises:
-        DataError: A link leads out of the folder, or round in a circle; names the link and where it leads.
+        DataError: A link leads out of the folder or is circular.
     """
     path = root
     for name in names:
@@ -34,12 +34,12 @@ def inside(root: Path, *names: str) -> Path:
 
 
 def check_tree(root: Path, folder: Path) -> Path:
-    """Return a folder below `root`, once no link in it, at any depth, leads out of `root`.
+    """Check every link in a folder below `root`, at any depth, and return the folder.
 
-    Hidden links to nothing, such as those of programs that synchronize folders, are ignored.
+    Hidden dangling links, such as those of programs that synchronize folders, are ignored.
 
     Raises:
-        DataError: As `inside`.
+        DataError: A link leads out of `root` or is circular.
     """
     inside(root, *folder.relative_to(root).parts)
     for place, folders, files in os.walk(folder):  # follows no links
@@ -50,16 +50,16 @@ def check_tree(root: Path, folder: Path) -> Path:
 
 
 def is_link(path: Path) -> bool:
-    """Whether this is a symbolic link, or a junction of Windows; what does not exist is not one."""
+    """Test for a symbolic link or a Windows junction; False if the path does not exist."""
     try:
-        found = path.lstat()
-    except (OSError, ValueError):  # not there, or a name that no disk can hold
+        status = path.lstat()
+    except (OSError, ValueError):  # missing, or not a valid name
         return False
-    return stat.S_ISLNK(found.st_mode) or getattr(found, "st_reparse_tag", 0) == JUNCTION
+    return stat.S_ISLNK(status.st_mode) or getattr(status, "st_reparse_tag", 0) == JUNCTION
 
 
 def leads_out(root: Path, path: Path) -> bool:
-    """Whether a path, its links followed, lies outside a folder, or its links lead round in a circle."""
+    """Test whether a path, with links resolved, is outside a folder or circular."""
     try:
         target = path.resolve()
         return not target.is_relative_to(root.resolve()) or is_link(target)

@@ -1,7 +1,4 @@
-"""The system's errors as sentences and remedies: full disks, missing permissions, memory that ran out. Without torch.
-
-Libraries report the same failure by many classes of exceptions; all of them are recognized here, those of memory in `errors`, and nowhere else.
-"""
+"""Translate system errors (full disk, missing permission, out of memory) of any library into KarfErrors. Needs no torch."""
 
 from __future__ import annotations
 
@@ -14,17 +11,17 @@ from contextlib import contextmanager
 
 from ..errors import DataError, KarfError, OutOfMemory, is_out_of_memory
 
-DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy, which wrote less than was requested
-# safetensors has the system's number in its message alone, in the second form before 0.5; and so do copies of folders
+DISK_FULL_MESSAGES = ("disk is full", "requested and")  # SQLite; numpy
+# safetensors (the second form before 0.5) and shutil give the errno only in the message
 NUMBER_IN_TEXT = re.compile(r"\(os error (\d+)\)|Os \{ code: (\d+)|\[Errno (\d+)\]")
-WINDOWS_ERRORS = {  # its own numbers, which libraries that are not written in Python report
+WINDOWS_ERRORS = {  # Win32 error codes, which libraries outside Python report
     2: errno.ENOENT, 3: errno.ENOENT, 5: errno.EACCES, 8: errno.ENOMEM, 14: errno.ENOMEM, 19: errno.EROFS,
     32: errno.EACCES, 33: errno.EACCES, 39: errno.ENOSPC, 112: errno.ENOSPC, 206: errno.ENAMETOOLONG,
 }  # fmt: skip
-WINDOWS_LONGEST_PATH = 259  # characters of a path, where long paths have not been switched on
+WINDOWS_LONGEST_PATH = 259  # characters, unless long paths are enabled
 FREE_SPACE = "Free some space, or choose a folder on another disk; what was finished is kept."
 OTHER_FOLDER = "Choose a folder of your own, or change its rights; on Windows another program may hold the file open."
-SYSTEM_ERRORS = {  # by number: sentence and remedy
+SYSTEM_ERRORS = {  # errno: (sentence, hint)
     errno.ENOSPC: ("The disk is full: {file} cannot be written.", FREE_SPACE),
     errno.EDQUOT: ("Your share of the disk is used up: {file} cannot be written.", FREE_SPACE),
     errno.EFBIG: ("{file} is larger than this disk's file system allows.", FREE_SPACE),
@@ -42,7 +39,7 @@ SYSTEM_ERRORS = {  # by number: sentence and remedy
 
 
 def first_line(error: BaseException) -> str:
-    """A library's message about a damaged file, short enough to stand within a sentence.
+    """Return the first line of an error's message, without its final period.
 
     Examples:
         >>> first_line(ValueError("bad magic number.\\nSee the manual.")), first_line(EOFError())
@@ -52,7 +49,7 @@ def first_line(error: BaseException) -> str:
 
 
 def known_failure(error: BaseException) -> KarfError | None:
-    """The error as one that a user can act on; None for one that only a bug explains.
+    """Translate an error into one that a user can act on; None for a bug.
 
     Examples:
         >>> str(known_failure(FileNotFoundError(2, "No such file", "/films/a.png")))
@@ -62,13 +59,13 @@ def known_failure(error: BaseException) -> KarfError | None:
         return error
     if is_out_of_memory(error):
         return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
-    if isinstance(error, UnicodeEncodeError):  # the only texts that cannot be encoded are names of files
+    if isinstance(error, UnicodeEncodeError):  # only file names can hold characters that cannot be encoded
         return DataError(f"{error.object!r:.400} holds bytes that are not UTF-8.", "Rename that file or folder.")
     number = system_number(error)
     if number is None:
         return None
     file = getattr(error, "filename", None) or "a file"
-    if isinstance(error, shutil.Error):  # of copies, each (source, target, reason)
+    if isinstance(error, shutil.Error):  # a list of (source, target, reason)
         file = error.args[0][0][1]
     reason = getattr(error, "strerror", None) or str(error)
     sentence, hint = SYSTEM_ERRORS.get(
@@ -80,7 +77,7 @@ def known_failure(error: BaseException) -> KarfError | None:
 
 @contextmanager
 def translated() -> Iterator[None]:
-    """Turn system errors in the block into those of `known_failure`; errors that only a bug explains pass unchanged."""
+    """Translate errors of the block by `known_failure`; bugs pass unchanged."""
     try:
         yield
     except Exception as error:
@@ -91,13 +88,15 @@ def translated() -> Iterator[None]:
 
 
 def system_number(error: BaseException) -> int | None:
-    """The system's number of a failed call, also where a library has it in its message alone."""
+    """Return the errno of a failed system call, from the message if the error has no other; None if there is none."""
     is_windows = os.name == "nt"
     if isinstance(error, OSError) and error.errno:
-        is_long = len(str(error.filename or "")) > WINDOWS_LONGEST_PATH  # Windows reports it as missing
+        is_long = len(str(error.filename or "")) > WINDOWS_LONGEST_PATH  # Windows reports these as missing
         return errno.ENAMETOOLONG if is_windows and is_long and error.errno == errno.ENOENT else error.errno
     if any(word in str(error) for word in DISK_FULL_MESSAGES):
         return errno.ENOSPC
-    found = NUMBER_IN_TEXT.search(str(error))
-    number = int(found[found.lastindex]) if found else None
+    match = NUMBER_IN_TEXT.search(str(error))
+    if match is None:
+        return None
+    number = int(match[match.lastindex or 0])
     return WINDOWS_ERRORS.get(number, number) if is_windows else number

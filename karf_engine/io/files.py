@@ -1,7 +1,7 @@
-"""Write files whole or not at all, read and write JSON, compute checksums: the base of every module that touches the disk.
+"""Atomic writes, JSON files and checksums.
 
 A file is written in a temporary folder beside it, flushed to disk and renamed, so that a killed process leaves the last
-good state. The folder's name tells which process of which computer made it: once that has ended, what it left is removed.
+good state. The folder's name holds host and process id, so that leftovers of dead processes can be removed.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from .inputs import MOST_JSON, check_file
 from .processes import host_name, is_running
 
 HOST = hashlib.sha256(host_name().encode()).hexdigest()[:8]
-TEMPORARY = re.compile(r"\.karf-([0-9a-f]{8})-(\d{1,10})-[a-z0-9_]{8}")  # computer, process, chance
+TEMPORARY = re.compile(r"\.karf-([0-9a-f]{8})-(\d{1,10})-[a-z0-9_]{8}")  # host, process id, random
 HELD = (5, 32, 33, 1224)  # Windows errors: access denied, sharing violation, lock violation, mapped by a process
-HELD_SECONDS = 3.0  # for which virus scanners, indexers and thumbnails hold a new file there, at most
-NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # of these no source is to blame
-PROBE_BYTES = 1 << 20  # more than any file system keeps in reserve for a file that is open
+HELD_SECONDS = 3.0  # how long virus scanners and indexers may keep a new file open on Windows
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # can only come from writing
+PROBE_BYTES = 1 << 20  # more than a file system preallocates for an open file
 
 
 def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
-    """Write a file whole or not at all; on any failure `path` stays as it was.
+    """Write a file whole or not at all; on any failure `path` stays unchanged.
 
-    A link is kept: the file that it leads to is written. So are the rights of an existing file.
+    Writes through a symbolic link to its target, and keeps the mode of an existing file.
 
     Args:
-        path: The file; its folder is made.
-        write: Called with the path of a temporary file of the same suffix, which is then flushed to disk and renamed.
+        path: The file; its folder is created.
+        write: Called with the path of a temporary file of the same suffix; the result is ignored.
 
     Raises:
-        OSError: The disk takes no more, the folder cannot be written, or the file is read-only; names `path`.
+        OSError: The disk is full, the folder cannot be written, or the file is read-only; names `path`.
 
     Examples:
         >>> with tempfile.TemporaryDirectory() as folder:
@@ -52,17 +52,17 @@ def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
         'done'
     """
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
-    rights = _rights_of(target)
+    mode = _mode_of(target)
     folder = None
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        # a folder of its own: libraries put temporary files of theirs beside what they write
+        # a separate folder, because libraries create temporary files beside their output
         folder = Path(tempfile.mkdtemp(prefix=f".karf-{HOST}-{os.getpid()}-", dir=target.parent))
-        temporary = folder / f"new{path.suffix}"  # image and npz writers choose the format by the suffix
+        temporary = folder / f"new{path.suffix}"  # image and npz writers derive the format from the suffix
         write(temporary)
         with temporary.open("rb+") as stream:
             os.fsync(stream.fileno())
-        temporary.chmod(rights)
+        temporary.chmod(mode)
         replace(temporary, target)
     except KarfError:
         raise
@@ -77,17 +77,13 @@ def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def copy_file(source: Path, target: Path) -> None:
-    """Copy a file's content whole or not at all. Raises OSError that names the file that failed, source or target."""
+    """Copy a file atomically. Raises OSError, which names the source or the target."""
     atomic_write(target, lambda temporary: shutil.copyfile(source, temporary))
 
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Let a write that fails in the block name this file or folder where what failed names none, or gives no reason.
-
-    Raises:
-        OSError: The disk takes no more, or the path cannot be written.
-    """
+    """Raise failed writes of the block as OSError that names this file or folder, unless the error names a file itself."""
     try:
         yield
     except Exception as error:
@@ -100,28 +96,27 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def replace(source: Path, target: Path) -> None:
-    """Rename a file or folder over what has the name, durably; on Windows, wait while another program holds either.
+    """Rename a file or folder over the target and flush; on Windows, retry while another program has either open.
 
     Raises:
-        OSError: It cannot be renamed, or is held for more than `HELD_SECONDS`.
+        OSError: The rename failed, or either was open for more than `HELD_SECONDS`.
     """
-    patient_until = time.monotonic() + HELD_SECONDS
+    deadline = time.monotonic() + HELD_SECONDS
     while True:
         try:
             source.replace(target)
             break
         except OSError as error:
-            if getattr(error, "winerror", None) not in HELD or time.monotonic() > patient_until:
+            if getattr(error, "winerror", None) not in HELD or time.monotonic() > deadline:
                 raise
         time.sleep(0.05)
     _flush_folder(target.parent)
 
 
 def _flush_folder(folder: Path) -> None:
-    """Flush a folder's names to disk, where the system has that."""
     if os.name == "nt":
         return
-    with suppress(OSError):  # some network drives refuse; the rename is done
+    with suppress(OSError):  # some network drives refuse
         handle = os.open(folder, os.O_RDONLY)
         try:
             os.fsync(handle)
@@ -129,13 +124,13 @@ def _flush_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def _rights_of(target: Path) -> int:
-    """Return the mode for a new version of a file. Raises PermissionError where the file is read-only."""
+def _mode_of(target: Path) -> int:
+    """Return the mode for a new version of a file. Raises PermissionError if the file is read-only."""
     try:
         mode = target.stat().st_mode
     except FileNotFoundError:
         return 0o666 & ~_umask()
-    if not mode & 0o222 or not os.access(target, os.W_OK):  # an administrator may write anything, but did not mean to
+    if not mode & 0o222 or not os.access(target, os.W_OK):  # root could write it all the same
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     return stat.S_IMODE(mode)
 
@@ -147,7 +142,7 @@ def _umask() -> int:
 
 
 def _write_failure(error: Exception, parent: Path, folder: Path | None) -> int | None:
-    """Return the system's number for a write that failed; None where something else did, such as reading a source."""
+    """Return the errno of a failed write; None if something else failed, such as reading a source."""
     number = system_number(error)
     if number is None:
         return _probe(folder) if folder else None
@@ -157,10 +152,7 @@ def _write_failure(error: Exception, parent: Path, folder: Path | None) -> int |
 
 
 def _probe(folder: Path) -> int | None:
-    """Return the number of the error with which the disk takes no more in a folder; None where it takes more.
-
-    Libraries in C++ report a full disk in words of their own.
-    """
+    """Return the errno of writing to a folder; None if it succeeds. C++ libraries do not report why a write failed."""
     try:
         with (folder / "probe").open("wb") as stream:
             stream.write(bytes(PROBE_BYTES))
@@ -172,11 +164,7 @@ def _probe(folder: Path) -> int | None:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically, indented so that a person can read it; the same bytes on every system.
-
-    Raises:
-        ValueError: A number in it is not finite.
-    """
+    """Write indented JSON atomically, the same bytes on every system. Raises ValueError for numbers that are not finite."""
     text = json.dumps(content, indent=1, allow_nan=False)
     atomic_write(path, lambda temporary: temporary.write_text(text + "\n", encoding="utf-8", newline="\n"))
 
@@ -186,10 +174,10 @@ def read_json(path: Path, what: str) -> Any:
 
     Args:
         path: The file.
-        what: What messages call it.
+        what: Name of its content, for messages.
 
     Raises:
-        DataError: The file is missing, too large, or not JSON; names the line and the reason.
+        DataError: The file is missing, too large or not JSON.
     """
     check_file(path, MOST_JSON, f"{path} ({what})")
     try:
@@ -203,21 +191,21 @@ def read_json(path: Path, what: str) -> Any:
             line=error.lineno,
             reason=error.msg,
         ) from error
-    except (OSError, ValueError, RecursionError) as error:  # no text, numbers without end, brackets without end
+    except (OSError, ValueError, RecursionError) as error:  # not UTF-8, too many digits, too deeply nested
         raise DataError(f"{path} ({what}) cannot be read: {error}.", "Check the file.") from error
 
 
 def checksum(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes as hexadecimal text. Raises DataError where it is not a regular file."""
+    """Return the SHA-256 of a file as hexadecimal text. Raises DataError if it is not a regular file."""
     check_file(path)
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove the temporary folders that ended processes of this computer left in a folder; all else stays."""
-    with suppress(OSError):  # no such folder
+    """Remove the temporary folders that dead processes of this host left in a folder."""
+    with suppress(OSError):  # the folder is missing
         for path in folder.iterdir():
-            made = TEMPORARY.fullmatch(path.name)
-            if made and made[1] == HOST and not is_running(int(made[2])):
-                shutil.rmtree(path, ignore_errors=True)  # follows no link
+            match = TEMPORARY.fullmatch(path.name)
+            if match and match[1] == HOST and not is_running(int(match[2])):
+                shutil.rmtree(path, ignore_errors=True)  # follows no links

@@ -1,4 +1,4 @@
-"""Short texts that tell one input from another."""
+"""Fingerprints of settings and files, to detect changed inputs."""
 
 from __future__ import annotations
 
@@ -9,21 +9,19 @@ from typing import Any
 
 from .inputs import check_file
 
-WHOLE_BYTES, END_BYTES = 2**20, 2**18  # files up to here count whole, larger ones by their ends
+WHOLE_BYTES, END_BYTES = 2**20, 2**18  # larger files are hashed at both ends only
 
 
 def fingerprint(*parts: Any) -> str:
-    """A short text that changes when any JSON value in `parts` does."""
+    """Return a hash of JSON values, 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def file_digest(path: Path) -> list:
-    """What tells a file from another one in its place: its size, and a hash of its content.
-
-    Of a file over 1 MiB, its first and last 256 KiB: whoever takes another picture changes these.
+    """Return [size, SHA-256] of a file; files over 1 MiB are hashed by their first and last 256 KiB.
 
     Raises:
-        DataError: The file is missing, or is a folder, a pipe or a device.
+        DataError: The file is missing or not a regular file.
     """
     size = check_file(path)
     with path.open("rb") as stream:

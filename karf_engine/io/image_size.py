@@ -1,9 +1,7 @@
-"""Picture sizes from file headers, without a picture library: Blender's Python has none, and headers are checked first.
+"""Image sizes from file headers, with the standard library only.
 
-Follows the PNG specification (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 (orientation tag 0x0112), the WebP
-container specification (VP8, VP8L and VP8X chunks), TIFF 6.0 (first directory), Windows bitmaps (BITMAPCOREHEADER and
-its successors) and the OpenEXR file layout (displayWindow). Sizes are (width, height) in pixels. Hand-written because
-Blender reads captures too, and its Python has no picture library.
+Reads PNG (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 orientation, WebP (VP8, VP8L and VP8X chunks), TIFF 6.0
+(first directory), Windows bitmaps and OpenEXR (displayWindow). Sizes are (width, height) in pixels.
 """
 
 from __future__ import annotations
@@ -20,10 +18,9 @@ from .inputs import check_file
 LFS_POINTER = b"version https://git-lfs"
 FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 TIFF_ORDERS = {b"II*\0": "<", b"MM\0*": ">"}
-EXR_MAGIC = b"\x76\x2f\x31\x01"
 MOST_PHOTO_BYTES = 2 << 30
-MOST_EXIF_BYTES = 1 << 16  # of an Exif block: as much as a JPEG segment can hold
-# a few bytes may claim any number of pixels; photographs and renderings need at least a bit for six of them
+MOST_EXIF_BYTES = 1 << 16  # the largest JPEG segment
+# limits of decompression bombs: photographs and renderings need at least a bit for six pixels
 MOST_PIXELS = 400_000_000
 MOST_PIXELS_OF_SMALL = 32_000_000
 MOST_PIXELS_PER_BYTE = 50
@@ -32,16 +29,16 @@ KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Size of the stored pixels and how they are to be shown and decoded.
+    """Size and pixel format of an image file.
 
     Attributes:
-        width: Of the pixels as stored.
-        height: Of the pixels as stored.
-        orientation: 1..8 as in Exif.
+        width: Width as stored.
+        height: Height as stored.
+        orientation: Exif orientation, 1..8.
         kind: `png`, `jpeg`, `webp`, `tiff`, `bmp` or `exr`.
         deep: Whether colors have more than 8 bits a channel.
-        depth: Bytes of a channel's value.
         premultiplied: Whether colors are multiplied by alpha.
+        depth: Bytes of a channel.
     """
 
     width: int
@@ -64,16 +61,12 @@ class ImageHeader:
 
     @property
     def shown(self) -> tuple[int, int]:
-        """Width and height as a viewer shows the picture."""
+        """Width and height for display."""
         return (self.height, self.width) if self.swaps_sides else self.stored
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height of a picture file as shown.
-
-    Raises:
-        DataError: As `image_header`.
-    """
+    """Return width and height for display. Raises what `image_header` raises."""
     return image_header(path).shown
 
 
@@ -81,7 +74,7 @@ def image_header(path: Path) -> ImageHeader:
     """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file.
 
     Raises:
-        DataError: The file is missing, damaged or of another kind, or claims more pixels than are read.
+        DataError: The file is missing, damaged, of another kind or too large.
     """
     try:
         header = find_header(path)
@@ -96,11 +89,7 @@ def image_header(path: Path) -> ImageHeader:
 
 
 def webp_size(data: bytes) -> tuple[int, int]:
-    """Width and height of a WebP picture in memory.
-
-    Raises:
-        ValueError: It is none.
-    """
+    """Return width and height of a WebP image in memory. Raises ValueError if it is none."""
     header = _webp_header(data[:32]) if data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 32 else None
     if header is None:
         raise ValueError("it has a picture that is no WebP")
@@ -108,17 +97,17 @@ def webp_size(data: bytes) -> tuple[int, int]:
 
 
 def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL, depth: int = 1) -> None:
-    """Refuse a picture file that claims more pixels than are read of a file of its length.
+    """Refuse an image file that claims too many pixels for its length.
 
     Args:
         path: The file.
-        width: Claimed, pixels.
-        height: Claimed, pixels.
-        of_small: How many pixels are read of the smallest file.
-        depth: Bytes of a channel's value; of more than two, so many fewer pixels are read.
+        width: Claimed width.
+        height: Claimed height.
+        of_small: Pixels allowed in the smallest file.
+        depth: Bytes of a channel; above two, the limit shrinks in proportion.
 
     Raises:
-        DataError: It claims more.
+        DataError: The limit is exceeded.
     """
     length = path.stat().st_size
     most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length)) * 2 // max(2, depth)
@@ -130,11 +119,11 @@ def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXEL
 
 
 def find_header(path: Path) -> ImageHeader | None:
-    """The header of a picture file; None where it is of no known kind or damaged.
+    """Read the header of an image file; None if it is damaged or of an unknown kind.
 
     Raises:
         OSError: The file cannot be read.
-        DataError: It is missing, or not a file.
+        DataError: The file is missing or not a regular file.
     """
     check_file(path, MOST_PHOTO_BYTES)
     with path.open("rb") as stream:
@@ -146,7 +135,7 @@ def find_header(path: Path) -> ImageHeader | None:
 
 
 def unreadable(path: Path, reason: str) -> DataError:
-    """The error for a picture that cannot be read: names the known kinds of damage, else gives `reason`."""
+    """Return the error for an image that cannot be read; common kinds of damage replace the reason."""
     with path.open("rb") as stream:
         head = stream.read(32)
     if not head:
@@ -166,7 +155,6 @@ def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:
     if head[:8] == b"\x89PNG\r\n\x1a\n" and head[12:16] == b"IHDR":
         return _png_header(head, stream)
     if head[:2] == b"\xff\xd8":
-        stream.seek(2)
         return _jpeg_header(stream)
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP":
         return _webp_header(head)
@@ -174,40 +162,36 @@ def _header(head: bytes, stream: BinaryIO) -> ImageHeader | None:
         return _tiff_header(stream)
     if head[:2] == b"BM":
         return _bmp_header(head)
-    if head[:4] == EXR_MAGIC:
+    if head[:4] == b"\x76\x2f\x31\x01":
         return _exr_header(stream)
     return None
 
 
 def _png_header(head: bytes, stream: BinaryIO) -> ImageHeader:
-    width, height, depth, color = struct.unpack(">IIBB", head[16:26])
-    is_gray = color == 0
-    return ImageHeader(width, height, _png_orientation(stream), "png", depth > 8 and not is_gray)
-
-
-def _png_orientation(stream: BinaryIO) -> int:
-    """The orientation in an eXIf chunk before the pixels."""
+    width, height, bits, color = struct.unpack(">IIBB", head[16:26])
+    orientation = 1
     stream.seek(8)
     while len(start := stream.read(8)) == 8:
         length, kind = struct.unpack(">I4s", start)
         if kind == b"eXIf":
-            return _exif_orientation(stream.read(min(length, MOST_EXIF_BYTES)))
-        if kind == b"IDAT":
+            orientation = _exif_orientation(stream.read(min(length, MOST_EXIF_BYTES)))
+        if kind in (b"eXIf", b"IDAT"):
             break
         stream.seek(length + 4, io.SEEK_CUR)
-    return 1
+    return ImageHeader(width, height, orientation, "png", deep=bits > 8 and color != 0)  # color 0: gray
 
 
 def _jpeg_header(stream: BinaryIO) -> ImageHeader | None:
+    stream.seek(2)
     orientation = 1
     while True:
         marker = _jpeg_marker(stream)
-        if marker in (None, 0xD9, 0xDA):  # the picture data begins and no size was given
+        if marker in (None, 0xD9, 0xDA):  # pixel data without a frame header
             return None
         if marker == 0x01 or 0xD0 <= marker <= 0xD8:  # markers without a segment
             continue
         (length,) = struct.unpack(">H", stream.read(2))
-        if length < 2:  # it counts itself
+        if length < 2:  # includes its own two bytes
             return None
         segment = stream.read(length - 2)
         if marker == 0xE1 and segment[:6] == b"Exif\0\0":
@@ -227,7 +211,7 @@ def _jpeg_marker(stream: BinaryIO) -> int | None:
 
 
 def _exif_orientation(tiff: bytes) -> int:
-    """Orientation 1..8 of an Exif block; 1 where it has none or is damaged, as viewers do."""
+    """Return the orientation of an Exif block; 1 if it has none or is damaged."""
     try:
         return _orientation(_tiff_fields(io.BytesIO(tiff)))
     except struct.error:
@@ -240,7 +224,7 @@ def _orientation(fields: dict[int, tuple[int, ...]]) -> int:
 
 
 def _tiff_fields(stream: BinaryIO) -> dict[int, tuple[int, ...]]:
-    """Tags of the first directory whose values are 16- or 32-bit numbers; none where it is not a TIFF."""
+    """Return the 16- and 32-bit fields of the first directory by tag; empty if the stream is not a TIFF."""
     stream.seek(0)
     order = TIFF_ORDERS.get(stream.read(4))
     if order is None:
@@ -251,7 +235,7 @@ def _tiff_fields(stream: BinaryIO) -> dict[int, tuple[int, ...]]:
     fields = {}
     for tag, kind, length, inline in entries:
         letter = {3: "H", 4: "I"}.get(kind)
-        if letter is None or not 1 <= length <= 16:  # texts, and tables of strips
+        if letter is None or not 1 <= length <= 16:  # strings and strip tables are not needed
             continue
         layout = f"{order}{length}{letter}"
         size = struct.calcsize(layout)
@@ -266,16 +250,22 @@ def _tiff_header(stream: BinaryIO) -> ImageHeader | None:
     fields = _tiff_fields(stream)
     if 0x0100 not in fields or 0x0101 not in fields:
         return None
-    deep = max(fields.get(0x0102, (1,))) > 8 and fields.get(0x0115, (1,))[0] > 1
-    premultiplied = fields.get(0x0152, (0,))[0] == 1  # ExtraSamples: associated alpha
-    width, height, depth = fields[0x0100][0], fields[0x0101][0], max(fields.get(0x0102, (1,))) // 8
-    return ImageHeader(width, height, _orientation(fields), "tiff", deep, premultiplied, depth)
+    bits = max(fields.get(0x0102, (1,)))
+    return ImageHeader(
+        fields[0x0100][0],
+        fields[0x0101][0],
+        _orientation(fields),
+        "tiff",
+        deep=bits > 8 and fields.get(0x0115, (1,))[0] > 1,
+        premultiplied=fields.get(0x0152, (0,))[0] == 1,  # ExtraSamples: associated alpha
+        depth=bits // 8,
+    )
 
 
 def _bmp_header(head: bytes) -> ImageHeader:
     is_core = struct.unpack("<I", head[14:18])[0] == 12
     width, height = struct.unpack("<HH", head[18:22]) if is_core else struct.unpack("<ii", head[18:26])
-    return ImageHeader(width, abs(height), kind="bmp")  # a negative height: rows from the top
+    return ImageHeader(width, abs(height), kind="bmp")  # negative height: top row first
 
 
 def _exr_header(stream: BinaryIO) -> ImageHeader | None:
@@ -291,7 +281,7 @@ def _exr_header(stream: BinaryIO) -> ImageHeader | None:
 
 
 def _exr_text(stream: BinaryIO) -> bytes:
-    """A text that ends with a zero byte; at most 255 characters."""
+    """Read a zero-terminated string of at most 255 characters."""
     text = b""
     while len(text) < 256 and (letter := stream.read(1)) not in (b"", b"\0"):
         text += letter

@@ -1,7 +1,7 @@
-"""Image files in and out, and resizing (rounding to 8 bit is `color.to_bytes`).
+"""Read and write image files, and resize images.
 
-Images are float32 [H, W, C], display-referred sRGB in [0, 1], row 0 at the top. Pixel corners lie at integers, so the
-value at [row, column] belongs to the position (u, v) = (column + 0.5, row + 0.5). Alpha is straight, not multiplied in.
+Images are float32 [H, W, C], display-referred sRGB in [0, 1], row 0 at the top, with straight alpha. Pixel corners are at
+integers: the value at [row, column] is at position (u, v) = (column + 0.5, row + 0.5).
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import imageio.v3 as iio
@@ -25,58 +25,58 @@ from .failures import is_out_of_memory
 from .files import atomic_write
 from .image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
 
-MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # pixels of up to four channels: each takes several copies of floats
-ROWS = 256  # that are converted together
-BACK = {6: 8, 8: 6}  # the Exif orientation that undoes another; all others undo themselves
-MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # pixels of drawings, which compress well
+MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # fewer, because floats are copied several times
+ROWS = 256  # rows converted at a time
+BACK = {6: 8, 8: 6}  # inverse Exif orientations; all others are their own inverse
+MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # more, because drawings compress well
 
-Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # sizes are checked here, before a picture is decoded
-cv2.setNumThreads(1)  # its threads would fight torch's for the same cores
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what matters becomes a DataError
+Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # `check_pixels` comes first
+cv2.setNumThreads(1)  # its threads would compete with torch's
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None) -> np.ndarray:
-    """Read a picture of any kind that Pillow, OpenCV or OpenEXR reads.
+    """Read an image of any kind that Pillow, OpenCV or OpenEXR reads.
 
-    Gray and palette pictures become RGB; 16-bit pictures keep their depth. EXR files hold linear light with
-    premultiplied alpha: they become sRGB, clipped, with straight alpha, as large as their display window.
+    Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear
+    light, become clipped sRGB with straight alpha on their display window.
 
     Args:
         path: The file.
-        upright: Whether to apply its Exif orientation.
-        space: That the file's colors are in; None: sRGB, of EXR linear light with its primaries.
+        upright: Whether to apply the Exif orientation.
+        space: Color space of the file; None: sRGB, for EXR linear light with its primaries.
 
     Returns:
         sRGB float32 [H, W, 3 or 4] in [0, 1]; alpha is straight.
 
     Raises:
-        DataError: The file is missing, damaged, not a picture, or claims more pixels than are read.
+        DataError: The file is missing, damaged, not an image or too large.
     """
     pixels, header = read_pixels(path, upright, space=space)
     colors = _as_colors(pixels)
-    is_premultiplied = header.premultiplied and header.kind == "tiff" and header.deep  # Pillow divides by itself
+    is_premultiplied = header.premultiplied and header.kind == "tiff" and header.deep  # Pillow unpremultiplies itself
     if is_premultiplied and colors.shape[-1] == 4:
         colors[..., :3] = straight(colors)
-    if space is not None and header.kind != "exr":  # whose light is converted where it is read
+    if space is not None and header.kind != "exr":  # EXR colors are converted already
         colors[..., :3] = in_srgb(colors[..., :3], space)
     return colors
 
 
 def in_srgb(colors: np.ndarray, space: ColorSpace) -> np.ndarray:
-    """sRGB [..., 3] in [0, 1], clipped, of colors in a space."""
+    """Convert colors of a space to sRGB clipped to [0, 1]."""
     return np.clip(space.to_srgb(colors), 0, 1)
 
 
 def read_pixels(
     path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL, space: ColorSpace | None = None
 ) -> tuple[np.ndarray, ImageHeader]:
-    """Pixels as deep as they are stored; of EXR display colors.
+    """Read pixels at their stored depth; EXR files as display colors.
 
     Args:
         path: The file.
-        upright: Whether to apply its Exif orientation.
-        of_small: How many pixels are read of the smallest file.
-        space: That the light of an EXR is in; other pixels stay as they are stored.
+        upright: Whether to apply the Exif orientation.
+        of_small: Pixels allowed in the smallest file.
+        space: Color space of an EXR file; other pixels are not converted.
 
     Returns:
         Pixels [H, W] or [H, W, C], and the file's header.
@@ -88,9 +88,9 @@ def read_pixels(
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
         check_pixels(path, *header.stored, of_small, header.depth)
         if header.kind == "exr":
-            return _read_exr(path, header, space), header
+            return display_colors(read_light(path, header)[0].astype(np.float32, copy=False), space), header
         pixels = _read_deep(path) if header.deep else _read_plain(path, upright, of_small)
-    if header.kind == "tiff":  # decoders always turn these
+    if header.kind == "tiff":  # decoders apply its orientation always
         orientation = 1 if upright else BACK.get(header.orientation, header.orientation)
     else:
         orientation = header.orientation if header.deep and upright else 1
@@ -99,10 +99,10 @@ def read_pixels(
 
 @contextmanager
 def decoding(path: Path) -> Iterator[None]:
-    """What a decoder raises in the body becomes a DataError that names the file."""
+    """Raise errors of a decoder in the block as DataError that names the file."""
     try:
         yield
-    except Exception as error:  # damaged files make decoders raise nearly anything
+    except Exception as error:  # decoders raise nearly anything for damaged files
         if isinstance(error, KarfError | PermissionError) or is_out_of_memory(error):
             raise
         raise unreadable(path, str(error) or type(error).__name__) from error
@@ -111,28 +111,29 @@ def decoding(path: Path) -> Iterator[None]:
 def _read_plain(path: Path, upright: bool, of_small: int) -> np.ndarray:
     with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
         stored = file.metadata(index=0)
-        check_pixels(path, *stored["shape"], of_small)
-        return file.read(index=0, mode=_mode_to_read(stored), rotate=upright)
+        width, height = stored["shape"]
+        check_pixels(path, width, height, of_small)
+        return cast(Any, file).read(index=0, mode=_mode_to_read(stored), rotate=upright)
 
 
 def _read_deep(path: Path) -> np.ndarray:
-    """Colors of more than 8 bits, which Pillow would cut to 8."""
+    """Read colors of more than 8 bits, which Pillow would reduce to 8."""
     pixels = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise ValueError("OpenCV cannot decode it")
-    if pixels.ndim == 3:  # blue first; in place, since a copy of a large picture is much
+    if pixels.ndim == 3:  # BGR to RGB, in place to save memory
         blue = pixels[..., 0].copy()
         pixels[..., 0], pixels[..., 2] = pixels[..., 2], blue
     return pixels
 
 
 def oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Stored pixels [H, W, ..] as a viewer shows them (Exif 2.3, tag 0x0112)."""
+    """Apply an Exif orientation to pixels [H, W, ...]."""
     return np.ascontiguousarray(turned(pixels, orientation))
 
 
 def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """The same without a copy: what is written there is written to the stored pixels."""
+    """Apply an Exif orientation as a view of the same memory."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
     if orientation in (2, 3, 6, 7):
@@ -142,23 +143,19 @@ def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
     return pixels
 
 
-def _read_exr(path: Path, header: ImageHeader, space: ColorSpace | None) -> np.ndarray:
-    return display_colors(read_light(path, header)[0].astype(np.float32, copy=False), space)
-
-
 def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
-    """Linear light of an EXR file on its display window, and the name of the channels that hold it.
+    """Read the linear light of an EXR file on its display window.
 
     Args:
         path: The file.
         header: Its header.
 
     Returns:
-        [H, W, 1, 3 or 4] as deep as it is stored, premultiplied; and the name, for example `RGBA`.
+        Premultiplied light [H, W, 1, 3 or 4] at its stored depth, and the name of its layer, for example `RGBA`.
 
     Raises:
-        DataError: The file claims more pixels than are read.
-        ValueError: It holds no colors.
+        DataError: The file claims too many pixels.
+        ValueError: The file has no colors.
     """
     for part in OpenEXR.File(str(path), header_only=True).parts:
         first, last = part.header["dataWindow"]
@@ -179,18 +176,18 @@ def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
 
 
 def display_colors(light: np.ndarray, space: ColorSpace | None = None) -> np.ndarray:
-    """sRGB float32 [H, W, 3 or 4], clipped, with straight alpha, of premultiplied float32 light [H, W, 1, 3 or 4].
+    """Convert premultiplied light float32 [H, W, 1, 3 or 4] to clipped sRGB float32 [H, W, 3 or 4] with straight alpha.
 
-    space: that the light is in; None: linear, with the primaries of sRGB.
+    A `space` of None is linear light with the primaries of sRGB.
     """
-    shown = np.empty((*light.shape[:2], max(3, light.shape[-1])), np.float32)
-    for start in range(0, len(light), ROWS):  # the curve is computed in double precision: of a whole picture too much
-        shown[start : start + ROWS] = _display_colors(light[start : start + ROWS], space)
-    return shown
+    colors = np.empty((*light.shape[:2], max(3, light.shape[-1])), np.float32)
+    for start in range(0, len(light), ROWS):  # in blocks, because the sRGB curve is computed in double precision
+        colors[start : start + ROWS] = _display_colors(light[start : start + ROWS], space)
+    return colors
 
 
 def _display_colors(light: np.ndarray, space: ColorSpace | None) -> np.ndarray:
-    light = np.nan_to_num(light, posinf=np.finfo(np.float32).max)
+    light = np.nan_to_num(light, posinf=float(np.finfo(np.float32).max))
     if light.shape[-1] == 4:
         light[..., :3] = straight(light)
     colors = light[..., :3] if light.shape[-1] > 1 else np.repeat(light, 3, -1)
@@ -199,7 +196,7 @@ def _display_colors(light: np.ndarray, space: ColorSpace | None) -> np.ndarray:
 
 
 def paste(stored: np.ndarray, canvas: np.ndarray, corner: np.ndarray) -> None:
-    """Copy the part of `stored` that lies on the canvas, its first pixel at `corner` (column, row)."""
+    """Copy `stored` onto the canvas with its first pixel at `corner` (column, row), cropped to the canvas."""
     left, top = map(int, corner)
     stored = stored[max(0, -top) :, max(0, -left) :]
     place = canvas[max(0, top) :, max(0, left) :]
@@ -208,7 +205,7 @@ def paste(stored: np.ndarray, canvas: np.ndarray, corner: np.ndarray) -> None:
 
 
 def _mode_to_read(stored: dict[str, Any]) -> str | None:
-    """Pillow's mode to convert a picture to, of its metadata; None keeps gray ones as deep as they are."""
+    """Return the mode for Pillow to convert to; None keeps the depth of gray images."""
     if stored["mode"] in ("LA", "PA", "RGBA") or "transparency" in stored:
         return "RGBA"
     is_gray = stored["mode"] in ("1", "L", "F") or stored["mode"].startswith("I")
@@ -223,17 +220,17 @@ def _as_colors(pixels: np.ndarray) -> np.ndarray:
 
 
 def full_value(pixels: np.ndarray) -> int:
-    """The stored value of full brightness."""
+    """Return the stored value of full brightness."""
     return 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
 
 
 def write_png(path: Path, array: np.ndarray) -> None:
-    """Write a PNG, atomically.
+    """Write a PNG atomically.
 
     Args:
         path: The file.
-        array: [H, W] or [H, W, 1, 3 or 4]. Float in [0, 1] is clipped and rounded to 8 bit, bool becomes 0 and 255,
-            uint8 is kept, uint16 [H, W] (depth) becomes 16-bit gray.
+        array: [H, W] or [H, W, 1, 3 or 4]. Floats in [0, 1] are clipped and rounded to 8 bits, bool becomes 0 and 255;
+            uint8 and uint16 [H, W] are written unchanged.
 
     Raises:
         TypeError: The array is of another kind.
@@ -250,9 +247,15 @@ def write_png(path: Path, array: np.ndarray) -> None:
 
 
 def encoded(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> memoryview:
-    """A picture file of pixels [H, W, 3 or 4] by OpenCV, which wants blue first; options: its flags and their values.
+    """Encode pixels [H, W, 3 or 4] as an image file, by OpenCV.
 
-    Raises OSError where this kind of file cannot hold them.
+    Args:
+        suffix: File format, such as `.png`.
+        pixels: RGB or RGBA.
+        options: OpenCV's flags, each followed by its value.
+
+    Raises:
+        OSError: The format cannot hold these pixels.
     """
     order = cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR
     done, content = cv2.imencode(suffix, cv2.cvtColor(pixels, order), options)
@@ -262,9 +265,9 @@ def encoded(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> mem
 
 
 def read_mask(path: Path) -> np.ndarray:
-    """Read a mask: what is over one half in alpha where that varies, else in the brightest channel.
+    """Read a mask by thresholding alpha at one half where it varies, else the brightest channel.
 
-    A file whose only values are 0 and 1 (of 255) is read as a label image.
+    A file with the values 0 and 1 (of 255) only is a label image: 1 is inside.
 
     Args:
         path: The file, of any kind that `read_photo` reads.
@@ -275,8 +278,8 @@ def read_mask(path: Path) -> np.ndarray:
     Raises:
         DataError: As `read_photo`.
     """
-    pixels, _ = read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)  # no floats: masks of large photos are small files
-    pixels = np.atleast_3d(pixels)
+    pixels, _ = read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)
+    pixels = np.atleast_3d(pixels)  # kept as integers to save memory
     full = full_value(pixels)
     color = pixels[..., :3].max(-1)
     brightest = color.max()
@@ -284,12 +287,12 @@ def read_mask(path: Path) -> np.ndarray:
     if pixels.shape[-1] < 4:
         return inside
     opaque = pixels[..., 3] > full / 2
-    # a cut-out may have any color; a mask saved with a flat alpha channel has its shape in the color
+    # a cut-out has its shape in alpha; a mask saved with constant alpha has it in the colors
     return opaque if opaque.any() and not opaque.all() else inside & opaque
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Resize by exact area averaging along an axis that shrinks, linear interpolation along an axis that grows.
+    """Resize by exact area averaging along axes that shrink and linear interpolation along axes that grow.
 
     Args:
         image: Float [H, W] or [H, W, C].
@@ -312,7 +315,7 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def over(colors: np.ndarray, alpha: np.ndarray | None, gray: float = 1.0) -> np.ndarray:
-    """Straight colors [H, W, 3] with alpha [H, W] on a gray, by default white; as they are where alpha is None.
+    """Composite straight colors [H, W, 3] with alpha [H, W] over a gray; unchanged if alpha is None.
 
     Examples:
         >>> over(np.array([[[1.0, 0.0, 0.0]]]), np.array([[0.5]])).tolist()
@@ -322,7 +325,7 @@ def over(colors: np.ndarray, alpha: np.ndarray | None, gray: float = 1.0) -> np.
 
 
 def straight(photo: np.ndarray) -> np.ndarray:
-    """Straight colors [H, W, 3] of premultiplied [H, W, 4], all in [0, 1]; black where alpha is 0."""
+    """Unpremultiply [H, W, 4] to straight colors [H, W, 3], all in [0, 1]; black where alpha is 0."""
     alpha = photo[..., 3:]
     color = np.divide(photo[..., :3], alpha, out=np.zeros_like(photo[..., :3]), where=alpha > 0)
-    return np.minimum(color, 1.0)  # the quotient may round to above one
+    return np.minimum(color, 1.0)  # rounding may exceed one

@@ -1,4 +1,4 @@
-"""Paths for libraries in C that take UTF-8 alone."""
+"""Paths for C libraries that accept UTF-8 only."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def library_path(path: Path) -> Iterator[str]:
-    """Yield a path by which such a library reaches a file, whatever the bytes of its name and its folders' names.
+    """Yield a UTF-8 path to a file, whatever the bytes of its name and folders.
 
-    Linux allows any bytes. What has other ones than UTF-8 is opened here, and named by the number of its handle.
+    On Linux, names that are not UTF-8 are opened here and passed as /dev/fd.
 
     Args:
-        path: The file. It may be missing, if its own name is UTF-8.
+        path: The file; it may be missing if its own name is UTF-8.
 
     Raises:
         OSError: The folder, or a file whose own name is not UTF-8, cannot be opened.
@@ -44,6 +44,6 @@ def _is_utf8(text: str) -> bool:
 
 
 def save_exr(file: OpenEXR.File, path: Path) -> None:
-    """Write an EXR file. Raises RuntimeError where it cannot be written."""
+    """Write an EXR file. Raises RuntimeError if it cannot be written."""
     with library_path(path) as writable:
         file.write(writable)

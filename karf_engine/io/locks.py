@@ -1,9 +1,8 @@
-"""Locks of files between processes, and between computers that share a drive.
+"""File locks between processes, also on shared drives.
 
-The operating system frees its locks when a process ends, however it ends. Where a file system has none (NFS without its
-lock service, Lustre, some shares), a lease stands in: a file `<name>.lease` with computer and process, which its holder
-renews every `LEASE_SECONDS` / 3. Whoever sees no renewal for `LEASE_SECONDS` takes it over, so a holder that is suspended
-for longer, or cut off from the drive, may find another one at work.
+The operating system frees a lock when its process ends. File systems without locks (NFS without its lock service, Lustre,
+some shares) use a lease instead: a file `<name>.lease` that its holder renews every `LEASE_SECONDS` / 3. A lease that was
+not renewed for `LEASE_SECONDS` can be taken over, also from a holder that was only suspended or disconnected.
 """
 
 from __future__ import annotations
@@ -18,15 +17,15 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
 
 
 def acquire(path: Path, seconds: float = 0.0) -> BaseFileLock:
-    """Acquire a file's lock; call `release` on what is returned.
+    """Acquire a lock; call `release` on the result.
 
     Args:
-        path: The file, which is made and stays.
-        seconds: How long to wait for another holder. A lease takes at least the time after which it would have ended.
+        path: The lock file, which is created and kept.
+        seconds: Time to wait for another holder; for a lease at least until it expires.
 
     Raises:
-        Timeout: Another process holds it.
-        OSError: The file cannot be made.
+        Timeout: Another process has the lock.
+        OSError: The file cannot be created.
     """
     lock: BaseFileLock = FileLock(path, timeout=seconds, fallback_to_soft=False)
     try:

@@ -1,4 +1,4 @@
-"""Arrays of npz files, whose headers are checked before memory is allocated. Nothing is unpickled."""
+"""Read arrays of npz files without pickle, checking sizes before memory is allocated."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from ..errors import DataError
 from .failures import is_out_of_memory
 from .inputs import check_file
 
-# packed zeros take a thousandth: a small file may claim any size
+# limits of decompression bombs
 MOST_OF_SMALL = 512 << 20  # bytes
 MOST_PER_BYTE = 200
 
 
 def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[np.ndarray]:
-    """Some arrays of an npz file.
+    """Read arrays of an npz file.
 
     Args:
         path: The file.
-        names: Of the arrays.
-        what: What messages call the file.
-        hint: What the user can do where it is damaged.
+        names: Names of the arrays.
+        what: Content of the file, for messages.
+        hint: Remedy for a damaged file.
 
     Returns:
         The arrays, in the order of the names.
 
     Raises:
-        DataError: The file is missing or damaged, lacks one of them, or claims more bytes than are read of its length.
+        DataError: The file is missing or damaged, lacks an array, or claims too many bytes.
     """
     label = f"{path} ({what})"
     most = max(MOST_OF_SMALL, MOST_PER_BYTE * check_file(path, label=label))
@@ -42,7 +42,7 @@ def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[
             if claimed > most:
                 raise ValueError(f"it claims {claimed:,} bytes of arrays; at most {most:,} are read of its length")
             return [_read_array(archive, member) for member in members]
-    except Exception as error:  # a scrambled archive raises nearly anything
+    except Exception as error:  # damaged archives raise nearly anything
         if is_out_of_memory(error):
             raise
         raise DataError(
@@ -51,13 +51,13 @@ def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[
 
 
 def has_arrays(path: Path, names: Sequence[str]) -> bool:
-    """Whether an npz file, of which some arrays were read, has all of these too."""
+    """Test whether an intact npz file has all of these arrays."""
     with zipfile.ZipFile(path) as archive:
         return {f"{name}.npy" for name in names} <= set(archive.namelist())
 
 
 def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    """One array of numbers or texts, whose header agrees with the length of its member."""
+    """Read one array without objects, checking its header against the length of its member."""
     with archive.open(member) as stream:
         version = np.lib.format.read_magic(stream)
         read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

@@ -1,7 +1,7 @@
-"""Options of commands as data: frozen dataclasses whose fields know their help, type and range.
+"""Options of commands: frozen dataclasses whose fields have a help text, a type and a range.
 
-A command's parser, the JSON of its jobs and the signature of its library function are all derived from one class. The
-standard library alone is needed.
+The command-line parser, the JSON of jobs and the signature of library functions derive from one class. Needs the
+standard library only.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ def option(
     maximum: int | None = None,
     positional: bool = False,
 ) -> Any:
-    """A field of an `Options` class.
+    """Declare a field of an `Options` class.
 
     Args:
-        text: What it means, a phrase for `--help` and the reference.
-        default: Without one the option is required.
-        flag: On the command line, without dashes; by default the field's name, None for none.
-        metavar: What stands for its value in `--help`.
-        choices: The values that are allowed.
-        minimum: The least number that is allowed.
-        maximum: The greatest number that is allowed.
-        positional: Whether the command line takes it by its place.
+        text: Help text, a phrase.
+        default: Default value; the option is required without one.
+        flag: Name on the command line without dashes; by default the field's name, None for none.
+        metavar: Placeholder of the value in `--help`.
+        choices: Allowed values.
+        minimum: Least allowed number.
+        maximum: Greatest allowed number.
+        positional: Whether the command line takes it by position.
     """
     facts = {"help": text, "flag": flag, "metavar": metavar, "choices": choices, "positional": positional}
     return field(default=default, metadata=facts | {"minimum": minimum, "maximum": maximum})
@@ -52,10 +52,10 @@ def option(
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What one command is given. Values are checked when it is made; paths may be texts, tuples may be lists.
+    """Options of a command, checked on creation; paths may be strings, tuples may be lists.
 
     Attributes:
-        command: The command's name, of the class.
+        command: Name of the command.
     """
 
     command: ClassVar[str] = ""
@@ -68,16 +68,16 @@ class Options:
     def __post_init__(self) -> None:
         kinds = types_of(type(self))
         for item in fields(self):
-            value = _converted(item.name, kinds[item.name], getattr(self, item.name))
+            value = _coerce_field(item.name, kinds[item.name], getattr(self, item.name))
             _check_range(item, value)
             object.__setattr__(self, item.name, value)
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """Make options of keywords.
+        """Make options from keywords.
 
         Raises:
-            BadRequest: A name is unknown, a required one is missing, or a value is of another type or out of range.
+            BadRequest: A name is unknown, a required option is missing, or a value has a wrong type or range.
 
         Examples:
             >>> Options.of(thread=1)
@@ -95,29 +95,29 @@ class Options:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
-        """Make options of a job's JSON values, where null stands for the default. Raises BadRequest as `of` does."""
+        """Make options from JSON values, where null means the default. Raises BadRequest as `of`."""
         return cls.of(**{name: value for name, value in content.items() if value is not None})
 
     def to_json(self) -> dict[str, Any]:
-        """JSON values of what is not the default, from which `from_json` makes the same options."""
+        """Return the values that differ from their defaults as JSON, for `from_json`."""
         return {
-            item.name: _plain(getattr(self, item.name))
+            item.name: _to_json(getattr(self, item.name))
             for item in fields(self)
             if getattr(self, item.name) != item.default
         }
 
     def narrowed(self, kind: type[Kind]) -> Kind:
-        """Options of another command, with all values that this one has for it."""
+        """Return options of another command with the values of the fields that both have."""
         own = {item.name for item in fields(self)}
         return kind(**{item.name: getattr(self, item.name) for item in fields(kind) if item.name in own})
 
     def to_arguments(self) -> list[str]:
-        """What is not the default as arguments of the command line, positional ones left out."""
+        """Return the values that differ from their defaults as command-line arguments, without positional ones."""
         return [part for item in fields(self) for part in _arguments(item, getattr(self, item.name))]
 
 
 def unknown(name: str, known: Iterable[str]) -> BadRequest:
-    """The error for a name that is not among the known ones; it says which of them is nearest."""
+    """Return the error for an unknown option, with the nearest known name."""
     known = list(known)
     nearest = difflib.get_close_matches(name, known, 1)
     hint = f"Did you mean {nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
@@ -125,25 +125,25 @@ def unknown(name: str, known: Iterable[str]) -> BadRequest:
 
 
 def listed(kind: type[Options]) -> list[dataclasses.Field]:
-    """A class's fields in the order of help and reference: what every command has comes last."""
+    """Return the fields of a class in the order of the help: common fields last."""
     common = {item.name for item in fields(Options)}
     return sorted(fields(kind), key=lambda item: item.name in common and kind is not Options)
 
 
 @cache
 def types_of(kind: type[Options]) -> dict[str, Any]:
-    """The types of an options class's fields, by name."""
+    """Return the field types of an options class by name."""
     return typing.get_type_hints(kind)
 
 
 def flag_of(item: dataclasses.Field) -> str | None:
-    """A field's flag on the command line, with its dashes; None where it has none."""
+    """Return a field's command-line flag with dashes; None if it has none."""
     flag = item.metadata["flag"]
     return None if flag is None else f"--{flag or item.name.replace('_', '-')}"
 
 
 def bounds_of(kind: type[Options], name: str) -> dict[str, Any]:
-    """Default, least and greatest value of a number, where it has them, by the keywords of Blender's properties.
+    """Return default, minimum and maximum of a number as keywords of a Blender property.
 
     Examples:
         >>> bounds_of(Options, "threads")
@@ -155,7 +155,7 @@ def bounds_of(kind: type[Options], name: str) -> dict[str, Any]:
 
 
 def alternatives(kind: Any) -> tuple[Any, ...]:
-    """The types of a union, or the one type; None is left out.
+    """Return the members of a union without None, or the one type.
 
     Examples:
         >>> alternatives(int | None)
@@ -165,24 +165,24 @@ def alternatives(kind: Any) -> tuple[Any, ...]:
     return tuple(part for part in parts if part is not type(None))
 
 
-def _converted(name: str, kind: Any, value: Any) -> Any:
-    """The value as the field's type has it. Raises BadRequest for a value of another type."""
+def _coerce_field(name: str, kind: Any, value: Any) -> Any:
+    """Coerce a value to the type of its field. Raises BadRequest if it has another type."""
     if value is None and type(None) in typing.get_args(kind):
         return None
     for part in alternatives(kind):
-        found = _fitted(part, value)
-        if found is not MISSING:
-            return found
+        coerced = _coerce(part, value)
+        if coerced is not MISSING:
+            return coerced
     wanted = " or ".join(_name_of(part) for part in alternatives(kind))
     raise BadRequest(f"The option {name} = {value!r:.200} is not {wanted}.", "Correct it.")
 
 
-def _fitted(kind: Any, value: Any) -> Any:
-    """The value as this type has it; MISSING where it is of another."""
+def _coerce(kind: Any, value: Any) -> Any:
+    """Coerce a value to a type; MISSING if it has another."""
     if "\0" in str(value):
         raise BadRequest(f"{value!r:.200} holds a zero character.", "Correct it.")
     if typing.get_origin(kind) is tuple:
-        return _fitted_tuple(typing.get_args(kind), value)
+        return _coerce_tuple(typing.get_args(kind), value)
     if kind is Path:
         return Path(value) if isinstance(value, str | os.PathLike) and str(value) else MISSING
     if kind is float:
@@ -190,13 +190,13 @@ def _fitted(kind: Any, value: Any) -> Any:
     return value if type(value) is kind else MISSING
 
 
-def _fitted_tuple(parts: tuple[Any, ...], value: Any) -> Any:
+def _coerce_tuple(parts: tuple[Any, ...], value: Any) -> Any:
     if not isinstance(value, list | tuple):
         return MISSING
     parts = parts[:1] * len(value) if parts[-1] is Ellipsis else parts
-    found = [_fitted(part, each) for part, each in zip(parts, value, strict=False)]
-    is_whole = len(parts) == len(value) and all(each is not MISSING for each in found)
-    return tuple(found) if is_whole else MISSING
+    coerced = [_coerce(part, each) for part, each in zip(parts, value, strict=False)]
+    is_complete = len(parts) == len(value) and all(each is not MISSING for each in coerced)
+    return tuple(coerced) if is_complete else MISSING
 
 
 def _name_of(kind: Any) -> str:
@@ -218,9 +218,9 @@ def _check_range(item: dataclasses.Field, value: Any) -> None:
         raise BadRequest(f"The option {item.name} = {value} is out of range.", f"Allowed: {allowed}.")
 
 
-def _plain(value: Any) -> Any:
+def _to_json(value: Any) -> Any:
     if isinstance(value, tuple):
-        return [_plain(each) for each in value]
+        return [_to_json(each) for each in value]
     return str(value) if isinstance(value, Path) else value
 
 

@@ -1,8 +1,4 @@
-"""What other installed packages bring: kinds of fields, heads, layers, capture formats and label solvers, by entry points.
-
-A package names them in its pyproject.toml, in the groups of `GROUPS`; an entry's name is the kind's. Names are known
-without importing anything; an object is loaded when its name is first asked for. The standard library alone is needed.
-"""
+"""Plugins of installed packages, found by entry points in the groups of `GROUPS` and loaded on first use."""
 
 from __future__ import annotations
 
@@ -16,28 +12,24 @@ GROUPS = ("karf.fields", "karf.heads", "karf.layers", "karf.formats", "karf.labe
 
 
 def plugin_names(group: str) -> list[str]:
-    """Names of what installed packages bring, in order; without loading it.
-
-    Args:
-        group: One of `GROUPS`.
-    """
+    """Return the sorted names of a group's plugins, without loading them."""
     return sorted(_entries(group))
 
 
 def load_plugin(group: str, name: str) -> Any:
-    """What an installed package brings.
+    """Load a plugin.
 
     Args:
         group: One of `GROUPS`.
         name: One of `plugin_names`.
 
     Raises:
-        MissingDependency: It cannot be imported; names the package and why.
+        MissingDependency: The plugin cannot be imported.
     """
     entry = _entries(group)[name]
     try:
         return entry.load()
-    except Exception as error:  # whatever another's module raises
+    except Exception as error:  # a plugin may raise anything
         if is_out_of_memory(error):
             raise
         raise MissingDependency(

@@ -1,6 +1,6 @@
-"""PLY files: G. Turk, "The PLY Polygon File Format"; headers, tables of numbers as text and binary, without lists.
+"""Read and write PLY files (G. Turk, "The PLY Polygon File Format"), text and binary, with numpy only.
 
-Own code, since Blender's Python reads these too, with numpy alone, and since a file is to keep what is not understood.
+Reads headers and elements without list properties.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
-WORDS = {kind: word for word, kind in reversed(TYPES.items())}  # the older words, which every program knows
+WORDS = {kind: word for word, kind in reversed(TYPES.items())}  # the older type names, which every program knows
 ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 END = re.compile(rb"^end_header[ \t]*\r?\n", re.MULTILINE)
 MOST_HEADER = 1 << 20  # bytes
 SPACE = re.compile(rb"\s")
-BLOCK = 1 << 16  # bytes of text that are taken apart at a time: its words take ten times the room
+BLOCK = 1 << 16  # bytes of text split at a time; the words take ten times the memory
 
 
 @dataclass(frozen=True)
 class Element:
-    """One table of a PLY file.
+    """An element of a PLY file: a table.
 
     Attributes:
-        name: Such as vertex.
-        count: How many rows it has.
-        dtype: Of a row; None where it has lists.
-        end: Where the line of its last property ends in the header; bytes.
+        name: For example vertex.
+        count: Number of rows.
+        dtype: Type of a row; None if it has list properties.
+        end: Offset in the header behind the line of its last property, bytes.
     """
 
     name: str
@@ -48,13 +48,13 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """What stands before a PLY file's tables.
+    """The header of a PLY file.
 
     Attributes:
         encoding: A key of `ORDERS`.
-        elements: The tables, in the file's order.
+        elements: Elements in file order.
         comments: Text of the comments.
-        size: Bytes, with the line end_header.
+        size: Bytes, including the line end_header.
     """
 
     encoding: str
@@ -63,15 +63,15 @@ class Header:
     size: int
 
     def element(self, name: str) -> Element | None:
-        """The table of this name, if there is one."""
+        """Return the element of this name, or None."""
         return next((element for element in self.elements if element.name == name), None)
 
 
 def read_header(data: bytes) -> Header:
-    """The header of a PLY file that begins with these bytes.
+    """Parse the header at the start of a PLY file.
 
     Raises:
-        ValueError: It is none; says why.
+        ValueError: The header is damaged.
     """
     end = END.search(data[:MOST_HEADER])
     if end is None:
@@ -79,7 +79,7 @@ def read_header(data: bytes) -> Header:
     lines = data[: end.start()].splitlines(keepends=True)
     if not lines or lines[0].split() != [b"ply"]:
         raise ValueError("it does not begin with ply")
-    encoding, comments, found, position = "", [], [], len(lines[0])
+    encoding, comments, elements, position = "", [], [], len(lines[0])
     for line in lines[1:]:
         position += len(line)
         word, _, rest = line.decode("utf-8", "replace").strip().partition(" ")
@@ -89,14 +89,14 @@ def read_header(data: bytes) -> Header:
             comments.append(rest)
         elif word == "element":
             name, count = rest.split()
-            found.append((name, _count(count), [], [position]))
+            elements.append((name, _count(count), [], [position]))
         elif word == "property":
-            *_, fields, ends = found[-1]
+            *_, fields, ends = elements[-1]
             fields.append(rest.split())
             ends.append(position)
     order = ORDERS[encoding]
-    elements = (Element(name, count, _dtype(fields, order), ends[-1]) for name, count, fields, ends in found)
-    return Header(encoding, tuple(elements), tuple(comments), end.end())
+    parsed = (Element(name, count, _dtype(fields, order), ends[-1]) for name, count, fields, ends in elements)
+    return Header(encoding, tuple(parsed), tuple(comments), end.end())
 
 
 def _count(word: str) -> int:
@@ -112,33 +112,35 @@ def _dtype(fields: list[list[str]], order: str) -> np.dtype | None:
 
 
 def read_rows(data: bytes, header: Header, name: str) -> np.ndarray:
-    """The rows of one table.
+    """Return the rows of one element.
 
     Args:
         data: The whole file.
         header: Its header.
-        name: Of the element; it and those before it must have no lists.
+        name: Name of the element; neither it nor those before it may have lists.
 
     Returns:
-        [count] of the element's dtype; a view of the data where that is binary.
+        [count] of the element's dtype; a view of binary data.
 
     Raises:
-        ValueError: The file is cut off, or has text where numbers are wanted.
+        ValueError: The file is cut off, or its text is not numeric.
     """
     element, start = locate(header, name)
+    dtype = element.dtype
+    assert dtype is not None
     if header.encoding == "ascii":
-        return _text_rows(data, header.size, element, start)
+        return _text_rows(data, header.size, element.count, dtype, start)
     body = len(data) - header.size
-    if body < start + element.count * element.dtype.itemsize:
+    if body < start + element.count * dtype.itemsize:
         raise ValueError(f"it is cut off: {element.count} rows do not fit into its {body} bytes")
-    return np.frombuffer(data, element.dtype, element.count, header.size + start)
+    return np.frombuffer(data, dtype, element.count, header.size + start)
 
 
 def locate(header: Header, name: str) -> tuple[Element, int]:
-    """A table without lists, and where it starts behind the header: bytes, or numbers where the file is text.
+    """Return an element without lists, and its offset behind the header: bytes, or numbers in a text file.
 
     Raises:
-        ValueError: There is none, or its place depends on lists before it.
+        ValueError: There is no such element, or elements before it have lists.
     """
     start = 0
     for element in header.elements:
@@ -146,36 +148,37 @@ def locate(header: Header, name: str) -> tuple[Element, int]:
             break
         if element.name == name:
             return element, start
-        start += element.count * (len(element.dtype) if header.encoding == "ascii" else element.dtype.itemsize)
+        size = len(element.dtype.names or ()) if header.encoding == "ascii" else element.dtype.itemsize
+        start += element.count * size
     raise ValueError(f"it has no element {name} without lists")
 
 
-def _text_rows(data: bytes, at: int, element: Element, start: int) -> np.ndarray:
-    """The rows of a table that starts behind `start` numbers, in text that starts at a byte."""
-    width = len(element.dtype)
-    end, found, parts = start + element.count * width, 0, []
-    for words in _words(data, at):
-        if found >= end:
+def _text_rows(data: bytes, offset: int, count: int, dtype: np.dtype, start: int) -> np.ndarray:
+    """Return rows that follow `start` numbers in the text at `offset`."""
+    names = dtype.names or ()
+    end, n_words, parts = start + count * len(names), 0, []
+    for words in _words(data, offset):
+        if n_words >= end:
             break
-        parts.append(_numbers(words[max(0, start - found) : end - found]))
-        found += len(words)
-    if found < end:
-        raise ValueError(f"it is cut off: {element.count} rows do not fit into its {found} numbers")
-    numbers = np.concatenate([*parts, np.empty(0)]).reshape(element.count, width)
-    table = np.empty(element.count, element.dtype)
-    with np.errstate(invalid="ignore", over="ignore"):  # nan in place of a whole number
-        for name, column in zip(element.dtype.names or (), numbers.T, strict=True):
+        parts.append(_numbers(words[max(0, start - n_words) : end - n_words]))
+        n_words += len(words)
+    if n_words < end:
+        raise ValueError(f"it is cut off: {count} rows do not fit into its {n_words} numbers")
+    numbers = np.concatenate([*parts, np.empty(0)]).reshape(count, len(names))
+    table = np.empty(count, dtype)
+    with np.errstate(invalid="ignore", over="ignore"):  # nan or out of range in integer columns
+        for name, column in zip(names, numbers.T, strict=True):
             table[name] = column
     return table
 
 
-def _words(data: bytes, at: int) -> Iterator[list[bytes]]:
-    """The words of a text from a byte on, some at a time."""
-    while at < len(data):
-        space = SPACE.search(data, at + BLOCK)
+def _words(data: bytes, offset: int) -> Iterator[list[bytes]]:
+    """Split text from an offset on into words, block by block."""
+    while offset < len(data):
+        space = SPACE.search(data, offset + BLOCK)
         end = space.start() if space else len(data)
-        yield data[at:end].split()
-        at = end
+        yield data[offset:end].split()
+        offset = end
 
 
 def _numbers(words: list[bytes]) -> np.ndarray:
@@ -186,10 +189,10 @@ def _numbers(words: list[bytes]) -> np.ndarray:
 
 
 def properties(dtype: np.dtype) -> list[str]:
-    """The header's lines of these fields.
+    """Return the property lines of a dtype's fields.
 
     Raises:
-        ValueError: PLY has no such type.
+        ValueError: A field's type is not a PLY type.
 
     Examples:
         >>> properties(np.dtype([("x", "<f4"), ("red", "u1")]))
@@ -203,11 +206,11 @@ def properties(dtype: np.dtype) -> list[str]:
 
 
 def vertex_file(table: np.ndarray, comments: tuple[str, ...] = ()) -> bytes:
-    """A PLY file of vertices, binary, little end first.
+    """Encode a binary little-endian PLY file of vertices.
 
     Args:
-        table: [n] of a dtype with fields of PLY's types, little end first.
-        comments: Text of the header's comments.
+        table: [n] of a little-endian dtype with PLY types.
+        comments: Comments of the header.
     """
     notes = [f"comment {comment}" for comment in comments]
     start = ["ply", "format binary_little_endian 1.0", *notes, f"element vertex {len(table)}"]

@@ -1,4 +1,4 @@
-"""Processes of this computer: whether one with a number still runs, and a name under which numbers count."""
+"""Process ids of this computer."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-SYNCHRONIZE, NO_SUCH_PROCESS, STILL_RUNS = 0x100000, 87, 0x102  # of Windows
+SYNCHRONIZE, NO_SUCH_PROCESS, STILL_RUNS = 0x100000, 87, 0x102  # Windows: access right, error, wait result
 
 
 def host_name() -> str:
-    """Return the name of this computer, on Linux with that of the container in which process numbers count."""
+    """Return the name of this computer, on Linux with its process namespace (containers number processes anew)."""
     with suppress(OSError):
         return f"{platform.node()} {Path('/proc/self/ns/pid').readlink()}"
     return platform.node()
 
 
 def is_running(pid: int) -> bool:
-    """Whether a process of this computer has this number."""
-    if sys.platform == "win32":  # where `os.kill` would end it
+    """Test whether a process of this computer has this id."""
+    if sys.platform == "win32":  # `os.kill` would end the process
         import ctypes
 
         kernel = ctypes.WinDLL("kernel32", use_last_error=True)
