@@ -124,6 +124,7 @@ class _Files:
             write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
         if self.options.layers:
             frame = self.model.with_edges(frame, self.edges)
+            assert frame.palette_weights is not None
             palettes = palettes_with(self.model.palettes, self.added)
             weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
             layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth, frame.gains)

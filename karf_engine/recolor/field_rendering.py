@@ -61,12 +61,7 @@ def segmented_frame(learned: Learned, camera: Camera) -> Frame:
 
 
 def frame_of(
-    learned: Learned,
-    picture: Picture,
-    base: np.ndarray,
-    from_field: bool,
-    *,
-    gains: tuple[float, float, float] = ALIKE,
+    learned: Learned, picture: Picture, base: np.ndarray, from_field: bool, *, gains: tuple[float, float, float] = ALIKE
 ) -> Frame:
     """Add probabilities and palette weights to a picture that the scene has rendered.
 

@@ -261,8 +261,8 @@ def full_resolution_view(
         view: Of the capture.
         size: `photo`, or the long side in pixels of the reduced photo.
         seen: The field's rendering with the camera's lens distortion, at any size.
-        marks: Of the photo, in the same grid; see `recolor.matting.marks.marks_of`.
-        mattes_of: Makes mattes of a photo, probabilities, a rendering and marks; see `recolor.matting.refine.mattes_of`.
+        marks: Of the photo, see `matting.marks.marks_of`.
+        mattes_of: Makes the mattes, see `matting.refine.mattes_of`.
         objects: Names of the K objects of `seen`.
         palettes: Of the objects, as learned; empty before palettes are learned.
 
@@ -297,21 +297,11 @@ def _weights(colors: np.ndarray, palette: Palette, gains: Sequence[float]) -> np
 
 
 def dense_weights(
-    own_colors: Sequence[np.ndarray],
-    palettes: Sequence[Palette],
-    coverages: np.ndarray,
-    gains: Sequence[float] = ALIKE,
+    own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray, gains: Sequence[float] = ALIKE
 ) -> np.ndarray:
-    """Compute palette weights of a whole picture.
+    """Return palette weights times coverages [K, H, W], [K, M, H, W] float32; M is that of the largest palette.
 
-    Args:
-        own_colors: Of each of the K objects, uint8 sRGB [H, W, 3].
-        palettes: Of the objects.
-        coverages: [K, H, W].
-        gains: Exposure of the photo, see `View`.
-
-    Returns:
-        [K, M, H, W] float32, weights times coverage; M is that of the largest palette.
+    own_colors: of each object, uint8 sRGB [H, W, 3]. gains: exposure of the photo, see `View`.
     """
     n_colors = max((len(palette.colors) for palette in palettes), default=0)
     result = np.zeros((len(coverages), n_colors, *coverages.shape[1:]), np.float32)

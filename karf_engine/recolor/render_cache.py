@@ -72,13 +72,7 @@ class RenderCache:
             return None
 
     def mattes(
-        self,
-        edges: str,
-        photo: np.ndarray,
-        probabilities: np.ndarray,
-        rendered: np.ndarray,
-        marks: Marks,
-        seed: int,
+        self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks, seed: int
     ) -> list[Matte]:
         """Return `matting.refine.mattes_of` these arguments, from disk if they are known.
 

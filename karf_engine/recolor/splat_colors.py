@@ -65,18 +65,11 @@ def shares_of_objects(gaussians: Gaussians, segmentation: SegmentationField, sce
 
 
 def splats_of_objects(
-    gaussians: Gaussians,
-    shares: np.ndarray,
-    palettes: Sequence[Palette],
-    added: Mapping[str, Sequence[AddedColor]],
+    gaussians: Gaussians, shares: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> tuple[ObjectSplats, ...]:
     """Return the Gaussians of each of K objects with their palette weights.
 
-    Args:
-        gaussians: As learned.
-        shares: [n, K], see `shares_of_objects`.
-        palettes: Of the objects as learned.
-        added: Added colors by the objects' names.
+    shares: [n, K], see `shares_of_objects`. added: added colors by the objects' names.
     """
     colors = np.clip(0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], 0, 1)
     result = []
@@ -98,11 +91,7 @@ def recolored(
 ) -> Gaussians:
     """Bake an additive (`delta`) edit into the colors of Gaussians; unaffected ones keep their bits.
 
-    Args:
-        gaussians: As learned.
-        objects: Of these Gaussians, with the edit's added colors.
-        palettes: As learned.
-        edit: Of these palettes.
+    objects: of these Gaussians, with the edit's added colors. palettes: as learned.
     """
     table = gaussians.table.copy()
     for own, palette in zip(objects, palettes_with(palettes, edit.added), strict=True):
@@ -118,10 +107,6 @@ def recolored(
 
 def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str, np.ndarray]:
     """Return object and palette weights of each Gaussian as columns of a file.
-
-    Args:
-        shares: [n, K], see `shares_of_objects`.
-        objects: The K objects.
 
     Returns:
         `karf_object`, [n] uint8: 0 for none, else the number of the most probable object from 1; `karf_probability`, [n]
@@ -141,12 +126,7 @@ def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str,
 def planes_of_view(
     view: SplattedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Render probabilities and palette weights of K objects.
-
-    Args:
-        view: Of these Gaussians.
-        gaussians: As learned.
-        objects: Of these Gaussians.
+    """Render the objects of a view of these Gaussians.
 
     Returns:
         Probabilities [K, H, W] float32 in [0, 1], and palette weights [K, M, H, W] times these; M is that of the largest

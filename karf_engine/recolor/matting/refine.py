@@ -39,16 +39,7 @@ def mattes_of(
 
 
 def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
-    """Make mattes whose coverage is the field's probabilities, enlarged smoothly.
-
-    Args:
-        size: Width and height of the photo.
-        probabilities: [K, h, w] of each object, in the grid of the photo at any size.
-
-    Example:
-        >>> field_mattes((2, 1), np.array([[[0.0, 0.5]]]))[0].coverage.tolist()
-        [[0.5]]
-    """
+    """Enlarge probabilities [K, h, w] to mattes of a photo of this width and height."""
     return [_field_matte(size, own) for own in probabilities]
 
 

@@ -87,7 +87,7 @@ class StoredPhoto:
             return 1
         raise wrong_size(self.path, width, height, camera)
 
-    def colors(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
+    def colors(self, rows: slice | np.ndarray = WHOLE, columns: slice | np.ndarray = WHOLE) -> np.ndarray:
         """Return straight sRGB colors, float32 [h, w, 3] in [0, 1]."""
         stored = self.pixels[rows, columns]
         if self.is_light:
