@@ -1,1 +1,1 @@
-"""Everything that is written for users: frames, layers, Cryptomatte mattes, points, tables, contact sheets."""
+"""Output files: frames, layers, Cryptomatte mattes, points, tables, contact sheets."""

@@ -1,4 +1,4 @@
-"""One view in many colorways: what is looked at once for all of them, and each one's picture."""
+"""One view in many colorways."""
 
 from __future__ import annotations
 
@@ -18,32 +18,35 @@ from ..recolor.frames import Frame
 from ..recolor.model import Model
 from ..recolor.photos import StoredPhoto, suffix_for, write_photo
 
-SURE = 0.9  # coverage from which a pixel counts as wholly the object's
-MOST_PROBES = 50_000  # pixels of an object in which a view's colors are measured
+SURE = 0.9  # coverage above which a pixel counts as the object's alone
+MAX_PROBES = 50_000  # pixels per object and view
 Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
 
 
 class Pictures(Protocol):
-    """A view that can be recolored. suffix: of its files; disputed: objects about which photo and field disagree."""
+    """A view that can be recolored. suffix: of its files; disputed: see `Frame.disputed`."""
 
     suffix: str
     disputed: tuple[str, ...]
 
     def recolored(self, edits: Sequence[Edit]) -> Iterator[Any]:
-        """A picture for each edit."""
+        """Yield a picture for each edit."""
+        ...
 
     def write(self, path: Path, picture: Any) -> None:
         """Write a picture."""
 
     def colors(self, pixels: Pixels, picture: Any = None) -> np.ndarray:
-        """Colors of a picture in the photos' mean exposure, or without one before any edit, sRGB [n, 3]."""
+        """Return sRGB colors [n, 3] of a picture, by default the unedited one, in the photos' mean exposure."""
+        ...
 
     def covered(self, name: str) -> Pixels:
-        """Pixels that are surely an object's."""
+        """Return the pixels that are surely an object's."""
+        ...
 
 
 def pictures_of(model: Model, view: View, size: str | int, captured: bool) -> Pictures:
-    """A captured view at a size (`photo`, `learned`, or pixels), or any camera's."""
+    """Prepare a captured view at a size (`photo`, `learned`, or pixels), or the view of any camera."""
     if not captured:
         return FramePictures(model, model.render(view.camera, model.settings.render.supersampling))
     if size == "learned":
@@ -52,7 +55,7 @@ def pictures_of(model: Model, view: View, size: str | int, captured: bool) -> Pi
 
 
 class PhotoPictures:
-    """A captured view in its photo's own pixels, and files as the photo's."""
+    """A captured view in its photo's own pixels, written in the photo's format."""
 
     def __init__(self, model: Model, view: View, size: str | int) -> None:
         self._view = model.photo_view(view, size)
@@ -75,7 +78,7 @@ class PhotoPictures:
 
 
 class FramePictures:
-    """A rendered frame, in 8-bit PNG files."""
+    """A rendered frame, written as 8-bit PNG."""
 
     suffix = ".png"
 
@@ -92,32 +95,33 @@ class FramePictures:
         return exposed_alike((self._frame.base if picture is None else picture)[pixels], self._frame.gains)
 
     def covered(self, name: str) -> Pixels:
-        return np.nonzero(self._frame.probabilities[self._model.objects.index(name)] > SURE)
+        rows, columns = np.nonzero(self._frame.probabilities[self._model.objects.index(name)] > SURE)
+        return rows, columns
 
 
 class Probes:
-    """The pixels of a view in which colors are measured: those that are surely an object's, near a source color."""
+    """Color measurements in the pixels of a view that are surely an object's, near a source color."""
 
     def __init__(self, pictures: Pictures) -> None:
         self._pictures = pictures
         self._known: dict[tuple[str, bytes], tuple[Pixels, np.ndarray]] = {}
 
     def measure(self, picture: Any, prediction: Prediction) -> list[float] | None:
-        """What the source color has become in a recolored picture, sRGB, and in how many pixels; None where in none."""
-        pixels, before = self._of(prediction.target_color.name, prediction.source)
+        """Return the new sRGB color of the source color in a recolored picture, and the number of pixels, or None."""
+        pixels, before = self._pixels_near(prediction.target_color.name, prediction.source)
         if not len(before):
             return None
         color = reached_color(before, self._pictures.colors(pixels, picture), prediction.source)
         return [*color.round(5).tolist(), len(before)]
 
-    def _of(self, name: str, source: np.ndarray) -> tuple[Pixels, np.ndarray]:
-        """Pixels, and their colors before the edit [n, 3]."""
+    def _pixels_near(self, name: str, source: np.ndarray) -> tuple[Pixels, np.ndarray]:
+        """Return pixels of a color, and their colors before the edit [n, 3]."""
         key = (name, source.tobytes())
         if key not in self._known:
             rows, columns = self._pictures.covered(name)
-            step = len(rows) // MOST_PROBES + 1
+            step = len(rows) // MAX_PROBES + 1
             rows, columns = rows[::step], columns[::step]
             before = self._pictures.colors((rows, columns))
-            alike = near(before, source, or_nearest=False)
-            self._known[key] = (rows[alike], columns[alike]), before[alike]
+            is_near = near(before, source, or_nearest=False)
+            self._known[key] = (rows[is_near], columns[is_near]), before[is_near]
         return self._known[key]

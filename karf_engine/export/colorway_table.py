@@ -1,5 +1,7 @@
-"""colorways.csv: of each color of each colorway what is wanted, what was predicted, and what was reached; views.csv: what
-was reached in each view, and why not closer. With a reference light all colors are those under it."""
+"""colorways.csv with the wanted, predicted and reached colors of each colorway; views.csv with those reached in each view.
+
+With a reference light all colors are those under it.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,8 @@ class Reached:
 
     Attributes:
         color: sRGB [3].
-        pixels: In how many.
-        views: Of how many pictures.
+        pixels: Number of measured pixels.
+        views: Number of measured pictures.
     """
 
     color: np.ndarray
@@ -46,13 +48,13 @@ def write_table(
     measured: Callable[[PlannedColorway, Prediction], Reached | None] | None = None,
     light: ReferenceLight | None = None,
 ) -> None:
-    """Write the table, atomically.
+    """Write the table of colorways, atomically.
 
     Args:
         path: The file.
         planned: The colorways.
-        measured: What was measured of a color; without it nothing has been rendered yet, and its columns stay empty.
-        light: Under which the sheet's colors are meant.
+        measured: Returns the measurement of a color; None before anything is rendered, to leave its columns empty.
+        light: Reference light of the sheet's colors.
     """
     rows = []
     for plan in planned:
@@ -70,25 +72,17 @@ def write_view_table(
     measured: Callable[[PlannedColorway, Prediction, str], Reached | None],
     light: ReferenceLight | None = None,
 ) -> None:
-    """Write what each color has become in each view, atomically.
+    """Write the reached colors of each view, atomically; see `write_table`.
 
-    Args:
-        path: The file.
-        planned: The colorways.
-        views: Names of the views.
-        measured: What was measured of a color in a view; None where no pixel surely shows it.
-        light: Under which the sheet's colors are meant.
+    measured: returns the measurement of a color in a view; None if no pixel surely shows it.
     """
-    _write(
-        path,
-        VIEW_COLUMNS,
-        [
-            [plan.colorway.name, *_view_cells(prediction, view, measured(plan, prediction, view), light)]
-            for plan in planned
-            for prediction in plan.predictions
-            for view in views
-        ],
-    )
+    rows = [
+        [plan.colorway.name, *_view_cells(prediction, view, measured(plan, prediction, view), light)]
+        for plan in planned
+        for prediction in plan.predictions
+        for view in views
+    ]
+    _write(path, VIEW_COLUMNS, rows)
 
 
 def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -106,14 +100,14 @@ def _view_cells(prediction: Prediction, view: str, found: Reached | None, light:
 
 
 def _cells(plan: PlannedColorway, prediction: Prediction, light: ReferenceLight | None) -> list[str]:
-    told = prediction.under(light)
+    lit = prediction.under(light)
     return [
         prediction.target_color.name,
         plan.colorway.folder,
         rgb_to_hex(prediction.source),
-        *_wanted(told),
-        rgb_to_hex(told.reached),
-        f"{told.ciede2000:.2f}",
+        *_wanted(lit),
+        rgb_to_hex(lit.reached),
+        f"{lit.ciede2000:.2f}",
     ]
 
 
@@ -124,9 +118,9 @@ def _wanted(prediction: Prediction) -> tuple[str, str]:
 def _measured(prediction: Prediction, found: Reached | None, light: ReferenceLight | None) -> list[str]:
     if found is None:
         return [""] * 4
-    told = replace(prediction, reached=found.color).under(light)
-    difference = float(ciede2000(srgb_to_lab(told.reached), told.target_color.lab))
-    return [rgb_to_hex(told.reached), f"{difference:.2f}", str(found.pixels), str(found.views)]
+    lit = replace(prediction, reached=found.color).under(light)
+    difference = float(ciede2000(srgb_to_lab(lit.reached), lit.target_color.lab))
+    return [rgb_to_hex(lit.reached), f"{difference:.2f}", str(found.pixels), str(found.views)]
 
 
 def _reason(prediction: Prediction, is_unseen: bool) -> str:

@@ -1,4 +1,4 @@
-"""Contact sheets: small pictures in rows with a label each, as one PNG."""
+"""Contact sheets: thumbnails in labeled rows, as one PNG."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..io.color import to_bytes
 from ..io.color_spaces import ColorSpace
 from ..io.images import over, read_photo, resize, write_png
 
-THUMBNAIL = 192  # pixels of a picture's longer side
-LABEL, LINE, CHIP, GAP = 260, 18, 12, 6  # pixels: a row's label, line height, a chip's side, the gap between all
+THUMBNAIL = 192  # pixels, long side
+LABEL, LINE, CHIP, GAP = 260, 18, 12, 6  # pixels: label width, line height, chip side, gaps
 PAPER, INK = 255, (40, 40, 40)
 
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a row's label: small squares of colors (sRGB [3] each), and a text."""
+    """One line of a row's label: color chips (sRGB [3] each), and a text."""
 
     text: str
     chips: tuple[np.ndarray, ...] = ()
@@ -28,7 +28,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Row:
-    """Lines of the label, and the files of the pictures beside it; None leaves a place empty. space: of these files."""
+    """Lines of the label, and picture files of one color space; None leaves a place empty."""
 
     label: tuple[Line, ...]
     pictures: tuple[Path | None, ...]
@@ -36,7 +36,7 @@ class Row:
 
 
 def write_contact_sheet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
-    """Write the pictures of all rows, one at a time in memory, below the columns' names.
+    """Write the pictures of all rows below the columns' names; one picture is in memory at a time.
 
     Raises:
         DataError: A picture is damaged.
@@ -58,7 +58,7 @@ def write_contact_sheet(path: Path, columns: Sequence[str], rows: Sequence[Row])
 
 
 def _thumbnail(path: Path, space: ColorSpace | None) -> np.ndarray:
-    """A picture with no side longer than a thumbnail, on white, uint8 [h, w, 3]."""
+    """Read a picture as a thumbnail over white, uint8 [h, w, 3]."""
     picture = read_photo(path, space=space)
     if picture.shape[-1] == 4:
         picture = over(picture[..., :3], picture[..., 3])
@@ -82,7 +82,7 @@ def _draw_names(draw: ImageDraw.ImageDraw, columns: Sequence[str], rows: Sequenc
 
 
 def _fitting(text: str, width: int, font: ImageFont.ImageFont | ImageFont.FreeTypeFont) -> str:
-    """The text, cut where it is wider than this many pixels."""
+    """Cut a text to a width in pixels."""
     while len(text) > 1 and font.getlength(text) > width:
         text = text[:-2].rstrip() + "…"
     return text

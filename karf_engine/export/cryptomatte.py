@@ -1,7 +1,7 @@
-"""Object mattes by the Cryptomatte specification 1.2.0 (Friedman and Jones, Psyop 2016), which compositors pick from.
+"""Object mattes by the Cryptomatte specification 1.2.0 (Friedman and Jones, Psyop 2016).
 
-Every pixel holds pairs of an object's id and its coverage, in the order of falling coverage ("ranks"), two pairs an
-RGBA layer. An id is the hash of the object's name, as the bits of a float.
+Each pixel stores pairs of object id and coverage ("ranks"), by falling coverage, two pairs per RGBA layer. An id is the
+hash of the object's name, as the bits of a float.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ BAND_ROWS = 128
 
 
 def murmur3(data: bytes) -> int:
-    """MurmurHash3_x86_32 of some bytes with seed 0 (Appleby 2011), in 0..2^32-1.
-
-    Written here because it hashes a few names a picture, which is not worth a compiled package.
+    """Return MurmurHash3_x86_32 with seed 0 (Appleby 2011).
 
     Examples:
         >>> hex(murmur3(b"hello, world"))
@@ -40,7 +38,7 @@ def murmur3(data: bytes) -> int:
 
 
 def object_id(name: str) -> int:
-    """An object's id: the hash of its name, changed by one bit where its float would not be a normal number.
+    """Return an object's id: the hash of its name, with one bit flipped if it is not a normal float.
 
     Examples:
         >>> hex(object_id("hello, world"))
@@ -52,11 +50,11 @@ def object_id(name: str) -> int:
 
 
 def header(objects: Sequence[str], name: str = NAME) -> dict[str, str]:
-    """The file's metadata: whose ids its layers hold.
+    """Return the file's metadata.
 
     Args:
-        objects: Their names.
-        name: What the layers' names begin with.
+        objects: Names of the objects.
+        name: Prefix of the layers' names.
 
     Examples:
         >>> for key, value in header(["pot"]).items():
@@ -77,14 +75,11 @@ def header(objects: Sequence[str], name: str = NAME) -> dict[str, str]:
 
 
 def channels(objects: Sequence[str], coverage: np.ndarray) -> dict[str, np.ndarray]:
-    """The layers CryptoObject00, CryptoObject01 and so on, as many as the pixel with the most objects needs.
+    """Return the channels of the layers CryptoObject00, CryptoObject01 and so on, float32 [H, W] by name.
 
     Args:
         objects: Names of the K objects.
-        coverage: [K, H, W] in [0, 1], of any type of float.
-
-    Returns:
-        float32 [H, W] by the channel's name.
+        coverage: [K, H, W] in [0, 1], any float.
 
     Examples:
         >>> planes = channels(["pot", "mug"], np.array([[[0.25]], [[0.75]]]))

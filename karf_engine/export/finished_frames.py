@@ -1,7 +1,7 @@
-"""Which frames of a long job are finished, and what each was made from: so that a job that was stopped can resume.
+"""Record of finished frames and their inputs, so that a stopped job can resume.
 
-`finished.jsonl` in the output folder grows by one line a frame, after the frame's files are in their places: a killed
-job loses at most the frame at work, and the note costs the same for the first frame as for the last.
+`finished.jsonl` in the output folder gets one line for each frame, after the frame's files are complete: a killed job
+loses at most the current frame.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
 
-VERSION = 4  # of the renderer: goes up when the same inputs would give other pictures
+VERSION = 4  # raise it when the same inputs give other pictures
 NOTE = "finished.jsonl"
-# options that say which frames are made, where and how fast, not what is in them
+# options that do not change a frame's content
 NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
 
 
 @dataclass(frozen=True)
 class FinishedFrames:
-    """The note of one output folder.
+    """The record of one output folder.
 
     Attributes:
-        folder: Where the frames go.
-        frames: What was noted of each when this was read, by its name; the last line counts.
+        folder: Of the frames.
+        frames: The last entry of each frame by its name, at the time of reading.
     """
 
     folder: Path
@@ -43,10 +43,10 @@ class FinishedFrames:
 
     @classmethod
     def read(cls, folder: Path) -> FinishedFrames:
-        """The note of a folder; lines that were cut off by a kill are passed over.
+        """Read the record of a folder; incomplete lines of killed jobs are skipped.
 
         Raises:
-            DataError: A folder, a pipe or a device has its name.
+            DataError: The record is a folder, a pipe or a device.
         """
         path, frames = folder / NOTE, {}
         if not path.exists():
@@ -61,7 +61,7 @@ class FinishedFrames:
         return cls(folder, frames)
 
     def has(self, frame: str, made_from: str) -> bool:
-        """Whether a frame was made from the same things, and its files are still there, as long as they were."""
+        """Return whether a frame was made from the same inputs, and its files still have their sizes."""
         entry = self.frames.get(frame)
         if entry is None or entry["made_from"] != made_from:
             return False
@@ -69,25 +69,25 @@ class FinishedFrames:
         return bool(sizes) and sizes == entry["files"]
 
     def note(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
-        """Add a line for a frame whose files are written, with what was measured of it; `frames` stay as read."""
+        """Append an entry for a written frame, with measurements; `frames` does not change."""
         sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
         with naming(self.folder / NOTE), (self.folder / NOTE).open("a", encoding="utf-8") as stream:
-            stream.write(f"\n{json.dumps(entry)}\n")  # a line that was cut off before must not swallow this one
+            stream.write(f"\n{json.dumps(entry)}\n")  # after an incomplete line
 
 
 def _size(path: Path) -> int:
-    """Bytes of a file, -1 where it is missing."""
+    """Return the bytes of a file, -1 if it is missing."""
     return path.stat().st_size if path.is_file() else -1
 
 
 @dataclass(frozen=True)
 class ModelMark:
-    """Texts that change when other frames would come of a project.
+    """Fingerprints of a project.
 
     Attributes:
-        learned: By anything that is learned of it, and by how it renders.
-        masks: By its rough masks, which say where thin parts of photos are.
+        learned: Of everything learned, and of the settings of rendering.
+        masks: Of the rough masks, which locate thin parts in photos.
     """
 
     learned: str
@@ -95,7 +95,7 @@ class ModelMark:
 
 
 def model_mark(project: Project, settings: Settings) -> ModelMark:
-    """What stands for a project as it is now."""
+    """Return the current fingerprints of a project."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
     folder = project.contained(project.masks_folder)
@@ -104,20 +104,20 @@ def model_mark(project: Project, settings: Settings) -> ModelMark:
 
 
 def view_mark(model: ModelMark, view: View, *options: Any) -> str:
-    """A text that changes when a view would be another: by the model, the camera, the photo or the options.
+    """Return a fingerprint of a rendered view by model, camera, photo and options.
 
     Args:
         model: `model_mark`.
-        view: With its photo, or a bare camera, to which masks say nothing.
+        view: With its photo, or a bare camera, which masks do not affect.
         *options: JSON values.
     """
-    camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # wherever its photo lies
+    camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # without the photo's path
     photo = [file_digest(view.image), model.masks] if view.image and view.image.is_file() else None
     return fingerprint(model.learned, camera, photo, *options)
 
 
 def frame_mark(view: str, edit: Edit | None) -> str:
-    """A text that changes when a frame would be another: by its `view_mark`, or by its edit (None without one)."""
+    """Return a fingerprint of a frame by its `view_mark` and its edit."""
     if edit is None:
         return view
     added = {name: [_mark_of(each) for each in own] for name, own in edit.added.items()}
@@ -128,24 +128,24 @@ def frame_mark(view: str, edit: Edit | None) -> str:
 
 
 def _mark_of(color: AddedColor) -> list:
-    # frames that were made before neutrals could be protected keep their marks
+    # without the default, which older records lack
     return [color.picked.tolist(), color.reach, *([color.protect] if color.protect else [])]
 
 
 @dataclass(frozen=True)
 class PendingFrames:
-    """The frames of a request that are still to make.
+    """The frames of a request that are not finished.
 
     Attributes:
-        todo: Views with their edits and their marks, in order.
-        finished: The note of the output folder; None where there is none.
+        todo: Views with their edits and fingerprints, in order.
+        finished: The record of the output folder; None without a folder.
     """
 
     todo: list[tuple[View, Edit | None, str]]
     finished: FinishedFrames | None
 
     def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
-        """Note a frame as finished, where it has files in an output folder."""
+        """Record a frame as finished, if there is an output folder."""
         if self.finished is not None:
             self.finished.note(frame, made_from, files)
 
@@ -153,9 +153,9 @@ class PendingFrames:
 def pending_frames(
     options: RenderOptions, learned: ModelMark, views: Sequence[View], edits: Sequence[Edit | None]
 ) -> PendingFrames:
-    """All frames of a command; with its option `skip_existing` those that are not there, or made from other things.
+    """Return all frames of a command; with `skip_existing` only missing ones and those made from other inputs.
 
-    learned: `model_mark` as it was when the model was loaded.
+    learned: `model_mark` at the time the model was loaded.
     """
     if options.out is None:
         return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)

@@ -22,6 +22,7 @@ from ..recolor.frames import Frame, planes_of, with_alpha
 from ..recolor.full_resolution import PhotoView
 from ..recolor.layers import Layers
 from ..recolor.model import Model
+from ..recolor.photo_recoloring import base_of
 from ..recolor.photos import suffix_for, write_mask, write_photo
 from .frame_formats import write_frame
 from .frame_options import FORMATS, RenderOptions
@@ -36,21 +37,21 @@ def write_view(
     options: RenderOptions,
     artifact: Callable[[str, Path], None],
 ) -> tuple[list[Path], set[str]]:
-    """Write what the options ask for of a view.
+    """Write the files of a view.
 
     Args:
-        model: What is learned.
+        model: Of the view.
         view: A captured view, or any camera.
-        edit: Of the recolored picture; None for none.
-        captured: Whether it is a view of the capture.
-        options: Which files, and where.
-        artifact: Called with the kind and the path of each file that goes to the project.
+        edit: Of the recolored picture; None for no such picture.
+        captured: Whether the view is of the capture.
+        options: Select files and folder.
+        artifact: Called with the kind and the path of each file written to the project.
 
     Returns:
-        The files in the output folder, and the objects about which photo and field disagree.
+        The files in the output folder, and the disputed objects (see `Frame.disputed`).
     """
     files = _Files(model, view, edit, captured, options, artifact)
-    if captured and model.base_of(options.base) == "photo":
+    if captured and base_of(model.settings, options.base) == "photo":
         files.write_photo()
     else:
         files.write_rendering()
@@ -70,12 +71,10 @@ class _Files:
 
     @property
     def added(self) -> dict[str, tuple[AddedColor, ...]]:
-        """The colors that the edit adds, which have layers of their own."""
         return {} if self.edit is None else self.edit.added
 
     @property
     def edges(self) -> dict[str, EdgeShape]:
-        """How the edit moves and fades edges, which layers show too."""
         return {} if self.edit is None else self.edit.edges
 
     @property
@@ -106,7 +105,7 @@ class _Files:
             self._planes(self.model.preview(self.view))
 
     def _scene(self, pinhole: Camera, frame: Frame, behind: np.ndarray | None) -> None:
-        """The scene as learned, its depth, and where its objects are unsure."""
+        """Write the scene as learned, its depth, and the uncertainty of the labels."""
         write_png(self._path("render", ".png"), _cut_out(frame.color, frame, behind))
         if self.options.depth:
             atomic_write(self._path("depth", ".npy"), lambda temporary: np.save(temporary, frame.depth))
@@ -115,7 +114,7 @@ class _Files:
                 write_png(self._path(f"unsure/{name}", ".png"), plane)
 
     def _frame(self, frame: Frame, behind: np.ndarray | None) -> None:
-        """Masks, recolored picture and layers of a frame; behind: what to take out of the picture."""
+        """Write masks, recolored picture and layers of a frame. behind: background to remove from the picture."""
         self.disputed.update(frame.disputed)
         for name, mask in zip(self.model.objects, frame.masks, strict=True):
             write_png(self._path(f"masks/{name}", ".png"), mask)
@@ -125,13 +124,14 @@ class _Files:
             write_frame(self._path("recolor", FORMATS[kind]), picture, kind)
         if self.options.layers:
             frame = self.model.with_edges(frame, self.edges)
+            assert frame.palette_weights is not None
             palettes = palettes_with(self.model.palettes, self.added)
             weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
             layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth, frame.gains)
             write_layers(self._path("layers", ".exr"), layers, self._layer_space)
 
     def _photo(self, finished: PhotoView) -> None:
-        """The same in the photo's own pixels."""
+        """Write masks, recolored picture and layers in the photo's own pixels."""
         self.disputed.update(finished.disputed)
         for name, mask in zip(finished.objects, finished.masks(), strict=True):
             write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
@@ -154,6 +154,7 @@ class _Files:
             write_planes(self._path("planes", ".npz"), planes)
 
     def _path(self, kind: str, suffix: str) -> Path:
+        assert self.options.out is not None
         self.written.append(self.options.out / kind / f"{self.view.name}{suffix}")
         return self.written[-1]
 

@@ -1,4 +1,4 @@
-"""Which files of a rendered view are written, and of what kind."""
+"""Options of rendered views: files and formats."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import ClassVar
 from ..errors import BadRequest
 from ..io.options import Options, option
 
-# of recolored frames that are not of a photo's size, and the endings of their files
+# of recolored frames that do not have a photo's size, with their suffixes
 FORMATS = {"png8": ".png", "png16": ".png", "exr16": ".exr", "exr32": ".exr"}
 
 CONFIG = (
@@ -20,7 +20,7 @@ CONFIG = (
 
 @dataclass(frozen=True, kw_only=True)
 class FrameOptions(Options):
-    """What is written of each view."""
+    """Files of each view."""
 
     base: str | None = option(
         "what an edit of a captured view changes (default: photo; with the preset paper: render)",
@@ -81,7 +81,7 @@ class RenderOptions(FrameOptions):
 
 
 def size_of(wanted: str | int) -> str | int:
-    """The size of recolored photos that is asked for: `photo`, `learned`, or pixels. Raises BadRequest for others.
+    """Parse the size of recolored photos: `photo`, `learned`, or pixels. Raises BadRequest for others.
 
     Examples:
         >>> size_of("800")

@@ -1,10 +1,9 @@
-"""What the layers of a layered picture are called, and its header: how a compositor finds what to recolor.
+"""Names of the layers of a layered picture, and its header, for compositors.
 
-A layered picture is an OpenEXR file (`export.layers`) with the base picture in R, G and B, a plane
-`<object>_coverage` for every object, and a plane `<object>_color_<j>` for every color of its palette. The header's text
-`karf` lists them with the colors as learned, and with the gains by which a photo that is exposed otherwise multiplies
-their changes, so that the file alone is enough to recolor it. Read by hand, by the OpenEXR file layout: Blender's Python has
-no reader of EXR headers.
+A layered picture is an OpenEXR file (`export.layers`) with the base picture in R, G and B, a plane `<object>_coverage`
+for every object, and a plane `<object>_color_<j>` for every color of its palette. The header attribute `karf` lists them
+with the learned colors and the gains of the photo's exposure, so that the file alone is enough to recolor it. Blender's
+Python has no reader of EXR headers; this one follows the OpenEXR file layout.
 """
 
 from __future__ import annotations
@@ -27,10 +26,10 @@ from ..io.names import is_file_name
 from ..palettes.palette import MOST_ADDED, MOST_COLORS, MOST_OBJECTS, Palette
 
 LAYERS_SCHEMA = "karf-layers/1"
-ATTRIBUTE = "karf"  # name of the header's attribute
-MOST_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # layers of an object
-LONGEST = 40  # bytes of an object's part of a layer's name: Blender cuts names at 63
-MOST_HEADER = 16 << 20  # bytes of the header; the most objects and colors, none added, need three quarters of that
+ATTRIBUTE = "karf"  # of the header
+MAX_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # per object
+MAX_NAME_BYTES = 40  # of an object in a layer's name: Blender cuts names at 63
+MAX_HEADER_BYTES = 16 << 20  # 4/3 of what the most objects and colors need
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 AGAIN = "Render the layers again."
 
@@ -40,11 +39,11 @@ class ObjectLayers:
     """The layers of one object.
 
     Attributes:
-        name: The object's.
-        coverage: Name of the plane with the share of each pixel that is the object's.
-        weights: Name of each palette color's plane; over the colors the planes sum to the coverage.
+        name: Of the object.
+        coverage: Name of the coverage plane.
+        weights: Names of the palette colors' planes, which sum to the coverage.
         colors: The palette as learned, [M, 3] float32 sRGB in [0, 1]; entry 0 is black.
-        gains: How the picture is exposed, see `View`: by these factors it shows changes of the colors.
+        gains: Exposure of the picture, see `View`: they multiply changes of the colors.
 
     Examples:
         >>> (pot,) = name_layers([Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))])
@@ -60,10 +59,9 @@ class ObjectLayers:
 
 
 def name_layers(palettes: Sequence[Palette], gains: tuple[float, float, float] = ALIKE) -> tuple[ObjectLayers, ...]:
-    """The layers of objects with these learned palettes, in their order, in a picture that is exposed by these gains.
+    """Name the layers of objects with these learned palettes, in a picture with these gains.
 
-    Programs split a layer's name at points and some at blanks, so both become `_`; a name that is then taken gets a
-    number.
+    Programs split a layer's name at points and some at blanks, so both become `_`; duplicates get a number.
 
     Examples:
         >>> black = np.zeros((1, 3), np.float32)
@@ -73,7 +71,7 @@ def name_layers(palettes: Sequence[Palette], gains: tuple[float, float, float] =
     taken: set[str] = set()
     found = []
     for palette in palettes:
-        plain = re.sub(r"[^\w-]", "_", palette.name).encode()[:LONGEST].decode(errors="ignore")
+        plain = re.sub(r"[^\w-]", "_", palette.name).encode()[:MAX_NAME_BYTES].decode(errors="ignore")
         name, number = plain, 2
         while name.casefold() in taken:
             name, number = f"{plain}_{number}", number + 1
@@ -84,7 +82,7 @@ def name_layers(palettes: Sequence[Palette], gains: tuple[float, float, float] =
 
 
 def describe_layers(objects: Sequence[ObjectLayers]) -> str:
-    """The header's text, JSON: names of the layers and colors as learned.
+    """Return the header's JSON text: names of the layers and colors as learned.
 
     Examples:
         >>> describe_layers(name_layers([Palette("pot", np.zeros((1, 3), np.float32))])).splitlines()[2:4]
@@ -104,7 +102,7 @@ def describe_layers(objects: Sequence[ObjectLayers]) -> str:
 
 
 def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
-    """The layers of a layered picture, of its header alone.
+    """Read the layers of a layered picture from its header.
 
     Raises:
         DataError: The file is missing, no EXR, or not written by KaRF.
@@ -139,10 +137,10 @@ def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
 
 
 def _object(entry: dict[str, Any]) -> ObjectLayers:
-    """Raises ValueError, TypeError or KeyError for what is not an object's entry."""
+    """Read an object's entry. Raises ValueError, TypeError or KeyError."""
     colors = np.array(entry["colors"], np.float32)
     weights = tuple(entry["weights"])
-    if colors.shape != (len(weights), 3) or len(weights) > MOST_LAYERS or not ((colors >= 0) & (colors <= 1)).all():
+    if colors.shape != (len(weights), 3) or len(weights) > MAX_LAYERS or not ((colors >= 0) & (colors <= 1)).all():
         raise ValueError("colors do not fit")
     names = (entry["name"], entry["coverage"], *weights)
     if not all(is_file_name(name) for name in names):
@@ -154,11 +152,11 @@ def _object(entry: dict[str, Any]) -> ObjectLayers:
 
 
 def _header_text(stream: BinaryIO) -> bytes | None:
-    """The value of the attribute `karf`, or None where there is none."""
+    """Return the value of the attribute `karf`, or None."""
     if stream.read(4) != EXR_MAGIC:
         return None
-    header = stream.read(MOST_HEADER)
-    position = 4  # behind the version
+    header = stream.read(MAX_HEADER_BYTES)
+    position = 4  # after the version
     while position < len(header) and header[position]:
         name_end = header.find(b"\0", position, position + 256)
         type_end = header.find(b"\0", name_end + 1, name_end + 257)

@@ -1,18 +1,17 @@
-"""Layered pictures: an OpenEXR file with all that recoloring a view needs, for compositors.
+"""Layered pictures: OpenEXR files for recoloring a view in compositors.
 
 =============================  =====  ====================================================================
 channels                       type   what
 =============================  =====  ====================================================================
 R, G, B                        half   the base picture, scene-linear; in a named color space float
-<object>_coverage.V            half   how much of each pixel is the object's
-<object>_color_<j>.V           half   the coverage times the share of palette color j; 0 is black
+<object>_coverage.V            half   the object's coverage
+<object>_color_<j>.V           half   the coverage times the weight of palette color j; 0 is black
 Depth.Z                        float  along the optical axis, world units, 0 where empty
 CryptoObject00.R .. A, 01, ..  float  mattes of all objects, see `cryptomatte`
 =============================  =====  ====================================================================
 
-The names, the learned colors and the gains of a photo that is exposed otherwise are in the header, see `export.layer_names`.
-Scene-linear: the inverse of the piecewise sRGB curve (IEC 61966-2-1), as OpenColorIO's texture transform of sRGB gives it, with
-the primaries of Rec. 709; or the named space.
+Names, learned colors and the photo's gains are in the header, see `export.layer_names`. Scene-linear: the inverse of the
+piecewise sRGB curve (IEC 61966-2-1; OpenColorIO: sRGB texture), with Rec. 709 primaries.
 """
 
 from __future__ import annotations
@@ -48,12 +47,7 @@ COLORS_OF_SPACE = (
 def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) -> None:
     """Write a layered picture, atomically.
 
-    Half floats are written from where they are; other arrays are converted, a plane at a time.
-
-    Args:
-        path: The file, `*.exr`.
-        layers: What to write.
-        space: Of the base picture; None: linear Rec. 709.
+    layers: half floats are written without a copy. space: of the base picture; None: linear Rec. 709.
 
     Examples:
         >>> import tempfile
@@ -80,13 +74,10 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
 
 
 def _color_facts(space: ColorSpace | None, factors: str) -> dict[str, object]:
-    """What the header says of the base picture's colors, and of how they change; factors: of a changed color."""
+    """Return the header's attributes of the base picture's colors. factors: that multiply a change of color, as text."""
     if space is None:
-        return {
-            "chromaticities": REC709,
-            "colorInteropID": "lin_rec709_scene",
-            "comments": COLORS.format(factors=factors),
-        }
+        comments = COLORS.format(factors=factors)
+        return {"chromaticities": REC709, "colorInteropID": "lin_rec709_scene", "comments": comments}
     known = {"colorInteropID": space.interop_id} if space.interop_id else {}
     return {**known, "comments": COLORS_OF_SPACE.format(name=space.name, factors=factors)}
 
@@ -107,8 +98,8 @@ def _planes(objects: tuple[ObjectLayers, ...], layers: Layers, space: ColorSpace
 
 
 def _linear(channel: np.ndarray) -> np.ndarray:
-    """Scene-linear float16 [H, W] of sRGB values."""
-    if channel.dtype.kind == "u":  # far fewer values than pixels
+    """Linearize sRGB values, float16 [H, W]."""
+    if channel.dtype.kind == "u":  # a table of all values
         full = np.iinfo(channel.dtype).max
         return srgb_to_linear(np.arange(full + 1) / full).astype(np.float16)[channel]
     return np.stack([srgb_to_linear(row).astype(np.float16) for row in channel])

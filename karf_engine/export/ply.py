@@ -1,4 +1,4 @@
-"""Colored points for other programs, as PLY: G. Turk, "The PLY Polygon File Format"; binary, little end first."""
+"""Colored points as binary little-endian PLY (G. Turk, "The PLY Polygon File Format")."""
 
 from __future__ import annotations
 
@@ -16,13 +16,7 @@ VERTEX = np.dtype(
 
 
 def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> None:
-    """Write points atomically, with the properties that most programs know.
-
-    Args:
-        path: The file.
-        positions: [N, 3].
-        normals: [N, 3].
-        colors: [N, 3] sRGB in [0, 1].
+    """Write points with positions, normals and sRGB colors in [0, 1], each [N, 3], atomically.
 
     Examples:
         >>> import tempfile

@@ -1,4 +1,4 @@
-"""A learned scene as points on its surface, with all that recoloring them needs."""
+"""Recolorable points on the surface of a learned scene."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from ..recolor.model import Model
 from ..segmentation.views import farthest_point_views
 from .scene_points import ScenePoints
 
-COUNT, FEWEST, MOST = 60_000, 1000, 2_000_000
+COUNT, FEWEST, MOST = 60_000, 1000, 2_000_000  # default, minimum and maximum
 MOST_VIEWS = 64
 
 
 def scene_points(model: Model, views: Sequence[View], count: int, progress: Progress | None = None) -> ScenePoints:
-    """Surface points of a learned model.
+    """Sample surface points of a learned model.
 
     Args:
-        model: One with palettes.
-        views: Whose cameras look at the scene; at most MOST_VIEWS of them, spread round it, do.
-        count: About how many points.
-        progress: Gets a step for each view, `len(chosen_views(views))` in all; may cancel.
+        model: With palettes.
+        views: Of the scene; at most MOST_VIEWS, spread around it, are rendered.
+        count: Approximate number of points.
+        progress: Gets a step for each of the `chosen_views`; may cancel.
 
     Raises:
         BadRequest: No palettes are learned, or the count is out of range.
-        DataError: Nothing is solid.
+        DataError: The scene has no surface.
     """
     model.project.require("recoloring")
     if not FEWEST <= count <= MOST:
@@ -44,13 +44,14 @@ def scene_points(model: Model, views: Sequence[View], count: int, progress: Prog
 
 
 def chosen_views(views: Sequence[View]) -> list[View]:
-    """The views that look at the scene."""
+    """Choose the views that are rendered for points."""
     return farthest_point_views(views, [], MOST_VIEWS)
 
 
 @torch.no_grad()
 def _described(model: Model, points: SurfacePoints) -> ScenePoints:
-    """The points with the output of F_s and F_w at them, seen from their mean viewing direction."""
+    """Evaluate F_s and F_w at the points, along their mean viewing directions."""
+    assert model.segmentation is not None and model.recoloring is not None
     n = len(points.positions)
     positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (points.positions, points.viewdirs))
     cache = SurfaceCache(

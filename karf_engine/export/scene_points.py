@@ -1,7 +1,4 @@
-"""Surface points of a learned scene, with all that recoloring them needs: what viewers of the scene in 3D read.
-
-Naming as in `compositing`: K objects, M palette entries, here of N points in place of pixels.
-"""
+"""Recolorable surface points of a learned scene, for 3D viewers. K objects, M palette entries, N points."""
 
 from __future__ import annotations
 
@@ -23,24 +20,24 @@ from ..palettes.palette import AddedColor, Palette
 from ..palettes.star import plain_hull, star_of, weights_in
 
 NUMBERS = ("positions", "normals", "sizes", "colors", "probabilities", "palette_weights", "learned")
-BORDERS = ("distances", "spacings", "pixels")  # in files behind "border_"
+BORDERS = ("distances", "spacings", "pixels")  # in files prefixed with "border_"
 AGAIN = "Make the points again."
 
 
 @dataclass(frozen=True)
 class ScenePoints:
-    """Points on what the scene shows as solid.
+    """Points on the surface of a scene.
 
     Attributes:
         objects: Names of the K objects.
         positions: [N, 3] float32, the capture's world.
         normals: [N, 3] float32, outward, of unit length.
-        sizes: [N] float32, how far apart points are there, world units.
+        sizes: [N] float32, local distance between points, world units.
         colors: [N, 3] uint8 sRGB, as learned: the mean over the views that see the point.
         probabilities: [N, K] float16 in [0, 1].
-        palette_weights: [N, K, M] float16 in [0, 1], probabilities included.
-        learned: Palettes [K, M, 3] float32 sRGB, of which an edit's differ.
-        borders: How far points are from the objects' borders; None of files that older versions wrote.
+        palette_weights: [N, K, M] float16 in [0, 1], times probabilities.
+        learned: Palettes as learned, [K, M, 3] float32 sRGB.
+        borders: Distances to the objects' borders; None in files of older versions.
     """
 
     objects: tuple[str, ...]
@@ -57,22 +54,22 @@ class ScenePoints:
         return len(self.positions)
 
     def with_added(self, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> ScenePoints:
-        """The points with the sets of added colors; palettes: of the K objects as learned. See `palettes.added`."""
+        """Spread the weights over added colors, see `palettes.added`. palettes: of the K objects as learned."""
         weights = spread_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
         learned = {each.name: each.colors for each in palettes_with(palettes, added)}
         return replace(self, palette_weights=weights, learned=stack_palettes(self.objects, learned))
 
     def with_edges(self, palettes: Sequence[Palette], edges: Mapping[str, EdgeShape]) -> ScenePoints:
-        """The points of objects that end as an edit wants; without edges that change, these points. Before `with_added`.
+        """Move and fade the edges of objects; without changes, return these points. Call it before `with_added`.
 
-        What an edge newly covers is painted by its own colors.
+        Newly covered points get palette weights by their own colors.
 
         Args:
             palettes: Of the K objects as learned.
-            edges: By object; those without one stay as they are.
+            edges: By object; others stay unchanged.
 
         Raises:
-            DataError: The points are of a file that does not say where borders are.
+            DataError: The points have no borders.
         """
         edges = shaped_edges(edges)
         if not edges:
@@ -91,7 +88,7 @@ class ScenePoints:
         return replace(self, probabilities=shares.astype(np.float16), palette_weights=weights.astype(np.float16))
 
     def recolored(self, edited: np.ndarray) -> np.ndarray:
-        """Colors with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by the rule of `delta_composite`.
+        """Recolor the points with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by `delta_composite`.
 
         Examples:
             A white point of a pot whose second swatch becomes red:
@@ -134,7 +131,7 @@ def read_points(path: Path) -> ScenePoints:
     """Read points that `write_points` wrote.
 
     Raises:
-        DataError: The file is missing or damaged, or its arrays contradict each other.
+        DataError: The file is missing or damaged, or its arrays do not match.
 
     Examples:
         >>> import tempfile
@@ -149,7 +146,8 @@ def read_points(path: Path) -> ScenePoints:
     """
     objects, *numbers = read_arrays(path, ("objects", *NUMBERS), "surface points", AGAIN)
     names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))
-    points = ScenePoints(names, *numbers)
+    positions, normals, sizes, colors, probabilities, weights, learned = numbers
+    points = ScenePoints(names, positions, normals, sizes, colors, probabilities, weights, learned)
     _check(path, points)
     stored = [f"border_{name}" for name in BORDERS]
     if not has_arrays(path, stored):

@@ -54,7 +54,7 @@ def run_limited(
     size = check_file(path)
     seconds = LEAST_SECONDS + SECONDS_PER_MEGABYTE * size // 10**6
     root = str(Path(__file__).parents[2])  # the package may be outside the child's sys.path
-    code = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import main; main(*sys.argv[1:])"
+    program = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import main; main(*sys.argv[1:])"
     n_bytes = LEAST_BYTES + BYTES_PER_BYTE * size
     with tempfile.TemporaryDirectory() as folder:
         arguments = [work.__module__, work.__name__, path, folder, str(n_bytes), str(seconds), json.dumps(more)]

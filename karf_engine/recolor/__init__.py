@@ -1,1 +1,1 @@
-"""From a learned project to recolored pictures, also in the own pixels of photos."""
+"""Loading a learned project, rendering it, and recoloring its photos at full resolution."""

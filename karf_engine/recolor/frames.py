@@ -1,4 +1,4 @@
-"""Rendered views as arrays, and several rays a pixel."""
+"""Rendered views as arrays, and supersampled rendering in bands of rows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from ..io.arguments import check_array, check_fields
 from ..io.color import to_bytes
 from ..palettes.compositing import Planes, hard_masks
 
-BAND_RAYS = 1 << 20  # rays rendered at once: with their surface samples they take about half a gigabyte
+BAND_RAYS = 1 << 20  # rays per band: about half a gigabyte with their surface samples
+LONGEST_REPR = 120  # characters
 
 
 @dataclass(frozen=True)
@@ -27,15 +28,15 @@ class Frame:
         probabilities: [K, H, W] float32, of each object in each pixel (Eq. 8).
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
-        disputed: objects about which photo and field disagree, so that their edges are the field's.
-        camera: the pinhole from which splats were rendered; None of all else.
-        supersampling: rays a pixel along each side, of splats.
-        gains: how the base is exposed, see `View`: of photos. Weights and palettes are of the mean exposure.
-        seen: [H, W] float32 in [0, 1], of splats: how well photos know what is shown there; None of all else.
+        disputed: objects about which photo and field disagree; their edges are the field's.
+        camera: the pinhole camera of a frame rendered from splats, else None.
+        supersampling: samples per pixel along each side, of a frame rendered from splats.
+        gains: exposure of the base, see `View`; weights and palettes are of the mean exposure.
+        seen: [H, W] float32 in [0, 1], how well the photos cover what the pixel shows; None unless rendered from splats.
 
     Raises:
-        TypeError: a field is of another type.
-        BadRequest: an array is of another shape. It is not searched for NaN, which stays what it is.
+        TypeError: a field has the wrong type.
+        BadRequest: an array has the wrong shape. NaN passes.
 
     Example:
         frame = model.render(model.capture.views[0].camera)
@@ -71,22 +72,33 @@ class Frame:
 
     @property
     def depth(self) -> np.ndarray:
-        """Depth along the optical axis, [H, W] float32, world units; 0 where nothing is."""
+        """Depth along the optical axis, [H, W] float32, world units; 0 where empty."""
         return self.picture.depth.cpu().numpy().astype(np.float32)
 
     @property
     def opacity(self) -> np.ndarray:
-        """How much of each pixel's ray ends in the scene, [H, W] float32 in [0, 1]."""
+        """Accumulated opacity of each pixel's ray, [H, W] float32 in [0, 1]."""
         return self.picture.opacity.cpu().numpy()
 
     @property
     def masks(self) -> np.ndarray:
-        """The likeliest class of each pixel as masks, [K, H, W] bool (argmax of Eq. 8)."""
+        """Mask of each object where it is the most probable class, [K, H, W] bool (argmax of Eq. 8)."""
         return hard_masks(self.probabilities)
 
 
+def one_line(name: str, content: str) -> str:
+    """Return `name(content)` as one line of at most `LONGEST_REPR` characters, for a `__repr__`.
+
+    Examples:
+        >>> one_line("Model", "garden: pot, mug"), len(one_line("Model", 1000 * "pot, "))
+        ('Model(garden: pot, mug)', 120)
+    """
+    content, room = " ".join(content.split()), LONGEST_REPR - len(name) - 2
+    return f"{name}({content if len(content) <= room else content[: room - 3] + '...'})"
+
+
 def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
-    """The edit planes of a frame; before palettes are learned an object has no swatches."""
+    """Return the edit planes of a frame, without swatches before palettes are learned."""
     weights, probabilities = frame.palette_weights, frame.probabilities
     if weights is None:
         weights = np.zeros((len(objects), 0, *probabilities.shape[1:]))
@@ -95,7 +107,7 @@ def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
 
 
 def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> list[Camera]:
-    """A camera in bands of rows, each as many times finer as there are rays along a pixel's side."""
+    """Split a camera, scaled up by the supersampling factor, into bands of rows."""
     fine = camera.scaled(camera.width * supersampling, camera.height * supersampling)
     rows = max(1, most_rays // (fine.width * supersampling)) * supersampling
     if rows >= fine.height:
@@ -105,7 +117,7 @@ def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> 
 
 
 def averaged(frame: Frame, count: int) -> Frame:
-    """A frame of which each pixel is the mean of count x count; of their depths the median of what is seen."""
+    """Reduce each count x count block of pixels to its mean; depth to the median of its nonzero values."""
     if count == 1:
         return frame
     picture = frame.picture
@@ -122,24 +134,27 @@ def averaged(frame: Frame, count: int) -> Frame:
 
 
 def joined(bands: Sequence[Frame]) -> Frame:
-    """Bands of rows as one frame, whose picture has no surface cache."""
+    """Stack bands of rows into one frame, without a surface cache."""
     color, opacity, depth = (
         torch.cat([getattr(band.picture, name) for band in bands]) for name in ("color", "opacity", "depth")
     )
-    weights = None
-    if bands[0].palette_weights is not None:
-        weights = np.concatenate([band.palette_weights for band in bands], -2)
+    weights = _stacked([band.palette_weights for band in bands], -2)
+    seen = _stacked([band.seen for band in bands], 0)
     probabilities = np.concatenate([band.probabilities for band in bands], -2)
-    seen = None if bands[0].seen is None else np.concatenate([band.seen for band in bands])
     return Frame(Picture(color, opacity, depth, None), probabilities, weights, color.cpu().numpy(), seen=seen)
 
 
+def _stacked(parts: Sequence[np.ndarray | None], axis: int) -> np.ndarray | None:
+    arrays = [part for part in parts if part is not None]
+    return np.concatenate(arrays, axis) if arrays else None
+
+
 def with_alpha(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """A rendering without what is behind it: straight sRGB and alpha, [H, W, 4] float32 in [0, 1].
+    """Remove the background from a rendering: straight sRGB and alpha, [H, W, 4] float32 in [0, 1].
 
     Args:
-        color: [H, W, 3], the scene before its background, also with an edit.
-        opacity: [H, W], how much of each pixel the scene covers.
+        color: [H, W, 3], the scene over its background, possibly edited.
+        opacity: [H, W], accumulated opacity of the scene.
         behind: [H, W, 3], the background.
 
     Example:
@@ -154,7 +169,7 @@ def with_alpha(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np
 
 
 def _blocks(values: np.ndarray, count: int) -> np.ndarray:
-    """[.., h, w, count * count] of [.., H, W]."""
+    """Group [.., H, W] into blocks of pixels, [.., h, w, count * count]."""
     height, width = values.shape[-2] // count, values.shape[-1] // count
     split = values.reshape(*values.shape[:-2], height, count, width, count)
     return split.swapaxes(-3, -2).reshape(*values.shape[:-2], height, width, count * count)
@@ -165,8 +180,11 @@ def _means(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _medians(depth: np.ndarray, count: int) -> np.ndarray:
-    """The (lower) median of the depths over 0 in each block: never between two surfaces; 0 where nothing is seen."""
+    """Return the lower median of the nonzero depths of each block, 0 where there are none.
+
+    A mean would place a point between two surfaces.
+    """
     blocks = np.sort(_blocks(depth, count), -1)
-    seen = (blocks > 0).sum(-1, keepdims=True)
-    middle = np.where(seen > 0, blocks.shape[-1] - seen + (seen - 1) // 2, 0)
+    hits = (blocks > 0).sum(-1, keepdims=True)
+    middle = np.where(hits > 0, blocks.shape[-1] - hits + (hits - 1) // 2, 0)
     return np.take_along_axis(blocks, middle, -1)[..., 0]

@@ -1,10 +1,9 @@
-"""Recoloring in a photo's own pixels: its objects' mattes and its own colors, at the photo's size and depth.
+"""Recoloring a photo in its own pixels, at its file's size and bit depth.
 
-The picture is linear in the edit, as in `palettes.compositing`: photo + sum over objects and palette entries of
-coverage x weight(own color) x gains x (edited - learned), with the gains of the photo's exposure: palettes are of the mean
-exposure of all photos (`palettes.exposure`). Where a pixel is a mixture, the own color is the object's in it; and it is
-without the photo's grain, which an edit must not amplify (`grain`).
-Pixels are done in bands of rows, so that memory grows with what the files hold and not with what is computed.
+As in `palettes.compositing`, the result is linear in the edit: photo + sum over objects and palette entries of
+coverage x weight(own color) x gains x (edited - learned). Palettes are of the mean exposure of all photos, gains are the
+photo's (`palettes.exposure`). The own color is the object's unmixed and denoised color in the pixel (`grain`).
+Bands of rows bound the memory.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from ..palettes.edge_shape import EdgeShape, shaped_edges
 from ..palettes.exposure import as_exposed
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
-from .frames import Frame
+from .frames import Frame, one_line
 from .grain import RADIUS, grain_of, without_grain
 from .layers import Layers
 from .matting.marks import Marks
@@ -37,10 +36,10 @@ from .photos import StoredPhoto, open_photo
 from .photos.stored import from_camera
 
 BAND_PIXELS = 1 << 19
-LEAST_SCALE = 1e-6
-# of photo, probabilities, rendered picture, marks
+MIN_SCALE = 1e-6
+# from photo, probabilities, rendered picture, marks
 FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray, Marks], list[Matte]]
-COPIES_BYTES = 400 << 20  # memory for edited photos at once: the weights of a band serve them all
+COPIES_BYTES = 400 << 20  # of photos edited at once, which share a band's weights
 
 
 @dataclass(frozen=True)
@@ -51,11 +50,11 @@ class PhotoView:
         photo: The photo in its stored grid, at the size of the result.
         orientation: Exif orientation between the stored grid and the camera's.
         objects: Names of the K objects.
-        mattes: What each object covers, in the stored grid.
+        mattes: Of the objects, in the stored grid.
         palettes: Of the objects, as learned; empty before palettes are learned.
-        scale: Pixels of the result for one of the photo at its full size.
-        grain: Of the photo, 1/255; see `grain_of`. 0: own colors are taken as they are.
-        gains: How the photo is exposed, see `View`.
+        scale: Size of the result relative to the photo's full size.
+        grain: Noise of the photo, 1/255; see `grain_of`. 0: without denoising.
+        gains: Exposure of the photo, see `View`.
     """
 
     photo: StoredPhoto
@@ -70,40 +69,39 @@ class PhotoView:
     def __post_init__(self) -> None:
         check_fields(self)
         check_number("orientation", self.orientation, 1, 8)
-        check_number("scale", self.scale, LEAST_SCALE)
+        check_number("scale", self.scale, MIN_SCALE)
         check_number("grain", self.grain, 0)
 
     def __repr__(self) -> str:
         width, height = self.photo.size
-        return f"PhotoView({width}x{height}: {', '.join(self.objects)})"
+        return one_line("PhotoView", f"{width}x{height}: {', '.join(self.objects)}")
 
     @checked
     def recolored(self, edit: Edit) -> StoredPhoto:
-        """The photo with an edit. Raises BadRequest before palettes are learned."""
+        """Recolor the photo. Raises BadRequest before palettes are learned."""
         return next(self.recolored_by([edit]))
 
     @checked
     def recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
-        """The photo with each of some edits, a few at a time. Raises BadRequest before palettes are learned."""
+        """Recolor the photo with each edit, a few at a time. Raises BadRequest before palettes are learned."""
         if not self.palettes:
             raise BadRequest("There is no finished recoloring stage.", "Run the recoloring stage first.")
         for edit in edits:
             check_edit(edit, self.palettes)
-        for edges, alike in groupby(edits, lambda edit: shaped_edges(edit.edges)):
-            yield from self._with_edges(edges)._recolored_by(list(alike))
+        for edges, same in groupby(edits, lambda edit: shaped_edges(edit.edges)):
+            yield from self._with_edges(edges)._recolored_by(list(same))
 
     def _recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
         at_once = max(1, COPIES_BYTES // self.photo.pixels.nbytes)
         for first in range(0, len(edits), at_once):
-            some = edits[first : first + at_once]
-            copies = [self.photo.copy() for _ in some]
-            for rows, columns in self._bands(self.mattes):
-                for copy, change in zip(copies, self._changes(rows, columns, some), strict=True):
+            batch = edits[first : first + at_once]
+            copies = [self.photo.copy() for _ in batch]
+            for rows, columns in self._bands():
+                for copy, change in zip(copies, self._changes(rows, columns, batch), strict=True):
                     copy.change(rows, columns, change)
             yield from copies
 
     def _with_edges(self, edges: Mapping[str, EdgeShape]) -> PhotoView:
-        """The view with objects that end as an edit wants."""
         if not shaped_edges(edges):
             return self
         mattes = shaped_mattes(self.mattes, self.objects, edges, self.photo.shown(), self.scale)
@@ -111,20 +109,20 @@ class PhotoView:
 
     @property
     def disputed(self) -> tuple[str, ...]:
-        """Objects about which photo and field disagree, so that their edges are the field's."""
+        """Objects about which photo and field disagree; their edges are the field's."""
         return disputed_objects(self.objects, self.mattes)
 
     def masks(self) -> np.ndarray:
-        """The likeliest class of each pixel as masks in the stored grid, [K, H, W] bool."""
+        """Return the mask of each object where it is the most probable class, [K, H, W] bool in the stored grid."""
         width, height = self.photo.size
         result = np.zeros((len(self.mattes), height, width), bool)
-        for rows, columns in self._bands(self.mattes):
+        for rows, columns in self._bands():
             result[:, rows, columns] = hard_masks(self._coverages(rows, columns))
         return result
 
     @checked
     def shown(self, photo: StoredPhoto) -> np.ndarray:
-        """An edited copy as its camera sees it, on white where it is transparent: float32 sRGB [H, W, 3]."""
+        """Return an edited copy in the camera's grid, over white: float32 sRGB [H, W, 3]."""
         return oriented(over(photo.colors(), photo.alpha()), self.orientation)
 
     @checked
@@ -134,11 +132,13 @@ class PhotoView:
         added: Mapping[str, Sequence[AddedColor]] | None = None,
         edges: Mapping[str, EdgeShape] | None = None,
     ) -> Layers:
-        """The photo in layers, as its camera sees it, on white where it is transparent.
+        """Return the photo's layers in the camera's grid, over white.
 
-        depth: [h, w] along the optical axis in the camera's grid, of any size; each pixel takes the nearest one, as
-        what lies between two surfaces is on neither. added: colors that have layers of their own, by object. edges: how
-        the edges of objects are moved and faded, by object.
+        Args:
+            depth: [h, w] along the optical axis in the camera's grid, of any size. Each pixel takes the nearest one:
+                interpolation would place points between two surfaces.
+            added: Colors with their own layers, by object.
+            edges: Moved and faded edges, by object.
         """
         if edges and shaped_edges(edges):
             return self._with_edges(edges).layers(depth, added)
@@ -150,9 +150,9 @@ class PhotoView:
         added = added or {}
         palettes = palettes_with(self.palettes, added)
         coverage = np.zeros((len(palettes), height, width), np.float16)
-        most = max(len(palette.colors) for palette in palettes)
-        weights = np.zeros((len(palettes), most, height, width), np.float16)
-        for rows, columns in self._bands(self.mattes):
+        n_colors = max(len(palette.colors) for palette in palettes)
+        weights = np.zeros((len(palettes), n_colors, height, width), np.float16)
+        for rows, columns in self._bands():
             coverages, alpha = self._coverages(rows, columns), self.photo.alpha(rows, columns)
             coverages = coverages if alpha is None else np.minimum(coverages, alpha)
             for k, covered, shares in self._shares(rows, columns, coverages):
@@ -160,18 +160,18 @@ class PhotoView:
                 self._as_stored(coverage[k])[rows, columns] = covered
                 own = self.palettes[k]
                 planes = spread(shares.T, own.colors, added.get(own.name, ()))
-                for plane, share in zip(weights[k], planes, strict=False):  # small palettes have fewer
+                for plane, share in zip(weights[k], planes, strict=False):  # small palettes are padded
                     self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
         nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
         return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)], self.gains)
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
-        """The camera's grid seen as the stored one."""
+        """View a plane of the camera's grid in the stored grid."""
         return turned(plane, BACK.get(self.orientation, self.orientation))
 
-    def _bands(self, mattes: Sequence[Matte]) -> Iterator[tuple[slice, slice]]:
-        """Bands of rows of the box round all objects."""
-        seen = [matte for matte in mattes if matte.coverage.size]
+    def _bands(self) -> Iterator[tuple[slice, slice]]:
+        """Yield rows and columns of bands of the bounding box of all objects."""
+        seen = [matte for matte in self.mattes if matte.coverage.size]
         if not seen:
             return
         columns = slice(min(matte.columns[0] for matte in seen), max(matte.columns[1] for matte in seen))
@@ -181,7 +181,7 @@ class PhotoView:
             yield slice(top, min(top + step, last)), columns
 
     def _coverages(self, rows: slice, columns: slice) -> np.ndarray:
-        """[K, h, w] float32."""
+        """Return the objects' coverages of a band, [K, h, w] float32."""
         result = np.zeros((len(self.mattes), rows.stop - rows.start, columns.stop - columns.start), np.float32)
         for matte, coverage in zip(self.mattes, result, strict=True):
             top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
@@ -192,11 +192,11 @@ class PhotoView:
         return result
 
     def _changes(self, rows: slice, columns: slice, edits: Sequence[Edit]) -> list[np.ndarray]:
-        """Change of the straight colors of a band by each edit, [h, w, 3] float32."""
+        """Return the change of a band's straight colors by each edit, [h, w, 3] float32."""
         coverages = self._coverages(rows, columns)
         winners = hard_masks(coverages)
         alpha = self.photo.alpha(rows, columns)
-        if alpha is not None:  # a matte's coverage counts what is seen through the pixel, colors are straight
+        if alpha is not None:  # coverage is relative to the whole pixel, colors are straight
             coverages = np.divide(coverages, alpha, out=np.zeros_like(coverages), where=alpha > 0).clip(0, 1)
         changes = [np.zeros((*coverages.shape[1:], 3), np.float32) for _ in edits]
         for k, coverage, weights in self._shares(rows, columns, coverages):
@@ -215,23 +215,23 @@ class PhotoView:
     def _shares(
         self, rows: slice, columns: slice, coverages: np.ndarray
     ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Of each object in a band: its number, its coverage [h, w], and weights [n, M] of its colors where it is."""
+        """Yield number, coverage [h, w] and palette weights [n, M] of the n covered pixels of each object in a band."""
         for k, (palette, matte, coverage) in enumerate(zip(self.palettes, self.mattes, coverages, strict=True)):
             inside = coverage > 0
             if inside.any():
                 yield k, coverage, _weights(self._own_colors(matte, rows, columns, inside), palette, self.gains)
 
     def _own_colors(self, matte: Matte, rows: slice, columns: slice, inside: np.ndarray) -> np.ndarray:
-        """Own colors of an object in the pixels of a band that it covers: uint8 [n, 3], or float of deep photos."""
+        """Return an object's own colors in the n pixels that it covers: uint8 [n, 3], or float for deep photos."""
         top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
-        seen = self._calm(slice(top, bottom), slice(*matte.columns))
-        own = matte.colors(seen, top - matte.rows[0], bottom - matte.rows[0])
+        denoised = self._denoised(slice(top, bottom), slice(*matte.columns))
+        own = matte.colors(denoised, top - matte.rows[0], bottom - matte.rows[0])
         left, right = (side - columns.start for side in matte.columns)
         own = own[inside[top - rows.start : bottom - rows.start, left:right]]
         return own if own.dtype == np.uint8 else own / 255
 
-    def _calm(self, rows: slice, columns: slice) -> np.ndarray:
-        """The photo without its grain: uint8 [h, w, 3], or float32 from 0 to 255 of deep photos."""
+    def _denoised(self, rows: slice, columns: slice) -> np.ndarray:
+        """Return denoised pixels: uint8 [h, w, 3], or float32 from 0 to 255 for deep photos."""
         height, width = self.photo.pixels.shape[:2]
         outer = tuple(
             slice(max(0, each.start - RADIUS), min(side, each.stop + RADIUS))
@@ -255,15 +255,15 @@ def full_resolution_view(
     objects: Sequence[str],
     palettes: Sequence[Palette],
 ) -> PhotoView:
-    """A captured view in its photo's own pixels.
+    """Prepare a captured view for recoloring in its photo's own pixels.
 
     Args:
         view: Of the capture.
-        size: `photo`, or a long side in pixels to which the photo is reduced.
-        seen: What the field renders, in the grid of the view's camera with its lens, at any size.
-        marks: What rough masks say to the photo, in the same grid; see `recolor.matting.marks.marks_of`.
-        mattes_of: Mattes from a photo, probabilities, a rendered picture and marks; see `recolor.matting.refine.mattes_of`.
-        objects: Names of the K objects that were seen.
+        size: `photo`, or the long side in pixels of the reduced photo.
+        seen: The field's rendering with the camera's lens distortion, at any size.
+        marks: Of the photo, see `matting.marks.marks_of`.
+        mattes_of: Makes the mattes, see `matting.refine.mattes_of`.
+        objects: Names of the K objects of `seen`.
         palettes: Of the objects, as learned; empty before palettes are learned.
 
     Raises:
@@ -273,7 +273,7 @@ def full_resolution_view(
     orientation, full_size = photo.orientation_for(view.camera), max(photo.size)
     if size != "photo":
         photo = photo.resized(int(size))
-    rendered = from_camera(to_bytes(seen.color * np.float32(view.gains)), orientation)
+    rendered = from_camera(to_bytes(seen.color * np.array(view.gains, np.float32)), orientation)
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
     shown, scale = photo.shown(), max(photo.size) / full_size
@@ -284,12 +284,12 @@ def full_resolution_view(
 
 
 def _nearest(few: int, many: int) -> np.ndarray:
-    """Which of few pixels in a row the center of each of many lies in."""
+    """Return the nearest of `few` pixels in a row for each of `many`."""
     return ((np.arange(many) + 0.5) * few / many).astype(np.intp)
 
 
 def _weights(colors: np.ndarray, palette: Palette, gains: Sequence[float]) -> np.ndarray:
-    """Palette weights [n, M] of a photo's colors [n, 3] by the palette in its exposure; of 8-bit colors once for each."""
+    """Return palette weights [n, M] of a photo's colors [n, 3]; 8-bit colors are computed once each."""
     own = as_exposed(palette.colors, gains)
     if colors.dtype == np.uint8:
         return palette_weights_of_image(colors[None], own)[0]
@@ -297,24 +297,14 @@ def _weights(colors: np.ndarray, palette: Palette, gains: Sequence[float]) -> np
 
 
 def dense_weights(
-    own_colors: Sequence[np.ndarray],
-    palettes: Sequence[Palette],
-    coverages: np.ndarray,
-    gains: Sequence[float] = ALIKE,
+    own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray, gains: Sequence[float] = ALIKE
 ) -> np.ndarray:
-    """Palette weights of whole pictures.
+    """Return palette weights times coverages [K, H, W], [K, M, H, W] float32; M is that of the largest palette.
 
-    Args:
-        own_colors: Of each of the K objects, uint8 sRGB [H, W, 3].
-        palettes: Of the objects.
-        coverages: [K, H, W].
-        gains: How the photo is exposed, see `View`.
-
-    Returns:
-        [K, M, H, W] float32, weights times coverage; M is that of the largest palette.
+    own_colors: of each object, uint8 sRGB [H, W, 3]. gains: exposure of the photo, see `View`.
     """
-    most = max((len(palette.colors) for palette in palettes), default=0)
-    result = np.zeros((len(coverages), most, *coverages.shape[1:]), np.float32)
+    n_colors = max((len(palette.colors) for palette in palettes), default=0)
+    result = np.zeros((len(coverages), n_colors, *coverages.shape[1:]), np.float32)
     for planes, own, palette, coverage in zip(result, own_colors, palettes, coverages, strict=True):
         inside = coverage > NEGLIGIBLE
         planes[: len(palette.colors), inside] = (_weights(own[inside], palette, gains) * coverage[inside][:, None]).T

@@ -1,8 +1,7 @@
-"""Grain of photos: how strong it is, and what they show without it.
+"""Noise estimation and denoising of photos.
 
-An edit adds weights x change to a photo. Weights that are taken from the grain as well make grain of their own, and a dark
-paint that becomes a bright one as much more of it as the paint is brighter. Weights of the photo without its grain make
-none: the edited photo has the grain that it was taken with.
+An edit adds weights x change to a photo. Weights of noisy colors would amplify the noise; weights of the denoised photo
+leave it as it is.
 """
 
 from __future__ import annotations
@@ -10,16 +9,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-RADIUS = 3  # pixels of the window in which alike neighbors are averaged
-ALIKE = 4.0  # difference in deviations of the grain at which a neighbor counts little
-LEAST = 0.3  # 1/255: the rounding of 8 bits
+RADIUS = 3  # pixels, of the bilateral filter
+SIGMA_COLOR = 4.0  # of the bilateral filter, standard deviations of the noise
+MIN_GRAIN = 0.3  # 1/255: the rounding of 8 bits
 
 
 def grain_of(photo: np.ndarray) -> float:
-    """The standard deviation of a photo's grain in each channel, 1/255 of its range, by the median of its finest details.
+    """Estimate the standard deviation of a photo's noise per channel, 1/255.
 
-    Donoho and Johnstone (1994), "Ideal spatial adaptation by wavelet shrinkage": diagonal details of the Haar wavelet,
-    of which most pixels show nothing but noise.
+    Robust median estimator on the diagonal details of the Haar wavelet (Donoho and Johnstone 1994, "Ideal spatial
+    adaptation by wavelet shrinkage").
 
     Args:
         photo: [H, W, 3] uint8, or float from 0 to 255.
@@ -39,14 +38,11 @@ def grain_of(photo: np.ndarray) -> float:
 
 
 def without_grain(photo: np.ndarray, grain: float) -> np.ndarray:
-    """A photo whose pixels are averaged with alike neighbors (bilateral filter; Tomasi and Manduchi 1998).
+    """Denoise a photo with a bilateral filter (Tomasi and Manduchi 1998); return its type and size.
 
     Args:
         photo: [H, W, 3] uint8, or float32 from 0 to 255.
-        grain: Its `grain_of`; under the rounding of 8 bits the photo stays as it is.
-
-    Returns:
-        Of the photo's type and size.
+        grain: Its `grain_of`; below the rounding of 8 bits the photo itself is returned.
 
     Examples:
         >>> edge = np.repeat(np.array([[[50.0] * 3, [200.0] * 3]], np.float32), 20, axis=1).repeat(40, axis=0)
@@ -55,6 +51,6 @@ def without_grain(photo: np.ndarray, grain: float) -> np.ndarray:
         >>> bool((calm - edge).std() < 1), bool(np.abs(calm - edge).max() < 5)
         (True, True)
     """
-    if grain < LEAST:
+    if grain < MIN_GRAIN:
         return photo
-    return cv2.bilateralFilter(np.ascontiguousarray(photo), 2 * RADIUS + 1, ALIKE * grain, RADIUS)
+    return cv2.bilateralFilter(np.ascontiguousarray(photo), 2 * RADIUS + 1, SIGMA_COLOR * grain, RADIUS)

@@ -1,4 +1,4 @@
-"""A view in layers: all that recoloring it takes, in the pixels of one picture."""
+"""A recolorable view as the layers of one picture."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Layers:
         palettes: Of the objects as learned.
         base: [H, W, 3] sRGB, the picture that an edit changes: uint8, uint16, or float in [0, 1].
         coverage: [K, H, W] in [0, 1], any float.
-        palette_weights: [K, M, H, W], coverage times weights, any float; what a small palette lacks is not read.
-        depth: [H, W] along the optical axis, world units, 0 where empty; None where it is not known.
-        gains: How the base is exposed, see `View`: changes of palettes are multiplied by them.
+        palette_weights: [K, M, H, W], coverage times weights, any float; padding of small palettes is not read.
+        depth: [H, W] along the optical axis, world units, 0 where empty; None if unknown.
+        gains: Exposure of the base, see `View`: they multiply the changes of palettes.
     """
 
     palettes: tuple[Palette, ...]

@@ -1,13 +1,11 @@
-"""Renderings and mattes of captured views, kept in the project: another edit of the same views renders no
-field and refines no edge again.
+"""Cache of field renderings and mattes of captured views, in the project's folder.
 
-    looks/<scene>/<camera>.safetensors   color, depth, opacity and probabilities, as float32, exactly as rendered
-    looks/<scene>/<photo>.safetensors    the objects' mattes in a photo, exactly as refined
+    looks/<scene>/<camera>.safetensors   color, depth, opacity and probabilities, float32
+    looks/<scene>/<photo>.safetensors    the objects' mattes in a photo
 
-`<scene>` stands for what was learned, `<camera>` for the camera and `<photo>` for the pixels of photo and look, each 16
-hexadecimal digits, so that nothing of anything else is ever taken. Each file holds the checksum of its tensors: a damaged
-one is rendered again. They may be deleted. Nothing is kept where the project cannot be written to, or where as much is
-kept already as may be.
+`<scene>` is a hash of what was learned, `<camera>` of the camera and `<photo>` of the matting's inputs, each 16
+hexadecimal digits. A file whose checksum differs is made again. Files may be deleted at any time. Nothing is written to a
+read-only project, or beyond `MOST_BYTES`.
 """
 
 from __future__ import annotations
@@ -29,29 +27,43 @@ from ..fields.scene import Picture
 from ..io.checkpoints import load_tensors, restoring, save_tensors
 from ..io.containment import is_link
 from ..project import Project
+from .field_rendering import segmented_frame
 from .frames import Frame
+from .learned import Learned
 from .matting.marks import Marks
 from .matting.matte import Matte
 from .matting.refine import mattes_of
 
-SCHEMA = "karf-look/2"  # the number goes up when the same inputs would be rendered to other pictures
-MATTES = "karf-mattes/3"  # the number goes up when the same inputs would be refined to other mattes
-MARK = re.compile("[0-9a-f]{16}")  # names of folders here, and of files before their ending
-MOST_BYTES = 1 << 30  # size of a project's cache: photos of 800 pixels take 20 MB each
+SCHEMA = "karf-look/2"  # raise the number when renderings change
+MATTES = "karf-mattes/3"  # raise the number when mattes change
+HASH = re.compile("[0-9a-f]{16}")  # names of the cache's folders and files
+MOST_BYTES = 1 << 30  # per project: photos of 800 pixels take 20 MB each
 
 
 class RenderCache:
-    """The cached renderings of what is learned of a project now."""
+    """Renderings and mattes of what a project has learned."""
 
     def __init__(self, project: Project) -> None:
         learned = [project.finished(stage) or {} for stage in ("geometry", "segmentation")]
         scene = [[facts.get("fingerprint"), facts.get("files")] for facts in learned]
         self._project = project
-        self._folder = project.path(project.looks_folder.name, _mark(SCHEMA, scene))
+        self._folder = project.path(project.looks_folder.name, _hash(SCHEMA, scene))
+        self._last: tuple[Camera, Frame] | None = None
 
-    def find(self, camera: Camera, n_objects: int, device: torch.device) -> Frame | None:
-        """The look through this camera; None where it is not kept, or damaged."""
-        path = self._path(camera)
+    def frame(self, camera: Camera, learned: Learned) -> Frame:
+        """Return `segmented_frame` of a camera, from memory or disk if it is known."""
+        if self._last is None or self._last[0] != camera:
+            frame = self._read_frame(camera, len(learned.objects), learned.device)
+            if frame is None:
+                frame = segmented_frame(learned, camera)
+                tensors = {name: getattr(frame.picture, name) for name in ("color", "opacity", "depth")}
+                tensors["probabilities"] = torch.from_numpy(frame.probabilities)
+                self._write(self._camera_file(camera), tensors, SCHEMA, {})
+            self._last = camera, frame
+        return self._last[1]
+
+    def _read_frame(self, camera: Camera, n_objects: int, device: torch.device) -> Frame | None:
+        path = self._camera_file(camera)
         try:
             tensors, _ = _load(path, SCHEMA)
             with restoring(path):
@@ -59,69 +71,59 @@ class RenderCache:
         except DataError:
             return None
 
-    def keep(self, camera: Camera, frame: Frame) -> None:
-        """Keep a look through this camera; those of what was learned before go."""
-        tensors = {name: getattr(frame.picture, name) for name in ("color", "opacity", "depth")}
-        tensors["probabilities"] = torch.from_numpy(frame.probabilities)
-        self._keep(self._path(camera), tensors, SCHEMA, {})
-
     def mattes(
-        self,
-        edges: str,
-        photo: np.ndarray,
-        probabilities: np.ndarray,
-        rendered: np.ndarray,
-        marks: Marks,
-        seed: int,
+        self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks, seed: int
     ) -> list[Matte]:
-        """What `recolor.matting.refine.mattes_of` gives for the same arguments; refined ones are taken where they are kept.
+        """Return `matting.refine.mattes_of` these arguments, from disk if they are known.
 
-        The seed must be the one that the scene was learned with: kept mattes belong to one scene.
+        The seed must be that of the learned scene: it is not part of the file's name.
         """
-        if edges == "field":  # as quick to make as to read
+        if edges == "field":  # as fast to compute as to read
             return mattes_of(edges, photo, probabilities, rendered, marks, seed)
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]
         drawn = [] if marks.drawn is None else [np.ascontiguousarray(marks.drawn)]
-        contents = [[array.shape, array.dtype.str, hashlib.sha256(array).hexdigest()] for array in arrays + drawn]
-        path = self._file(_mark(MATTES, edges, contents, marks.thin))
-        known = _read_mattes(path, len(probabilities))
-        if known is None:
-            known = mattes_of(edges, *arrays, marks, seed)
-            self._keep(path, *_tensors_of(known))
-        return known
+        contents = [[array.shape, array.dtype.str, hashlib.sha256(array.data).hexdigest()] for array in arrays + drawn]
+        path = self._file(_hash(MATTES, edges, contents, marks.thin))
+        mattes = _read_mattes(path, len(probabilities))
+        if mattes is None:
+            photo, probabilities, rendered = arrays
+            mattes = mattes_of(edges, photo, probabilities, rendered, marks, seed)
+            boxes = [[matte.rows, matte.columns, matte.disputed] for matte in mattes]
+            self._write(path, _tensors_of(mattes), MATTES, {"places": boxes})
+        return mattes
 
-    def _keep(self, path: Path, tensors: dict[str, torch.Tensor], schema: str, facts: dict[str, Any]) -> None:
-        """Write a file where there is room; those of what was learned before go."""
+    def _write(self, path: Path, tensors: dict[str, torch.Tensor], schema: str, facts: dict[str, Any]) -> None:
+        """Write a file if there is room, and remove those of earlier stages."""
         if not self._project.state_file.exists():  # deleted meanwhile
             return
         with suppress(OSError, SafetensorError):
-            self._forget_others()
+            self._remove_outdated()
             new = sum(tensor.nbytes for tensor in tensors.values())
             if sum(path.lstat().st_size for path in self._folder.glob("*")) + new <= MOST_BYTES:
                 save_tensors(path, tensors, schema, facts | {"checksum": _checksum(tensors)})
 
-    def _forget_others(self) -> None:
-        """Remove the renderings of what was learned before, and nothing else that may lie there."""
+    def _remove_outdated(self) -> None:
+        """Remove the cache's files of earlier stages, and no others."""
         for folder in self._folder.parent.glob("*/"):
-            if folder == self._folder or not MARK.fullmatch(folder.name) or is_link(folder):
+            if folder == self._folder or not HASH.fullmatch(folder.name) or is_link(folder):
                 continue
             for path in folder.glob("*.safetensors"):
-                if MARK.fullmatch(path.stem):
+                if HASH.fullmatch(path.stem):
                     path.unlink()
             with suppress(OSError):  # not empty
                 folder.rmdir()
 
-    def _path(self, camera: Camera) -> Path:
+    def _camera_file(self, camera: Camera) -> Path:
         pose = camera.camera_to_world.tolist()
         lens = {name: value for name, value in vars(camera).items() if name != "camera_to_world"}
-        return self._file(_mark(pose, lens))
+        return self._file(_hash(pose, lens))
 
-    def _file(self, mark: str) -> Path:
-        return self._project.path(*self._folder.relative_to(self._project.folder).parts, f"{mark}.safetensors")
+    def _file(self, name: str) -> Path:
+        return self._project.path(*self._folder.relative_to(self._project.folder).parts, f"{name}.safetensors")
 
 
 def _load(path: Path, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-    """The tensors and facts of a file. Raises DataError where it is missing, or not as it was written."""
+    """Read tensors and facts. Raises DataError if the file is missing or damaged."""
     tensors, facts = load_tensors(path, schema)
     with restoring(path):
         if facts["checksum"] != _checksum(tensors):
@@ -134,12 +136,12 @@ def _checksum(tensors: dict[str, torch.Tensor]) -> str:
     for name in sorted(tensors):
         array = tensors[name].detach().cpu().contiguous().numpy()
         digest.update(f"{name} {array.dtype} {array.shape}".encode())
-        digest.update(array)
+        digest.update(array.data)
     return digest.hexdigest()
 
 
 def _frame_of(tensors: dict[str, torch.Tensor], n_objects: int, camera: Camera) -> Frame:
-    """The frame of a file's tensors, which others may have changed. Raises ValueError where they are of no look."""
+    """Restore a frame. Raises ValueError for tensors of another shape."""
     size = (camera.height, camera.width)
     shapes = {"color": (*size, 3), "opacity": size, "depth": size, "probabilities": (n_objects, *size)}
     if {name: tuple(tensor.shape) for name, tensor in tensors.items()} != shapes:
@@ -148,40 +150,37 @@ def _frame_of(tensors: dict[str, torch.Tensor], n_objects: int, camera: Camera) 
     return Frame(picture, tensors["probabilities"].cpu().numpy(), None, picture.color.cpu().numpy())
 
 
-def _tensors_of(mattes: list[Matte]) -> tuple[dict[str, torch.Tensor], str, dict[str, Any]]:
-    """What a file of mattes holds: tensors, schema, facts."""
-    tensors = {
+def _tensors_of(mattes: list[Matte]) -> dict[str, torch.Tensor]:
+    return {
         f"{k}.{name}": torch.from_numpy(np.ascontiguousarray(getattr(matte, name)))
         for k, matte in enumerate(mattes)
         for name in ("coverage", "mixed", "mixed_colors")
     }
-    places = [[matte.rows, matte.columns, matte.disputed] for matte in mattes]
-    return tensors, MATTES, {"places": places}
 
 
 def _read_mattes(path: Path, n_objects: int) -> list[Matte] | None:
-    """The mattes of a file; None where it is not there, or damaged."""
+    """Read mattes; None if the file is missing or damaged."""
     try:
         tensors, facts = _load(path, MATTES)
         with restoring(path):
-            places = facts["places"]
-            if len(places) != n_objects:
+            boxes = facts["places"]
+            if len(boxes) != n_objects:
                 raise ValueError("of other objects")
-            return [_matte_of(tensors, k, *place) for k, place in enumerate(places)]
+            return [_matte_of(tensors, k, *box) for k, box in enumerate(boxes)]
     except DataError:
         return None
 
 
 def _matte_of(tensors: dict[str, torch.Tensor], k: int, rows: list[int], columns: list[int], disputed: bool) -> Matte:
-    """A matte of a file's tensors, which others may have changed. Raises ValueError where they make none."""
+    """Restore a matte. Raises ValueError for tensors that are not a matte."""
     coverage, mixed, colors = (tensors[f"{k}.{name}"].numpy() for name in ("coverage", "mixed", "mixed_colors"))
     box = (rows[1] - rows[0], columns[1] - columns[0])
     within = not len(mixed) or 0 <= mixed.min() <= mixed.max() < coverage.size
     if coverage.shape != box or not within or colors.shape != (len(mixed), 3) or colors.dtype != np.uint8:
         raise ValueError("of another size")
-    return Matte(tuple(rows), tuple(columns), coverage, mixed, colors, disputed)
+    return Matte((rows[0], rows[1]), (columns[0], columns[1]), coverage, mixed, colors, disputed)
 
 
-def _mark(*parts: Any) -> str:
-    """A short text that changes when any of the parts does."""
+def _hash(*parts: Any) -> str:
+    """Return 16 hexadecimal digits that depend on all parts."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]

@@ -1,7 +1,7 @@
-"""Gaussians that carry objects and palette weights: a table whose colors follow an edit.
+"""Objects and palette weights of Gaussians, and edits of their colors.
 
-A Gaussian is of an object by F_s at its center; the palette weights are those of its own color, without harmonics. The
-harmonics follow by the slope of these weights, so that shading and highlights take the new hue too.
+F_s at its center gives a Gaussian's object, its constant color the palette weights. The derivative of these weights
+carries an edit to the higher harmonics, so that shading and highlights take the new hue too.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from ..splats.kernels.arrays import C0, COLOR
 if TYPE_CHECKING:
     from ..splats.rasterizer import SplattedView  # needs numba
 
-WEIGHT = "karf_weight_"  # of columns in files, before the number of the palette's color
-STEP = 0.01  # of color, either way, over which slopes of the weights are taken
+WEIGHT = "karf_weight_"  # prefix of columns in files, before the number of the palette's color
+STEP = 0.01  # of the central differences of the weights, sRGB
 POINTS_PER_CHUNK = 1 << 16
 
 
@@ -38,7 +38,7 @@ class ObjectSplats:
         rows: [m] of the table.
         shares: [m] float32 in (0, 1], probabilities of the object.
         weights: [m, M] float32 >= 0, over the palette with its sets of added colors; rows sum to 1.
-        slopes: [m, M, 3] float32, of the weights by the color.
+        slopes: [m, M, 3] float32, derivatives of the weights by the color.
     """
 
     rows: np.ndarray
@@ -49,9 +49,10 @@ class ObjectSplats:
 
 @torch.no_grad()
 def shares_of_objects(gaussians: Gaussians, segmentation: SegmentationField, scene: Scene) -> np.ndarray:
-    """Probabilities of the K objects at the Gaussians' centers, by F_s, [n, K] float32; 0 of what is behind."""
-    field = scene.field
-    shares = np.zeros((len(gaussians), len(segmentation.boxes)), np.float32)
+    """Evaluate F_s at the Gaussians' centers: object probabilities [n, K] float32, 0 for the background's Gaussians."""
+    field, boxes = scene.field, segmentation.boxes
+    assert isinstance(boxes, torch.Tensor)
+    shares = np.zeros((len(gaussians), len(boxes)), np.float32)
     for first in range(0, gaussians.n_solid, POINTS_PER_CHUNK):
         rows = slice(first, min(first + POINTS_PER_CHUNK, gaussians.n_solid))
         world = torch.from_numpy(gaussians.table[rows, :3]).to(field.bounds.device)
@@ -64,18 +65,11 @@ def shares_of_objects(gaussians: Gaussians, segmentation: SegmentationField, sce
 
 
 def splats_of_objects(
-    gaussians: Gaussians,
-    shares: np.ndarray,
-    palettes: Sequence[Palette],
-    added: Mapping[str, Sequence[AddedColor]],
+    gaussians: Gaussians, shares: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> tuple[ObjectSplats, ...]:
-    """The Gaussians of each of K objects with their palette weights.
+    """Return the Gaussians of each of K objects with their palette weights.
 
-    Args:
-        gaussians: As learned.
-        shares: [n, K], see `shares_of_objects`.
-        palettes: Of the objects as learned.
-        added: Added colors by the objects' names.
+    shares: [n, K], see `shares_of_objects`. added: added colors by the objects' names.
     """
     colors = np.clip(0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], 0, 1)
     result = []
@@ -95,13 +89,9 @@ def splats_of_objects(
 def recolored(
     gaussians: Gaussians, objects: Sequence[ObjectSplats], palettes: Sequence[Palette], edit: Edit
 ) -> Gaussians:
-    """Gaussians with an edit baked into their colors; those that it does not reach keep their bits.
+    """Bake an additive (`delta`) edit into the colors of Gaussians; unaffected ones keep their bits.
 
-    Args:
-        gaussians: As learned.
-        objects: Theirs, with the edit's added colors.
-        palettes: As learned.
-        edit: Additive (`delta`): each color moves by the weighted changes of the palette.
+    objects: of these Gaussians, with the edit's added colors. palettes: as learned.
     """
     table = gaussians.table.copy()
     for own, palette in zip(objects, palettes_with(palettes, edit.added), strict=True):
@@ -116,15 +106,11 @@ def recolored(
 
 
 def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str, np.ndarray]:
-    """What is known of each Gaussian, as columns of a file.
-
-    Args:
-        shares: [n, K], see `shares_of_objects`.
-        objects: K of them.
+    """Return object and palette weights of each Gaussian as columns of a file.
 
     Returns:
-        `karf_object`, [n] uint8: 0 for none, else the number of the likeliest object from 1; `karf_probability`, [n]
-        float32, of that object; `karf_weight_0` and so on, [n] float32, its palette weights, 0 where there is none.
+        `karf_object`, [n] uint8: 0 for none, else the number of the most probable object from 1; `karf_probability`, [n]
+        float32, of that object; `karf_weight_0` and so on, [n] float32, its palette weights, padded with 0.
     """
     best = shares.argmax(1)
     probability = np.take_along_axis(shares, best[:, None], 1)[:, 0]
@@ -140,18 +126,14 @@ def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str,
 def planes_of_view(
     view: SplattedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a view shows of each object.
-
-    Args:
-        view: Of these Gaussians.
-        gaussians: As learned.
-        objects: Theirs, K.
+    """Render the objects of a view of these Gaussians.
 
     Returns:
-        Probabilities [K, H, W] float32 in [0, 1], and palette weights [K, M, H, W] times these, M of the largest palette.
+        Probabilities [K, H, W] float32 in [0, 1], and palette weights [K, M, H, W] times these; M is that of the largest
+        palette.
     """
-    most = max((own.weights.shape[1] for own in objects), default=0)
-    values = np.zeros((len(gaussians), len(objects), 1 + most), np.float32)
+    n_colors = max((own.weights.shape[1] for own in objects), default=0)
+    values = np.zeros((len(gaussians), len(objects), 1 + n_colors), np.float32)
     constant, seen = 0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], view.colors
     for number, own in enumerate(objects):
         weights = own.weights + np.einsum("nmc,nc->nm", own.slopes, (seen - constant)[own.rows])
@@ -159,5 +141,5 @@ def planes_of_view(
         weights /= weights.sum(1, keepdims=True)
         values[own.rows, number, 0] = own.shares
         values[own.rows, number, 1 : 1 + weights.shape[1]] = own.shares[:, None] * weights
-    planes = view.blended(values.reshape(len(gaussians), -1)).reshape(len(objects), 1 + most, *view.image.shape[:2])
+    planes = view.blended(values.reshape(len(gaussians), -1)).reshape(len(objects), 1 + n_colors, *view.image.shape[:2])
     return planes[:, 0], planes[:, 1:]

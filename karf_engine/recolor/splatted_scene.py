@@ -1,4 +1,4 @@
-"""The scene as Gaussians: frames of any camera, and the objects' colors in them."""
+"""The scene as Gaussians: frames of any camera, and edits in the Gaussians' colors."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
 
 class SplattedScene:
-    """A model's Gaussians, with what F_s and the palettes say of them.
+    """A model's Gaussians, with their objects and palette weights.
 
     Args:
         gaussians: As learned.
         scene: The field that F_s was learned on.
         segmentation: F_s, or None before segmentation.
         palettes: Of the K objects, as learned; empty before palettes are learned.
-        views: Gives those of the capture, whose pixels are measured where edges are asked for.
-        fades: Whether what no photo shows fades into gray; may be changed at any time.
+        views: Returns the views of the capture; called when edges are first moved.
+        fades: Whether colors that no photo shows fade to gray; may be changed at any time.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class SplattedScene:
         self.gaussians = gaussians
         self._scene, self._segmentation, self._palettes, self._views = scene, segmentation, palettes, views
         self.fades = fades
-        self._baked: tuple[Any, Gaussians | None] = (None, None)
+        self._baked: tuple[Any, Gaussians] | None = None  # the last edit, and its result
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """Probabilities of the objects at each Gaussian, [n, K]."""
+        """Object probabilities of each Gaussian, [n, K]."""
         if self._segmentation is None:
             return np.zeros((len(self.gaussians), 0), np.float32)
         return shares_of_objects(self.gaussians, self._segmentation, self._scene)
@@ -68,32 +68,29 @@ class SplattedScene:
         return EdgedSplats(self.gaussians, self.shares, self._palettes, self._views())
 
     def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None) -> Frame:
-        """What a pinhole sees, with itself as base; without palette weights before palettes are learned.
-
-        edges: of objects that shall end otherwise, by name.
-        """
-        sure = self._sureness(camera)
-        view = splatted(self.gaussians, camera, sure if self.fades else None)
+        """Render a pinhole, with edges of these objects moved; without palette weights before palettes are learned."""
+        visibility = self._visibility(camera)
+        view = splatted(self.gaussians, camera, visibility if self.fades else None)
         is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_solid
-        opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), sure], 1))
+        opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), visibility], 1))
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
         color = view.picture()
         if self.gaussians.n_behind == 0:
-            seen += view.image[..., 3]  # before a matte it is known that there is nothing
-        picture = Picture(*map(torch.from_numpy, (color, opacity, depth)), None)
+            seen += view.image[..., 3]  # transmittance: an empty background is known
+        picture = Picture(torch.from_numpy(color), torch.from_numpy(opacity), torch.from_numpy(depth), None)
         if not self._palettes:
             return Frame(picture, view.blended(self.shares), None, color, seen=seen)
         objects = self._edged.objects(edges, {}) if edges else self.objects
         if self.fades:
-            objects = [replace(own, shares=own.shares * sure[own.rows]) for own in objects]
+            objects = tuple(replace(own, shares=own.shares * visibility[own.rows]) for own in objects)
         return Frame(picture, *planes_of_view(view, self.gaussians, objects), color, seen=seen)
 
     def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
-        """What a pinhole sees with an edit that adds, [H, W, 3] float32 sRGB in [0, 1]."""
-        return splatted(self.recolored(edit), camera, self._sureness(camera) if self.fades else None).picture()
+        """Render a pinhole with an additive edit, [H, W, 3] float32 sRGB in [0, 1]."""
+        return splatted(self.recolored(edit), camera, self._visibility(camera) if self.fades else None).picture()
 
-    def _sureness(self, camera: Camera) -> np.ndarray:
-        """How well photos know what each Gaussian looks like from a camera, [n] float32 in [0, 1]; 1 where that is not known."""
+    def _visibility(self, camera: Camera) -> np.ndarray:
+        """How well photos cover each Gaussian's color from this position, [n] float32 in [0, 1]; 1 if unknown."""
         if self.gaussians.looks is None:
             return np.ones(len(self.gaussians), np.float32)
         from ..splats.looks import sureness  # needs numba
@@ -101,26 +98,26 @@ class SplattedScene:
         return sureness(self.gaussians, camera.position)
 
     def recolored(self, edit: Edit) -> Gaussians:
-        """The Gaussians with an edit that adds in their colors; the last one is kept. Edges are lengths, see `borders`."""
+        """Bake an additive edit into the Gaussians' colors. The last result is kept. Edges are lengths, see `borders`."""
         edges, colors = shaped_edges(edit.edges), {name: colors.tobytes() for name, colors in edit.colors.items()}
-        asked = repr(edit.added), repr(edges), colors
-        if self._baked[0] != asked:
+        key = repr(edit.added), repr(edges), colors
+        if self._baked is None or self._baked[0] != key:
             objects = self.objects
             if edges:
                 objects = self._edged.objects(edges, edit.added)
             elif any(edit.added.values()):
                 objects = splats_of_objects(self.gaussians, self.shares, self._palettes, edit.added)
-            self._baked = asked, recolored(self.gaussians, objects, self._palettes, edit)
+            self._baked = key, recolored(self.gaussians, objects, self._palettes, edit)
         return self._baked[1]
 
     def behind(self, pinhole: Camera) -> np.ndarray:
-        """What a pinhole sees behind all that is solid, [H, W, 3] float32 sRGB."""
+        """Render the Gaussians of the background alone, [H, W, 3] float32 sRGB."""
         shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_solid :], looks=None)
         return splatted(shell, pinhole).picture()
 
 
 def splatted(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> SplattedView:
-    """Gaussians as a pinhole sees them. sure: see `SplattedView`."""
+    """Rasterize Gaussians for a pinhole. sure: see `SplattedView`."""
     from ..splats.rasterizer import splatted as rasterized  # needs numba
 
     return rasterized(gaussians, camera, sure)

@@ -16,6 +16,7 @@ from karf_engine.compute.progress import TerminalEmit
 from karf_engine.heads.rendering import ObjectSamples, object_samples
 from karf_engine.palettes.compositing import stack_palettes
 from karf_engine.palettes.project_edit import solve
+from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
 
 from ..judging.truth import DEMO, Truth
@@ -122,7 +123,7 @@ def ablation(
     stages = LEARNED[1:] if any(text.startswith("palette.") for text in overrides) else LEARNED[2:]
     model = learn_again(test.model, folder, (*overrides, f"seed={seed}"), stages, threads=threads)
     frames = [
-        replace(frame, palette_weights=model.weights_of_field(frame.picture, own))
+        replace(frame, palette_weights=weights_of_field(model, frame.picture, own))
         for frame, own in zip(test.frames, samples, strict=True)
     ]
     return TestViews(model, test.training_images, frames)

@@ -133,7 +133,7 @@ def marked_photo_table(bench: Bench) -> Table:
     for edit, entry in bench.truth.edits.items():
         photo, recolored = bench.truth.reference(edit)
         view = next(v for v in training_views if v.stem == entry["reference_view"])
-        frame = model.render_training_image(model.training_image(view))
+        frame = model.render_view(view, "photo")
         number = int(np.flatnonzero([v.stem == view.stem for v in training_views])[0])
         exact = [bench.truth.labels("train")[number] == bench.truth.names[name] for name in model.objects]
         rough = [bench.truth.coarse_mask(edit, name) for name in model.objects]

@@ -21,6 +21,7 @@ from karf_engine.palettes.extraction.hull import extract_palette
 from karf_engine.palettes.matching.becomes import match_becomes
 from karf_engine.palettes.matching.fitting import match_pixels
 from karf_engine.palettes.matching.paints import reflection_target
+from karf_engine.recolor.field_rendering import weights_of_colors
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
@@ -34,7 +35,7 @@ Recolor = Callable[[str], list[np.ndarray]]  # from an edit's name to the recolo
 
 def on_photo(model: Model, frame: Frame) -> Frame:
     """The frame with palette weights from its base's own colors, as captured views are recolored."""
-    weights = model.weights_of_colors(frame.base, frame.probabilities)
+    weights = weights_of_colors(model, frame.base, frame.probabilities)
     return Frame(frame.picture, frame.probabilities, weights, frame.base)
 
 
@@ -46,7 +47,7 @@ def on_render(frame: Frame) -> Frame:
 def with_masks(model: Model, frame: Frame, masks: np.ndarray) -> Frame:
     """The frame with these masks [K, H, W] in the place of its probabilities, and weights from its base's colors."""
     probabilities = masks.astype(np.float32)
-    weights = model.weights_of_colors(frame.base, probabilities)
+    weights = weights_of_colors(model, frame.base, probabilities)
     return Frame(frame.picture, probabilities, weights, frame.base)
 
 

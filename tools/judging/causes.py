@@ -203,7 +203,7 @@ def main() -> None:
     parser.add_argument("--per-paint", action="store_true", help="a color pair for each paint, not for each object")
     options = parser.parse_args()
     model, truth = karf.load(options.project), Truth(options.capture)
-    frames = [model.render_training_image(model.training_image(view)) for view in model.capture.split("test")]
+    frames = [model.render_view(view, "photo") for view in model.capture.split("test")]
     for name in truth.edits:
         for key, causes in split_by_cause(
             model, truth, frames, edit_to_judge(model, truth, name, options.per_paint), name

@@ -17,6 +17,7 @@ from karf_engine.io.files import write_json
 from karf_engine.project import Project
 from karf_engine.project import settings as settings_module
 from karf_engine.project.state import without_stage
+from karf_engine.recolor.field_rendering import frame_of, photo_frame
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
@@ -54,7 +55,7 @@ def render_test_views(model: Model) -> TestViews:
     progress = terminal_progress("judge", len(training_images))
     frames = []
     for training_image in training_images:
-        frames.append(model.render_training_image(training_image, "field"))
+        frames.append(photo_frame(model, training_image, "field"))
         progress.step()
     return TestViews(model, training_images, frames)
 
@@ -113,7 +114,7 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
     weights_from: F_w (`field`), or the colors of each frame's base (`photo`).
     """
     from_field = weights_from == "field"
-    frames = [model.frame_of(each.picture, each.base, from_field, gains=each.gains) for each in test.frames]
+    frames = [frame_of(model, each.picture, each.base, from_field, gains=each.gains) for each in test.frames]
     return TestViews(model, test.training_images, frames)
 
 

@@ -27,6 +27,7 @@ from karf_engine.io.files import write_json
 from karf_engine.io.images import write_png
 from karf_engine.metrics.images import mse_outside
 from karf_engine.project.settings import PRESETS, with_overrides
+from karf_engine.recolor.field_rendering import photo_frame
 
 from ..judging.causes import split_by_cause
 from ..judging.recolors import contact_sheet, edit_to_judge, score_edits, score_scene, worst_row
@@ -144,7 +145,7 @@ def judge(capture: Path, out: Path, options: argparse.Namespace) -> dict:
     field = TestViews(
         model,
         test.training_images,
-        [model.render_training_image(training_image) for training_image in test.training_images],
+        [photo_frame(model, training_image) for training_image in test.training_images],
     )
     ways = {"": (photos, True), "_one_pair": (photos, False), "_field": (field, False)}
     for suffix, (views, per_paint) in ways.items():

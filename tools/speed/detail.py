@@ -13,6 +13,7 @@ from karf_engine.capture.training_images import TrainingImage
 from karf_engine.fields.detail import pixels_per_voxel, without_detail
 from karf_engine.fields.extent import focus_point
 from karf_engine.metrics.images import psnr
+from karf_engine.recolor.field_rendering import photo_frame
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
@@ -29,7 +30,7 @@ def run(project: Path) -> list[dict[str, Any]]:
     """
     model = karf.load(project)
     training_images = [model.training_image(view) for view in model.capture.split("test")]
-    frames = [model.render_training_image(training_image) for training_image in training_images]
+    frames = [photo_frame(model, training_image) for training_image in training_images]
     everywhere = [np.ones(frame.depth.shape, bool) for frame in frames]
     places = {"everywhere": everywhere} | {
         name: [frame.masks[number] for frame in frames] for number, name in enumerate(model.objects)

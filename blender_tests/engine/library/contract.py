@@ -51,7 +51,7 @@ class Bench:
         (folder / "book.csv").write_text("name,hex\nRed,#ff0000\n")
         bench = cls(folder, folder / "project", karf.load(folder / "project", device="cpu"))
         bench.model.edit().save(folder / "edit.json")
-        _ = bench.frame, bench.training_image, bench.photo_view  # what they keep is there
+        _ = bench.frame, bench.photo_view  # what they keep is there
         return bench
 
     @cached_property
@@ -73,11 +73,6 @@ class Bench:
     def frame(self) -> karf.Frame:
         """A small picture of the model."""
         return self.model.render(self.camera)
-
-    @cached_property
-    def training_image(self) -> Any:
-        """The view's photo."""
-        return self.model.training_image(self.view)
 
     @cached_property
     def photo_view(self) -> PhotoView:
@@ -188,7 +183,6 @@ KINDS = {
     "split": kind("train", wrong_type=[None, 3], empty=[""], missing=["typo"]),
     "texts": kind((), wrong_type=["text", None, [3], (3,)]),
     "base": kind("photo", wrong_type=[3, object()], empty=[""], missing=["typo"]),
-    "known base": kind("photo", wrong_type=[None, 3], empty=[""], missing=["typo"]),
     "rule": kind("becomes", wrong_type=[None, 3], empty=[""], missing=["typo"]),
     "compositing": kind("delta", wrong_type=[None, 3], empty=[""], missing=["typo"]),
     "device": kind("cpu", wrong_type=[3, object()], empty=[""], wrong_device=["typo", "cuda:99", "meta"]),
@@ -228,13 +222,9 @@ KINDS = {
     "base picture": kind(lambda b: b.frame.base, ("NaN",), wrong_type=[None, "b", lambda b: b.frame.base.tolist()],
                          wrong_shape=[np.zeros((2, 2)), np.zeros((3, 5, 3), np.float32)], empty=[np.zeros((0, 0, 3))],
                          NaN=[lambda b: b.frame.base * NAN]),
-    "finite picture": kind(lambda b: b.frame.base, wrong_type=[None, "b", lambda b: b.frame.base.tolist()],
-                           wrong_shape=[np.zeros((2, 2)), np.zeros((3, 5, 3), np.float32)], NaN=[lambda b: b.frame.base * NAN]),
     "probabilities": kind(lambda b: b.frame.probabilities, ("NaN",), wrong_type=[None, "b", lambda b: b.frame.probabilities.tolist()],
                           wrong_shape=[np.zeros((2, 2)), np.zeros((2, 3, 5), np.float32)], empty=[np.zeros((0, 0, 0))],
                           NaN=[lambda b: b.frame.probabilities * NAN]),
-    "finite probabilities": kind(lambda b: b.frame.probabilities, wrong_type=[None, "b"], wrong_shape=[np.zeros((2, 3, 5))],
-                                 NaN=[lambda b: b.frame.probabilities * NAN]),
     "weights": kind(lambda b: b.frame.palette_weights, ("NaN",), wrong_type=["b", 3, lambda b: b.frame.palette_weights.tolist()],
                     wrong_shape=[np.zeros((2, 2)), np.zeros((2, 3, 3, 5), np.float32)], empty=[np.zeros((0, 0, 0, 0))],
                     NaN=[lambda b: b.frame.palette_weights * NAN]),
@@ -277,13 +267,8 @@ KINDS = {
     "frame with weights": kind(lambda b: b.frame, wrong_type=[None, 3, lambda b: b.frame.base, lambda b: b.view],
                   wrong_shape=[lambda b: replace(b.frame, probabilities=b.frame.probabilities[:1], palette_weights=b.frame.palette_weights[:1])],
                   empty=[lambda b: replace(b.frame, palette_weights=None)]),
-    "rendered": kind(lambda b: b.model.scene.render(b.camera, 8), wrong_type=[None, 3, lambda b: b.frame, lambda b: b.frame.base],
-                     empty=[lambda b: replace(b.model.scene.render(b.camera, 8), cache=None)]),
     "any rendered": kind(lambda b: b.frame.picture, wrong_type=[None, 3, lambda b: b.frame, lambda b: b.frame.base]),
-    "samples": kind(None, wrong_type=[3, "samples", lambda b: b.frame]),
-    "photo": kind(lambda b: b.training_image, wrong_type=[None, 3, lambda b: b.view, lambda b: b.frame]),
     "stored photo": kind(lambda b: b.photo_view.photo, wrong_type=[None, 3, lambda b: b.view, lambda b: b.frame]),
-    "weights' source": kind("photo", wrong_type=[None, 3], empty=[""], missing=["typo"]),
     "palettes": kind(lambda b: b.model.palettes, wrong_type=[None, 3, "ball", ["ball"], lambda b: b.model.palettes[0]]),
     "own project": kind(lambda b: b.model.project, wrong_type=[None, 3, "project", lambda b: b.project]),
     "torch device": kind("cpu", wrong_type=[None, 3, object()], empty=[""], wrong_device=["typo", "cuda:99", "meta"]),
@@ -374,17 +359,12 @@ ROWS: dict[str, dict[str, str]] = {
     "Model.recolored_splats": row(edit="edit"),
     "Model.behind": row(camera="camera"),
     "Model.render_view": row(view="view", base="base"),
-    "Model.base_of": row(base="base"),
     "Model.working_camera": row(view="view"),
     "Model.look": row(camera="camera"),
     "Model.unsure": row(pinhole="camera", frame="frame"),
     "Model.preview": row(view="view", long_side="maybe length"),
     "Model.photo_view": row(view="view", size="size"),
-    "Model.render_training_image": row(training_image="photo", weights_from="weights' source"),
-    "Model.frame_of": row(picture="rendered", base="base picture", from_field="flag"),
     "Model.training_image": row(view="view"),
-    "Model.weights_of_colors": row(base="finite picture", probabilities="finite probabilities"),
-    "Model.weights_of_field": row(picture="rendered", samples="samples"),
     "Model.edit": row(path="edit file or none"),
     "Model.match": row(view="view", picture="picture", edit="edit"),
     "Model.recolor": row(view="view", edit="edit", size="size"),

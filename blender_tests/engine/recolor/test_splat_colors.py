@@ -14,7 +14,7 @@ from karf_engine.errors import BadRequest
 from karf_engine.metrics.images import psnr
 from karf_engine.palettes.palette import AddedColor, Edit, Palette
 from karf_engine.project import Project
-from karf_engine.recolor import model as model_module
+from karf_engine.recolor import field_rendering
 from karf_engine.recolor.frames import with_alpha
 from karf_engine.recolor.model import Model
 from karf_engine.recolor.splat_colors import planes_of_view, recolored, shares_of_objects, splats_of_objects
@@ -61,10 +61,10 @@ def test_the_field_shows_what_it_showed_before(model, camera, learned, tmp_path)
     without = Project(learned.project)
     frame = of_field(model).render(camera)
     assert of_field(model).splats is None and model.splats is not None and without.finished("splats")
-    picture = model.scene.render(camera.without_distortion(), model_module.WEIGHT_SAMPLES)
+    picture = model.scene.render(camera.without_distortion(), field_rendering.WEIGHT_SAMPLES)
     assert_array_equal(frame.color, picture.color.numpy())
-    assert_array_equal(frame.probabilities, model._probabilities(picture))
-    assert_array_equal(frame.palette_weights, model.weights_of_field(picture))
+    assert_array_equal(frame.probabilities, field_rendering.probabilities_of(model, picture))
+    assert_array_equal(frame.palette_weights, field_rendering.weights_of_field(model, picture))
 
 
 def test_without_numba_the_field_is_shown(learned, monkeypatch):
@@ -74,8 +74,8 @@ def test_without_numba_the_field_is_shown(learned, monkeypatch):
 
 def test_large_pictures_are_rendered_in_bands_that_fit_together(model, camera, monkeypatch):
     whole = model.render(camera)
-    bands_of = model_module.bands_of
-    monkeypatch.setattr(model_module, "bands_of", lambda camera, count: bands_of(camera, count, 64 * 16))
+    bands_of = field_rendering.bands_of
+    monkeypatch.setattr(field_rendering, "bands_of", lambda camera, count: bands_of(camera, count, 64 * 16))
     parts = model.render(camera)
     for name in ("color", "opacity", "probabilities", "palette_weights"):
         assert_allclose(getattr(parts, name), getattr(whole, name), atol=5e-3, err_msg=name)

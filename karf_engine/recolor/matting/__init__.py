@@ -1,1 +1,1 @@
-"""How much of each pixel of a photo is an object's: from the field's rough answer and the photo's own edges."""
+"""Object mattes of photos, refined from the field's probabilities along the photo's own edges."""

@@ -1,11 +1,8 @@
-"""Coverage of the few pixels along a border, by closed-form matting.
+"""Closed-form matting of the pixels along a border.
 
-Levin, Lischinski and Weiss, "A Closed-Form Solution to Natural Image Matting" (2008): where foreground and background
-each vary little (along a line of colors) in every window of 3 x 3 pixels, coverage is an affine function of color
-there. The cost of leaving that is alpha^T L alpha with their matting Laplacian L; known pixels hold their values.
-
-Written here because the library that has it, PyMatting, needs LLVM, compiles for most of a minute at its first import,
-and builds L for whole pictures; a border needs a thin band of it.
+Levin, Lischinski and Weiss, "A Closed-Form Solution to Natural Image Matting" (2008): if the colors of foreground and
+background lie on a line in every window of 3 x 3 pixels, alpha is an affine function of color there. Minimizes
+alpha^T L alpha with the matting Laplacian L, with known pixels fixed. L is built for the unknown pixels only.
 """
 
 from __future__ import annotations
@@ -15,27 +12,22 @@ from scipy import sparse
 
 from ...compute.sparse_systems import solve
 
-REGULARIZATION = 1e-5  # epsilon of the paper, for colors in [0, 1]: noise says nothing about coverage (not varied)
-GUESS = (
-    0.01  # weight of the guess in each pixel, for lines one pixel wide, which touch no certain pixel (on such lines)
-)
+REGULARIZATION = 1e-5  # epsilon of the paper, for colors in [0, 1]
+GUESS_WEIGHT = 0.01  # of the guess in each pixel, for lines one pixel wide, which touch no known pixel
 WINDOWS_AT_ONCE = 1 << 15  # 21 MB of window matrices
 WINDOW = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1)]
 
 
 def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-    """Coverage of the unknown pixels; the others keep theirs.
+    """Solve for the coverage of the n unknown pixels, float32 [n] in [0, 1].
 
     Args:
-        colors: [h, w, 3] float32 in [0, 1], in linear light, for that is what a lens mixes.
-        coverage: [h, w] float32 in [0, 1]; of unknown pixels a guess.
-        unknown: [h, w] bool; pixels at the picture's rim are taken as known.
-
-    Returns:
-        [n] float32 in [0, 1] of the n unknown pixels.
+        colors: [h, w, 3] float32 in [0, 1], linear light.
+        coverage: [h, w] float32 in [0, 1]; a guess in unknown pixels.
+        unknown: [h, w] bool; pixels on the image border count as known.
 
     Examples:
-        Between a black and a white pixel the grey one is covered by half:
+        A gray pixel between a black and a white one is half covered:
 
         >>> ramp = np.repeat(np.array([[0, 0, 0.5, 1, 1]], np.float32), 3, 0)
         >>> unknown = np.zeros((3, 5), bool)
@@ -47,48 +39,48 @@ def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.nd
     inner = np.zeros_like(unknown)
     inner[1:-1, 1:-1] = True
     result = coverage[unknown].astype(np.float32)
-    asked = unknown & inner
-    if not asked.any():
+    wanted = unknown & inner
+    if not wanted.any():
         return result
-    system, right_hand_side = _system(colors, coverage, asked)
-    system += GUESS * sparse.eye_array(len(right_hand_side))
-    right_hand_side += GUESS * coverage[asked]
-    solved = solve(system, right_hand_side, coverage[asked].astype(np.float64))
+    system, right_hand_side = _system(colors, coverage, wanted)
+    system += GUESS_WEIGHT * sparse.eye_array(len(right_hand_side))
+    right_hand_side += GUESS_WEIGHT * coverage[wanted]
+    solved = solve(system, right_hand_side, coverage[wanted].astype(np.float64))
     result[inner[unknown]] = np.clip(solved, 0, 1)
     return result
 
 
-def _system(colors: np.ndarray, coverage: np.ndarray, asked: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
-    """Rows and columns of L of the pixels asked for, and what known pixels beside them add to the right-hand side."""
-    count, width = int(asked.sum()), asked.shape[1]
-    number = np.full(asked.size, -1, np.int32)
-    number[asked.ravel()] = np.arange(count, dtype=np.int32)
+def _system(colors: np.ndarray, coverage: np.ndarray, wanted: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
+    """Return the rows and columns of L of the wanted pixels, and the right-hand side from known neighbors."""
+    count, width = int(wanted.sum()), wanted.shape[1]
+    number = np.full(wanted.size, -1, np.int32)
+    number[wanted.ravel()] = np.arange(count, dtype=np.int32)
     steps = np.array([row * width + column for row, column in WINDOW])
-    centers = _centers(asked)
+    centers = _centers(wanted)
     flat_colors, known = colors.reshape(-1, 3), coverage.ravel()
     right_hand_side = np.zeros(count)
     system = sparse.csr_array((count, count))
     for first in range(0, len(centers), WINDOWS_AT_ONCE):
         pixels = centers[first : first + WINDOWS_AT_ONCE, None] + steps
-        parts = _window_laplacians(flat_colors[pixels].astype(np.float64))
+        laplacians = _window_laplacians(flat_colors[pixels].astype(np.float64))
         own, other = np.broadcast_arrays(number[pixels][:, :, None], number[pixels][:, None, :])
         both, edge = (own >= 0) & (other >= 0), (own >= 0) & (other < 0)
-        system += sparse.csr_array((parts[both], (own[both], other[both])), (count, count))
-        beside = np.broadcast_to(known[pixels][:, None, :], parts.shape)[edge]
-        right_hand_side -= np.bincount(own[edge], parts[edge] * beside, count)
+        system += sparse.csr_array((laplacians[both], (own[both], other[both])), (count, count))
+        beside = np.broadcast_to(known[pixels][:, None, :], laplacians.shape)[edge]
+        right_hand_side -= np.bincount(own[edge], laplacians[edge] * beside, count)
     return system, right_hand_side
 
 
-def _centers(asked: np.ndarray) -> np.ndarray:
-    """Running numbers of the pixels whose windows hold a pixel that is asked for and lie inside the picture."""
-    near = np.zeros_like(asked)
+def _centers(wanted: np.ndarray) -> np.ndarray:
+    """Return the flat indices of pixels whose window is inside the picture and contains a wanted pixel."""
+    near = np.zeros_like(wanted)
     for row, column in WINDOW:
-        near[1:-1, 1:-1] |= asked[1 + row : asked.shape[0] - 1 + row, 1 + column : asked.shape[1] - 1 + column]
+        near[1:-1, 1:-1] |= wanted[1 + row : wanted.shape[0] - 1 + row, 1 + column : wanted.shape[1] - 1 + column]
     return np.flatnonzero(near)
 
 
 def _window_laplacians(colors: np.ndarray) -> np.ndarray:
-    """What n windows of colors [n, 9, 3] add to L, [n, 9, 9] (Eq. 12 of the paper)."""
+    """Return the terms of L of n windows of colors [n, 9, 3], [n, 9, 9] (Eq. 12 of the paper)."""
     size = len(WINDOW)
     centered = colors - colors.mean(1, keepdims=True)
     covariances = centered.transpose(0, 2, 1) @ centered / size + REGULARIZATION / size * np.eye(3)

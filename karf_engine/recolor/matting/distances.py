@@ -1,4 +1,4 @@
-"""How far pixels are from a mask."""
+"""Euclidean distance transform."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def distance_to(mask: np.ndarray) -> np.ndarray:
-    """Pixels from each pixel to the nearest one of a mask, bool [h, w]: float32, 0 inside; infinite where it is empty.
+    """Return the distance of each pixel to a mask, bool [h, w]: float32, 0 inside; infinite for an empty mask.
 
     Examples:
         >>> distance_to(np.array([[True, False, False]])).tolist()

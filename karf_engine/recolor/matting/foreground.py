@@ -1,4 +1,4 @@
-"""What an object's own color is in the pixels that show something else too."""
+"""Foreground colors of mixed pixels."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from ...io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from .matte import NEGLIGIBLE, Matte
 from .tiles import Tile, enlarged, tiles
 
-WINDOWS = (1.5, 4.0, 12.0)  # deviations of the windows in which pure colors beside a pixel are looked for
-LEAST_SEEN = 1e-3  # of a window that must be pure
+WINDOWS = (1.5, 4.0, 12.0)  # pixels: standard deviations of the windows searched for pure colors, in this order
+MIN_PURE = 1e-3  # share of a window
 TILE, MARGIN = 1024, 32
 
 LINEAR = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 
 
 def unmixed(photo: np.ndarray, coverage: np.ndarray) -> list[Matte]:
-    """Mattes of objects from their coverage.
+    """Make mattes of K objects from their coverage.
 
     Args:
         photo: uint8 [H, W, 3] sRGB.
@@ -42,9 +42,10 @@ def unmixed(photo: np.ndarray, coverage: np.ndarray) -> list[Matte]:
 
 
 def _own_colors(light: np.ndarray, coverage: np.ndarray, tile: Tile) -> tuple[np.ndarray, np.ndarray]:
-    """Places [n, 2] in the photo (row, column) of the tile's mixed pixels, and their colors uint8 [n, 3].
+    """Return (row, column) in the photo [n, 2] of a tile's mixed pixels, and their foreground colors uint8 [n, 3].
 
-    The object's pure color nearby, moved so that what stands behind keeps a color that exists.
+    Means of pure foreground and background colors nearby, corrected by their shares of the residual (Germer et al.,
+    "Fast multi-level foreground estimation", 2020, without its smoothness term).
     """
     chosen = np.zeros(coverage.shape, bool)
     chosen[tile.inner] = ((coverage > NEGLIGIBLE) & (coverage < 1 - NEGLIGIBLE))[tile.inner]
@@ -55,23 +56,21 @@ def _own_colors(light: np.ndarray, coverage: np.ndarray, tile: Tile) -> tuple[np
     own, own_known = _color_nearby(light, coverage >= 1 - NEGLIGIBLE, chosen)
     behind, behind_known = _color_nearby(light, coverage <= NEGLIGIBLE, chosen)
     behind[~behind_known] = here[~behind_known]
-    # what both colors leave unexplained is shared by how far each stands for the pixel (Germer et al., "Fast
-    # multi-level foreground estimation", 2020, without its smoothness)
-    rest = here - share * own - (1 - share) * behind
-    own += share * rest / (share**2 + (1 - share) ** 2)
+    residual = here - share * own - (1 - share) * behind
+    own += share * residual / (share**2 + (1 - share) ** 2)
     own[~own_known] = here[~own_known]
     return places + [tile.rows.start, tile.columns.start], to_bytes(linear_to_srgb(np.clip(own, 0, 1)))
 
 
 def _color_nearby(light: np.ndarray, pure: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean colors [n, 3] of the pure pixels about each chosen one, in the smallest window with some; and which had."""
+    """Return mean colors [n, 3] of pure pixels around the chosen ones, in the smallest window with some; and bool [n]."""
     result, known = np.zeros((int(chosen.sum()), 3), np.float32), np.zeros(int(chosen.sum()), bool)
     weighted = np.concatenate([light * pure[..., None], pure[..., None]], -1, dtype=np.float32)
     for deviation in WINDOWS:
         if known.all():
             break
         means = cv2.GaussianBlur(weighted, (0, 0), deviation)[chosen]
-        found = ~known & (means[:, 3] > LEAST_SEEN)
+        found = ~known & (means[:, 3] > MIN_PURE)
         result[found] = means[found, :3] / means[found, 3:]
         known |= found
     return result, known
@@ -82,7 +81,7 @@ def _joined(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
 
 
 def _cropped(coverage: np.ndarray, mixed: np.ndarray, colors: np.ndarray) -> Matte:
-    """The matte of a whole photo's coverage [H, W]; mixed: running numbers [n] of pixels of the photo."""
+    """Crop a whole photo's coverage [H, W] to a matte. mixed: flat indices [n] in the photo."""
     seen = coverage > NEGLIGIBLE
     rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
     if not len(rows):

@@ -1,18 +1,16 @@
-"""Thin parts of objects that the field has lost: a leaf's tip, a wire.
+"""Thin parts of objects that the field misses, such as a leaf's tip or a wire.
 
-A pixel belongs to such a part where the photo has the object's color, the field shows nothing like it thereabouts, and
-the way to the object leads through its color. A neighbor of the same color is not a lost part, for the field shows it.
+A pixel belongs to a lost part if the photo has the object's color there, the field renders no similar color nearby, and
+it is connected with the object through its color. A neighbor of the same color is not lost: the field renders it.
 
-A part may also be there in the field, and be called something else: a cable before a wall. Then a rough mask of this very
-photo tells. What it covers is the object's where that is thin and leads to the object: a hand that spills over spills over
-thick things, too. The color need be less sure there, as a line one pixel wide is everywhere mixed with what is behind it.
-In other photos nothing tells a cable from a thin neighbor of its color, but that the object has a cable: there thin parts are
-looked for of objects whose masks show one.
+The field may also render a part, but label it otherwise, such as a cable in front of a wall. There a rough mask of the
+same photo decides: pixels under it belong to the object if they are thin and connected with it, at a lower color
+probability since thin lines are mixed pixels; masks that spill over cover thick things too. In other photos, thin parts
+are searched for objects with a thin part in any mask.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import cv2
@@ -22,83 +20,56 @@ from .color_models import ColorModels, posterior
 from .distances import distance_to
 from .marks import Marks
 
-
-@dataclass(frozen=True)
-class LostPartParameters:
-    """What tells that a pixel is a part of an object that the field has lost. Set together, when lost parts were first
-    looked for; not varied one by one on record.
-
-    Attributes:
-        reach: From the object, pixels of the field's picture.
-        nearby: Pixels of the field's picture round a pixel in which the field may show its color all the same: it is
-            blurred, and poses are not exact.
-        unlike: Lab units between a pixel and all that the field shows nearby.
-        hardly_like: The same in pixels that are connected with such ones.
-        likely: Probability of the object from the color alone.
-        most: Share of the object's area; an object that lost more has another one before it.
-        open: Probability that a pixel of a lost part has, before its neighbors are asked.
-        thin: Half of the width up to which a part is thin, pixels of the field's picture. This and all below were chosen on
-            thin scenes 0 and 1, and so that drawn seeds 0 to 3 and 5 to 7 lose nothing.
-        marked_thin: As `thin`, under a mask.
-        marked_likely: As `likely`, of a thin part under a mask.
-        thin_open: As `open`, of a thin part.
-    """
-
-    reach: float = 32
-    nearby: int = 2
-    unlike: float = 10.0
-    hardly_like: float = 4.0
-    likely: float = 0.6
-    most: float = 0.5
-    open: float = 0.5
-    thin: float = 1.5
-    marked_thin: float = 2.0
-    marked_likely: float = 0.25
-    thin_open: float = 0.8
-
-
-PARAMETERS = LostPartParameters()
+REACH = 32  # from the object, pixels of the field's picture
+NEARBY = 2  # pixels of the field's picture: tolerance for its blur and inexact poses
+UNLIKE = 10.0  # Lab units: difference to all that the field renders nearby
+HARDLY_LIKE = 4.0  # Lab units: the same, of pixels connected with such ones
+LIKELY = 0.6  # probability of the object by color alone
+MAX_AREA = 0.5  # of the object's area: larger losses are occluders
+PROBABILITY = 0.5  # of lost pixels, before the random walk
+THIN = 1.5  # pixels of the field's picture: largest half width of a thin part
+MARKED_THIN = 2.0  # as THIN, under a mask
+MARKED_LIKELY = 0.25  # as LIKELY, under a mask
+THIN_PROBABILITY = 0.8  # as PROBABILITY, of thin parts
 
 
 def lost_parts(
     lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels, marks: Marks
 ) -> np.ndarray:
-    """Parts of objects that the field has lost.
+    """Find parts of objects that the field misses: their probabilities float32 [K, h, w], 0 in all other pixels.
 
     Args:
         lab: The photo, [h, w, 3] CIE Lab.
-        rendered: The scene as the field shows it, [h', w', 3] CIE Lab, on the same grid, smaller.
-        labels: [K+1, h, w] of the photo's pixels as they are so far, class 0 being the background.
+        rendered: The field's rendering, [h', w', 3] CIE Lab, of the same view at a smaller size.
+        labels: [K+1, h, w], current labels of the photo; class 0 is the background.
         models: Colors of the classes.
-        marks: What rough masks say to this photo, `drawn` of any size.
-
-    Returns:
-        float32 [K, h, w], the probability that a pixel is of a lost part's; 0 in all others.
+        marks: Rough masks of this photo, at any size.
     """
     scale = lab.shape[0] / rendered.shape[0]
     hard = labels.argmax(0)
     result = np.zeros((len(labels) - 1, *hard.shape), np.float32)
-    for k, (found, mark, has_thin) in enumerate(zip(result, _drawn(marks, hard), marks.thin, strict=True), start=1):
+    for k, (mark, has_thin) in enumerate(zip(_drawn(marks, hard), marks.thin, strict=True), start=1):
         own = hard == k
         if not own.any():
             continue
-        in_reach, widest = distance_to(own) <= PARAMETERS.reach * scale, PARAMETERS.marked_thin * scale
-        asked = (hard == 0) & (in_reach | (distance_to(mark) <= 2 * widest))  # beyond a mask, too: is it thin there?
-        likeness = np.zeros(own.shape, np.float32)
-        likeness[asked] = _likeness(k, lab, asked, models)
-        like = in_reach & (likeness > PARAMETERS.likely)
-        lost = _not_shown(own, like, lab, rendered)
-        thin = mark & _thin(own, likeness > PARAMETERS.marked_likely, widest)
+        in_reach, widest = distance_to(own) <= REACH * scale, MARKED_THIN * scale
+        # around a mask, too: thickness must be known there
+        candidates = (hard == 0) & (in_reach | (distance_to(mark) <= 2 * widest))
+        likelihood = np.zeros(own.shape, np.float32)
+        likelihood[candidates] = _color_probability(k, lab, candidates, models)
+        like = in_reach & (likelihood > LIKELY)
+        lost = _not_rendered(own, like, lab, rendered)
+        thin = mark & _thin(own, likelihood > MARKED_LIKELY, widest)
         if has_thin:
-            thin |= _thin(own, like, PARAMETERS.thin * scale)
-        for part, probability in ((lost, PARAMETERS.open), (_joined(own, thin), PARAMETERS.thin_open)):
-            if part.sum() <= PARAMETERS.most * own.sum():
-                found[part] = probability
+            thin |= _thin(own, like, THIN * scale)
+        for part, probability in ((lost, PROBABILITY), (_connected(own, thin), THIN_PROBABILITY)):
+            if part.sum() <= MAX_AREA * own.sum():
+                result[k - 1, part] = probability
     return result
 
 
 def _drawn(marks: Marks, labels: np.ndarray) -> np.ndarray:
-    """What is drawn on the photo, bool [K, h, w] at the size of its labels [h, w]."""
+    """Resize the drawn masks to the size of the labels [h, w], bool [K, h, w]."""
     if marks.drawn is None:
         return np.zeros((len(marks.thin), *labels.shape), bool)
     size = labels.shape[::-1]
@@ -107,47 +78,47 @@ def _drawn(marks: Marks, labels: np.ndarray) -> np.ndarray:
     )
 
 
-def _likeness(k: int, lab: np.ndarray, asked: np.ndarray, models: ColorModels) -> np.ndarray:
-    """Probability of class k from the colors [n, 3] of the pixels asked for alone, [n]."""
-    places = (np.argwhere(asked) + 0.5) / asked.shape
-    even = np.ones((models.shares.shape[2], len(places)), np.float32)
-    return posterior(models, lab[asked], places, even)[k]
+def _color_probability(k: int, lab: np.ndarray, chosen: np.ndarray, models: ColorModels) -> np.ndarray:
+    """Return the probability [n] of class k by the colors of the chosen pixels, with uniform priors."""
+    places = (np.argwhere(chosen) + 0.5) / chosen.shape
+    uniform = np.ones((models.shares.shape[2], len(places)), np.float32)
+    return posterior(models, lab[chosen], places, uniform)[k]
 
 
-def _not_shown(own: np.ndarray, like: np.ndarray, lab: np.ndarray, rendered: np.ndarray) -> np.ndarray:
-    """Pixels that look like an object, bool [h, w], hang together with it, and are unlike all that the field shows."""
-    like = _joined(own, like)
-    difference = np.zeros(own.shape, np.float32)
-    difference[like] = difference_nearby(lab, rendered, like, PARAMETERS.nearby)
-    _, parts = cv2.connectedComponents((difference > PARAMETERS.hardly_like).astype(np.uint8))
-    return like & np.isin(parts, np.unique(parts[difference > PARAMETERS.unlike]))
+def _not_rendered(own: np.ndarray, like: np.ndarray, lab: np.ndarray, rendered: np.ndarray) -> np.ndarray:
+    """Return pixels of an object's color, connected with it, and unlike all that the field renders nearby."""
+    like = _connected(own, like)
+    difference = np.zeros_like(own, np.float32)
+    difference[like] = difference_nearby(lab, rendered, like, NEARBY)
+    _, parts = cv2.connectedComponents((difference > HARDLY_LIKE).astype(np.uint8))
+    return like & np.isin(parts, np.unique(parts[difference > UNLIKE]))
 
 
 def _thin(own: np.ndarray, like: np.ndarray, widest: float) -> np.ndarray:
-    """Pixels that look like an object, bool [h, w], and with it make nothing wider than twice `widest`."""
+    """Return pixels of an object's color where it and they together are at most twice `widest` wide."""
     core = distance_to(~(own | like)) > widest
     return like & (distance_to(core) > widest)
 
 
-def _joined(own: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Pixels that look like an object, bool [h, w], and hang together with it."""
+def _connected(own: np.ndarray, like: np.ndarray) -> np.ndarray:
+    """Return pixels of an object's color that are connected with it."""
     _, parts = cv2.connectedComponents((like | own).astype(np.uint8))
     return like & np.isin(parts, np.unique(parts[own]))
 
 
-def difference_nearby(lab: np.ndarray, rendered: np.ndarray, asked: np.ndarray, nearby: int) -> np.ndarray:
-    """Lab units [n] between the n pixels asked for and the most similar color that the field shows about each.
+def difference_nearby(lab: np.ndarray, rendered: np.ndarray, chosen: np.ndarray, nearby: int) -> np.ndarray:
+    """Return Lab differences [n] between n chosen pixels and the most similar rendered color around each.
 
     Args:
         lab: The photo, [h, w, 3].
-        rendered: The field's picture on the same grid, [h', w', 3], as large or smaller.
-        asked: bool [h, w].
-        nearby: Pixels of the field's picture, to all sides.
+        rendered: The field's rendering of the same view, [h', w', 3], as large or smaller.
+        chosen: bool [h, w].
+        nearby: Half size of the searched window, pixels of the rendering.
     """
     size = np.array(rendered.shape[:2])
-    rows, columns = (np.argwhere(asked) * size / asked.shape).astype(np.intp).T
+    rows, columns = (np.argwhere(chosen) * size / chosen.shape).astype(np.intp).T
     least = np.full(len(rows), np.inf, np.float32)
     for down, right in product(range(-nearby, nearby + 1), repeat=2):
         there = rendered[np.clip(rows + down, 0, size[0] - 1), np.clip(columns + right, 0, size[1] - 1)]
-        least = np.minimum(least, np.linalg.norm(lab[asked] - there, axis=-1))
+        least = np.minimum(least, np.linalg.norm(lab[chosen] - there, axis=-1))
     return least

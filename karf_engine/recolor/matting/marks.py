@@ -1,4 +1,4 @@
-"""What rough masks say to a photo's mattes: where thin parts are in their own photo, and which objects have some."""
+"""Rough masks as hints for mattes: where an object's thin parts are in their photo, and which objects have some."""
 
 from __future__ import annotations
 
@@ -18,30 +18,17 @@ from ...errors import DataError
 from ...io.images import read_mask
 from .distances import distance_to
 
-
-@dataclass(frozen=True)
-class ThinMaskParameters:
-    """What a thin part of a rough mask is. Chosen on masks of the demo, thin scenes 0 and 1 and drawn seeds 0 to 7 and 20 to 22.
-
-    Attributes:
-        width: Of the photo's width, up to which a part is thin: a wire and the brush that followed it.
-        length: Of that width, from which it is more than a corner of a hasty mask.
-    """
-
-    width: float = 0.02
-    length: float = 2.5
-
-
-PARAMETERS = ThinMaskParameters()
+THIN_WIDTH = 0.02  # of the photo's width: a wire and the brush stroke along it
+THIN_LENGTH = 2.5  # of that width: longer than the corner of a hasty mask
 
 
 @dataclass(frozen=True)
 class Marks:
-    """What rough masks of K objects say to the mattes of one photo.
+    """Rough masks of K objects, as hints for the mattes of one photo.
 
     Attributes:
-        drawn: bool [K, H, W], on this photo and in its grid, of any size; None where nothing is.
-        thin: Of each object, whether a mask shows a thin part of it, on this photo or another.
+        drawn: bool [K, H, W], the masks of this photo in its grid, at any size; None without any.
+        thin: Whether a mask of each object, in this photo or another, has a thin part.
     """
 
     drawn: np.ndarray | None
@@ -49,7 +36,7 @@ class Marks:
 
 
 def marks_of(folder: Path, objects: Sequence[str], view: View) -> Marks:
-    """What the rough masks of a project say to a view's photo, with its lens.
+    """Read a project's rough masks for a view, with its lens distortion.
 
     Args:
         folder: <object>/<view>.png, as segmentation reads them.
@@ -68,7 +55,7 @@ def marks_of(folder: Path, objects: Sequence[str], view: View) -> Marks:
 
 
 def straightened(marks: Marks, camera: Camera) -> Marks:
-    """Marks of a camera's photo as its pinhole shows them."""
+    """Undistort the marks of a camera's photo."""
     if marks.drawn is None or camera.is_pinhole:
         return marks
     planes = (undistort(mark[..., None].astype(np.float32), camera)[0][..., 0] for mark in marks.drawn)
@@ -76,11 +63,9 @@ def straightened(marks: Marks, camera: Camera) -> Marks:
 
 
 def has_thin_part(mask: np.ndarray) -> bool:
-    """Whether a mask, bool [H, W], has a part that is thin and long.
+    """Return whether a mask, bool [H, W], has a part that is thin and long.
 
     Examples:
-        A blob alone, and with a line from it:
-
         >>> mask = np.zeros((100, 200), bool)
         >>> mask[20:60, 20:60] = True
         >>> has_thin_part(mask)
@@ -89,19 +74,19 @@ def has_thin_part(mask: np.ndarray) -> bool:
         >>> has_thin_part(mask)
         True
     """
-    width = PARAMETERS.width * mask.shape[1]
+    width = THIN_WIDTH * mask.shape[1]
     padded = np.pad(mask, 1)
     core = distance_to(~padded) > width / 2
     thin = padded & (distance_to(core) > width / 2)
     _, _, figures, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
     longest = figures[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(initial=0)
-    return bool(longest >= PARAMETERS.length * width)
+    return bool(longest >= THIN_LENGTH * width)
 
 
 def _is_thin(path: Path) -> bool:
     try:
         file = path.stat()
-    except OSError:  # erased in this moment
+    except OSError:  # deleted meanwhile
         return False
     return _is_thin_as_of(path, file.st_mtime_ns, file.st_size)
 
@@ -114,12 +99,12 @@ def _is_thin_as_of(path: Path, changed: int, size: int) -> bool:
 def _read(path: Path) -> np.ndarray:
     try:
         return read_mask(path)
-    except DataError:  # it is refused where something is learned from it; photos are recolored without it
+    except DataError:  # learning refuses it; recoloring works without it
         return np.zeros((1, 1), bool)
 
 
 def _of_size(mask: np.ndarray, size: tuple[int, int], is_pinhole: bool) -> np.ndarray:
-    """A mask at the size (rows, columns) of its photo. A smaller one is a pinhole's: it says nothing of a lens's picture."""
+    """Resize a mask to its photo's size (rows, columns). Of a distorted camera, other sizes are undistorted: ignored."""
     if mask.shape == size:
         return mask
     if not is_pinhole:

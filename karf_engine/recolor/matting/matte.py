@@ -1,4 +1,4 @@
-"""A matte: how much of each pixel of a photo one object covers, and what color the object has there."""
+"""A matte: an object's coverage of each pixel of a photo, and its unmixed colors."""
 
 from __future__ import annotations
 
@@ -7,21 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-NEGLIGIBLE = 1 / 512  # coverage: less cannot change an 8-bit pixel
+NEGLIGIBLE = 1 / 512  # coverage that cannot change an 8-bit pixel
 
 
 @dataclass(frozen=True)
 class Matte:
-    """One object in one photo. Outside the box the object is not seen; row 0 is on top.
+    """One object in one photo; coverage is 0 outside its bounding box. Row 0 is on top.
 
     Attributes:
-        rows: First row of the box and the one behind its last, pixels of the photo.
-        columns: First column of the box and the one behind its last.
-        coverage: [h, w] float16 or float32 in [0, 1], of the box: the share of each pixel that shows the object.
-        mixed: [n] int64, running numbers (row by row, in the box) of pixels in which the object's color is known to
-            differ from the photo's, because they show something else too; ascending.
-        mixed_colors: [n, 3] uint8, the object's own color there, sRGB.
-        disputed: Whether photo and field disagree about the object so far that the coverage is the field's.
+        rows: Of the box, start and stop in pixels of the photo.
+        columns: Of the box, start and stop.
+        coverage: [h, w] float16 or float32 in [0, 1], of the box.
+        mixed: [n] int64, ascending flat indices in the box of mixed pixels whose foreground color is known.
+        mixed_colors: [n, 3] uint8 sRGB, the object's own color there.
+        disputed: Whether photo and field disagree so much that the coverage is the field's.
     """
 
     rows: tuple[int, int]
@@ -32,15 +31,9 @@ class Matte:
     disputed: bool = False
 
     def colors(self, photo: np.ndarray, top: int, bottom: int) -> np.ndarray:
-        """The object's own colors in some rows of its box.
+        """Return the object's own colors in rows `top` to `bottom` of its box, uint8 [bottom - top, w, 3].
 
-        Args:
-            photo: The photo's pixels of these rows and the box's columns, uint8 [bottom - top, w, 3].
-            top: First row, counted in the box.
-            bottom: The row behind the last, counted in the box.
-
-        Returns:
-            uint8 [bottom - top, w, 3]: the photo's pixels, where they are mixed the object's share of the mixture.
+        photo: the photo's pixels of these rows and the box's columns, uint8 [bottom - top, w, 3].
 
         Examples:
             The second pixel is half red object, half white wall:
@@ -56,13 +49,7 @@ class Matte:
         return result
 
     def own_picture(self, photo: np.ndarray) -> np.ndarray:
-        """The whole photo, uint8 [H, W, 3], with the object's own colors in its box.
-
-        Examples:
-            >>> matte = Matte((0, 1), (1, 2), np.array([[0.5]], np.float16), np.array([0]), np.array([[255, 0, 0]]))
-            >>> matte.own_picture(np.zeros((1, 2, 3), np.uint8)).tolist()
-            [[[0, 0, 0], [255, 0, 0]]]
-        """
+        """Return the whole photo, uint8 [H, W, 3], with the object's own colors in its box."""
         result = photo.copy()
         box = slice(*self.rows), slice(*self.columns)
         result[box] = self.colors(photo[box], 0, self.rows[1] - self.rows[0])
@@ -70,25 +57,12 @@ class Matte:
 
 
 def disputed_objects(objects: Sequence[str], mattes: Sequence[Matte]) -> tuple[str, ...]:
-    """The names of those objects whose mattes are disputed.
-
-    Examples:
-        >>> nothing = np.zeros((0, 0), np.float16), np.zeros(0, int), np.zeros((0, 3), np.uint8)
-        >>> disputed_objects(["pot", "mug"], [Matte((0, 0), (0, 0), *nothing, own) for own in (False, True)])
-        ('mug',)
-    """
+    """Return the names of the objects whose mattes are disputed."""
     return tuple(name for name, matte in zip(objects, mattes, strict=True) if matte.disputed)
 
 
 def dense_coverage(mattes: Sequence[Matte], shape: tuple[int, int]) -> np.ndarray:
-    """Coverages of a whole picture.
-
-    Args:
-        mattes: Of K objects.
-        shape: Height and width of the picture.
-
-    Returns:
-        float32 [K, H, W] in [0, 1].
+    """Return the coverages of a whole picture of this height and width, float32 [K, H, W] in [0, 1].
 
     Examples:
         >>> matte = Matte((0, 1), (1, 2), np.array([[0.5]], np.float16), np.zeros(0, int), np.zeros((0, 3), np.uint8))

@@ -1,13 +1,13 @@
-"""Mattes of a photo at its own size: the field says roughly where the objects are, the photo exactly where.
+"""Coarse-to-fine mattes of a photo: the field locates objects roughly, the photo exactly.
 
-First, at the field's picture size, each pixel near an object is asked twice: how probable the field finds each class
-there, and how well the pixel's color fits the class about that place. Then the answer is carried up to the photo's size
-in steps of two: labels far from any border are enlarged as they are, those near one are decided again at every step.
+At the field's picture size, pixels near an object are labeled by the field's class probabilities and by how well their
+colors fit each class there. The labels are then upsampled to the photo's size in factors of two; those near a border are
+decided again at every step.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -25,98 +25,60 @@ from .sharpness import sharp_size
 from .strays import without_strays
 from .tiles import enlarged, tiles
 
-TILE, MARGIN = 512, 16  # pixels (not varied)
+TILE, MARGIN = 512, 16  # pixels
 
+# at the field's picture size, in its pixels
+BAND = 6  # by which an object's border in the photo may differ from the field's
+RING = 25  # around objects, where the colors of their surroundings are learned
+CORE_DEPTH = 1.0  # deeper inside an object the field is right if it is sure
+SURE = 0.8  # probability above which the field is sure of an object
+BACKGROUND = 0.02  # sum of probabilities below which the field is sure of the background
+MIN_PROBABILITY = 0.005  # of every class of the field, so that colors can outvote it
+MIN_CORE_PIXELS = 20  # from which colors are learned
+PRIOR_WEIGHT = 0.05  # of a pixel's prior in the random walk
+RESOLVED_PRIOR_WEIGHT = 1.0  # the same where the field is sure and renders the photo's color
+RESOLVED_DIFFERENCE = 5.0  # Lab units: the field renders the photo's color
 
-@dataclass(frozen=True)
-class MatteParameters:
-    """What decides a photo's mattes.
+# after each upsampling, in pixels of that size
+LOST_PARTS_STEP = 1  # step that searches lost parts: thin parts must be visible
+STEP_BAND = 3  # around a border, decided again
+PRESENT = 15  # up to this distance from a pixel of a class, others may be of it
+DECIDED = 0.98  # probability above which a label is certain
+MIN_CARRIED = 0.05  # prior of a class that is present near a border
 
-    They were set when mattes were first made in photos, together, and are measured together on the demo's photos, the
-    drawn scenes and `single`, `hue`, `glossy`, `front` and `thin` (docs/benchmark.md, edges). No single one's influence
-    is on record, unless it is said.
-
-    Attributes:
-        band: Pixels of the field's picture, by which an object's border in the photo may differ from the field's.
-        ring: Pixels of the field's picture round objects in which their surroundings' colors are learned.
-        core_depth: Pixels of the field's picture; deeper inside an object the field is right where it is `sure`.
-        sure: Probability above which the field is sure of an object.
-        none: Sum of the objects' probabilities below which the field is sure that there is none.
-        least_probability: Of every class of the field, so that it never outvotes a color altogether.
-        fewest_core_pixels: From which colors can be learned.
-        prior_weight: Of a pixel's prior in the random walk.
-        resolved_prior_weight: The same where the field is sure and shows the photo's color: between things of one color
-            nothing else tells them apart.
-        resolved_difference: Lab units, below which the field shows the photo's color.
-        lost_parts_step: Number of enlargements after which parts that the field has lost are looked for: thin parts must
-            be seen.
-        step_band: Pixels about a border that are decided again after each enlargement.
-        present: Pixels about one of a class in which others may be of that class too. Raised from 7, when an apple's
-            stem was taken for a banana's elsewhere in the photo.
-        decided: Probability above which a label is certain.
-        least_carried: Prior of a class that is present near a border, when enlarged labels are decided again.
-        border: Pixels to either side of a border whose coverage closed-form matting finds.
-        certain: Labels above are not mixtures, however near the border: a stem is all border.
-        unsure: Labels at least this far from 0 and 1 are mixtures, however far from the border; set for photos that are
-            less sharp than their pixels.
-        alone: Pixels from the object's certain pixels, beyond which a mixture's coverage is at least its label. Chosen
-            on the cables and the wheel of thin scenes 0 and 1.
-        least_agreement: IoU of photo and field, below which the field is right.
-    """
-
-    band: float = 6
-    ring: float = 25
-    core_depth: float = 1.0
-    sure: float = 0.8
-    none: float = 0.02
-    least_probability: float = 0.005
-    fewest_core_pixels: int = 20
-    prior_weight: float = 0.05
-    resolved_prior_weight: float = 1.0
-    resolved_difference: float = 5.0
-    lost_parts_step: int = 1
-    step_band: int = 3
-    present: int = 15
-    decided: float = 0.98
-    least_carried: float = 0.05
-    border: float = 1.5
-    certain: float = 0.99
-    unsure: float = 0.3
-    alone: float = 3.0
-    least_agreement: float = 0.5
-
-
-PARAMETERS = MatteParameters()
+# coverage, in pixels of the photo
+BORDER = 1.5  # half width of the band along a border that closed-form matting solves for
+CERTAIN = 0.99  # labels above are not mixtures, even near a border: a stem is all border
+UNSURE = 0.3  # labels at least this far from 0 and 1 are mixtures anywhere, in unsharp photos
+ALONE = 3.0  # beyond this distance to certain pixels, the coverage of a mixture is at least its label
+MIN_AGREEMENT = 0.5  # IoU of photo and field, below which the field is right
 
 
 def refine_mattes(
     photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks | None = None, seed: int = 0
 ) -> list[Matte]:
-    """Mattes of K objects from the field's soft answer and the photo.
+    """Make mattes of K objects from the field's probabilities and the photo.
 
     Args:
         photo: uint8 [H, W, 3] sRGB.
-        probabilities: [K, h, w] float32 of the objects, of the field, on the photo's own grid, h <= H and w <= W.
-        rendered: uint8 [h, w, 3] sRGB, the scene as the field shows it there.
-        marks: What rough masks say to the photo, of thin parts alone; None: nothing.
-        seed: Of the pixels that color models are fitted to.
-
-    Returns:
-        One matte for each object.
+        probabilities: [K, h, w] float32 by the field, in the photo's grid, h <= H and w <= W.
+        rendered: uint8 [h, w, 3] sRGB, the field's rendering.
+        marks: Rough masks of the photo, used for thin parts alone.
+        seed: For the pixels that color models are fitted to.
     """
     marks = marks or Marks(None, (False,) * len(probabilities))
     probabilities = without_strays(probabilities)
     if not hard_masks(probabilities).any():
         return unmixed(photo, np.zeros_like(probabilities))
-    start = probabilities.shape[1:]
+    start = probabilities.shape[1], probabilities.shape[2]
     field = lab_of(rendered)
     classes, models = decide(lab_of(_resized(photo, start)), probabilities, field, np.random.default_rng(seed))
-    # what the photo's lens has blurred is a mixture over many of its pixels: it is decided where they are few
+    # stop at the size where the photo is sharp: blurred edges are mixtures over many pixels
     end = np.maximum(sharp_size(photo, _near_border(classes)), start)
-    sizes = steps(start, tuple(end.tolist()))[1:]
+    sizes = steps(start, (int(end[0]), int(end[1])))[1:]
     for number, size in enumerate(sizes):
         reduced = _resized(photo, size)
-        if number == min(PARAMETERS.lost_parts_step, len(sizes) - 1):
+        if number == min(LOST_PARTS_STEP, len(sizes) - 1):
             classes = with_lost_parts(reduced, field, classes, models, marks)
         classes = sharpen(reduced, classes, models)
     coverage = cover(_resized(photo, classes.shape[1:]), classes)
@@ -129,17 +91,17 @@ def refine_mattes(
 
 
 def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
-    """Whether an object's coverage has little to do with the field's mask, bool [h, w]."""
+    """Return whether an object's coverage hardly overlaps the field's mask, bool [h, w]."""
     found = cv2.resize(coverage.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
-    return bool((found & mask).sum() < PARAMETERS.least_agreement * (found | mask).sum())
+    return bool((found & mask).sum() < MIN_AGREEMENT * (found | mask).sum())
 
 
 def with_lost_parts(
     photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels, marks: Marks
 ) -> np.ndarray:
-    """Classes [K+1, H, W] at the size of a photo, uint8 [H, W, 3], where parts that the field has lost are open.
+    """Upsample classes to the size of a photo, uint8 [H, W, 3], and add the parts that the field misses, [K+1, H, W].
 
-    rendered: CIE Lab [h, w, 3], as the field shows the scene. marks: what rough masks say to the photo.
+    rendered: CIE Lab [h, w, 3], the field's rendering. marks: rough masks of the photo.
     """
     width, height = photo.shape[1::-1]
     classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
@@ -151,39 +113,37 @@ def with_lost_parts(
 
 
 def steps(start: tuple[int, int], end: tuple[int, int]) -> list[tuple[int, int]]:
-    """Sizes (rows, columns) from one to the other, each at most twice the one before."""
+    """Return sizes (rows, columns) from one to the other, each at most twice the one before."""
     count = int(np.ceil(np.log2(max(end[0] / start[0], end[1] / start[1], 1)) - 1e-9))
     ratio = np.array(end) / start
-    between = [tuple(np.rint(start * ratio ** (n / count)).astype(int).tolist()) for n in range(1, count)]
-    return [tuple(start), *between, *([tuple(end)] if tuple(end) != tuple(start) else [])]
+    between = [np.rint(start * ratio ** (n / count)).astype(int).tolist() for n in range(1, count)]
+    return [start, *((rows, columns) for rows, columns in between), *([end] if end != start else [])]
 
 
 def decide(
     lab: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, random: np.random.Generator
 ) -> tuple[np.ndarray, ColorModels]:
-    """Classes [K+1, h, w] at the field's picture size, class 0 being no object, and the colors that they have."""
+    """Label the photo at the field's picture size: classes [K+1, h, w], class 0 the background, and their colors."""
     classes = np.concatenate([np.clip(1 - probabilities.sum(0), 0, 1)[None], probabilities])
     masks = hard_masks(probabilities)
     cores = [_core(mask, own) for mask, own in zip(masks, probabilities, strict=True)]
     away = np.stack([distance_to(mask) for mask in masks])
     nearest = away.min(0)
-    surroundings = (probabilities.sum(0) < PARAMETERS.none) & (nearest < PARAMETERS.ring)
-    models = fit_color_models(lab, np.stack([surroundings, *cores]), random)
-    free = (nearest <= PARAMETERS.band) & ~np.any(cores, 0)
-    of_field = np.maximum(classes, PARAMETERS.least_probability)
-    of_field[1:][away > PARAMETERS.band] = 0
+    background = (probabilities.sum(0) < BACKGROUND) & (nearest < RING)
+    models = fit_color_models(lab, np.stack([background, *cores]), random)
+    free = (nearest <= BAND) & ~np.any(cores, 0)
+    of_field = np.maximum(classes, MIN_PROBABILITY)
+    of_field[1:][away > BAND] = 0
     labels = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
     labels[:, free] = posterior(models, lab[free], _places(free), of_field[:, free])
-    resolved = (classes.max(0)[free] > PARAMETERS.decided) & (
-        difference_nearby(lab, rendered, free, 1) < PARAMETERS.resolved_difference
-    )
-    weights = np.where(resolved, PARAMETERS.resolved_prior_weight, PARAMETERS.prior_weight)
+    resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED_DIFFERENCE)
+    weights = np.where(resolved, RESOLVED_PRIOR_WEIGHT, PRIOR_WEIGHT)
     labels[:, free] = random_walk(links_of(lab), labels, free, weights)
     return labels, models
 
 
 def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.ndarray:
-    """Classes [K+1, H, W] float16 at the size of a photo, uint8 [H, W, 3], from those [K+1, h, w] of a smaller size."""
+    """Upsample classes [K+1, h, w] to a photo, uint8 [H, W, 3], and decide those near borders again: float16."""
     size = photo.shape[:2]
     result = np.empty((len(classes), *size), np.float16)
     for tile in tiles(size, TILE, MARGIN):
@@ -192,23 +152,23 @@ def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.n
         if free.any():
             lab = lab_of(photo[tile.outer])
             places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
-            priors = np.maximum(labels, PARAMETERS.least_carried * _present(labels))[:, free]
+            priors = np.maximum(labels, MIN_CARRIED * _present(labels))[:, free]
             labels[:, free] = posterior(models, lab[free], places, priors)
-            labels[:, free] = random_walk(links_of(lab), labels, free, PARAMETERS.prior_weight)
+            labels[:, free] = random_walk(links_of(lab), labels, free, PRIOR_WEIGHT)
         result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
 
 
 def _present(labels: np.ndarray) -> np.ndarray:
-    """Whether each class holds a pixel thereabouts: the far end of another object may have any color."""
-    kernel = np.ones((2 * PARAMETERS.present + 1,) * 2, np.uint8)
+    """Return where each class has a pixel nearby; elsewhere its colors do not count."""
+    kernel = np.ones((2 * PRESENT + 1,) * 2, np.uint8)
     return np.stack([cv2.dilate((own > 0.5).astype(np.uint8), kernel) for own in labels])
 
 
 def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
-    """Coverage [K, h, w] float16 of the objects from labels [K+1, h, w] of the size of the photo, uint8 [h, w, 3]."""
+    """Compute coverage [K, h, w] float16 from labels [K+1, h, w] of the photo, uint8 [h, w, 3]."""
     result = np.zeros((len(classes) - 1, *photo.shape[:2]), np.float16)
-    is_certain = classes[1:].max((1, 2)) >= PARAMETERS.certain
+    is_certain = classes[1:].max((1, 2)) >= CERTAIN
     for tile in tiles(photo.shape[:2], TILE, MARGIN):
         labels = classes[(slice(None), *tile.outer)].astype(np.float32)
         if labels[0].min() == 1:
@@ -221,29 +181,29 @@ def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
 
 
 def _border_matted(light: np.ndarray, label: np.ndarray, is_certain: bool) -> np.ndarray:
-    """Coverage [h, w] of one object: 0 and 1 but along its border, where the colors [h, w, 3], linear, decide.
+    """Compute coverage [h, w] of one object: 0 and 1, matted along its border by the linear colors [h, w, 3].
 
-    is_certain: whether some pixel of the photo is certainly the object's, in this tile or another.
+    is_certain: whether any tile of the photo has a certain pixel of the object.
     """
     inside = label > 0.5
     if not inside.any() or inside.all():
         return inside.astype(np.float32)
-    border = np.maximum(distance_to(inside), distance_to(~inside)) <= PARAMETERS.border
-    unknown = (border & (label < PARAMETERS.certain)) | ((label > PARAMETERS.unsure) & (label < 1 - PARAMETERS.unsure))
+    border = np.maximum(distance_to(inside), distance_to(~inside)) <= BORDER
+    unknown = (border & (label < CERTAIN)) | ((label > UNSURE) & (label < 1 - UNSURE))
     result = np.where(unknown, label, inside.astype(np.float32))
     result[unknown] = closed_form_matting(light, result, unknown)
-    # a line that is all border has no certain pixel to be compared with: only its surroundings would speak;
-    # an object without any certain pixel may be none at all, and is left to them
+    # a line without certain pixels would take its coverage from the background alone, so its labels count;
+    # not for an object without any certain pixel, which may be an error of the field
     away = distance_to(inside & ~unknown)
-    thin = inside & unknown & (away > PARAMETERS.alone) & (is_certain | np.isfinite(away))
+    thin = inside & unknown & (away > ALONE) & (is_certain | np.isfinite(away))
     result[thin] = np.maximum(result, label)[thin]
     return result
 
 
 def _near_border(classes: np.ndarray) -> np.ndarray:
     top = classes.max(0)
-    unsure = top < PARAMETERS.decided
-    kernel = np.ones((2 * PARAMETERS.step_band + 1,) * 2, np.uint8)
+    unsure = top < DECIDED
+    kernel = np.ones((2 * STEP_BAND + 1,) * 2, np.uint8)
     hard = classes.argmax(0).astype(np.uint8)
     border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
     return unsure | border
@@ -254,18 +214,18 @@ def _places(chosen: np.ndarray) -> np.ndarray:
 
 
 def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    core = mask & (probability > PARAMETERS.sure) & (distance_to(~mask) > PARAMETERS.core_depth)
-    if core.sum() >= PARAMETERS.fewest_core_pixels or not mask.any():
+    core = mask & (probability > SURE) & (distance_to(~mask) > CORE_DEPTH)
+    if core.sum() >= MIN_CORE_PIXELS or not mask.any():
         return core
-    return mask & (probability >= np.median(probability[mask]))  # a thin or small object has no deeper pixels
+    return mask & (probability >= np.median(probability[mask]))  # thin and small objects have no deeper pixels
 
 
 def lab_of(photo: np.ndarray) -> np.ndarray:
-    """CIE Lab float32 [h, w, 3] of uint8 sRGB."""
+    """Convert uint8 sRGB to CIE Lab, float32 [h, w, 3]."""
     return cv2.cvtColor(photo.astype(np.float32) / 255, cv2.COLOR_RGB2LAB)
 
 
 def _resized(photo: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    if photo.shape[:2] == tuple(size):
+    if photo.shape[:2] == size:
         return photo
     return cv2.resize(photo, size[::-1], interpolation=cv2.INTER_AREA)

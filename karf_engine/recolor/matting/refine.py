@@ -1,4 +1,4 @@
-"""Mattes of a photo's objects: from the field's soft probabilities alone, or refined in the photo."""
+"""Mattes of a photo's objects, from the field's probabilities alone or refined in the photo."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def mattes_of(
     marks: Marks | None = None,
     seed: int = 0,
 ) -> list[Matte]:
-    """Mattes of the K objects of a photo.
+    """Make mattes of the K objects of a photo.
 
     Args:
         edges: `photo`: refined in the photo; `field`: the probabilities alone.
         photo: uint8 sRGB [H, W, 3].
         probabilities: [K, h, w] of each object, in the grid of the photo at any size.
-        rendered: uint8 sRGB [h, w, 3], the scene as the field shows it there.
-        marks: What rough masks say to the photo, in its grid; None: nothing.
-        seed: Of the colors that are drawn in the photo.
+        rendered: uint8 sRGB [h, w, 3], the field's rendering.
+        marks: Rough masks of the photo, in its grid.
+        seed: For the pixels that color models are fitted to.
 
     Example:
         >>> mattes = mattes_of("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.zeros((1, 2, 3)))
@@ -39,26 +39,16 @@ def mattes_of(
 
 
 def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
-    """Mattes that cover as much of each pixel as the field says, enlarged softly.
-
-    Args:
-        size: Width and height of the photo.
-        probabilities: [K, h, w] of each object, in the grid of the photo at any size.
-
-    Example:
-        >>> field_mattes((2, 1), np.array([[[0.0, 0.5]]]))[0].coverage.tolist()
-        [[0.5]]
-    """
+    """Enlarge probabilities [K, h, w] to mattes of a photo of this width and height."""
     return [_field_matte(size, own) for own in probabilities]
 
 
 def _field_matte(size: tuple[int, int], probability: np.ndarray) -> Matte:
     coverage = resize(probability, *size)
     coverage = np.where(coverage > NEGLIGIBLE, coverage, 0)
-    rows, columns = (_extent(coverage.any(axis)) for axis in (1, 0))
-    # at the field's own size nothing is lost; enlarged it would only take more memory
-    exact = np.float32 if probability.shape == coverage.shape else np.float16
-    inside = coverage[slice(*rows), slice(*columns)].astype(exact)
+    rows, columns = (_extent((coverage != 0).any(axis=axis)) for axis in (1, 0))
+    dtype = np.float32 if probability.shape == coverage.shape else np.float16  # interpolated values need less precision
+    inside = coverage[slice(*rows), slice(*columns)].astype(dtype)
     return Matte(rows, columns, inside, np.zeros(0, np.int64), np.zeros((0, 3), np.uint8))
 
 

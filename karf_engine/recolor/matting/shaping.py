@@ -1,4 +1,4 @@
-"""Mattes whose edges an edit has moved and faded."""
+"""Mattes with moved and faded edges."""
 
 from __future__ import annotations
 
@@ -14,19 +14,16 @@ from .matte import Matte
 def shaped_mattes(
     mattes: Sequence[Matte], objects: Sequence[str], edges: Mapping[str, EdgeShape], photo: np.ndarray, scale: float
 ) -> list[Matte]:
-    """Mattes with the edges that an edit wants. No edge spreads into another object.
+    """Move and fade the edges of mattes. No edge spreads into another object.
 
-    What an edge newly covers keeps the color that it had beside the object: see `palettes.edge_planes`.
+    Newly covered pixels keep the color of the background there: see `palettes.edge_planes`.
 
     Args:
         mattes: Of the K objects, in one photo.
-        objects: Their names.
-        edges: By object; those without one stay as they are.
+        objects: Names of the objects.
+        edges: By object; others stay unchanged.
         photo: uint8 [H, W, 3].
-        scale: Pixels of this photo for one of it at its full size.
-
-    Returns:
-        One for each object.
+        scale: Size of this photo relative to its full size.
     """
     edges = shaped_edges(edges)
     return [
@@ -37,12 +34,13 @@ def shaped_mattes(
 
 def _shaped(matte: Matte, mattes: Sequence[Matte], shape: EdgeShape, photo: np.ndarray, scale: float) -> Matte:
     box = slice(*matte.rows), slice(*matte.columns)
-    place = grown_box(box, shape.reach(scale), photo.shape[:2])
+    place = grown_box(box, shape.reach(scale), (photo.shape[0], photo.shape[1]))
+    assert place is not None
     before = _coverage_in(matte, place)
     others = sum((_coverage_in(other, place) for other in mattes if other is not matte), np.zeros_like(before))
     after = shaped(before, shape, scale, room=1 - others)
     rows, columns = ((each.start, each.stop) for each in place)
-    # the pixels that are mixed, counted in the new box
+    # flat indices of the mixed pixels in the new box
     row, column = np.divmod(matte.mixed, matte.columns[1] - matte.columns[0])
     row, column = row + matte.rows[0] - rows[0], column + matte.columns[0] - columns[0]
     own = _own_colors(matte.mixed_colors, photo[place][row, column], before[row, column], after[row, column])
@@ -51,21 +49,21 @@ def _shaped(matte: Matte, mattes: Sequence[Matte], shape: EdgeShape, photo: np.n
 
 
 def _own_colors(own: np.ndarray, seen: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Own colors, uint8 [n, 3], of mixed pixels whose coverage [n] becomes another: what is new has the color beside.
+    """Return own colors uint8 [n, 3] of mixed pixels whose coverage [n] changes.
 
-    A pixel shows before x own + (1 - before) x beside, so that after x (own then) is before x own + (after - before) x
-    beside.
+    With seen = before x own + (1 - before) x background, the new own color is
+    (before x own + (after - before) x background) / after where the coverage grows.
     """
     grown = after > before
     before, after, own_before = before[grown, None], after[grown, None], own[grown].astype(np.float32)
-    beside = ((seen[grown] - before * own_before) / (1 - before)).clip(0, 255)
+    background = ((seen[grown] - before * own_before) / (1 - before)).clip(0, 255)
     result = own.copy()
-    result[grown] = np.rint((before * own_before + (after - before) * beside) / after)
+    result[grown] = np.rint((before * own_before + (after - before) * background) / after)
     return result
 
 
 def _coverage_in(matte: Matte, place: tuple[slice, slice]) -> np.ndarray:
-    """A matte's coverage in a box of the photo, [h, w] float32."""
+    """Return a matte's coverage in a box of the photo, [h, w] float32."""
     rows, columns = place
     result = np.zeros((rows.stop - rows.start, columns.stop - columns.start), np.float32)
     top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])

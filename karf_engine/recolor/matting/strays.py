@@ -1,4 +1,4 @@
-"""Small patches that the field takes for an object, far from where it is."""
+"""Removal of small connected components far from their object."""
 
 from __future__ import annotations
 
@@ -7,30 +7,26 @@ import numpy as np
 
 from .distances import distance_to
 
-SMALL = 0.02  # of the area of the object's largest part
-FAR = 0.25  # of the square root of that area, from the larger parts
+SMALL = 0.02  # area, relative to the object's largest component
+FAR = 0.25  # distance to the larger components, relative to the square root of that area
 
 
 def without_strays(probabilities: np.ndarray) -> np.ndarray:
-    """Probabilities of K objects without those of stray patches.
+    """Zero the probabilities [K, h, w] of components that are both small and far from the larger ones.
 
-    A patch is small beside the object's largest part and far from all parts that are not small. An object that
-    something stands before may come in several parts; so small parts near it stay, and two of like size.
-
-    Args:
-        probabilities: [K, h, w] in [0, 1].
+    Near ones stay: an occluded object may have several components.
 
     Examples:
         >>> seen = np.zeros((1, 40, 40), np.float32)
         >>> seen[0, 5:25, 5:25] = seen[0, 36, 36] = seen[0, 26, 10] = 1
-        >>> int(without_strays(seen).sum()) - 400  # the patch near by has stayed
+        >>> int(without_strays(seen).sum()) - 400  # the near component stays
         1
     """
     return np.stack([own * ~_strays(own > 0.5) for own in probabilities])
 
 
 def _strays(mask: np.ndarray) -> np.ndarray:
-    """Stray patches of a mask, and what is nearer to them than to the rest."""
+    """Return a mask's stray components, with all pixels that are nearer to them than to the others."""
     count, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     if count <= 2:
         return np.zeros_like(mask)

@@ -1,4 +1,4 @@
-"""Large pictures in tiles: each with a margin, so that what is computed in it does not know where it was cut."""
+"""Overlapping tiles of large pictures, so that results do not depend on the cuts."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Tile:
-    """A part of a picture.
+    """A tile of a picture.
 
     Attributes:
         rows: With the margin, in the picture.
         columns: With the margin, in the picture.
-        inner: Rows and columns without the margin, in the part.
+        inner: Rows and columns without the margin, in the tile.
         place: Rows and columns without the margin, in the picture.
     """
 
@@ -33,7 +33,7 @@ class Tile:
 
 
 def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
-    """The tiles of a picture of this size (rows, columns), all `side` pixels wide and high but the last ones.
+    """Yield the tiles of a picture of this size (rows, columns); the last ones may be smaller than `side`.
 
     Examples:
         >>> [tile.place[1] for tile in tiles((4, 5), side=4, margin=1)]
@@ -52,15 +52,12 @@ def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
 
 
 def enlarged(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarray:
-    """One tile of planes at a larger size, interpolated linearly.
+    """Enlarge planes bilinearly in one tile, float32 [C, rows, columns] with the margin.
 
     Args:
         planes: [C, h, w], float.
         size: Rows and columns of the larger picture.
         tile: Of the larger picture.
-
-    Returns:
-        float32 [C, rows, columns] of the tile, with its margin.
 
     Examples:
         >>> tile = next(tiles((2, 4), side=4, margin=0))
@@ -71,11 +68,8 @@ def enlarged(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarra
     top, left = max(0, int(tile.rows.start * down) - 1), max(0, int(tile.columns.start * across) - 1)
     bottom, right = int(tile.rows.stop * down) + 2, int(tile.columns.stop * across) + 2
     source = planes[:, top:bottom, left:right].astype(np.float32)
-    # pixel centers lie at halves: where the tile's first pixel lies in the source
-    first_row, first_column = (
-        (tile.rows.start + 0.5) * down - 0.5 - top,
-        (tile.columns.start + 0.5) * across - 0.5 - left,
-    )
+    first_row = (tile.rows.start + 0.5) * down - 0.5 - top  # of the tile, in the source; pixel centers are at .5
+    first_column = (tile.columns.start + 0.5) * across - 0.5 - left
     to_source = np.array([[across, 0, first_column], [0, down, first_row]])
     shape = (tile.columns.stop - tile.columns.start, tile.rows.stop - tile.rows.start)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP

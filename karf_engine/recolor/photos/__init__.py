@@ -1,4 +1,4 @@
-"""Photos as their files hold them, and edited copies of them: own size, depth, color profile and metadata."""
+"""Photos as stored in their files, and edited copies with the same size, bit depth, color profile and metadata."""
 
 from .stored import StoredPhoto, open_photo
 from .writing import suffix_for, write_mask, write_photo

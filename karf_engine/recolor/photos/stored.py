@@ -1,7 +1,7 @@
-"""A photo as its file holds it: every stored value, in the stored grid, and what it looks like to the engine.
+"""A photo as stored in its file, with access to its sRGB colors.
 
-The stored grid is that of the file before its Exif orientation is followed. Values that no edit reaches are never
-converted, so that an edited copy has them to the bit.
+The stored grid is that of the file before its Exif orientation is applied. Values that no edit changes are never
+converted, so that an edited copy has the same bits.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ LARGEST_HALF = float(np.finfo(np.float16).max)
 
 @dataclass(frozen=True)
 class StoredPhoto:
-    """A photo's stored pixels and what is needed to write an edited copy of the file.
+    """A photo's stored pixels.
 
     Attributes:
         path: The file.
-        header: Its header.
+        header: Of the file.
         pixels: [H, W, 3 or 4], of an EXR also 1: uint8, uint16, float32 or float16, in the stored grid. EXR: linear
             light with premultiplied alpha, on the display window. Others: sRGB, gray and palettes as three channels.
-        channels: Name of the channels that an EXR holds them in; else empty.
-        space: That the stored colors are in; None: as above.
+        channels: Name of an EXR's channels; else empty.
+        space: Color space of the stored colors; None: as above.
     """
 
     path: Path
@@ -60,21 +60,21 @@ class StoredPhoto:
 
     @property
     def is_light(self) -> bool:
-        """Whether the pixels hold linear light."""
+        """True if the pixels are linear light."""
         return bool(self.channels)
 
     @property
     def is_premultiplied(self) -> bool:
-        """Whether colors are stored times alpha."""
+        """True if colors are stored with premultiplied alpha."""
         return self.pixels.shape[-1] == 4 and self.header.deep and self.header.premultiplied
 
     @cached_property
     def is_opaque(self) -> bool:
-        """Whether no pixel shows what is behind the photo."""
+        """True if alpha is 1 everywhere."""
         return self.pixels.shape[-1] < 4 or bool((self.pixels[..., 3] >= full_value(self.pixels)).all())
 
     def orientation_for(self, camera: Camera) -> int:
-        """Exif orientation between the stored grid and the camera's, which knows the photo upright or as stored.
+        """Return the Exif orientation from the stored grid to the camera's, which is upright or as stored.
 
         Raises:
             DataError: The camera is of another size.
@@ -87,8 +87,8 @@ class StoredPhoto:
             return 1
         raise wrong_size(self.path, width, height, camera)
 
-    def colors(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
-        """What the engine sees of some pixels: straight sRGB, float32 [h, w, 3] in [0, 1]."""
+    def colors(self, rows: slice | np.ndarray = WHOLE, columns: slice | np.ndarray = WHOLE) -> np.ndarray:
+        """Return straight sRGB colors, float32 [h, w, 3] in [0, 1]."""
         stored = self.pixels[rows, columns]
         if self.is_light:
             return display_colors(stored.astype(np.float32), self.space)[..., :3]
@@ -97,28 +97,28 @@ class StoredPhoto:
         return colors if self.space is None else in_srgb(colors, self.space)
 
     def alpha(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray | None:
-        """Alpha of some pixels, float32 [h, w] in [0, 1]; None where the whole photo is opaque."""
+        """Return alpha, float32 [h, w] in [0, 1]; None if the whole photo is opaque."""
         if self.is_opaque:
             return None
         stored = self.pixels[rows, columns, 3]
         return np.clip(stored.astype(np.float32) / full_value(stored), 0, 1)
 
     def shown(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
-        """Some pixels as a matte capture shows them, on white: uint8 sRGB [h, w, 3]."""
+        """Return colors over white: uint8 sRGB [h, w, 3]."""
         stored = self.pixels[rows, columns]
         if stored.dtype == np.uint8 and self.is_opaque and self.space is None:
             return stored[..., :3]
         return to_bytes(over(self.colors(rows, columns), self.alpha(rows, columns)))
 
     def copy(self) -> StoredPhoto:
-        """The same photo with pixels of its own, gray ones as colors."""
+        """Return a copy with its own pixels, gray ones expanded to RGB."""
         channels = max(3, self.pixels.shape[-1])
         return replace(self, pixels=np.array(np.broadcast_to(self.pixels, (*self.pixels.shape[:2], channels))))
 
     def change(self, rows: slice, columns: slice, change: np.ndarray) -> None:
         """Add a change [h, w, 3] of the straight sRGB colors to some pixels, in place.
 
-        Pixels whose change is zero keep their bits. So does all light above one: the edit is added to what is shown.
+        Pixels whose change is zero keep their bits. Light above 1 is kept: the edit is added to the clipped color.
         """
         touched = change.any(-1)
         stored = self.pixels[rows, columns]
@@ -130,20 +130,20 @@ class StoredPhoto:
         stored[..., :3][touched] = _sum(stored[..., :3][touched], difference)
 
     def _stored_colors(self, colors: np.ndarray) -> np.ndarray:
-        """sRGB colors [n, 3] as the file has them, its full value being 1."""
+        """Convert sRGB colors [n, 3] to the file's encoding, full value 1."""
         if self.space is not None:
             return self.space.from_srgb(colors)
         return srgb_to_linear(colors) if self.is_light else colors
 
     def resized(self, long_side: int) -> StoredPhoto:
-        """The photo reduced so that no side is longer, as deep as it is; itself where it is small enough."""
+        """Reduce the photo to a long side, at the same bit depth; return itself if it is small enough."""
         factor = long_side / max(self.size)
         if factor >= 1:
             return self
         width, height = (max(1, round(side * factor)) for side in self.size)
         values = np.nan_to_num(self.pixels.astype(np.float32))
         alpha = values[..., 3:] / full_value(self.pixels) if not (self.is_opaque or self.is_premultiplied) else 1.0
-        values[..., :3] *= alpha  # averages must not mix in the hidden colors of transparent pixels
+        values[..., :3] *= alpha  # hidden colors of transparent pixels must not count
         small = resize(values, width, height)
         if not (self.is_opaque or self.is_premultiplied):
             small[..., :3] = full_value(self.pixels) * straight(small / full_value(self.pixels))
@@ -152,11 +152,11 @@ class StoredPhoto:
 
 
 def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
-    """Read a photo as its file holds it.
+    """Read a photo as stored in its file.
 
     Args:
-        path: PNG, JPEG, WebP, TIFF, BMP, EXR, or what else `images.read_photo` reads.
-        space: That its colors are in; None: sRGB, of EXR linear light with its primaries.
+        path: PNG, JPEG, WebP, TIFF, BMP, EXR, or another format of `images.read_photo`.
+        space: Color space of the file; None: sRGB, of EXR linear light with its primaries.
 
     Raises:
         DataError: As `images.read_photo`.
@@ -166,7 +166,7 @@ def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
         if header is not None and header.kind == "exr":
             return StoredPhoto(path, header, *read_light(path, header), space)
     pixels, header = read_pixels(path, upright=False)
-    if pixels.dtype.kind == "i":  # Pillow's 32-bit integers hold 16-bit gray
+    if pixels.dtype.kind == "i":  # Pillow reads 16-bit gray as 32-bit integers
         pixels = np.clip(pixels, 0, 65535).astype(np.uint16)
     elif pixels.dtype == bool:
         pixels = pixels.astype(np.uint8) * 255
@@ -178,12 +178,12 @@ def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
 
 
 def from_camera(grid: np.ndarray, orientation: int) -> np.ndarray:
-    """A picture [H, W, ..] of the camera's grid in the stored grid; see `StoredPhoto.orientation_for`."""
+    """Turn a picture [H, W, ..] from the camera's grid to the stored grid; see `StoredPhoto.orientation_for`."""
     return oriented(grid, BACK.get(orientation, orientation))
 
 
 def _sum(stored: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Stored values plus a difference, in the stored type, where it is not zero after rounding."""
+    """Add a difference to stored values, in the stored type."""
     if stored.dtype.kind == "u":
         whole = stored + np.rint(difference).astype(np.int32)
         return np.clip(whole, 0, np.iinfo(stored.dtype).max).astype(stored.dtype)

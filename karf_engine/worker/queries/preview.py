@@ -46,8 +46,9 @@ def preview(session: Session, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _planes(session: Session, model: Model, camera: Camera) -> Planes:
-    from ...recolor.frames import bands_of, joined, planes_of  # need torch, without which some kinds can be answered
-    from ...recolor.model import MASK_SAMPLES, WEIGHT_SAMPLES
+    # these need torch, without which some kinds of queries can be answered
+    from ...recolor.field_rendering import MASK_SAMPLES, WEIGHT_SAMPLES, frame_of
+    from ...recolor.frames import bands_of, joined, planes_of
 
     session.check()
     if model.splats is not None:
@@ -57,5 +58,5 @@ def _planes(session: Session, model: Model, camera: Camera) -> Planes:
     for band in bands_of(camera, 1, BAND_RAYS):
         session.check()
         picture = model.scene.render(band, samples)
-        frames.append(model.frame_of(picture, picture.color.cpu().numpy(), model.recoloring is not None))
+        frames.append(frame_of(model, picture, picture.color.cpu().numpy(), model.recoloring is not None))
     return planes_of(joined(frames), model.objects)

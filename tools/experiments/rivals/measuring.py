@@ -13,6 +13,7 @@ import numpy as np
 from karf_engine.io.images import over
 from karf_engine.metrics.scores import score_masks, score_recolor
 from karf_engine.palettes.compositing import hard_masks
+from karf_engine.recolor.field_rendering import frame_of
 from karf_engine.recolor.model import Model
 
 from ...judging.truth import Truth
@@ -65,7 +66,7 @@ def rendered(model: Model) -> TestViews:
     frames = []
     for image in images:
         picture = model.scene.render(image.camera, SAMPLES)
-        frames.append(model.frame_of(picture, over(image.color, image.alpha), False))
+        frames.append(frame_of(model, picture, over(image.color, image.alpha), False))
     return TestViews(model, images, frames)
 
 

@@ -13,6 +13,7 @@ import torch
 from karf_engine.errors import BadRequest
 from karf_engine.heads.rendering import ObjectSamples, object_samples
 from karf_engine.metrics.scores import hue_shifted
+from karf_engine.recolor.field_rendering import photo_frame, weights_of_colors
 from karf_engine.recolor.frames import Frame
 
 from ...judging.recolors import edit_to_judge
@@ -69,7 +70,7 @@ class Recoloring:
         """Ours in other masks: probabilities [K, H, W] of each view."""
         frames = []
         for frame, probabilities in zip(self.test.frames, masks, strict=True):
-            weights = self.test.model.weights_of_colors(frame.base, probabilities)
+            weights = weights_of_colors(self.test.model, frame.base, probabilities)
             frames.append(Frame(frame.picture, probabilities, weights, frame.base))
         return self.ours(frames)
 
@@ -131,7 +132,7 @@ class Recoloring:
         view = next(view for view in model.capture.split("train") if view.stem == name)
         image = model.training_image(view)
         before, after = self.truth.reference(edit)
-        return Painted(image.camera, model.render_training_image(image), after - before)
+        return Painted(image.camera, photo_frame(model, image), after - before)
 
     @cached_property
     def points(self) -> dict[str, ObjectPoints]:

@@ -1,0 +1,48 @@
+"""A loaded model as a value: what is printed of it, and what happens when it is sent to another process."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("scipy")
+
+from karf_engine.recolor.frames import LONGEST_REPR, one_line
+from karf_engine.recolor.model import Model
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    return Model.load(learned.project, "cpu")
+
+
+def test_pickling_a_model_says_what_to_pickle_instead(model):
+    with pytest.raises(TypeError, match=r"model\.project\.folder.*Model\.load"):
+        pickle.dumps(model)
+    again = Model.load(pickle.loads(pickle.dumps(model.project.folder)), "cpu")
+    assert again.objects == model.objects
+
+
+def test_reprs_are_one_line(model):
+    view, many = model.capture.views[0], [f"object {number}" for number in range(255)]
+    photo_view, named = model.photo_view(view), Model.load(model.project.folder, "cpu")
+    named.objects = many
+    frame = model.render(view.camera.reduced(8))
+    planes = np.zeros((255, *frame.base.shape[:2]), np.float32)
+    for value in (
+        model,
+        named,
+        frame,
+        replace(frame, probabilities=planes, palette_weights=None),
+        photo_view,
+        replace(photo_view, objects=many),
+    ):
+        text = repr(value)
+        assert text.startswith(f"{type(value).__name__}(") and text.endswith(")")
+        assert len(text) <= LONGEST_REPR and "\n" not in text
+
+
+def test_a_line_break_is_not_printed():
+    assert one_line("Model", "a folder\nof two lines: pot") == "Model(a folder of two lines: pot)"

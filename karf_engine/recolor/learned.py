@@ -1,0 +1,101 @@
+"""The learned state of a project: scene, heads, palettes and splats, read from its files."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import torch
+
+from ..capture.capture import Capture
+from ..compute.cores import take_from_torch
+from ..compute.kernels import has_kernels
+from ..errors import BadRequest
+from ..fields.files import load_scene
+from ..heads.fields import RecoloringField, SegmentationField
+from ..heads.files import load_recoloring, load_segmentation
+from ..palettes.compositing import stack_palettes
+from ..palettes.palette import Edit, Palette, check_edit, read_palettes
+from ..project import Project
+from ..project.contents import capture_of, settings_for
+from ..project.settings import Settings
+from ..segmentation.doubts import SurfaceDoubts
+from ..splats.files import load_gaussians
+from ..splats.gaussians import Gaussians
+from .frames import Frame
+from .splatted_scene import SplattedScene
+
+
+class Learned:
+    """The finished stages of a project, in memory. Attributes are described at `Model`.
+
+    Capture and doubts are read when first used, the rest at once.
+    """
+
+    def __init__(self, project: Project, device: torch.device, settings: Settings | None) -> None:
+        project.require("geometry")
+        self.project, self.device = project, device
+        self.settings = settings or settings_for(project, "render")
+        self.scene = load_scene(project.checked(project.geometry_file), device)
+        self.objects: list[str] = []
+        self.palettes: tuple[Palette, ...] = ()
+        self.segmentation: SegmentationField | None = None
+        self.recoloring: RecoloringField | None = None
+        self.splatted: SplattedScene | None = None
+        n_features, space = self.scene.field.n_features, self.scene.field.space
+        if project.finished("segmentation"):
+            path = project.checked(project.segmentation_file)
+            self.segmentation, self.objects = load_segmentation(path, n_features, device, space)
+        if project.finished("recoloring"):
+            assert self.segmentation is not None
+            self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
+            path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
+            assert isinstance(bounds, torch.Tensor)
+            self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
+        if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
+            gaussians = load_gaussians(project.checked(project.splats_file))
+            learned = self.scene, self.segmentation, self.palettes
+            fades = self.settings.render.unseen == "faded"
+            self.splatted = SplattedScene(gaussians, *learned, lambda: self.capture.views, fades)
+            take_from_torch()  # numba's kernels render splats
+
+    @cached_property
+    def capture(self) -> Capture:
+        """The photos and cameras that the model was learned from. Raises DataError if their file is damaged."""
+        return capture_of(self.project)
+
+    @cached_property
+    def doubts(self) -> SurfaceDoubts:
+        """Uncertainty of the labels on the surface. Raises DataError if the segmentation has none."""
+        return SurfaceDoubts.read(self.project.checked(self.project.doubts_file))
+
+    @property
+    def splats(self) -> Gaussians | None:
+        """The scene as Gaussians; None if cameras are rendered from the field."""
+        return None if self.splatted is None else self.splatted.gaussians
+
+    @property
+    def learned_colors(self) -> np.ndarray:
+        """Palettes as learned, [K, M, 3] float32 sRGB; smaller palettes are padded with 0."""
+        return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
+
+    @cached_property
+    def photo_side(self) -> float:
+        """Median long side of the capture's photos, pixels."""
+        return float(np.median([max(view.camera.width, view.camera.height) for view in self.capture.views]))
+
+    def check_edit(self, edit: Edit) -> None:
+        """Raise BadRequest before palettes are learned, and for an edit of other palettes."""
+        if self.recoloring is None:
+            raise BadRequest(
+                f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
+            )
+        check_edit(edit, self.palettes)
+
+    def check_frame(self, frame: Frame) -> None:
+        """Raise BadRequest for a frame of another model."""
+        if len(frame.probabilities) != len(self.objects):
+            count = len(frame.probabilities)
+            raise BadRequest(
+                f"The frame is of {count} objects, the model of {len(self.objects)}.", "Render it by this model."
+            )
