@@ -177,14 +177,9 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
 
 
 def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
-    """Fit the reference light to a chart in a photo, for any first corner and either direction.
+    """Fit the reference light to a chart in a photo; its corners (see `patch_colors`) may start anywhere, in either direction.
 
-    Args:
-        photo: sRGB [H, W, 3] in [0, 1].
-        corners: As for `patch_colors`, apart from their order.
-
-    Raises:
-        BadRequest: As `patch_colors` and `fit_chart`.
+    Raises BadRequest as `patch_colors` and `fit_chart` do.
 
     Examples:
         A flat chart at half the light, of patches 10 pixels wide and 1 apart:

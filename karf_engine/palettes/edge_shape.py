@@ -95,12 +95,9 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
 
 
 def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Apply a local operation to the blocks of a coverage that are not constant.
+    """Apply an operation of radius `reach` to the blocks of a coverage that are not constant.
 
-    Args:
-        coverage: [H, W] float32.
-        reach: Radius of the operation in pixels.
-        change: The operation, from an array with a margin of `reach` to one without.
+    `change` maps an array with a margin of `reach` to one without.
     """
     result = coverage.copy()
     for top in range(0, coverage.shape[0], BLOCK):

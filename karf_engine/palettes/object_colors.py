@@ -31,14 +31,7 @@ class ColorHistogram(NamedTuple):
 
 
 def read_object_colors(path: Path, name: str) -> ColorHistogram:
-    """Read the color histogram of an object.
-
-    Args:
-        path: object_colors.npz.
-        name: The object.
-
-    Raises:
-        DataError: The file is unreadable, lacks the object, or has invalid values.
+    """Read the color histogram of an object; raise DataError if the file lacks it, is unreadable or has invalid values.
 
     Examples:
         >>> import tempfile

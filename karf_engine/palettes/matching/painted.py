@@ -141,18 +141,11 @@ def _fit(
     palette: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, by iteratively reweighted least squares.
+    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by iteratively reweighted least
+    squares.
 
     The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
-    no palette can explain, such as a stray brush stroke.
-
-    Args:
-        weights: [n, M].
-        shown: Current colors, not clipped, [n, 3].
-        aim: sRGB [n, 3] in [0, 1].
-        painted: bool [n], at least one.
-        palette: The current palette, [M, 3].
-        locked: Fixed entries.
+    no palette can explain, such as a stray brush stroke. At least one pixel is painted.
     """
     lower, upper = bounds(palette, locked, BRIGHTEST)
     counts = np.where(painted, 1.0, UNPAINTED * painted.sum() / max(1, (~painted).sum()))
