@@ -31,10 +31,6 @@ class EdgeShape:
 
     Raises:
         BadRequest: A number is out of range.
-
-    Examples:
-        >>> EdgeShape(choke=-2).is_neutral, EdgeShape().is_neutral
-        (False, True)
     """
 
     choke: float = 0.0
@@ -47,7 +43,6 @@ class EdgeShape:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether the edge stays as it is."""
         return not (self.choke or self.feather)
 
     def reach(self, scale: float) -> int:
