@@ -22,7 +22,7 @@ from .object_colors import ColorHistogram
 from .palette import PROTECT, AddedColor, Palette
 
 FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments
-LEAST_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
+MIN_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
 HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # hue differences, in units of reach
 SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
 GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
@@ -53,7 +53,7 @@ def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
     is_gap = np.histogram(distance, HUE_BINS, weights=counts)[0] <= SPARSE
     is_other_pigment = ~is_gap & np.logical_or.accumulate(is_gap)
     next_hue = HUE_BINS[is_other_pigment.argmax()] if is_other_pigment.any() else np.inf
-    reach = max(LEAST_REACH, min(PROPOSED_REACH, next_hue / GATE_CLOSED))
+    reach = max(MIN_REACH, min(PROPOSED_REACH, next_hue / GATE_CLOSED))
     has_neutrals = counts.sum() < 1 - FEW_NEUTRALS
     return AddedColor(np.asarray(picked, np.float32), float(reach), PROTECT if has_neutrals else 0.0)
 

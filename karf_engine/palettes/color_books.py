@@ -23,7 +23,7 @@ from .palette import rgb_to_hex
 
 SUFFIXES = (*READERS, ".csv")
 LONGEST = 100  # characters of a name
-MOST_NAMES = 65_535  # limit of Adobe's color books
+MAX_NAMES = 65_535  # limit of Adobe's color books
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +153,13 @@ def read_color_book(path: Path | str) -> ColorBook:
         raise DataError(
             "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
         ) from error
-    if not 0 < len(entries) <= MOST_NAMES:
+    if not 0 < len(entries) <= MAX_NAMES:
         raise DataError(
             "{path} has {count} colors.",
             "Choose a book of 1 to {most}.",
             path=path,
             count=len(entries),
-            most=MOST_NAMES,
+            most=MAX_NAMES,
         )
     return ColorBook(path.stem, _unique(name for name, _ in entries), np.stack([lab for _, lab in entries]))
 

@@ -45,8 +45,8 @@ PATCHES = (
 ROWS, COLUMNS = 4, 6
 PITCH, PATCH = 1.1, 1.0  # distance between patches, and their side
 INNER, SAMPLES = 0.5, 24  # sampled share of a patch's side, as photos blur the borders, and points along it
-LEAST_PATCHES = 12  # usable ones
-MOST_LEFT = 10.0  # mean CIEDE2000 beyond which the picture is not a chart
+MIN_PATCHES = 12  # usable ones
+MAX_RESIDUAL = 10.0  # mean CIEDE2000 beyond which the picture is not a chart
 MOST_CONDITION = 1e3  # of the matrix
 EVEN = 0.1  # added to a patch's light when its error is weighted by 1 / light, so that dark patches do not dominate
 
@@ -158,7 +158,7 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
     """
     known = reference_colors()
     counts = (patches.min(-1) > DARKEST) & (patches.max(-1) < CLIPPED)
-    if counts.sum() < LEAST_PATCHES:
+    if counts.sum() < MIN_PATCHES:
         raise BadRequest(
             f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the photo.",
             "Take a photo in which the chart is well lit.",
@@ -168,7 +168,7 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
     to_reference = np.linalg.lstsq(photographed * weights, wanted * weights, rcond=None)[0].T
     left = np.full(len(known), np.nan)
     left[counts] = ciede2000(srgb_to_lab(linear_to_srgb(photographed @ to_reference.T)), srgb_to_lab(known[counts]))
-    if left[counts].mean() > MOST_LEFT or np.linalg.cond(to_reference) > MOST_CONDITION:
+    if left[counts].mean() > MAX_RESIDUAL or np.linalg.cond(to_reference) > MOST_CONDITION:
         raise BadRequest(
             f"This does not look like a color chart: CIEDE2000 {left[counts].mean():.0f} is left in the mean.",
             "Begin at the brown patch's corner, then bluish green, black and white.",
@@ -177,14 +177,9 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
 
 
 def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
-    """Fit the reference light to a chart in a photo, for any first corner and either direction.
+    """Fit the reference light to a chart in a photo; its corners (see `patch_colors`) may start anywhere, in either direction.
 
-    Args:
-        photo: sRGB [H, W, 3] in [0, 1].
-        corners: As for `patch_colors`, apart from their order.
-
-    Raises:
-        BadRequest: As `patch_colors` and `fit_chart`.
+    Raises BadRequest as `patch_colors` and `fit_chart` do.
 
     Examples:
         A flat chart at half the light, of patches 10 pixels wide and 1 apart:

@@ -49,12 +49,7 @@ class Planes:
 
 
 def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
-    """Write planes as a compressed npz, atomically.
-
-    Args:
-        path: The file.
-        planes: The planes.
-        made_from: Fingerprint of the inputs, returned by `planes_made_from`.
+    """Write planes as a compressed npz, atomically; `planes_made_from` returns the fingerprint `made_from`.
 
     Examples:
         >>> import tempfile
@@ -78,10 +73,7 @@ def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
 
 
 def read_planes(path: Path) -> Planes:
-    """Read planes written by `write_planes`.
-
-    Raises:
-        DataError: The file is missing or damaged, or its arrays contradict each other.
+    """Read planes written by `write_planes`; raise DataError if they are missing, damaged or inconsistent.
 
     Examples:
         >>> import tempfile

@@ -31,10 +31,6 @@ class EdgeShape:
 
     Raises:
         BadRequest: A number is out of range.
-
-    Examples:
-        >>> EdgeShape(choke=-2).is_neutral, EdgeShape().is_neutral
-        (False, True)
     """
 
     choke: float = 0.0
@@ -47,7 +43,6 @@ class EdgeShape:
 
     @property
     def is_neutral(self) -> bool:
-        """Whether the edge stays as it is."""
         return not (self.choke or self.feather)
 
     def reach(self, scale: float) -> int:
@@ -95,12 +90,9 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
 
 
 def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Apply a local operation to the blocks of a coverage that are not constant.
+    """Apply an operation of radius `reach` to the blocks of a coverage that are not constant.
 
-    Args:
-        coverage: [H, W] float32.
-        reach: Radius of the operation in pixels.
-        change: The operation, from an array with a margin of `reach` to one without.
+    `change` maps an array with a margin of `reach` to one without.
     """
     result = coverage.copy()
     for top in range(0, coverage.shape[0], BLOCK):

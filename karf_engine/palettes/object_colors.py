@@ -13,7 +13,7 @@ from ..io.files import atomic_write
 from ..io.npz import read_arrays
 
 AGAIN = "Extract the palettes again."
-MOST_CELLS = 2**18
+MAX_CELLS = 2**18
 
 
 class ColorHistogram(NamedTuple):
@@ -31,14 +31,7 @@ class ColorHistogram(NamedTuple):
 
 
 def read_object_colors(path: Path, name: str) -> ColorHistogram:
-    """Read the color histogram of an object.
-
-    Args:
-        path: object_colors.npz.
-        name: The object.
-
-    Raises:
-        DataError: The file is unreadable, lacks the object, or has invalid values.
+    """Read the color histogram of an object; raise DataError if the file lacks it, is unreadable or has invalid values.
 
     Examples:
         >>> import tempfile
@@ -52,7 +45,7 @@ def read_object_colors(path: Path, name: str) -> ColorHistogram:
     colors, counts, weights = read_arrays(path, parts, f"colors of {name!r}", AGAIN)
     fits = counts.ndim == 1 and colors.shape == (len(counts), 3) and weights.shape[:-1] == counts.shape
     is_sane = all(array.dtype.kind in "iuf" and np.isfinite(array).all() for array in (colors, counts, weights))
-    if not (fits and is_sane and 0 < len(counts) <= MOST_CELLS and counts.min() >= 0 and counts.sum() > 0):
+    if not (fits and is_sane and 0 < len(counts) <= MAX_CELLS and counts.min() >= 0 and counts.sum() > 0):
         raise DataError(
             f"{path} has colors {colors.shape}, counts {counts.shape} and weights {weights.shape} of {name!r}, "
             "which are not a histogram.",

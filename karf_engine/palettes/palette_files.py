@@ -55,15 +55,10 @@ def write_edit_file(path: Path, edit: Edit) -> None:
 
 
 def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
-    """Read an edit of the learned palettes from edit.json or a palette file.
+    """Read an edit of the learned palettes from edit.json (see `read_edit`) or a palette file, `.gpl` or `.ase`.
 
     Colors of a palette file are assigned to swatches by name, such as `pot 1`. If no name matches, they are assigned in
     order, provided that their number matches.
-
-    Args:
-        path: The file; `.gpl` and `.ase` are palettes.
-        palettes: As learned, one per object.
-        compositing: Default for files without one, `delta` or `paper`.
 
     Raises:
         DataError: The file is missing, damaged or too large, or its colors match the swatches neither by name nor by

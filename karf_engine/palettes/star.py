@@ -47,14 +47,9 @@ class Star:
 
 
 def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Star | None:
-    """Build the star tessellation of a palette.
+    """Build the star tessellation of a palette [M, 3], entry 0 black; None if every entry is black.
 
-    Args:
-        palette: [M, 3] sRGB in [0, 1], entry 0 black.
-        find_hull: Returns the hull of points [M, r], r = 2 or 3.
-
-    Returns:
-        The star, or None if every entry is black.
+    `find_hull` returns the hull of points [M, r], r = 2 or 3.
 
     Examples:
         >>> np.sort(star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull).cones).tolist()

@@ -20,7 +20,7 @@ from .sheet import TargetColor
 
 TOLERANCE = 2.0  # CIEDE2000 of a target color that counts as reached
 SPREAD = 6.0  # of a paint's colors about its dominant one, in Lab
-MOST_CANDIDATES = 256  # histogram cells tried as dominant color
+MAX_CANDIDATES = 256  # histogram cells tried as dominant color
 FOREIGN = 10.0  # CIEDE2000 beyond which the object does not show the source color
 BRIGHT = 0.95  # sRGB value beyond which better lit parts would exceed white
 CHANNELS = "red", "green", "blue"
@@ -70,7 +70,7 @@ def dominant_color(seen: ColorHistogram) -> np.ndarray:
         [0.71 0.1  0.1 ]
     """
     lab = srgb_to_lab(seen.colors)
-    candidates = np.argsort(seen.counts)[-MOST_CANDIDATES:]
+    candidates = np.argsort(seen.counts)[-MAX_CANDIDATES:]
     distance = np.linalg.norm(lab[candidates, None] - lab, axis=-1)
     density = np.exp(-0.5 * (distance / SPREAD) ** 2) * seen.counts
     return np.average(seen.colors, axis=0, weights=density[density.sum(axis=1).argmax()]).astype(np.float64)

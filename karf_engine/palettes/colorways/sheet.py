@@ -21,7 +21,7 @@ from ...io.files import read_json
 from ...io.names import file_name
 from ..color_rows import KINDS, color_of_row, csv_rows
 
-MOST_ROWS = 10_000
+MAX_ROWS = 10_000
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
         [('Mint', [77.0, -35.0, 16.0]), ('Sky', [65.0, 1.0, -28.0])]
     """
     rows = list(_json_rows(path) if path.suffix.lower() == ".json" else csv_rows(path))
-    if not 0 < len(rows) <= MOST_ROWS:
-        raise DataError(f"{path} has {len(rows)} rows of colorways.", f"Give 1 to {MOST_ROWS}.")
+    if not 0 < len(rows) <= MAX_ROWS:
+        raise DataError(f"{path} has {len(rows)} rows of colorways.", f"Give 1 to {MAX_ROWS}.")
     colors: dict[str, dict[str, TargetColor]] = {}
     edits: dict[str, Path] = {}
     folders: dict[str, str] = {}

@@ -246,8 +246,8 @@ def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -
         planes = np.vstack([equations[:, :rank], lift, -lift])
         floors = np.concatenate([-equations[:, rank], np.zeros(3), -np.ones(3)])
         boxed = _least_vertex(planes, floors, gradient)
-        inside = boxed is not None
-        free = boxed if inside else free
+        if boxed is not None:
+            free, inside = boxed, True
     return float(gradient @ free + constant), lift.T @ np.clip(lift @ free, 0, 1), inside
 
 

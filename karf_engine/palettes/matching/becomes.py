@@ -13,7 +13,7 @@ Arguments shared by the functions of this module:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -34,11 +34,7 @@ def with_held(
     """Return sources and targets [P, 3] of one changing paint and of the held ones, which keep their color.
 
     Args:
-        colors: sRGB [n, 3].
-        source: sRGB [3].
-        target: sRGB [3].
-        held: Colors to keep, sRGB [3] each; those that the object does not show or that are of the source's paint are
-            ignored.
+        held: Colors to keep, sRGB [3] each; ignored if the object does not show them or they are of the source's paint.
 
     Examples:
         A teal is held, a darker red belongs to the changing paint:
@@ -62,13 +58,7 @@ def with_unasked(
     """Append a preserving pair for each paint of the object that the gate of a source would affect.
 
     Paints of other hues stay anyway, as their gate is closed. A metal has no paints: it shows reflections.
-
-    Args:
-        source: [3] or [P, 3].
-        target: The same shape.
-
-    Returns:
-        Sources and targets, [Q, 3] each.
+    Source and target are [3] or [P, 3]; the result is [Q, 3] each.
 
     Examples:
         Half of a violet bowl is bluer; only the first half should turn green:
@@ -95,16 +85,13 @@ def match_becomes(
     locked: Iterable[int] = (),
     is_metal: bool = False,
 ) -> np.ndarray:
-    """Return the palette that turns the source's paint into the target's on the whole object.
+    """Return the palette [M, 3] float32 that turns the source's paint into the target's on the whole object.
 
     Shading and gloss are kept, other paints stay.
 
     Args:
         source: A current color of the object, sRGB [3] in [0, 1]; [P, 3] for several paints.
         target: The wanted color, in the same shape.
-
-    Returns:
-        The edited palette [M, 3] float32 in [0, BRIGHTEST].
 
     Raises:
         BadRequest: The source is black.
@@ -122,7 +109,8 @@ def match_becomes(
     """
     source, target = with_unasked(colors, counts, source, target, is_metal)
     targets = reflection_target(colors, source, target, is_metal)
-    return _matched(colors, counts, palette_weights, palette, source, target, targets, locked, match_seen, EMPHASIS)
+    weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, EMPHASIS)
+    return match_seen(weights, colors, targets, palette, counts, locked)
 
 
 def match_dragged(
@@ -135,17 +123,10 @@ def match_dragged(
     locked: Iterable[int] = (),
     is_metal: bool = False,
 ) -> np.ndarray:
-    """Return the palette after dragging a swatch: the other swatches of its paint follow.
+    """Return the palette [M, 3] float32 after dragging a swatch to a color: the other swatches of its paint follow.
 
     Like `match_becomes` from the swatch's color to the new one, except that the swatch gets exactly the new color. The
-    result depends on the last color of a drag alone.
-
-    Args:
-        index: The dragged swatch.
-        color: Its new color, sRGB [3] in [0, BRIGHTEST].
-
-    Returns:
-        The edited palette [M, 3] float32 in [0, BRIGHTEST]. A black swatch changes alone, as its paint is unknown.
+    result depends on the last color of a drag alone. A black swatch changes alone, as its paint is unknown.
 
     Examples:
         A red object with a lit and a dark swatch turns blue as a whole:
@@ -179,11 +160,8 @@ def match_pigment(
     reach: float,
     protect: float = 0.0,
 ) -> np.ndarray:
-    """Like `match_becomes` for one pigment, ignoring all other colors, which have separate swatches.
-
-    Args:
-        reach: See `pigment_gate`.
-        protect: See `pigment_gate`.
+    """Like `match_becomes` for one pigment (see `pigment_gate`), ignoring all other colors, which have separate
+    swatches.
 
     Examples:
         Red and green share a swatch; the green does not hold the red back:
@@ -196,30 +174,30 @@ def match_pigment(
     """
     counts = counts * pigment_gate(colors, source, reach, protect)
     targets = repainted(colors, source, target)
-    return _matched(
-        colors, counts, palette_weights, palette, source, target, targets, (), match_pixels, EMPHASIS_OF_SQUARES
-    )
+    emphasis = EMPHASIS_OF_SQUARES
+    weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, emphasis)
+    return match_pixels(weights, colors, targets, palette, counts)
 
 
-def _matched(
+def _with_sources(
     colors: np.ndarray,
     counts: np.ndarray,
     palette_weights: np.ndarray,
-    palette: np.ndarray,
+    targets: np.ndarray,
     source: np.ndarray,
     target: np.ndarray,
-    targets: np.ndarray,
-    locked: Iterable[int],
-    match: Callable[..., np.ndarray],
     emphasis: float,
-) -> np.ndarray:
-    """Fit the palette [M, 3] to the targets, with extra weight on the sources."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Append the picked colors to palette weights, colors, targets and counts, with extra weight."""
     sources = np.atleast_2d(source)
     source_weights = [mean_weights(colors, counts, palette_weights, each) for each in sources]
-    weight = emphasis * max(np.sum(counts), 1e-9) / len(sources)  # counts may all be 0
-    palette_weights, colors = np.vstack([palette_weights, *source_weights]), np.vstack([colors, sources])
-    targets, counts = np.vstack([targets, target]), np.append(counts, [weight] * len(sources))
-    return match(palette_weights, colors, targets, palette, counts, locked)
+    count = emphasis * max(np.sum(counts), 1e-9) / len(sources)  # counts may all be 0
+    return (
+        np.vstack([palette_weights, *source_weights]),
+        np.vstack([colors, sources]),
+        np.vstack([targets, target]),
+        np.append(counts, [count] * len(sources)),
+    )
 
 
 def match_fewest(
@@ -229,7 +207,7 @@ def match_fewest(
     locked: Iterable[int] = (),
     shown: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the palette that gives one pixel the target color while moving as few swatches as possible.
+    """Return the palette [M, 3] float32 that gives one pixel the target color while moving as few swatches as possible.
 
     Minimises the L2,1 norm of the swatches' moves, sum_j |dP_j| (as LoCoPalettes does), by iteratively reweighted least
     squares, each step solved exactly within 0 <= P + dP <= max(1, P). An unreachable target is approached per channel.
@@ -238,9 +216,6 @@ def match_fewest(
         palette_weights_of_pixel: [M].
         target: sRGB [3] in [0, 1].
         shown: The pixel's current color, sRGB [3]; by default the palette's mixture.
-
-    Returns:
-        The edited palette [M, 3] float32.
 
     Examples:
         Of two swatches that make up a pixel, the one with the larger weight moves:
@@ -276,10 +251,7 @@ def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.n
 
 
 def near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
-    """Return which colors, sRGB [n, 3], are within 5 of a color [3] in Lab: bool [n].
-
-    Args:
-        or_nearest: Include the nearest color if none is that close.
+    """Return which colors, sRGB [n, 3], are within 5 of a color [3] in Lab; with `or_nearest`, at least the nearest.
 
     Examples:
         >>> near(np.array([[0.5, 0.5, 0.5], [0.52, 0.5, 0.5], [0.9, 0.5, 0.5]]), np.array([0.51, 0.5, 0.5])).tolist()

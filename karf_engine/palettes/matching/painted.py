@@ -1,4 +1,4 @@
-"""Fit swatches to a view that was painted over or graded: a robust, bounded fit to the picture's pixels.
+"""Fit swatches to a painted or graded view: a robust, bounded fit to the picture's pixels.
 
 Shapes as in `compositing`: K objects, M palette entries, H x W pixels; n pixels of one object.
 """
@@ -18,13 +18,13 @@ from .fitting import bounds, moved
 from .least_squares import bounded_least_squares
 
 PAINTED = 4 / 255  # difference in one channel of a painted pixel; less can be rounding or noise
-LEAST_PAINTED = 0.002  # least share of painted pixels of a fitted object
+MIN_PAINTED = 0.002  # least share of painted pixels of a fitted object
 UNPAINTED = 0.1  # total weight of the unpainted pixels of an object, relative to the painted ones
 OUTLIER = 0.1  # sRGB residual that quarters a pixel's weight
 SPILL = 0.4  # least strength, relative to the strongest object, of a match that worsens its object as a whole
 RIDGE = 1e-3  # per unit of counts; keeps rarely used swatches in place
 ROUNDS = 10  # of reweighting
-MOST_PIXELS = 20_000  # sampled pixels of an object
+MAX_PIXELS = 20_000  # sampled pixels of an object
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class ObjectMatch:
         colors: Its fitted palette, [M, 3] float32 in [0, BRIGHTEST].
         before: Mean CIEDE2000 of its pixels to the wanted picture before the fit.
         left: The same after the fit.
-        painted: Share of its pixels that were painted, 0 to 1.
+        painted: Share of painted pixels, 0 to 1.
     """
 
     name: str
@@ -60,7 +60,7 @@ def match_picture(
     edited: Mapping[str, np.ndarray],
     locked: Mapping[str, Iterable[int]] | None = None,
 ) -> tuple[ObjectMatch, ...]:
-    """Fit the palettes to a painted picture of a view.
+    """Fit the palettes to a painted picture of a view; return one match for each visible painted object.
 
     Only differences between the picture and the edited view count. Unpainted objects stay. The unpainted pixels of
     others have a low weight, and none where they contradict the painted ones. Objects that only reflect the new colors
@@ -74,9 +74,6 @@ def match_picture(
         palettes: As learned, of the K objects.
         edited: The current palettes, by object name.
         locked: Swatches that stay, by object name.
-
-    Returns:
-        One match for each visible object that was painted.
 
     Raises:
         BadRequest: The picture has another size than the view.
@@ -108,7 +105,7 @@ def match_picture(
                 shown += _weights_at(planes, pixels, len(change)) @ change
         aim = wanted.reshape(-1, 3)[pixels].astype(np.float64)
         painted = np.any(np.abs(aim - np.clip(shown, 0, 1)) > PAINTED, axis=1)
-        if painted.sum() > LEAST_PAINTED * len(pixels):
+        if painted.sum() > MIN_PAINTED * len(pixels):
             weights = _weights_at(palette_weights[k], pixels, len(palette.colors))
             stays = (locked or {}).get(palette.name, ())
             colors = _fit(weights, shown, aim, painted, edited[palette.name], stays)
@@ -120,8 +117,8 @@ def match_picture(
 
 
 def _subsampled(pixels: np.ndarray) -> np.ndarray:
-    """Return at most MOST_PIXELS of the pixels, evenly spaced."""
-    return pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MOST_PIXELS)).astype(np.intp)]
+    """Return at most MAX_PIXELS of the pixels, evenly spaced."""
+    return pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MAX_PIXELS)).astype(np.intp)]
 
 
 def _weights_at(planes: np.ndarray, pixels: np.ndarray, size: int) -> np.ndarray:
@@ -141,18 +138,11 @@ def _fit(
     palette: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, by iteratively reweighted least squares.
+    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by iteratively reweighted least
+    squares.
 
     The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
-    no palette can explain, such as a stray brush stroke.
-
-    Args:
-        weights: [n, M].
-        shown: Current colors, not clipped, [n, 3].
-        aim: sRGB [n, 3] in [0, 1].
-        painted: bool [n], at least one.
-        palette: The current palette, [M, 3].
-        locked: Fixed entries.
+    no palette can explain, such as a stray brush stroke. At least one pixel is painted.
     """
     lower, upper = bounds(palette, locked, BRIGHTEST)
     counts = np.where(painted, 1.0, UNPAINTED * painted.sum() / max(1, (~painted).sum()))

@@ -16,13 +16,13 @@ HUE_GATE = 0.65  # width of the gate in Lab hue, radians
 PALE = 5.0  # Lab chroma of a source that halves hue differences
 SAME = 1e-3  # angle in linear light, radians, of equal colors
 GREY_CHROMA, CHROMA_GATE = 6.0, 25.0  # Lab chroma below which a source is gray, and the width of its gate
-LEAST_METAL = 0.02  # least linear reflectance of a metal in a channel: limits the noise in reflections
+MIN_METAL = 0.02  # least linear reflectance of a metal in a channel: limits the noise in reflections
 GLOSS_COST, GLOSS_COST_OF_SEVERAL = 0.2, 0.1  # penalty of gloss beside one paint, and beside several
 MIXED = 0.1  # least share of secondary paints in a mixture
 CHANNELS = 3
 FAINT = 1e-5  # negligible linear light
 SPREAD = 0.07  # of a paint's colors about their mean, radians in linear light
-LEAST_PAINT = 0.15  # share of the object
+MIN_PAINT = 0.15  # share of the object
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False) -> np.ndarray:
@@ -108,7 +108,7 @@ def _change_of_paints(light: np.ndarray, sources: np.ndarray, targets: np.ndarra
 def _change_of_metals(light: np.ndarray, sources: np.ndarray, targets: np.ndarray, gate: np.ndarray) -> np.ndarray:
     """Return the change of linear light [n, 3] with that of its metals [P, 3]; gate [n, 1]."""
     nearness = np.maximum([_angles(light, each) for each in sources], SAME) ** -4.0
-    factors = targets / np.maximum(sources, LEAST_METAL)
+    factors = targets / np.maximum(sources, MIN_METAL)
     return gate * light * ((nearness / nearness.sum(axis=0)).T @ (factors - 1))
 
 
@@ -135,7 +135,7 @@ def paints_of(colors: np.ndarray, counts: np.ndarray) -> np.ndarray:
     density = np.exp((cosines - 1) / np.float32(SPREAD**2)) @ counts  # von Mises-Fisher kernel
     is_around = cosines >= np.cos(2 * SPREAD)
     is_peak = density >= np.where(is_around, density, 0).max(axis=1, initial=0)
-    is_peak &= is_around @ counts >= LEAST_PAINT * counts.sum()
+    is_peak &= is_around @ counts >= MIN_PAINT * counts.sum()
     peaks = np.flatnonzero(is_peak)
     peaks = peaks[np.argsort(-density[peaks], kind="stable")]
     members = cosines[peaks] >= np.cos(SPREAD)
