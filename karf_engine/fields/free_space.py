@@ -68,10 +68,10 @@ class FreeSpace:
 
 
 def free_depths(views: list[View], points: SparsePoints | None) -> list[float]:
-    """Return the depth up to which each view is free, world units; 0 if unknown.
+    """Return the free depth of each view, world units; 0 if unknown.
 
-    It is FREE_SHARE of the declared smallest depth, or of that of sparse points in the image if smaller. Points that the
-    view does not observe count too: near objects may only have features in other views.
+    It is FREE_SHARE of the declared smallest depth, or of that of sparse points in the image if smaller. Points that
+    the view does not observe count too: near objects may only have features in other views.
     """
     positions = _reliable_positions(points)
     depths = []

@@ -50,7 +50,7 @@ def horizon_of(cameras: list[Camera], points: SparsePoints | None, center: Tenso
     Args:
         cameras: Roughly upright; their horizontal axes define up.
         points: As these cameras observe them, or None.
-        center: [3], of the ball around the focus of the cameras.
+        center: [3], of the ball.
         radius: Of the ball, world units.
     """
     axes = upright_axes(cameras)

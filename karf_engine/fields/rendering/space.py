@@ -255,14 +255,7 @@ class Frustum:
 def clipped_paths(
     origins: Tensor, directions: Tensor, minimum: Tensor, maximum: Tensor, longest: float | None = None
 ) -> Tensor:
-    """Clip the lines origin + t * direction, t >= 0, to a box.
-
-    Args:
-        origins: [R, 3].
-        directions: [R, 3], of any length.
-        minimum: [3], lowest corner of the box.
-        maximum: [3], highest corner of the box.
-        longest: Largest t, or None.
+    """Clip lines origin + t * direction, 0 <= t <= longest, to a box; origins and directions are [R, 3], corners [3].
 
     Returns:
         First and last points [R, 2, 3]; equal where a line misses the box.
