@@ -27,16 +27,11 @@ class FreeSpace:
 
     It rules out a picture directly in front of a camera, which explains its photo as well as the scene does, and fog
     around a camera, which distant cameras may mistake for the background.
-
-    Attributes:
-        projections: [V, 3, 4] float32, from world positions to column * depth, row * depth, and depth.
-        limits: [V, 3] float32, largest column and row (pixels) and depth (world units).
-        balls: [V, 4] float32, centers and radii, world units.
     """
 
-    projections: Tensor
-    limits: Tensor
-    balls: Tensor
+    projections: Tensor  # [V, 3, 4] float32, from world positions to column * depth, row * depth, and depth
+    limits: Tensor  # [V, 3] float32, largest column and row (pixels) and depth (world units)
+    balls: Tensor  # [V, 4] float32, centers and radii, world units
 
     @classmethod
     def of(cls, views: list[View], points: SparsePoints | None, device: torch.device | str = "cpu") -> FreeSpace:

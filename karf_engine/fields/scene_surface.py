@@ -38,23 +38,14 @@ class NothingSolid(DataError):
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """N points on a scene's surface.
+    """N points on a scene's surface."""
 
-    Attributes:
-        positions: [N, 3] float32, grid coordinates of the scene's field.
-        world: [N, 3] float32, world coordinates.
-        normals: [N, 3] float32, unit normals in the world, facing the cameras.
-        spacing: [N] float32, local distance between points, world units.
-        colors: [N, 3] float32 sRGB in [0, 1], mean over the views that see the point.
-        viewdirs: [N, 3] float32, mean unit viewing direction.
-    """
-
-    positions: np.ndarray
-    world: np.ndarray
-    normals: np.ndarray
-    spacing: np.ndarray
-    colors: np.ndarray
-    viewdirs: np.ndarray
+    positions: np.ndarray  # [N, 3] float32, grid coordinates of the scene's field
+    world: np.ndarray  # [N, 3] float32, world coordinates
+    normals: np.ndarray  # [N, 3] float32, unit normals in the world, facing the cameras
+    spacing: np.ndarray  # [N] float32, local distance between points, world units
+    colors: np.ndarray  # [N, 3] float32 sRGB in [0, 1], mean over the views that see the point
+    viewdirs: np.ndarray  # [N, 3] float32, mean unit viewing direction
 
 
 def surface_points(
@@ -95,19 +86,12 @@ def surface_points(
 
 @dataclass(frozen=True)
 class _Ends:
-    """Ends of n rays.
+    """Ends of n rays."""
 
-    Attributes:
-        positions: [n, 3] grid coordinates.
-        colors: [n, 3] sRGB.
-        viewdirs: [n, 3], unit directions.
-        weights: [n], sharpness of the end; low for silhouettes, whose colors are mixed.
-    """
-
-    positions: np.ndarray
-    colors: np.ndarray
-    viewdirs: np.ndarray
-    weights: np.ndarray
+    positions: np.ndarray  # [n, 3] grid coordinates
+    colors: np.ndarray  # [n, 3] sRGB
+    viewdirs: np.ndarray  # [n, 3], unit directions
+    weights: np.ndarray  # [n], sharpness of the end; low for silhouettes, whose colors are mixed
 
     def part(self, chosen: np.ndarray) -> _Ends:
         """Select some of the ends."""

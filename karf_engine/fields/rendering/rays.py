@@ -16,15 +16,10 @@ from ...io.color import to_bytes
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays on one device, float32. Indexing selects some of them.
+    """Rays on one device, float32. Indexing selects some of them."""
 
-    Attributes:
-        origins: [R, 3], world units.
-        viewdirs: [R, 3], unit directions.
-    """
-
-    origins: Tensor
-    viewdirs: Tensor
+    origins: Tensor  # [R, 3], world units
+    viewdirs: Tensor  # [R, 3], unit directions
 
     def __len__(self) -> int:
         return len(self.origins)

@@ -17,19 +17,12 @@ BLOCK = 4
 
 @dataclass(frozen=True)
 class Samples:
-    """Packed samples of some rays, in grid coordinates (see space.py).
+    """Packed samples of some rays, in grid coordinates (see space.py)."""
 
-    Attributes:
-        ray_indices: [S], sorted; maps each sample to its ray.
-        distances: [S], interval centers, from where the ray enters the grid.
-        positions: [S, 3].
-        step: Interval length, one for all or [S].
-    """
-
-    ray_indices: Tensor
-    distances: Tensor
-    positions: Tensor
-    step: float | Tensor
+    ray_indices: Tensor  # [S], sorted; maps each sample to its ray
+    distances: Tensor  # [S], interval centers, from where the ray enters the grid
+    positions: Tensor  # [S, 3]
+    step: float | Tensor  # interval length, one for all or [S]
 
     def __len__(self) -> int:
         return len(self.ray_indices)

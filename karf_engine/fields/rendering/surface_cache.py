@@ -23,21 +23,13 @@ MIN_OPACITY = 0.02  # rays below it have no samples
 
 @dataclass(frozen=True)
 class SurfaceCache:
-    """Quantile samples of n rays, those with an opacity above MIN_OPACITY.
+    """Quantile samples of n rays, those with an opacity above MIN_OPACITY."""
 
-    Attributes:
-        positions: [n, K, 3], grid coordinates.
-        distances: [n, K], grid units, from where the ray enters the grid.
-        viewdirs: [n, 3], unit directions in the world.
-        opacity: [n] in [0, 1].
-        index: [n], index of each ray among all given rays.
-    """
-
-    positions: Tensor
-    distances: Tensor
-    viewdirs: Tensor
-    opacity: Tensor
-    index: Tensor
+    positions: Tensor  # [n, K, 3], grid coordinates
+    distances: Tensor  # [n, K], grid units, from where the ray enters the grid
+    viewdirs: Tensor  # [n, 3], unit directions in the world
+    opacity: Tensor  # [n] in [0, 1]
+    index: Tensor  # [n], index of each ray among all given rays
 
     def __len__(self) -> int:
         return len(self.opacity)

@@ -118,17 +118,11 @@ def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of R rays through a frozen field, with their ray weights.
+    """Samples of R rays through a frozen field, with their ray weights."""
 
-    Attributes:
-        samples: Packed samples.
-        ray_weights: [S] in [0, 1].
-        final_transmittance: [R] in [0, 1].
-    """
-
-    samples: Samples
-    ray_weights: Tensor
-    final_transmittance: Tensor
+    samples: Samples  # packed samples
+    ray_weights: Tensor  # [S] in [0, 1]
+    final_transmittance: Tensor  # [R] in [0, 1]
 
 
 def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
