@@ -19,16 +19,13 @@ STEP = 0.5  # of central differences, pixels
 
 
 def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: Camera) -> np.ndarray:
-    """Return the size of a voxel in pixels at some positions, the mean of width and height.
+    """Return the mean size of a voxel in pixels, float64 [n]; nan behind the camera.
 
     Args:
         space: Space of the voxels.
         voxel: Edge of a voxel, grid units.
         positions: [n, 3], world.
         camera: Without lens distortion.
-
-    Returns:
-        float64 [n]; nan behind the camera.
 
     Example:
         >>> from .rendering.space import Box
@@ -48,13 +45,13 @@ def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: 
 
 
 def typical_pixels_per_voxel(space: Space, voxel: float, views: Sequence[View], points: SparsePoints | None) -> float:
-    """Return the median size of a voxel in pixels over all observed points.
+    """Return the median size of a voxel in pixels over all observed points, or at the focus point without any.
 
     Args:
         space: Space of the voxels.
         voxel: Edge of a voxel, grid units.
         views: With cameras of the image sizes, without lens distortion.
-        points: As these views observe them; without any, the focus point of the cameras is used.
+        points: As these views observe them.
     """
     focus = focus_point([view.camera for view in views]).numpy()[None]
     sizes = []
@@ -68,12 +65,7 @@ def typical_pixels_per_voxel(space: Space, voxel: float, views: Sequence[View], 
 
 
 def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
-    """Remove the detail that voxels of this size cannot represent: area-average, then interpolate linearly.
-
-    Args:
-        photo: Float [H, W, 3] in [0, 1].
-        pixels: Voxel size, >= 1.
-    """
+    """Average a float photo [H, W, 3] over voxels of `pixels` >= 1, and interpolate linearly."""
     height, width = photo.shape[:2]
     reduced = resize(photo, max(1, round(width / max(pixels, 1))), max(1, round(height / max(pixels, 1))))
     return resize(reduced, width, height)

@@ -23,35 +23,20 @@ from .scene import Scene
 
 @dataclass(frozen=True)
 class Parameters:
-    """Constants of the estimate.
+    """Constants of the estimate."""
 
-    Attributes:
-        long_side: Pixels of the reduced photos.
-        neighbors: Nearest cameras that each photo is compared with; farther ones see other highlights.
-        min_opacity: Of a pixel on a surface.
-        depth_tolerance: Share of the distance by which two photos of the same point may differ.
-        darkest: sRGB; darker pixels are noise.
-        brightest: sRGB; brighter pixels may be clipped.
-        min_points: Shared points of a pair of photos.
-        outlier: Typical errors beyond which a pair gets less weight (Huber).
-        min_photos: Fewer photos get gains of 1.
-        cells: Checkerboard cells along the longest side of the scene; they split the points into halves.
-        min_reliability: Correlation of the two halves' gains below which gains are 1.
-        min_deviation: Standard deviation of log gains below which gains are 1.
-    """
-
-    long_side: int = 64
-    neighbors: int = 16
-    min_opacity: float = 0.8
-    depth_tolerance: float = 0.04
-    darkest: float = 0.06
-    brightest: float = 0.94
-    min_points: int = 40
-    outlier: float = 1.5
-    min_photos: int = 8
-    cells: int = 6
-    min_reliability: float = 0.9
-    min_deviation: float = 0.02
+    long_side: int = 64  # pixels of the reduced photos
+    neighbors: int = 16  # nearest cameras that each photo is compared with; farther ones see other highlights
+    min_opacity: float = 0.8  # of a pixel on a surface
+    depth_tolerance: float = 0.04  # difference between two photos of the same point, share of the distance
+    darkest: float = 0.06  # sRGB; darker pixels are noise
+    brightest: float = 0.94  # sRGB; brighter pixels may be clipped
+    min_points: int = 40  # shared points of a pair of photos
+    outlier: float = 1.5  # typical errors beyond which a pair gets less weight (Huber)
+    min_photos: int = 8  # fewer photos get gains of 1
+    cells: int = 6  # along the longest side of the scene; a checkerboard splits the points into halves
+    min_reliability: float = 0.9  # correlation of the two halves' log gains below which gains are 1
+    min_deviation: float = 0.02  # standard deviation of log gains below which gains are 1
 
 
 PARAMETERS = Parameters()
@@ -62,11 +47,7 @@ EPSILON = 1e-9
 
 
 def photo_gains(scene: Scene, dataset: PixelDataset) -> np.ndarray:
-    """Estimate the gain of each photo of the dataset, as far as two halves of the scene agree on it.
-
-    Args:
-        scene: Partly learned; only its geometry counts.
-        dataset: Its training images.
+    """Estimate the gain of each photo of the dataset from the geometry of a partly learned scene.
 
     Returns:
         [V, 3] float32 with a geometric mean of 1; exactly 1 where photos agree or the estimate is unreliable.
@@ -107,15 +88,7 @@ def gains_beside(scene: Scene, camera: Camera, photo: np.ndarray) -> tuple[float
 
 
 def shrunk_gains(log_gains: np.ndarray, half: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Shrink log gains by their split-half reliability (Spearman 1910, Brown 1910).
-
-    Args:
-        log_gains: [V, 3], from all points.
-        half: [V, 3], from one half of the points.
-        other: [V, 3], from the other half.
-
-    Returns:
-        Gains [V, 3] float32.
+    """Turn log gains [V, 3] into gains, shrunk by their split-half reliability (Spearman 1910, Brown 1910).
 
     Examples:
         >>> logs = np.array([[0.1] * 3, [-0.1] * 3])
@@ -238,15 +211,11 @@ def _channel_log_gains(medians: np.ndarray, count: int) -> np.ndarray:
 
 
 def remove_view_dependence(logs: np.ndarray, cameras: Sequence[Camera]) -> np.ndarray:
-    """Remove the part of log gains that varies smoothly with the camera's direction, as highlights and skies do.
+    """Remove the part of log gains [V, 3] that varies smoothly with the camera's direction, as highlights and skies do.
 
     The model is independent noise plus a Gaussian process of the direction, with maximum-likelihood variances and
-    length scale, separately for brightness and tint. Returns the posterior mean [V, 3] of the independent part
-    (Rasmussen and Williams 2006).
-
-    Args:
-        logs: [V, 3] with mean 0.
-        cameras: V cameras.
+    length scale, separately for brightness and tint. Returns the posterior mean of the independent part (Rasmussen and
+    Williams 2006).
     """
     towards = np.stack([camera.position for camera in cameras]) - focus_point(list(cameras)).numpy()
     towards /= np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), EPSILON)

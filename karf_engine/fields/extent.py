@@ -35,14 +35,9 @@ def focus_point(cameras: list[Camera]) -> Tensor:
 
 
 def box_round_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]:
-    """Return a cube around the focus point.
+    """Return a cube around the focus point: center [3] float64 and half-width, world units.
 
-    Args:
-        cameras: At least one.
-        reach: Half-width, in median half-widths of the visible area at the focus point.
-
-    Returns:
-        Center [3] float64 and half-width, world units.
+    `reach` is its half-width in median half-widths of the visible area at the focus point.
     """
     center = focus_point(cameras)
     half_widths = [
@@ -74,12 +69,7 @@ def middle_pose(cameras: list[Camera]) -> np.ndarray:
 
 
 def nearest_depth(views: list[View], points: SparsePoints | None) -> float | None:
-    """Return the smallest depth in any view, world units: as declared, else from sparse points, else None.
-
-    Args:
-        views: With depth bounds where the capture declares them.
-        points: As these views observe them.
-    """
+    """Return the smallest depth in any view, world units: as declared, else from sparse points, else None."""
     declared = [view.depth_bounds[0] for view in views if view.depth_bounds]
     return min(declared or _point_depths(views, points, NEAREST), default=None)
 

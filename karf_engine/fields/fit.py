@@ -17,25 +17,15 @@ from .training.checkpoint import Checkpoint, Resumable
 
 @dataclass(frozen=True)
 class FitInputs:
-    """Inputs of a fit.
+    """Inputs of a fit."""
 
-    Attributes:
-        dataset: All pixels of the training photos.
-        background_kind: alpha, black, white or opaque; the background of the photos.
-        space: box, contraction or frustum (see spaces.py).
-        views: Of the dataset, with cameras of its image sizes.
-        points: Sparse points as observed by these views, or None.
-        settings: Of the geometry stage.
-        runtime: Device and only source of random numbers.
-    """
-
-    dataset: PixelDataset
-    background_kind: str
-    space: str
-    views: list[View]
-    points: SparsePoints | None
-    settings: GeometrySettings
-    runtime: Runtime
+    dataset: PixelDataset  # all pixels of the training photos
+    background_kind: str  # alpha, black, white or opaque; the background of the photos
+    space: str  # box, contraction or frustum (see spaces.py)
+    views: list[View]  # of the dataset, with cameras of its image sizes
+    points: SparsePoints | None  # sparse points as observed by these views, or None
+    settings: GeometrySettings  # of the geometry stage
+    runtime: Runtime  # device and only source of random numbers
 
 
 class Fit(Resumable, Protocol):

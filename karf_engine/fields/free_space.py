@@ -27,16 +27,11 @@ class FreeSpace:
 
     It rules out a picture directly in front of a camera, which explains its photo as well as the scene does, and fog
     around a camera, which distant cameras may mistake for the background.
-
-    Attributes:
-        projections: [V, 3, 4] float32, from world positions to column * depth, row * depth, and depth.
-        limits: [V, 3] float32, largest column and row (pixels) and depth (world units).
-        balls: [V, 4] float32, centers and radii, world units.
     """
 
-    projections: Tensor
-    limits: Tensor
-    balls: Tensor
+    projections: Tensor  # [V, 3, 4] float32, from world positions to column * depth, row * depth, and depth
+    limits: Tensor  # [V, 3] float32, largest column and row (pixels) and depth (world units)
+    balls: Tensor  # [V, 4] float32, centers and radii, world units
 
     @classmethod
     def of(cls, views: list[View], points: SparsePoints | None, device: torch.device | str = "cpu") -> FreeSpace:
@@ -68,10 +63,10 @@ class FreeSpace:
 
 
 def free_depths(views: list[View], points: SparsePoints | None) -> list[float]:
-    """Return the depth up to which each view is free, world units; 0 if unknown.
+    """Return the free depth of each view, world units; 0 if unknown.
 
-    It is FREE_SHARE of the declared smallest depth, or of that of sparse points in the image if smaller. Points that the
-    view does not observe count too: near objects may only have features in other views.
+    It is FREE_SHARE of the declared smallest depth, or of that of sparse points in the image if smaller. Points that
+    the view does not observe count too: near objects may only have features in other views.
     """
     positions = _reliable_positions(points)
     depths = []

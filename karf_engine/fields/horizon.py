@@ -19,15 +19,10 @@ MARGIN = math.radians(0.5)  # above the highest point of a sector, radians
 
 @dataclass(frozen=True)
 class Horizon:
-    """Elevation of the sky in each azimuth sector.
+    """Elevation of the sky in each azimuth sector."""
 
-    Attributes:
-        axes: [3, 3], rows: two horizontal directions and up.
-        elevations: [SECTORS], radians.
-    """
-
-    axes: Tensor
-    elevations: Tensor
+    axes: Tensor  # [3, 3], rows: two horizontal directions and up
+    elevations: Tensor  # [SECTORS], radians
 
     def to(self, device: torch.device) -> Horizon:
         """Copy the horizon to a device."""
@@ -50,7 +45,7 @@ def horizon_of(cameras: list[Camera], points: SparsePoints | None, center: Tenso
     Args:
         cameras: Roughly upright; their horizontal axes define up.
         points: As these cameras observe them, or None.
-        center: [3], of the ball around the focus of the cameras.
+        center: [3], of the ball.
         radius: Of the ball, world units.
     """
     axes = upright_axes(cameras)

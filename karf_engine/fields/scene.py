@@ -25,36 +25,22 @@ VALIDATION_PIXELS = 1500
 
 @dataclass(frozen=True)
 class Picture:
-    """A rendered view.
+    """A rendered view."""
 
-    Attributes:
-        color: [H, W, 3] sRGB in [0, 1].
-        opacity: [H, W] in [0, 1].
-        depth: [H, W] along the optical axis, world units; 0 where empty.
-        cache: Quantile samples of its rays; None for a composite of pictures.
-    """
-
-    color: Tensor
-    opacity: Tensor
-    depth: Tensor
-    cache: SurfaceCache | None
+    color: Tensor  # [H, W, 3] sRGB in [0, 1]
+    opacity: Tensor  # [H, W] in [0, 1]
+    depth: Tensor  # [H, W] along the optical axis, world units; 0 where empty
+    cache: SurfaceCache | None  # quantile samples of its rays; None for a composite of pictures
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A learned scene.
+    """A learned scene."""
 
-    Attributes:
-        field: Frozen.
-        background: Learned background; None for a constant color.
-        background_kind: alpha, black, white or opaque; the background of the photos.
-        step: Stride in voxels, for fields that march.
-    """
-
-    field: Field
-    background: Background | None
-    background_kind: str
-    step: float
+    field: Field  # frozen
+    background: Background | None  # learned background; None for a constant color
+    background_kind: str  # alpha, black, white or opaque; the background of the photos
+    step: float  # stride in voxels, for fields that march
 
     def behind(self, viewdirs: Tensor) -> Tensor:
         """Return the background colors [n, 3] of directions; white for mattes, as in NeRF's benchmarks."""

@@ -38,23 +38,14 @@ class NothingSolid(DataError):
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """N points on a scene's surface.
+    """N points on a scene's surface."""
 
-    Attributes:
-        positions: [N, 3] float32, grid coordinates of the scene's field.
-        world: [N, 3] float32, world coordinates.
-        normals: [N, 3] float32, unit normals in the world, facing the cameras.
-        spacing: [N] float32, local distance between points, world units.
-        colors: [N, 3] float32 sRGB in [0, 1], mean over the views that see the point.
-        viewdirs: [N, 3] float32, mean unit viewing direction.
-    """
-
-    positions: np.ndarray
-    world: np.ndarray
-    normals: np.ndarray
-    spacing: np.ndarray
-    colors: np.ndarray
-    viewdirs: np.ndarray
+    positions: np.ndarray  # [N, 3] float32, grid coordinates of the scene's field
+    world: np.ndarray  # [N, 3] float32, world coordinates
+    normals: np.ndarray  # [N, 3] float32, unit normals in the world, facing the cameras
+    spacing: np.ndarray  # [N] float32, local distance between points, world units
+    colors: np.ndarray  # [N, 3] float32 sRGB in [0, 1], mean over the views that see the point
+    viewdirs: np.ndarray  # [N, 3] float32, mean unit viewing direction
 
 
 def surface_points(
@@ -79,38 +70,28 @@ def surface_points(
     for view in views:
         traces.append(_trace_view(scene, _camera_of(view, pixels)))
         step()
-    ends = _joined([trace.ends for trace in traces])
+    ends = _Ends(*[np.concatenate([getattr(t.ends, item.name) for t in traces]) for item in fields(_Ends)])
     merged, kept = _checked(scene.field, ends, traces, min(count, len(ends.weights) / 2))
     if kept.sum() <= 0.85 * count:  # compensate for dropped points
         merged, kept = _checked(scene.field, ends, traces, min(1.3 * count, len(ends.weights) / 2))
     if not kept.any():
         raise NothingSolid("The learned scene shows nothing solid.", "Learn it again, with other settings.")
-    return _described(scene.field, merged.part(kept))
-
-
-def _described(field: Field, ends: _Ends) -> SurfacePoints:
-    world = _to_world(field, ends.positions)
+    points = merged.part(kept)
+    world = _to_world(scene.field, points.positions)
     distances, neighbors = tree_of(world).query(world, min(NEIGHBORS, len(world)))
     spacing = distances[:, 1 : NEAREST + 1].mean(1).astype(np.float32)
-    normals = _normals(field, ends, world, neighbors)
-    return SurfacePoints(ends.positions, world.astype(np.float32), normals, spacing, ends.colors, ends.viewdirs)
+    normals = _normals(scene.field, points, world, neighbors)
+    return SurfacePoints(points.positions, world.astype(np.float32), normals, spacing, points.colors, points.viewdirs)
 
 
 @dataclass(frozen=True)
 class _Ends:
-    """Ends of n rays.
+    """Ends of n rays."""
 
-    Attributes:
-        positions: [n, 3] grid coordinates.
-        colors: [n, 3] sRGB.
-        viewdirs: [n, 3], unit directions.
-        weights: [n], sharpness of the end; low for silhouettes, whose colors are mixed.
-    """
-
-    positions: np.ndarray
-    colors: np.ndarray
-    viewdirs: np.ndarray
-    weights: np.ndarray
+    positions: np.ndarray  # [n, 3] grid coordinates
+    colors: np.ndarray  # [n, 3] sRGB
+    viewdirs: np.ndarray  # [n, 3], unit directions
+    weights: np.ndarray  # [n], sharpness of the end; low for silhouettes, whose colors are mixed
 
     def part(self, chosen: np.ndarray) -> _Ends:
         """Select some of the ends."""
@@ -132,8 +113,9 @@ def _checked(field: Field, ends: _Ends, traces: Sequence[_ViewEnds], count: floa
         return ends, np.zeros(0, bool)
     merged, cell = _merged(ends, field.voxel, count)
     world = _to_world(field, merged.positions)
-    kept = _is_seen(world, _voxels_of(field, merged.positions), traces) & ~_is_lonely(merged.positions, cell)
-    return merged, kept
+    distances, _ = tree_of(merged.positions).query(merged.positions, [7])  # to the sixth neighbor
+    is_isolated = distances[:, 0] > OUTLIER_DISTANCE * cell
+    return merged, _is_seen(world, _voxels_of(field, merged.positions), traces) & ~is_isolated
 
 
 def _camera_of(view: View, pixels: float) -> Camera:
@@ -154,10 +136,6 @@ def _trace_view(scene: Scene, camera: Camera) -> _ViewEnds:
     depth = np.zeros(camera.width * camera.height)
     depth[cache.index.cpu().numpy()] = camera.project(_to_world(field, values[0].cpu().numpy()))[1]
     return _ViewEnds(camera, depth.reshape(camera.height, camera.width), ends)
-
-
-def _joined(parts: Sequence[_Ends]) -> _Ends:
-    return _Ends(*[np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(_Ends)])
 
 
 def _merged(ends: _Ends, voxel: float, count: float) -> tuple[_Ends, float]:
@@ -205,12 +183,6 @@ def _is_seen(world: np.ndarray, voxels: np.ndarray, traces: Sequence[_ViewEnds])
         ending[inside] += np.abs(behind) < tolerance
         passing[inside] += behind > tolerance
     return (ending >= min(2, len(traces))) & (ending >= passing)
-
-
-def _is_lonely(positions: np.ndarray, cell: float) -> np.ndarray:
-    """Return which points [n, 3] have few neighbors."""
-    distances, _ = tree_of(positions).query(positions, [7])
-    return distances[:, 0] > OUTLIER_DISTANCE * cell
 
 
 def _voxels_of(field: Field, positions: np.ndarray) -> np.ndarray:

@@ -15,24 +15,14 @@ from .extent import box_round_focus, looks_one_way, middle_pose, nearest_depth
 from .rendering.space import Contraction, Frustum, Similarity
 
 OPAQUE_REACH = 1.2  # half-width of the box before a real background, as `reach` of `box_round_focus`
-IN_BOX = 0.98  # share of sparse points inside that box from which a box suits the scene
+IN_BOX = 0.98  # smallest share of sparse points inside that box for the box to suit the scene
 FRUSTUM_DEPTH = 0.5  # half the frustum's grid depth, in half image widths
 NEAR_SHARE = 0.75  # near plane of a frustum, share of the smallest depth
 NEAR = 0.1  # near distance of a contraction, mean camera distances
 
 
 def choose_space(kind: str, views: list[View], points: SparsePoints | None, settings: GeometrySettings) -> str:
-    """Choose the space that suits cameras and points, unless `settings.space` names one.
-
-    Args:
-        kind: Background of the photos: alpha, black, white or opaque.
-        views: The training views.
-        points: As these views observe them, or None.
-        settings: Of the geometry stage.
-
-    Returns:
-        box, contraction or frustum.
-    """
+    """Return box, contraction or frustum: the space in the settings, or what suits cameras and points."""
     if settings.space != "auto":
         return settings.space
     if kind != "opaque":

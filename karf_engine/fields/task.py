@@ -20,25 +20,17 @@ from .spaces import choose_space
 
 @dataclass(frozen=True)
 class FitTask:
-    """All that each process of a group needs to begin the same fit; more of its attributes are in `FitInputs`.
+    """All that each process of a group needs to begin the same fit; more of its attributes are in `FitInputs`."""
 
-    Attributes:
-        training_images: With cameras of their sizes.
-        kind: Background of the photos.
-        seed: Of all random numbers.
-        threads: Of each process.
-        device: Type of device.
-    """
-
-    training_images: list[TrainingImage]
-    kind: str
+    training_images: list[TrainingImage]  # with cameras of their sizes
+    kind: str  # background of the photos
     space: str
     views: list[View]
     points: SparsePoints | None
     settings: GeometrySettings
-    seed: int
-    threads: int
-    device: str
+    seed: int  # of all random numbers
+    threads: int  # of each process
+    device: str  # type of device
 
     def start(self, runtime: Runtime) -> Fit:
         """Begin the fit on this process's device."""

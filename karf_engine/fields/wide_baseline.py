@@ -20,21 +20,13 @@ from .rendering.rays import PixelDataset
 
 @dataclass(frozen=True)
 class WideBaselineParameters:
-    """Constants for wide-baseline captures.
+    """Constants for wide-baseline captures."""
 
-    Attributes:
-        angle: Smallest median angle, degrees, from a camera to its second nearest neighbor as seen from their focus.
-        color_tolerance: Largest difference per channel, sRGB, of equal colors.
-        agreeing_share: Share of the photos seeing a cell that must agree on its color.
-        min_share: Share of all photos that must agree.
-        mean_background: Weight of the prior that the background only depends on the elevation.
-    """
-
-    angle: float = 22.0
-    color_tolerance: float = 0.15
-    agreeing_share: float = 0.6
-    min_share: float = 0.25
-    mean_background: float = 0.3
+    angle: float = 22.0  # degrees, median over cameras, to the second nearest neighbor as seen from their focus
+    color_tolerance: float = 0.15  # per channel, sRGB
+    agreeing_share: float = 0.6  # of the photos that see a cell
+    min_share: float = 0.25  # of all photos
+    mean_background: float = 0.3  # weight of the prior that the background only depends on the elevation
 
 
 PARAMETERS = WideBaselineParameters()
@@ -56,7 +48,7 @@ def could_be_solid(dataset: PixelDataset, points: Tensor, voxel: float) -> Tenso
 
     Args:
         dataset: The photos.
-        points: [n, 3] float32, cell centers, world units.
+        points: Cell centers [n, 3] float32, world units.
         voxel: Cell size, world units; colors are averaged over a square of this size.
 
     Returns:
@@ -92,12 +84,9 @@ def _project(dataset: PixelDataset, number: int, points: Tensor, voxel: float) -
 
 
 def turned(viewdirs: Tensor, axes: Tensor, turns: Tensor) -> Tensor:
-    """Rotate directions [n, 3] about the vertical axis.
+    """Rotate directions [n, 3] about the vertical axis by shares of a full turn [n] in [0, 1].
 
-    Args:
-        viewdirs: [n, 3].
-        axes: [3, 3], rows: two horizontal directions and up.
-        turns: [n] in [0, 1], shares of a full turn.
+    The rows of `axes` [3, 3] are two horizontal directions and up.
 
     Examples:
         >>> turned(torch.tensor([[1.0, 0.0, 0.5]]), torch.eye(3), torch.tensor([0.5]))

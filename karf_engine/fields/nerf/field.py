@@ -30,27 +30,16 @@ ACCELERATOR_POSITIONS_PER_CHUNK = 1 << 18
 
 @dataclass(frozen=True)
 class NerfShape:
-    """Architecture of a network.
+    """Architecture of a network."""
 
-    Attributes:
-        depth: Number of layers that read the position.
-        width: Of these layers.
-        skips: Layers, counted from 0, that also read the encoded position.
-        view_width: Width of the layer that reads the direction.
-        position_frequencies: Of the positional encoding.
-        direction_frequencies: Of the encoding of directions.
-        linear_first: Omit the ReLU after the first layer.
-        rectified_features: Add a ReLU after `feature_linear`.
-    """
-
-    depth: int = 8
-    width: int = 256
-    skips: tuple[int, ...] = (5,)
-    view_width: int = 128
-    position_frequencies: int = 10
-    direction_frequencies: int = 4
-    linear_first: bool = False
-    rectified_features: bool = False
+    depth: int = 8  # number of layers that read the position
+    width: int = 256  # of these layers
+    skips: tuple[int, ...] = (5,)  # layers, counted from 0, that also read the encoded position
+    view_width: int = 128  # width of the layer that reads the direction
+    position_frequencies: int = 10  # of the positional encoding
+    direction_frequencies: int = 4  # of the encoding of directions
+    linear_first: bool = False  # omit the ReLU after the first layer
+    rectified_features: bool = False  # add a ReLU after `feature_linear`
 
 
 class NerfNetwork(nn.Module):
@@ -97,21 +86,13 @@ class NerfNetwork(nn.Module):
 
 @dataclass(frozen=True)
 class NerfSampling:
-    """Sampling of rays from t = near to far (see `StraightSpace.to_grid_rays`).
+    """Sampling of rays from t = near to far (see `StraightSpace.to_grid_rays`)."""
 
-    Attributes:
-        near: First t.
-        far: Last t.
-        in_disparity: Space coarse samples evenly in 1 / t instead of t.
-        coarse: Number of coarse samples.
-        fine: Number of importance samples.
-    """
-
-    near: float
-    far: float
-    in_disparity: bool = False
-    coarse: int = 64
-    fine: int = 128
+    near: float  # first t
+    far: float  # last t
+    in_disparity: bool = False  # space coarse samples evenly in 1 / t instead of t
+    coarse: int = 64  # number of coarse samples
+    fine: int = 128  # number of importance samples
 
 
 class NerfField(nn.Module):

@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import IO, cast
 
-# globals of tensors, dictionaries and scalars; torch itself allows more, with which a few bytes can claim any memory
+# globals of tensors, dictionaries and scalars; torch allows more, where a few bytes can claim any memory
 NAMES = {
     "collections OrderedDict",
     "torch._utils _rebuild_tensor_v2",
@@ -55,12 +55,7 @@ class _Bounded:
 
 
 def check_pickle(file: IO[bytes], length: int, names: set[str] | None = NAMES) -> None:
-    """Check the pickle at the file's position without loading it.
-
-    Args:
-        file: Binary file.
-        length: Size of the file, bytes.
-        names: Allowed globals, or None for any.
+    """Check the next pickle of a file of `length` bytes without loading it. `names`: allowed globals, None for any.
 
     Raises:
         ValueError: Another global, a memo index beyond the length, or a truncated pickle.

@@ -44,13 +44,7 @@ def stratified_samples(near: float, far: float, count: int, in_disparity: bool, 
 
 
 def interval_lengths(t: Tensor) -> Tensor:
-    """Return the distance from each sample to the next, and LAST_INTERVAL for the last one.
-
-    Args:
-        t: [R, N], sorted along each ray.
-
-    Returns:
-        Lengths [R, N], in units of t.
+    """Return the distance from each sample to the next, [R, N]; LAST_INTERVAL for the last one.
 
     Example:
         >>> interval_lengths(torch.tensor([[2.0, 3.0, 5.0]]))
@@ -60,16 +54,9 @@ def interval_lengths(t: Tensor) -> Tensor:
 
 
 def dense_ray_weights(sigmas: Tensor, deltas: Tensor) -> Tensor:
-    """Compute ray weights T_i (1 - exp(-sigma_i delta_i)) of N samples per ray (NeRF, Eq. 3).
+    """Compute ray weights T_i (1 - exp(-sigma_i delta_i)), [R, N] in [0, 1], of N samples per ray (NeRF, Eq. 3).
 
-    Differentiable in both arguments. See `volume.ray_weights_from_sigmas` for packed samples.
-
-    Args:
-        sigmas: Densities [R, N] >= 0, per unit of length.
-        deltas: Interval lengths [R, N].
-
-    Returns:
-        Weights [R, N] in [0, 1]; each ray's sum is its opacity.
+    Differentiable in densities [R, N] >= 0 and interval lengths [R, N]. See `volume` for packed samples.
 
     Example:
         >>> dense_ray_weights(torch.tensor([[0.0, 0.6931, 0.6931]]), torch.ones(1, 3))
@@ -112,15 +99,9 @@ def sample_pdf(edges: Tensor, weights: Tensor, u: Tensor) -> Tensor:
 
 
 def refine(t: Tensor, ray_weights: Tensor, u: Tensor) -> Tensor:
-    """Add importance samples of the coarse weights to the coarse samples (NeRF, Sec. 5.2).
+    """Add importance samples of the coarse weights to the coarse samples: t [R, N] to [R, N + F] (NeRF, Sec. 5.2).
 
-    Args:
-        t: Coarse samples [R, N], sorted along each ray.
-        ray_weights: [R, N] >= 0, of the coarse pass.
-        u: [R, F] in [0, 1], arguments of the inverse distribution function.
-
-    Returns:
-        All samples [R, N + F], sorted along each ray.
+    `u` [R, F] in [0, 1] are the arguments of the inverse distribution function.
 
     Example:
         >>> t, weights = torch.tensor([[0.0, 1.0, 2.0, 3.0]]), torch.tensor([[0.0, 0.0, 1.0, 0.0]])

@@ -16,15 +16,10 @@ from ...io.color import to_bytes
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays on one device, float32. Indexing selects some of them.
+    """Rays on one device, float32. Indexing selects some of them."""
 
-    Attributes:
-        origins: [R, 3], world units.
-        viewdirs: [R, 3], unit directions.
-    """
-
-    origins: Tensor
-    viewdirs: Tensor
+    origins: Tensor  # [R, 3], world units
+    viewdirs: Tensor  # [R, 3], unit directions
 
     def __len__(self) -> int:
         return len(self.origins)
@@ -34,14 +29,9 @@ class Rays:
 
 
 def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
-    """Return the rays through all pixel centers of a camera.
+    """Return the rays through all pixel centers of a camera, row by row from the top left, with its lens distortion.
 
-    Args:
-        camera: With its lens distortion; pixels outside the valid area of the lens get the ray of the principal point.
-        device: Device of the rays.
-
-    Returns:
-        width * height rays, row by row from the top left.
+    Pixels outside the valid area of the lens get the ray of the principal point.
 
     Example:
         >>> rays = camera_rays(Camera(1, 1, 2.0, 2.0, 0.5, 0.5, np.eye(4)))
@@ -54,13 +44,7 @@ def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
 
 
 def depth_per_distance(camera: Camera) -> np.ndarray:
-    """Return the factor from distance along each pixel's ray to depth along the optical axis.
-
-    Args:
-        camera: As for `camera_rays`.
-
-    Returns:
-        Factors [height * width] in (0, 1], float64.
+    """Return the depth along the optical axis per distance along each pixel's ray, [height * width] float64.
 
     Example:
         >>> depth_per_distance(Camera(1, 1, 1.0, 1.0, 0.5, 0.5, np.eye(4))).tolist()
@@ -106,7 +90,7 @@ class PixelDataset:
         valid: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
-        """Concatenate the pixels of the training images.
+        """Concatenate the pixels of V training images.
 
         Args:
             cameras: V cameras.

@@ -17,32 +17,19 @@ BLOCK = 4
 
 @dataclass(frozen=True)
 class Samples:
-    """Packed samples of some rays, in grid coordinates (see space.py).
+    """Packed samples of some rays, in grid coordinates (see space.py)."""
 
-    Attributes:
-        ray_indices: [S], sorted; maps each sample to its ray.
-        distances: [S], interval centers, from where the ray enters the grid.
-        positions: [S, 3].
-        step: Interval length, one for all or [S].
-    """
-
-    ray_indices: Tensor
-    distances: Tensor
-    positions: Tensor
-    step: float | Tensor
+    ray_indices: Tensor  # [S], sorted; maps each sample to its ray
+    distances: Tensor  # [S], interval centers, from where the ray enters the grid
+    positions: Tensor  # [S, 3]
+    step: float | Tensor  # interval length, one for all or [S]
 
     def __len__(self) -> int:
         return len(self.ray_indices)
 
 
 def coarse_occupancy(occupied: Tensor) -> Tensor:
-    """Downsample an occupancy grid by BLOCK, conservatively for coarse marching.
-
-    Args:
-        occupied: Cells [X, Y, Z] bool.
-
-    Returns:
-        Blocks [ceil(X / BLOCK), ceil(Y / BLOCK), ceil(Z / BLOCK)] bool; True up to BLOCK / 2 cells from occupied cells.
+    """Downsample occupied cells [X, Y, Z] to blocks of BLOCK^3, True up to BLOCK / 2 cells from an occupied cell.
 
     Example:
         >>> occupied = torch.zeros(12, 4, 4, dtype=torch.bool)
@@ -60,12 +47,7 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
 
 
 def spread(occupied: Tensor, axis: int, cells: int) -> Tensor:
-    """Dilate an occupancy grid along one axis. Works on bytes, since large grids would fill memory as floats.
-
-    Args:
-        occupied: Cells [X, Y, Z] bool.
-        axis: 0, 1 or 2.
-        cells: Dilation radius.
+    """Dilate occupied cells [X, Y, Z] bool along one axis. Works on bytes: large grids would fill memory as floats.
 
     Example:
         >>> spread(torch.tensor([[[True, False, False, False]]]), 2, 2)
@@ -80,16 +62,9 @@ def spread(occupied: Tensor, axis: int, cells: int) -> Tensor:
 
 
 def cell_indices(positions: Tensor, minimum: Tensor, voxel: float, shape: tuple[int, ...]) -> Tensor:
-    """Return the flat index of the cell that contains each position. Not differentiable.
+    """Return the flat index of the cell at each position [.., 3], grid coordinates, of a grid of this shape.
 
-    Args:
-        positions: [.., 3], grid coordinates; those outside are clamped to border cells.
-        minimum: [3], lowest corner of the grid.
-        voxel: Edge of a cell.
-        shape: Grid shape (X, Y, Z).
-
-    Returns:
-        Indices [..] in [0, X * Y * Z).
+    Positions outside are clamped to border cells. Not differentiable.
 
     Example:
         >>> cell_indices(torch.tensor([[0.5, 0.5, 1.5], [9.0, 9.0, 9.0]]), torch.zeros(3), 1.0, (2, 2, 2))
@@ -126,8 +101,7 @@ def march(
         >>> occupied = torch.zeros(4, 1, 1, dtype=torch.bool)
         >>> occupied[2] = True
         >>> path = torch.tensor([[[0.0, 0.5, 0.5], [4.0, 0.5, 0.5]]])
-        >>> samples = march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
-        >>> samples.distances
+        >>> march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5).distances
         tensor([2.2500, 2.7500])
     """
     shape = tuple(occupied.shape)

@@ -104,13 +104,9 @@ class Box:
 
 @dataclass(frozen=True)
 class Similarity:
-    """The world rotated, scaled and translated.
+    """The world rotated, scaled and translated."""
 
-    Attributes:
-        world_to_grid: [4, 4], rotation times uniform scale, and translation.
-    """
-
-    world_to_grid: Tensor
+    world_to_grid: Tensor  # [4, 4], rotation times uniform scale, and translation
     is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
@@ -131,19 +127,12 @@ class Similarity:
 
 @dataclass(frozen=True)
 class Contraction:
-    """All of space contracted to a ball.
+    """All of space contracted to a ball."""
 
-    Attributes:
-        center: [3], of the inner ball, where the map is a similarity; world units.
-        radius: Of the inner ball, world units.
-        room: Thickness of the outer shell in the grid, inner radii.
-        near: Distance from the camera where rays begin, world units.
-    """
-
-    center: Tensor
-    radius: float
-    room: float
-    near: float
+    center: Tensor  # [3], of the inner ball, where the map is a similarity; world units
+    radius: float  # of the inner ball, world units
+    room: float  # thickness of the outer shell in the grid, inner radii
+    near: float  # distance from the camera where rays begin, world units
     is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
@@ -187,19 +176,12 @@ class Contraction:
 
 @dataclass(frozen=True)
 class Frustum:
-    """Viewing frustum of a central camera, from a near plane to infinity.
+    """Viewing frustum of a central camera, from a near plane to infinity."""
 
-    Attributes:
-        world_to_camera: [4, 4].
-        focal: [2], focal length over half the image width and over half the image height.
-        near: Depth of the near plane, world units.
-        depth_scale: Half the grid's depth, in half image widths.
-    """
-
-    world_to_camera: Tensor
-    focal: Tensor
-    near: float
-    depth_scale: float
+    world_to_camera: Tensor  # [4, 4]
+    focal: Tensor  # [2], focal length over half the image width and over half the image height
+    near: float  # depth of the near plane, world units
+    depth_scale: float  # half the grid's depth, in half image widths
     is_forward_facing: ClassVar[bool] = True
 
     def to_grid(self, positions: Tensor) -> Tensor:
@@ -255,14 +237,7 @@ class Frustum:
 def clipped_paths(
     origins: Tensor, directions: Tensor, minimum: Tensor, maximum: Tensor, longest: float | None = None
 ) -> Tensor:
-    """Clip the lines origin + t * direction, t >= 0, to a box.
-
-    Args:
-        origins: [R, 3].
-        directions: [R, 3], of any length.
-        minimum: [3], lowest corner of the box.
-        maximum: [3], highest corner of the box.
-        longest: Largest t, or None.
+    """Clip lines origin + t * direction, 0 <= t <= longest, to a box; origins and directions are [R, 3], corners [3].
 
     Returns:
         First and last points [R, 2, 3]; equal where a line misses the box.

@@ -7,13 +7,9 @@ from torch import Tensor
 
 
 def spherical_harmonics(viewdirs: Tensor) -> Tensor:
-    """Evaluate the real spherical harmonics of degrees 0 to 2 (Sloan, Stupid Spherical Harmonics Tricks, 2008).
+    """Evaluate the real spherical harmonics of degrees 0 to 2, [n, 9], of unit directions [n, 3].
 
-    Args:
-        viewdirs: Unit directions [n, 3].
-
-    Returns:
-        Values [n, 9]: one of degree 0, three of degree 1, five of degree 2.
+    After Sloan, Stupid Spherical Harmonics Tricks, 2008.
 
     Example:
         >>> spherical_harmonics(torch.tensor([[0.0, 0.0, 1.0]]))[0, :4]

@@ -23,21 +23,13 @@ MIN_OPACITY = 0.02  # rays below it have no samples
 
 @dataclass(frozen=True)
 class SurfaceCache:
-    """Quantile samples of n rays, those with an opacity above MIN_OPACITY.
+    """Quantile samples of n rays, those with an opacity above MIN_OPACITY."""
 
-    Attributes:
-        positions: [n, K, 3], grid coordinates.
-        distances: [n, K], grid units, from where the ray enters the grid.
-        viewdirs: [n, 3], unit directions in the world.
-        opacity: [n] in [0, 1].
-        index: [n], index of each ray among all given rays.
-    """
-
-    positions: Tensor
-    distances: Tensor
-    viewdirs: Tensor
-    opacity: Tensor
-    index: Tensor
+    positions: Tensor  # [n, K, 3], grid coordinates
+    distances: Tensor  # [n, K], grid units, from where the ray enters the grid
+    viewdirs: Tensor  # [n, 3], unit directions in the world
+    opacity: Tensor  # [n] in [0, 1]
+    index: Tensor  # [n], index of each ray among all given rays
 
     def __len__(self) -> int:
         return len(self.opacity)
@@ -58,11 +50,11 @@ class SurfaceCache:
 
 @torch.no_grad()
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
-    """Compute the quantile samples of rays through a frozen field. Not differentiable.
+    """Compute the quantile samples of rays, in world units, through a frozen field. Not differentiable.
 
     Args:
         field: Any field with `trace` (see `fields.protocol.Field`).
-        rays: In world units.
+        rays: R rays.
         n_samples: K >= 1.
         step: Stride in voxels, for fields that march.
         progress: Receives the number of rays at the end; may raise Cancelled.
@@ -71,8 +63,7 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
         >>> from types import SimpleNamespace
         >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 1.0)
         >>> field = SimpleNamespace(trace=lambda rays, step: SimpleNamespace(samples=samples, ray_weights=torch.ones(1)))
-        >>> cache = cache_surface(field, Rays(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 1.0]])), 3, 1.0)
-        >>> cache.distances
+        >>> cache_surface(field, Rays(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 1.0]])), 3, 1.0).distances
         tensor([[2., 2., 2.]])
     """
     starts, parts = range(0, len(rays), RAYS_PER_CHUNK), {}
@@ -102,14 +93,9 @@ def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
 
 @torch.no_grad()
 def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_samples: int, first: int = 0) -> SurfaceCache:
-    """Select the samples at the K mid-quantiles of each ray's weights. Not differentiable.
+    """Select the packed samples at the K mid-quantiles of each ray's weights [S]. `first` is added to `index`.
 
-    Args:
-        rays: R rays.
-        samples: Their packed samples.
-        ray_weights: [S].
-        n_samples: K >= 1.
-        first: Offset added to `index`.
+    Not differentiable.
 
     Example:
         >>> samples = Samples(torch.tensor([0, 0]), torch.tensor([1.0, 2.0]), torch.zeros(2, 3), 1.0)

@@ -24,17 +24,10 @@ VISIBLE_WEIGHT = 1e-4  # samples below this weight get no color: they cannot cha
 
 
 def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tensor) -> Tensor:
-    """Compute the transmittance in front of each sample.
+    """Compute the transmittance [S] in (0, 1] in front of each sample from optical depths [S] >= 0.
 
     Differentiable in optical depths up to 100. One float64 cumulative sum covers all rays: float32 would lose up to
     1e-3 of transmittance.
-
-    Args:
-        optical_depths: [S] >= 0.
-        ray_indices: [S], sorted.
-
-    Returns:
-        Transmittances [S] in (0, 1].
 
     Example:
         >>> transmittance_from_optical_depths(torch.tensor([0.6931, 1.0, 5.0]), torch.tensor([0, 0, 1]))
@@ -47,17 +40,9 @@ def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tenso
 
 
 def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor) -> Tensor:
-    """Compute the ray weights T_i (1 - exp(-sigma_i delta_i)) (paper, Eq. 8).
+    """Compute the ray weights T_i (1 - exp(-sigma_i delta_i)), [S] in [0, 1] (paper, Eq. 8).
 
-    Differentiable in `sigmas` and `deltas`.
-
-    Args:
-        sigmas: Densities [S] >= 0, per unit of length.
-        deltas: Interval lengths [S], or one for all samples.
-        ray_indices: [S], sorted.
-
-    Returns:
-        Weights [S] in [0, 1].
+    Differentiable in densities [S] >= 0, per unit of length, and in interval lengths [S], or one for all.
 
     Example:
         >>> ray_weights_from_sigmas(torch.tensor([0.0, 0.6931, 0.6931]), 1.0, torch.tensor([0, 0, 0]))
@@ -72,17 +57,9 @@ def ray_weights_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices:
 def distortion(
     ray_weights: Tensor, distances: Tensor, step: float | Tensor, ray_indices: Tensor, n_rays: int
 ) -> Tensor:
-    """Compute the distortion loss of each ray (Mip-NeRF 360, Eq. 15). Differentiable in `ray_weights`.
+    """Compute the distortion loss [R] of each ray (Mip-NeRF 360, Eq. 15). Differentiable in the weights [S].
 
-    Args:
-        ray_weights: [S] in [0, 1].
-        distances: [S], along the rays.
-        step: Interval lengths [S], or one for all samples, in the unit of `distances`.
-        ray_indices: [S], sorted.
-        n_rays: R.
-
-    Returns:
-        Losses [R] >= 0.
+    `step` is the interval length, one for all samples or [S], in the unit of `distances` [S].
 
     Example:
         >>> halves, one_ray = torch.tensor([0.5, 0.5]), torch.tensor([0, 0])
@@ -111,16 +88,9 @@ def _of_ray_start(values: Tensor, ray_indices: Tensor) -> Tensor:
 
 
 def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """Sum ray_weights * values over each ray. Differentiable in both.
+    """Sum ray_weights [S] * values [S, C] over each ray, [R, C]; 0 for rays without samples. Differentiable in both.
 
-    Args:
-        ray_weights: [S].
-        values: [S, C]; None sums the weights alone, which gives the opacity.
-        ray_indices: [S].
-        n_rays: R.
-
-    Returns:
-        Sums [R, C], or [R, 1] without values; 0 for rays without samples.
+    Without values, sum the weights to the opacity [R, 1].
 
     Example:
         >>> accumulate(torch.tensor([0.5, 0.25]), torch.tensor([[1.0], [2.0]]), torch.tensor([0, 0]), 2)
@@ -133,18 +103,9 @@ def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, 
 
 
 def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor, n_rays: int) -> Tensor:
-    """Compute the transmittance behind the last sample of each ray.
+    """Compute the transmittance [R] in [0, 1] behind the last sample of each ray; 1 for rays without samples.
 
-    Differentiable in `sigmas` and `deltas`. Never negative, unlike 1 - sum(ray_weights).
-
-    Args:
-        sigmas: Densities [S] >= 0, per unit of length.
-        deltas: Interval lengths [S], or one for all samples.
-        ray_indices: [S].
-        n_rays: R.
-
-    Returns:
-        Transmittances [R] in [0, 1]; 1 for rays without samples.
+    Arguments as for `ray_weights_from_sigmas`. Never negative, unlike 1 - sum(ray_weights).
 
     Example:
         >>> final_transmittance_from_sigmas(torch.tensor([0.6931, 0.6931]), 1.0, torch.tensor([0, 0]), 2)
@@ -157,26 +118,15 @@ def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of R rays through a frozen field, with their ray weights.
+    """Samples of R rays through a frozen field, with their ray weights."""
 
-    Attributes:
-        samples: Packed samples.
-        ray_weights: [S] in [0, 1].
-        final_transmittance: [R] in [0, 1].
-    """
-
-    samples: Samples
-    ray_weights: Tensor
-    final_transmittance: Tensor
+    samples: Samples  # packed samples
+    ray_weights: Tensor  # [S] in [0, 1]
+    final_transmittance: Tensor  # [R] in [0, 1]
 
 
 def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
-    """Build a trace from samples and their densities.
-
-    Args:
-        samples: Packed samples of the rays.
-        sigmas: Densities [S] >= 0, per grid unit.
-        n_rays: R.
+    """Build a trace of `n_rays` rays from samples and their densities [S] >= 0, per grid unit.
 
     Example:
         >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 0.5)
@@ -191,15 +141,9 @@ def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
 
 
 def outward_normals(density: Callable[[Tensor], Tensor], positions: Tensor, reach: float) -> Tensor:
-    """Compute surface normals as the negative density gradient, by central differences.
+    """Compute unit normals [n, 3] as the negative density gradient, by central differences over 2 * `reach` grid units.
 
-    Args:
-        density: Maps positions [n, 3] to densities [n].
-        positions: [n, 3], grid coordinates.
-        reach: Half the difference step, grid units.
-
-    Returns:
-        Unit normals [n, 3], not differentiable in the positions; 0 where the density is constant.
+    Not differentiable in the positions [n, 3]; 0 where the density is constant.
 
     Example:
         >>> outward_normals(lambda x: -x[:, 2], torch.zeros(1, 3), 0.1).abs()  # denser below
