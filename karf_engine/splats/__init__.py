@@ -1,1 +1,1 @@
-"""A learned scene as Gaussians: begun on the surface of its voxels, refined on the photos, shown in milliseconds."""
+"""3D Gaussian splatting: initialization from a learned field, training on photos, rasterization, imports."""

@@ -48,17 +48,11 @@ COLMAP_UP, BLENDER_UP = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Target:
-    """Region shown by cameras.
+    """Region shown by cameras."""
 
-    Attributes:
-        middle: [3], world.
-        up: [3], unit vector.
-        distance: Distance between cameras and middle, world units.
-    """
-
-    middle: np.ndarray
-    up: np.ndarray
-    distance: float
+    middle: np.ndarray  # [3], world
+    up: np.ndarray  # [3], unit vector
+    distance: float  # between cameras and middle, world units
 
 
 def target_of(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:

@@ -1,1 +1,1 @@
-"""A radiance field on a sparse grid of voxels, and its fits."""
+"""Radiance field on a sparse voxel grid, and its training."""

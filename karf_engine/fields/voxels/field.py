@@ -182,7 +182,7 @@ class VoxelField(VoxelGrid):
         """Return the field without the occupied cells that are neither in `keep` [n] bool nor next to one of them."""
         occupied = torch.zeros_like(self.occupied)
         occupied[self.occupied] = keep
-        field = self._like(self.minimum, self.voxel, dilate(occupied) & self.occupied)
+        field = self.with_cells(self.minimum, self.voxel, dilate(occupied) & self.occupied)
         for numbers, densities, features in field._table_chunks():
             rows = self.rows_of(numbers)
             densities.copy_(self.raw_density[rows])
@@ -209,7 +209,7 @@ class VoxelField(VoxelGrid):
         if keep is not None:
             cells = torch.nonzero(occupied)
             occupied[cells.unbind(1)] = keep(low + (cells + 0.5) * voxel)
-        field = self._like(low, voxel, occupied)
+        field = self.with_cells(low, voxel, occupied)
         for numbers, densities, features in field._table_chunks():
             rows, weights = self.corners(field.minimum + field.vertices_at(numbers) * field.voxel)
             weights = weights / weights.sum(1, keepdim=True).clamp_min(1e-6)
@@ -218,7 +218,7 @@ class VoxelField(VoxelGrid):
             features.copy_(WeightedGather.apply(self.feature_table, rows, weights))
         return field
 
-    def _like(self, minimum: Tensor, voxel: float, occupied: Tensor) -> VoxelField:
+    def with_cells(self, minimum: Tensor, voxel: float, occupied: Tensor) -> VoxelField:
         """Return a field on another grid, with the same color network and empty tables."""
         field = VoxelField(minimum, voxel, occupied, self.n_features, self.width, self.density_bias, self.space)
         field.color_network.load_state_dict(self.color_network.state_dict())

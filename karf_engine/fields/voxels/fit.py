@@ -51,10 +51,10 @@ class Batch:
 
 @dataclass(frozen=True)
 class Phase:
-    """Part of a level between two prunings: number of the level, its iterations before this phase, and of this phase."""
+    """Part of a level between two prunings."""
 
-    level: int
-    before: int
+    level: int  # number of the level
+    before: int  # iterations of the level before this phase
     iterations: int
 
 
@@ -162,12 +162,10 @@ class VoxelFit(Generic[Recipe]):
 
     def _field_like(self, tensors: dict[str, Tensor], voxel: float) -> VoxelField:
         """Return an empty field with the occupied cells of a saved one."""
-        occupied, like = tensors.get("occupied"), self.field
+        occupied = tensors.get("occupied")
         if occupied is None or occupied.dtype != torch.bool or occupied.dim() != 3 or not occupied.any() or voxel <= 0:
             raise DataError("What was learned holds no occupied cells.")
-        occupied = occupied.to(self.runtime.device)
-        minimum = like.minimum.clone()
-        return VoxelField(minimum, voxel, occupied, like.n_features, like.width, like.density_bias, like.space)
+        return self.field.with_cells(self.field.minimum.clone(), voxel, occupied.to(self.runtime.device))
 
     def _begin(self, phase: Phase) -> None:
         """Prune before all phases but the first, and refine before all levels but the first."""

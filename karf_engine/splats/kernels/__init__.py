@@ -1,1 +1,1 @@
-"""Splatting by compiled kernels: from a table of Gaussians to a picture, and from its gradient back to the table's."""
+"""Compiled kernels of Gaussian splatting: projection, tiles, blending, and their gradients."""

@@ -1,1 +1,1 @@
-"""Compiled kernels that learn and render a voxel field on the processor; they need numba."""
+"""Compiled kernels that train and render voxel fields on the processor; they need numba."""
