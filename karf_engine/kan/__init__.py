@@ -9,7 +9,7 @@ Each layer is a `torch.nn.Module` from [..., n_in] to [..., n_out] and can be us
 >>> layer(torch.rand(5, 3)).shape
 torch.Size([5, 16])
 
-A network learns as any other:
+It is trained like any other module:
 
 >>> network = torch.nn.Sequential(GRBFLayer(1, 8), GRBFLayer(8, 1))
 >>> optimizer = torch.optim.Adam(network.parameters(), lr=0.02)
@@ -22,7 +22,7 @@ A network learns as any other:
 >>> bool(loss < 0.05)
 True
 
-The gated block (Eq. 6) reads encoded positions, prior features and, where they matter, encoded directions:
+The gated block (Eq. 6) reads encoded positions, prior features and, optionally, encoded directions:
 
 >>> from karf_engine.kan import positional_encoding
 >>> positions, features = torch.rand(5, 3), torch.rand(5, 12)
@@ -30,7 +30,7 @@ The gated block (Eq. 6) reads encoded positions, prior features and, where they 
 >>> block(positional_encoding(positions, 5), features).shape
 torch.Size([5, 4])
 
-This package needs torch, and of this project only errors, checks of arguments and the settings' list of known layers.
+The package needs torch; from this project it uses only errors, argument checks and the settings' list of layers.
 """
 
 from .bspline import BSplineLayer, bspline_bases

@@ -1,11 +1,11 @@
-"""B-spline layer of a Kolmogorov-Arnold network: the ablation's counterpart of the Gaussian layer (paper, Fig. 7).
+"""B-spline layer of a Kolmogorov-Arnold network, for comparison with the Gaussian layer (paper, Fig. 7).
 
-Convention. The range [-2, 2] is cut into `grid` equal intervals; t = (u + 2) / interval counts them. The uniform
-B-splines of `order` p with support (i, i + p + 1), i = -p .. grid - 1, follow the Cox-de Boor recursion
+The range [-2, 2] is divided into `grid` equal intervals, and t = (u + 2) / interval. The uniform B-splines of `order` p
+with support (i, i + p + 1), i = -p .. grid - 1, follow the Cox-de Boor recursion
 
     B_i^0(t) = 1 on [i, i + 1),    B_i^p(t) = ((t - i) B_i^{p-1}(t) + (i + p + 1 - t) B_{i+1}^{p-1}(t)) / p.
 
-They sum to 1 inside the range and vanish outside their support, so beyond the range only the base branch acts.
+They sum to 1 inside the range and vanish outside their support, so only the base branch acts far outside the range.
 """
 
 import torch
@@ -21,12 +21,10 @@ INITIAL_SPLINE_STD = 0.02
 
 @checked
 def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
-    """Return the values of the B-splines, by the Cox-de Boor recursion.
-
-    Differentiable to u, but for `order=0`, whose splines are steps.
+    """Return the values of the B-splines, differentiable in u for `order` >= 1.
 
     Args:
-        u: [..., n_in]; only values within [-2, 2] lie under all their splines.
+        u: [..., n_in].
         grid: number of intervals on [-2, 2].
         order: p.
 
@@ -34,7 +32,7 @@ def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
         [..., grid + order, n_in] in [0, 1]; they sum to 1 over the splines where u is within [-2, 2).
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: a number is out of range.
 
     Example:
@@ -72,11 +70,11 @@ class BSplineLayer(nn.Module):
         n_out: width of the outputs.
         grid: number of intervals on [-2, 2].
         order: of the splines.
-        layer_norm: normalize the splines' inputs first, with 2 * n_in parameters. Without it, inputs outside [-2, 2]
-            reach only the base branch.
+        layer_norm: normalize the splines' inputs first, with 2 * n_in parameters. Without it, only the base branch
+            sees inputs far outside [-2, 2].
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: a number is out of range.
 
     Example:
@@ -98,7 +96,7 @@ class BSplineLayer(nn.Module):
         nn.init.trunc_normal_(self.spline_weight, std=INITIAL_SPLINE_STD)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for what is none."""
+        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for other inputs."""
         check_rows("x", x, self.base.in_features, self.base.weight)
         bases = _bases(self.norm(x), self.grid, self.order)
         weight = self.spline_weight * self.spline_scale

@@ -1,4 +1,6 @@
-"""What layers and encodings are given: tensors of the right width, numbers and device. A check costs a microsecond."""
+"""Check the inputs of layers and encodings: widths, dtypes and devices of tensors. A check takes a microsecond."""
+
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -7,12 +9,12 @@ from ..errors import BadRequest
 from ..io.arguments import check_number, check_type
 
 
-def check_vectors(name: str, x: Tensor) -> None:
-    """Refuse what is no floating tensor [..., C].
+def check_vectors(name: str, x: Any) -> None:
+    """Refuse anything but a floating-point tensor [..., C].
 
     Raises:
-        TypeError: It is no tensor.
-        BadRequest: Its numbers are whole, or it has no axis.
+        TypeError: x is not a tensor.
+        BadRequest: x is an integer tensor, or has no axis.
 
     Examples:
         >>> check_vectors("x", torch.arange(3))
@@ -25,18 +27,12 @@ def check_vectors(name: str, x: Tensor) -> None:
     raise BadRequest(f"{name} is {_described(x)}.", "Give floating numbers, [..., C].")
 
 
-def check_rows(name: str, x: Tensor, width: int, like: Tensor) -> None:
-    """Refuse what a layer cannot compute with.
-
-    Args:
-        name: The argument's name, for the message.
-        x: What was given.
-        width: The last axis that is wanted.
-        like: A parameter of the layer: its type of numbers and device are wanted.
+def check_rows(name: str, x: Any, width: int, like: Tensor) -> None:
+    """Refuse anything but a tensor [..., width] with the dtype (or under autocast) and device of a parameter `like`.
 
     Raises:
-        TypeError: It is no tensor.
-        BadRequest: Its width, numbers or device are others.
+        TypeError: x is not a tensor.
+        BadRequest: x has another width, dtype or device.
 
     Examples:
         >>> check_rows("x", torch.zeros(5, 4), 3, torch.zeros(3))
@@ -57,18 +53,18 @@ def check_encodings(
     widths: tuple[int, int, int],
     like: Tensor,
 ) -> None:
-    """Refuse what a head cannot read.
+    """Refuse inputs that a head cannot read.
 
     Args:
         position_encoding: [..., P].
         features: [..., F].
         direction_encoding: [..., D]; None where D = 0.
         widths: P, D and F.
-        like: A parameter of the head.
+        like: a parameter of the head.
 
     Raises:
-        TypeError: One is no tensor.
-        BadRequest: Its shape, numbers or device are others.
+        TypeError: an input is not a tensor.
+        BadRequest: an input has another width, dtype or device.
 
     Examples:
         >>> check_encodings(torch.zeros(5, 9), torch.zeros(5, 2), None, (9, 0, 3), torch.zeros(1))
@@ -82,7 +78,7 @@ def check_encodings(
 
 
 def check_alike(name: str, x: Tensor, first: Tensor) -> None:
-    """Refuse a tensor whose axes before the last, or whose device, are not those of the first. Raises BadRequest.
+    """Raise BadRequest for a tensor whose leading axes or device differ from those of the first.
 
     Examples:
         >>> check_alike("u", torch.zeros(4, 3), torch.zeros(5, 3))
@@ -94,7 +90,7 @@ def check_alike(name: str, x: Tensor, first: Tensor) -> None:
 
 
 def check_widths(**widths: int) -> None:
-    """Refuse widths below 1, by name. Raises BadRequest.
+    """Raise BadRequest for widths below 1.
 
     Examples:
         >>> check_widths(n_in=3, n_out=0)
@@ -106,7 +102,7 @@ def check_widths(**widths: int) -> None:
 
 
 def head_widths(n_position: int, n_direction: int, n_features: int, n_out: int, width: int) -> tuple[int, int, int]:
-    """P, D and F of a head, once found possible. Raises BadRequest for a width below 1, or below 0 of D and F.
+    """Check the widths of a head and return P, D and F. Raises BadRequest for D or F below 0, or others below 1.
 
     Examples:
         >>> head_widths(n_position=33, n_direction=0, n_features=12, n_out=4, width=16)

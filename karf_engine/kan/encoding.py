@@ -1,4 +1,4 @@
-"""What the heads read: encoded positions and directions, joined with prior features."""
+"""Encode positions and directions, and join them with prior features."""
 
 import torch
 from torch import Tensor
@@ -10,7 +10,7 @@ from .checks import check_alike, check_vectors
 def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
     """Return gamma(x): x, sin(2^0 x), cos(2^0 x), sin(2^1 x), ... without pi (Mildenhall et al. 2020).
 
-    The order and the missing pi are those of the original NeRF implementation, so that its checkpoints fit.
+    The order, and the omission of pi, are those of the original NeRF code, so that its checkpoints fit.
 
     Args:
         x: [..., 3].
@@ -20,8 +20,8 @@ def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
         [..., 3 + 6 * n_frequencies].
 
     Raises:
-        TypeError: an argument is of another type.
-        BadRequest: x is not of floating numbers, or n_frequencies is below 0.
+        TypeError: an argument has the wrong type.
+        BadRequest: x is not floating-point, or n_frequencies is negative.
 
     Example:
         >>> positional_encoding(torch.zeros(1, 3), 1)
@@ -35,19 +35,11 @@ def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
 
 
 def join_inputs(position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None) -> Tensor:
-    """Return z = [gamma(x), gamma(d), f_prior], without gamma(d) if it is None.
-
-    Args:
-        position_encoding: gamma(x), [..., P].
-        features: f_prior, [..., F].
-        direction_encoding: gamma(d), [..., D], or None.
-
-    Returns:
-        [..., P + D + F].
+    """Return z = [gamma(x), gamma(d), f_prior], [..., P + D + F], without gamma(d) if it is None.
 
     Raises:
-        TypeError: one is no tensor.
-        BadRequest: its numbers are whole, or there are not as many of all.
+        TypeError: an input is not a tensor.
+        BadRequest: an input is not floating-point, or the leading axes differ.
 
     Example:
         >>> join_inputs(torch.ones(1, 2), torch.zeros(1, 1), torch.full((1, 2), 5.0))

@@ -1,5 +1,4 @@
-"""The Gaussian layer's bases and what the backward pass makes of them, as kernels: row by row, all in registers and
-cache, without Python's lock. The formulas stand in `grbf`; matrix products stay torch's."""
+"""Compiled kernels for the Gaussian layer's bases and their gradients, row by row. For the formulas see `grbf`."""
 
 from __future__ import annotations
 
@@ -9,7 +8,7 @@ from numpy import float32, int32
 from ..compute.kernels import allocating_kernel, kernel
 
 ONE, HALF = float32(1), float32(0.5)
-LEAST_EXPONENT, MOST_EXPONENT = float32(-87), float32(88)
+MIN_EXPONENT, MAX_EXPONENT = float32(-87), float32(88)
 # exp(x) = 2^n exp(r) with |r| <= ln(2) / 2, by the polynomial of Cephes' expf; ln(2) in two parts
 LOG2_E, LN2_HIGH, LN2_LOW = float32(1.44269504), float32(0.693359375), float32(-2.12194440e-4)
 C0, C1, C2 = float32(1.9875691500e-4), float32(1.3981999507e-3), float32(8.3334519073e-3)
@@ -18,10 +17,10 @@ C3, C4, C5 = float32(4.1665795894e-2), float32(1.6666665459e-1), float32(5.00000
 
 @kernel
 def exponentials(x, powers, out):
-    """Write exp(x) [n] to `out`; the compiler knows no exponential of several numbers at once. powers: [n] scratch."""
+    """Write exp(x) [n] to `out`; numba does not vectorize np.exp. powers: [n] scratch."""
     bits = powers.view(int32)
     for i in range(len(x)):
-        value = min(max(x[i], LEAST_EXPONENT), MOST_EXPONENT)
+        value = min(max(x[i], MIN_EXPONENT), MAX_EXPONENT)
         n = np.floor(value * LOG2_E + HALF)
         r = value - n * LN2_HIGH
         r = r - n * LN2_LOW
@@ -36,9 +35,9 @@ def exponentials(x, powers, out):
 def fill_blocks(x, u, anchor, constants, blocks):
     """Write the Gaussians of u [rows, n_in] and SiLU(x), all times exp(shift), to `blocks` [rows, N + 1, n_in].
 
-    constants: of the recurrence, see `grbf._Recurrence.constants`.
+    constants: see `grbf._Recurrence.constants`.
     """
-    origin, steps, lowest, highest, kappa, shift, decay, raised = constants
+    origin, steps, lowest, highest, kappa, shift, decay, exp_shift = constants
     n, n_in = blocks.shape[1] - 1, x.shape[1]
     exponents, powers = np.empty(n_in, float32), np.empty(n_in, float32)
     upward, downward = np.empty(n_in, float32), np.empty(n_in, float32)
@@ -64,14 +63,14 @@ def fill_blocks(x, u, anchor, constants, blocks):
             exponents[i] = -x[row, i]
         exponentials(exponents, powers, upward)
         for i in range(n_in):
-            bases[n, i] = x[row, i] * raised / (ONE + upward[i])
+            bases[n, i] = x[row, i] * exp_shift / (ONE + upward[i])
 
 
 @allocating_kernel
 def fill_gradients(x, u, anchor, constants, blocks, products, grad_x, grad_u):
-    """Write gradients by x and u (up to a factor), and return the sum of w (w E - 2 sum_j j E_j), E = sum_j E_j.
+    """Write gradients of x and u (up to a factor), and return the sum of w (w E - 2 sum_j j E_j), E = sum_j E_j.
 
-    products: [rows, N + 1, n_in], dL/dB_k, then dL/dSiLU. Others as of `fill_blocks`, which has written `blocks`.
+    products: [rows, N + 1, n_in], dL/dB_k, then dL/dSiLU. The others are those of `fill_blocks`, which wrote `blocks`.
     """
     origin, steps, lowest, highest = constants[:4]
     n, n_in = blocks.shape[1] - 1, x.shape[1]

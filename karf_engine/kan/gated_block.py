@@ -1,6 +1,6 @@
 """Residual adaptive gating block: the head of both fields, F_s and F_w (paper, Fig. 3 and Eq. 6).
 
-Convention. z = [gamma(x), gamma(d), f_prior] enters; P, D, F are the widths of its parts (D = 0 without directions).
+The input is z = [gamma(x), gamma(d), f_prior]; P, D, F are the widths of its parts (D = 0 without directions).
 
     f_h  = K2(K1(z))                                  backbone
     f_q  = Linear(z),  f_g = K(f_q)                   gate
@@ -26,10 +26,10 @@ VARIANTS = ("all", "no_residual", "gate", "none")
 
 
 class GatedBlock(nn.Module):
-    """The gated block: encodings and prior features to logits.
+    """Map encodings and prior features to logits.
 
-    Differentiable to its inputs and parameters. The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has
-    2,089,147 parameters and 4 bandwidths, one a layer. Parts that `variant` switches off hold no parameters.
+    The full block of `grbf` layers for 7 outputs (P 63, D 27, F 256) has 2,089,147 parameters and 4 bandwidths, one per
+    layer. Parts that `variant` switches off have no parameters.
 
     Args:
         n_position: P, width of the encoded positions.
@@ -40,12 +40,12 @@ class GatedBlock(nn.Module):
         layer: a registered kind: `grbf`, `bspline`, `mlp`, or your own.
         variant: parts of Eq. 6 (paper, Table 4): `all`; `no_residual` is SiLU(beta * f_g) * f_h; `gate` is
             SiLU(f_g) * f_h; `none` is f_h alone.
-        n_centers: N of Eq. 5, 2 to 8; of `grbf`.
-        bandwidth: h of Eq. 5 at the start, see `resolve_bandwidth`; of `grbf`.
-        learn_bandwidth: whether h is trained, one a layer; of `grbf`.
+        n_centers: N of Eq. 5, 2 to 8; for `grbf` only.
+        bandwidth: initial h of Eq. 5, see `resolve_bandwidth`; for `grbf` only.
+        learn_bandwidth: whether h is trained, one per layer; for `grbf` only.
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: a width is out of range, the layer or the variant is unknown, or the layer refuses its options.
 
     Example:
@@ -87,19 +87,16 @@ class GatedBlock(nn.Module):
             self.alpha = nn.Parameter(torch.zeros(()))
 
     def forward(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Return logits.
+        """Return logits [..., n_out].
 
         Args:
             position_encoding: gamma(x), [..., P].
             features: [..., F], standardized (see `Standardizer`).
             direction_encoding: gamma(d), [..., D]; None if D = 0.
 
-        Returns:
-            [..., n_out].
-
         Raises:
-            TypeError: one is no tensor.
-            BadRequest: its shape, numbers or device are others.
+            TypeError: an input is not a tensor.
+            BadRequest: an input has another width, dtype or device.
         """
         check_encodings(position_encoding, features, direction_encoding, self._widths, next(self.parameters()))
         z = join_inputs(position_encoding, features, direction_encoding)
@@ -107,7 +104,7 @@ class GatedBlock(nn.Module):
         return self.head(torch.cat([hidden, position_encoding], dim=-1))
 
     def _gated(self, z: Tensor, hidden: Tensor) -> Tensor:
-        """Return f'_h [..., width] from f_h, as the variant says."""
+        """Return f'_h [..., width] from f_h, according to the variant."""
         if self.variant == "none":
             return hidden
         shallow = self.gate_linear(z)
@@ -122,7 +119,7 @@ class GatedBlock(nn.Module):
 
 @checked
 def count_parameters(module: nn.Module) -> int:
-    """Number of trainable numbers in a module. Raises TypeError for what is none.
+    """Return the number of parameters of a module. Raises TypeError for anything else.
 
     Example:
         >>> count_parameters(nn.Linear(3, 2))

@@ -1,11 +1,11 @@
 """Gaussian radial basis layer of a Kolmogorov-Arnold network (paper, Eq. 4 and 5), with a fast spline branch.
 
-Convention. `x` [n, n_in] is the input, `u` the layer-normalized input. N centers c_k lie evenly on [-2, 2], `spacing`
-apart, and `bandwidth` is h in
+`x` [n, n_in] is the input, `u` the layer-normalized input. N centers c_k are evenly spaced on [-2, 2], and `bandwidth` is
+h in
 
     B_k(u) = exp(-(u - c_k)^2 / (2 h^2)),    y_o = b_o + sum_i (sum_k W[o, k, i] B_k(u_i) + W[o, N, i] SiLU(x_i)).
 
-`weight` is stored [n_out, (N + 1) * n_in]: N spline blocks, then the base block, so that one matrix product does all.
+`weight` is [n_out, (N + 1) * n_in]: N spline blocks, then the base block, so that one matrix product suffices.
 
 The fast path measures u in spacings from the anchor, the center of index m = N // 2: w = (u - c_m) / spacing. With
 kappa = (spacing / h)^2 and j = k - m, neighbors differ by a factor that is itself geometric in j:
@@ -13,7 +13,7 @@ kappa = (spacing / h)^2 and j = k - m, neighbors differ by a factor that is itse
     B_m = exp(-kappa w^2 / 2),    B_{j+1} / B_j = exp(kappa (w - 1/2)) exp(-kappa)^j.
 
 So two exponentials, and multiplications outward from the anchor, give all N Gaussians. On processors with numba, kernels
-(`fused.py`) do this and its backward pass. Derivatives of that one, and `torch.func`, take the plain formula.
+(`fused.py`) compute them and the backward pass. Second derivatives, and `torch.func`, use the plain formula.
 """
 
 import math
@@ -36,26 +36,20 @@ BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings
 MAX_CENTERS = 8
 INITIAL_SPLINE_STD = 0.02
 
-# Beyond this many bandwidths outside the grid every basis is below 2e-8; clamping there keeps the recurrence finite.
+# u is clamped this many bandwidths outside the grid, where every basis is below 2e-8: keeps the recurrence finite.
 _CLAMP_BANDWIDTHS = 6.0
-# The anchor may not sink below exp(-80): float32 loses digits under exp(-87).
-_LOWEST_EXPONENT = 80.0
-# Rows whose bases ((N + 1) * n_in floats each) stay in a processor's cache; accelerators prefer fewer, larger launches.
+# The anchor stays above exp(-80), since float32 loses digits below exp(-87).
+_MAX_NEGATIVE_EXPONENT = 80.0
+# Rows whose bases ((N + 1) * n_in floats each) fit a processor's cache; accelerators prefer fewer, larger launches.
 _CPU_ROWS_PER_CHUNK = 256
 _ACCELERATOR_ROWS_PER_CHUNK = 8192
-# Gradients of the weights are summed up by so many cores at most, and the same bits come out on any number of them.
-_MOST_SUMS = 4
+# Partial sums of weight gradients; their number does not depend on the cores, so that the bits do not either.
+_MAX_PARTIAL_SUMS = 4
 
 
 @checked
 def grid_spacing(n_centers: int) -> float:
-    """Return the distance between neighboring centers on [-2, 2].
-
-    Args:
-        n_centers: N, at least 2.
-
-    Raises:
-        BadRequest: n_centers is out of range.
+    """Return the distance between neighboring centers on [-2, 2]. Raises BadRequest for fewer than two centers.
 
     Example:
         >>> grid_spacing(5)
@@ -74,7 +68,7 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     """Return h of Eq. 5 in units of the normalized input.
 
     Args:
-        bandwidth: `eq5` is one spacing, `fastkan` a spacing over sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
+        bandwidth: `eq5` is the spacing, `fastkan` the spacing / sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
         n_centers: N, at least 2.
 
     Raises:
@@ -99,12 +93,10 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
 
 @checked
 def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
-    """Return what `grbf` returns, plainly: every basis stored, every gradient by autograd, of any order.
-
-    Args and the result are those of `grbf`.
+    """Compute `grbf` by the plain formula, with all bases in memory and gradients of any order by autograd.
 
     Raises:
-        BadRequest: a shape, a type of numbers or a device is another, or n_centers is out of range.
+        BadRequest: a shape, dtype or device differs, or n_centers is out of range.
 
     Example:
         >>> x = torch.tensor([[0.5, -1.0]])
@@ -131,10 +123,10 @@ def _plain(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor
 
 
 def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
-    """Return the layer's output, keeping only x and u for the backward pass.
+    """Return the layer's output [..., n_out], keeping only x and u for the backward pass.
 
-    Differentiable to its five tensors, any number of times; from the second time on, and under `torch.func`, as
-    `grbf_reference`, in its memory. Its Gaussians equal Eq. 5 to 2e-8 for any u. It waits for no accelerator.
+    Differentiable any number of times in its five tensors; second derivatives, and `torch.func`, need the memory of
+    `grbf_reference`. The Gaussians equal Eq. 5 to 2e-8 for any u. Does not synchronize with an accelerator.
 
     Args:
         x: [..., n_in] inputs.
@@ -144,25 +136,19 @@ def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, 
         bandwidth: h, 0-d, within 0.35 to 2 spacings.
         n_centers: N, 2 to 8.
 
-    Returns:
-        [..., n_out].
-
     Example:
         >>> x = torch.zeros(4, 3)
         >>> grbf(x, x, torch.ones(2, 9 * 3), torch.zeros(2), torch.tensor(grid_spacing(8)), n_centers=8).shape
         torch.Size([4, 2])
     """
-    if torch._C._are_functorch_transforms_active():  # their tensors have no memory that kernels could read
+    if torch._C._are_functorch_transforms_active():  # such tensors have no memory for kernels
         return _plain(x, u, weight, bias, bandwidth, n_centers)
     rows = _GRBF.apply(x.reshape(-1, x.shape[-1]), u.reshape(-1, x.shape[-1]), weight, bias, bandwidth, n_centers)
     return rows.reshape(*x.shape[:-1], len(weight))
 
 
 class _Recurrence:
-    """The constants of one layer's recurrence, and the bases it gives.
-
-    What follows from the bandwidth stays on an accelerator: reading it would wait for all that is queued there.
-    """
+    """The constants and bases of one layer's recurrence; on an accelerator the constants stay there, without a sync."""
 
     def __init__(self, bandwidth: Tensor, n_centers: int):
         self.kernels = _kernels_for(bandwidth)
@@ -173,27 +159,18 @@ class _Recurrence:
         kappa = (self.spacing / h) ** 2
         margin = _CLAMP_BANDWIDTHS * h / self.spacing
         lowest, highest = -self.anchor - margin, n_centers - 1 - self.anchor + margin
-        # Narrow Gaussians: the anchor would underflow at the far end, so all bases carry exp(shift), undone by `scale`.
-        shift = (kappa * torch.maximum(-lowest, highest) ** 2 / 2 - _LOWEST_EXPONENT).clamp_min(0)
+        # Narrow Gaussians would underflow at the anchor, so all bases are times exp(shift), undone by `scale`.
+        shift = (kappa * torch.maximum(-lowest, highest) ** 2 / 2 - _MAX_NEGATIVE_EXPONENT).clamp_min(0)
         constants = torch.stack([kappa, lowest, highest, shift, shift.exp(), (-shift).exp(), (-kappa).exp()])
         values = constants.tolist() if h.device.type == "cpu" else constants.to(bandwidth.dtype).unbind()
-        self.kappa, self.lowest, self.highest, self.shift, self.raised, self.scale, self.decay = values
+        self.kappa, self.lowest, self.highest, self.shift, self.exp_shift, self.scale, self.decay = values
         self.origin = self.anchor * self.spacing - GRID_LIMIT
 
     @cached_property
     def constants(self) -> tuple[np.float32, ...]:
-        """What the kernels know of it."""
-        values = (
-            self.origin,
-            1 / self.spacing,
-            self.lowest,
-            self.highest,
-            self.kappa,
-            self.shift,
-            self.decay,
-            self.raised,
-        )
-        return tuple(map(np.float32, values))
+        """The constants as the kernels take them."""
+        grid = self.origin, 1 / self.spacing, self.lowest, self.highest
+        return tuple(map(np.float32, (*grid, self.kappa, self.shift, self.decay, self.exp_shift)))
 
     def offsets(self, u: Tensor) -> Tensor:
         """Return w: u in spacings from the anchor, clamped to a few bandwidths beyond the grid."""
@@ -215,7 +192,7 @@ class _Recurrence:
 
 
 def _kernels_for(tensor: Tensor) -> ModuleType | None:
-    """The compiled kernels, where they can compute with such tensors."""
+    """Return the compiled kernels if they support such tensors."""
     if tensor.device.type != "cpu" or tensor.dtype != torch.float32 or not has_kernels():
         return None
     from . import fused  # needs numba
@@ -224,7 +201,7 @@ def _kernels_for(tensor: Tensor) -> ModuleType | None:
 
 
 class _GRBF(torch.autograd.Function):
-    """The layer in chunks of rows: bases live for one chunk only, and the backward pass computes them again."""
+    """The layer in chunks of rows, whose bases the backward pass computes again."""
 
     @staticmethod
     def forward(ctx, x, u, weight, bias, bandwidth, n_centers):
@@ -243,7 +220,7 @@ class _GRBF(torch.autograd.Function):
 
 
 class _Gradients(torch.autograd.Function):
-    """The layer's gradients by x, u, weight and bandwidth. Their own gradients are those of the plain formula."""
+    """The gradients of x, u, weight and bandwidth; second derivatives use the plain formula."""
 
     @staticmethod
     def forward(ctx, grad_output, x, u, weight, bandwidth, recurrence):
@@ -251,13 +228,13 @@ class _Gradients(torch.autograd.Function):
         ctx.n_centers = recurrence.n_centers
         n, kappa, scale = recurrence.n_centers, recurrence.kappa, recurrence.scale
         grad_x, grad_u = torch.empty_like(x), torch.empty_like(u)
-        n_sums = max(1, min(_MOST_SUMS, len(_chunks(u)))) if u.device.type == "cpu" else 1
+        n_sums = max(1, min(_MAX_PARTIAL_SUMS, len(_chunks(u)))) if u.device.type == "cpu" else 1
         grad_weights, quadratics = weight.new_zeros(n_sums, *weight.shape), u.new_zeros(n_sums)
         share(_fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics)
         grad_u.mul_(scale * kappa / recurrence.spacing)
         grad_weight, quadratic = grad_weights.sum(0).mul_(scale), quadratics.double().sum()
-        # dL/dkappa = -1/2 sum (w - j)^2 E_j. Its part in j^2 needs no bases: summed over rows, E_j is W dL/dW. The two parts
-        # nearly cancel, so they are summed in float64
+        # dL/dkappa = -1/2 sum (w - j)^2 E_j. The part in j^2 needs no bases: summed over rows, E_j is W dL/dW. Both parts
+        # nearly cancel, hence float64.
         per_center = (grad_weight.double() * weight.double()).unflatten(1, (n + 1, -1))[:, :n].sum(dim=(0, 2))
         steps = torch.arange(n, dtype=torch.float64, device=u.device) - recurrence.anchor
         grad_kappa = (-0.5 * (scale * quadratic + steps.square() @ per_center)).to(u.dtype)
@@ -266,19 +243,20 @@ class _Gradients(torch.autograd.Function):
     @staticmethod
     def backward(ctx, *weights):
         with torch.enable_grad():
-            own = [each.view_as(each) for each in ctx.saved_tensors]  # u depends on x: each counts by itself
+            own = [each.view_as(each) for each in ctx.saved_tensors]  # separate u from x
             grad_output, x, u, weight, bandwidth = own
             output = _plain(x, u, weight, weight.new_zeros(len(weight)), bandwidth, ctx.n_centers)
-            asked = [pair for pair in zip(own[1:], weights, strict=True) if pair[0].requires_grad]
-            firsts = torch.autograd.grad(output, [each for each, _ in asked], grad_output, create_graph=True)
-            total = sum((first * weight).sum() for first, (_, weight) in zip(firsts, asked, strict=True))
-            wanted = [each for each in own if each.requires_grad]
-            found = iter(torch.autograd.grad(total, wanted, create_graph=True, allow_unused=True))
-        return *(next(found) if each.requires_grad else None for each in own), None
+            pairs = [pair for pair in zip(own[1:], weights, strict=True) if pair[0].requires_grad]
+            firsts = torch.autograd.grad(output, [each for each, _ in pairs], grad_output, create_graph=True)
+            total = sum((first * weight).sum() for first, (_, weight) in zip(firsts, pairs, strict=True))
+            assert isinstance(total, Tensor)
+            inputs = [each for each in own if each.requires_grad]
+            seconds = iter(torch.autograd.grad(total, inputs, create_graph=True, allow_unused=True))
+        return *(next(seconds) if each.requires_grad else None for each in own), None
 
 
 def _fill_outputs(first, last, x, u, scaled, bias, recurrence, output):
-    """The layer's output for the chunks number first to last."""
+    """Write the outputs of the chunks first to last."""
     buffer = _chunk_buffer(u, recurrence.n_centers + 1)
     for rows in _chunks(u)[first:last]:
         blocks = buffer[: u[rows].shape[0]]
@@ -287,7 +265,7 @@ def _fill_outputs(first, last, x, u, scaled, bias, recurrence, output):
 
 
 def _fill_gradients(first, last, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics):
-    """Gradients by x and u (up to a factor) of the sums number first to last, and what adds up to the others."""
+    """Write gradients of x and u (up to a factor) and the partial sums first to last of the other gradients."""
     n, chunks, n_sums = recurrence.n_centers, _chunks(u), len(quadratics)
     blocks_buffer, products_buffer = _chunk_buffer(u, n + 1), _chunk_buffer(u, n + 1)
     for number in range(first, last):
@@ -306,13 +284,13 @@ def _fill_blocks(blocks: Tensor, x: Tensor, u: Tensor, recurrence: _Recurrence) 
         recurrence.kernels.fill_blocks(*_arrays(x, u), recurrence.anchor, recurrence.constants, *_arrays(blocks))
         return
     recurrence.fill(blocks[:, :-1], recurrence.offsets(u))
-    torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(recurrence.raised)
+    torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(recurrence.exp_shift)
 
 
 def _fill_input_gradients(
     blocks: Tensor, products: Tensor, x: Tensor, u: Tensor, recurrence: _Recurrence, grad_x: Tensor, grad_u: Tensor
 ) -> Tensor | float:
-    """Write gradients by x and u (up to a factor); return what adds up to the bandwidth's. May change `products`."""
+    """Write gradients of x and u (up to a factor); return the bandwidth's summand. May overwrite `products`."""
     n, anchor = recurrence.n_centers, recurrence.anchor
     if recurrence.kernels:
         arrays = _arrays(blocks, products, grad_x, grad_u)
@@ -361,19 +339,18 @@ def _chunk_buffer(u: Tensor, n_blocks: int) -> Tensor:
 class GRBFLayer(nn.Module):
     """Map [..., n_in] to [..., n_out]: Gaussians of the normalized input, plus a SiLU base branch (paper, Eq. 4 and 5).
 
-    Differentiable any number of times, see `grbf`. It has n_in * n_out * (n_centers + 1) + n_out + 2 * n_in parameters, plus 1 if the
-    bandwidth is learned.
+    It has n_in * n_out * (n_centers + 1) + n_out + 2 * n_in parameters, plus 1 if the bandwidth is learned.
 
     Args:
         n_in: width of the inputs.
         n_out: width of the outputs.
         n_centers: N of Eq. 5, 2 to 8.
-        bandwidth: h of Eq. 5 at the start, one for the whole layer; see `resolve_bandwidth`.
-        learn_bandwidth: its logarithm, `log_bandwidth`, is a trainable number, clamped to 0.35 to 2 spacings; past a
-            limit its gradient is zero. Otherwise it is a buffer.
+        bandwidth: initial h of Eq. 5, one for the whole layer; see `resolve_bandwidth`.
+        learn_bandwidth: make its logarithm, `log_bandwidth`, a parameter, clamped to 0.35 to 2 spacings (with zero
+            gradient beyond). Otherwise it is a buffer.
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: a width or n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
 
     Example:
@@ -413,6 +390,6 @@ class GRBFLayer(nn.Module):
         return self.log_bandwidth.clamp(low, high).exp()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for what is none."""
+        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for other inputs."""
         check_rows("x", x, self.norm.normalized_shape[0], self.weight)
         return grbf(x, self.norm(x), self.weight, self.bias, self.bandwidth(), self.n_centers)

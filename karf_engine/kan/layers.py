@@ -1,5 +1,7 @@
-"""The kinds of layers by name. A new one is a module from [..., n_in] to [..., n_out] and a call of `register_layer`,
-or an entry point `karf.layers` that is its builder."""
+"""Registry of layers: modules from [..., n_in] to [..., n_out], by name.
+
+Add a layer with `register_layer`, or as an entry point `karf.layers` that is its builder.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,16 +19,16 @@ from .mlp import MLPLayer
 
 @dataclass(frozen=True)
 class LayerOptions:
-    """What may be asked of a layer; each kind takes what concerns it.
+    """Options of a layer; each kind reads its own.
 
     Attributes:
-        n_centers: N of Eq. 5, 2 to 8; of `grbf`.
-        bandwidth: h of Eq. 5 at the start, see `resolve_bandwidth`; of `grbf`.
-        learn_bandwidth: whether h is trained; of `grbf`.
-        is_output: whether it is a network's last layer, whose outputs may have any sign; of `mlp`.
+        n_centers: N of Eq. 5, 2 to 8; for `grbf`.
+        bandwidth: initial h of Eq. 5, see `resolve_bandwidth`; for `grbf`.
+        learn_bandwidth: whether h is trained; for `grbf`.
+        is_output: whether it is the last layer, without activation; for `mlp`.
 
     Raises:
-        TypeError: an option is of another type.
+        TypeError: an option has the wrong type.
         BadRequest: n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
     """
 
@@ -49,14 +51,14 @@ LAYERS: dict[str, LayerBuilder] = {}
 
 @checked
 def register_layer(name: str, build: LayerBuilder) -> None:
-    """Make a kind of layer known: to `GatedBlock`, and to the settings `segmentation.layer` and `recoloring.layer`.
+    """Add a kind of layer for `GatedBlock` and the settings `segmentation.layer` and `recoloring.layer`.
 
     Args:
         name: of the kind.
-        build: returns the layer for n_in, n_out and options.
+        build: returns a layer for n_in, n_out and options.
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: another kind has this name.
 
     Example:
@@ -70,16 +72,7 @@ def register_layer(name: str, build: LayerBuilder) -> None:
 
 
 def build_layer(kind: str, n_in: int, n_out: int, options: LayerOptions | None = None) -> nn.Module:
-    """Return a layer of a registered kind.
-
-    Args:
-        kind: `grbf`, `bspline`, `mlp`, or another that is registered.
-        n_in: width of the inputs.
-        n_out: width of the outputs.
-        options: what is asked of it; the defaults where left out.
-
-    Raises:
-        BadRequest: the kind is not registered, or the layer refuses the options.
+    """Return a new layer of a registered kind. Raises BadRequest for an unknown kind, or options that it refuses.
 
     Example:
         >>> build_layer("mlp", 3, 2, LayerOptions(is_output=True)).linear

@@ -1,4 +1,4 @@
-"""Plain layers: what the Kolmogorov-Arnold layers are compared with, and the fast head."""
+"""Linear layers with ReLU: the baseline of the Kolmogorov-Arnold layers, and the fast head."""
 
 from torch import Tensor, nn
 
@@ -13,10 +13,10 @@ class MLPLayer(nn.Module):
     Args:
         n_in: width of the inputs.
         n_out: width of the outputs.
-        is_output: whether the ReLU is left out.
+        is_output: leave out the ReLU.
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: a width is below 1.
 
     Example:
@@ -33,13 +33,13 @@ class MLPLayer(nn.Module):
         self.activation = nn.Identity() if is_output else nn.ReLU()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for what is none."""
+        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for other inputs."""
         check_rows("x", x, self.linear.in_features, self.linear.weight)
         return self.activation(self.linear(x))
 
 
 class MLPHead(nn.Module):
-    """Two hidden ReLU layers from encodings and prior features to logits; called like `GatedBlock`.
+    """Map encodings and prior features to logits by two hidden ReLU layers; called like `GatedBlock`.
 
     Args:
         n_position: P, width of the encoded positions.
@@ -49,7 +49,7 @@ class MLPHead(nn.Module):
         width: of the hidden layers.
 
     Raises:
-        TypeError: an argument is of another type.
+        TypeError: an argument has the wrong type.
         BadRequest: a width is out of range.
 
     Example:
@@ -69,7 +69,9 @@ class MLPHead(nn.Module):
         )
 
     def forward(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Return logits [..., n_out] for encodings [..., P], [..., D] (None if D = 0) and prior features [..., F]. Raises
-        TypeError or BadRequest for what is none."""
-        check_encodings(position_encoding, features, direction_encoding, self._widths, self.layers[0].linear.weight)
+        """Return logits [..., n_out] for encodings [..., P], [..., D] (None if D = 0) and prior features [..., F].
+
+        Raises TypeError or BadRequest for other inputs.
+        """
+        check_encodings(position_encoding, features, direction_encoding, self._widths, next(self.parameters()))
         return self.layers(join_inputs(position_encoding, features, direction_encoding))

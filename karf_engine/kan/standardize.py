@@ -1,4 +1,4 @@
-"""Per-channel standardization of prior features, whose scale varies by orders of magnitude between scenes."""
+"""Standardize prior features per channel, since their scale varies by orders of magnitude between scenes."""
 
 import torch
 from torch import Tensor, nn
@@ -7,22 +7,21 @@ from ..errors import BadRequest, DataError
 from ..io.arguments import check_number, checked
 from .checks import check_rows
 
-# A channel that varies by less than float32 can tell apart from its mean is constant: it becomes zero, not noise.
+# A channel with a smaller deviation, relative to its mean, is rounding noise: it becomes zero.
 _CONSTANT_CHANNEL = 1e-6
 
 
 class Standardizer(nn.Module):
-    """Map features [..., F] to zero mean and unit standard deviation per channel, as measured once by `fit`.
+    """Map features [..., F] to zero mean and unit standard deviation per channel, as measured by `fit`.
 
-    `mean` and `std` [F] are buffers: never trained, saved with the head. Before `fit` it is the identity.
-    Differentiable to the features.
+    `mean` and `std` [F] are buffers, saved with the head. Before `fit` it is the identity.
 
     Args:
         n_features: F.
 
     Raises:
-        TypeError: n_features is of another type.
-        BadRequest: it is below 0.
+        TypeError: n_features has the wrong type.
+        BadRequest: n_features is negative.
 
     Example:
         >>> standardizer = Standardizer(1)
@@ -30,6 +29,9 @@ class Standardizer(nn.Module):
         >>> standardizer(torch.tensor([[5.0]]))
         tensor([[3.]])
     """
+
+    mean: Tensor
+    std: Tensor
 
     @checked
     def __init__(self, n_features: int):
@@ -40,14 +42,11 @@ class Standardizer(nn.Module):
 
     @torch.no_grad()
     def fit(self, features: Tensor) -> None:
-        """Measure `mean` and `std`.
-
-        Args:
-            features: [..., F], at least one of them.
+        """Measure `mean` and `std` of features [..., F].
 
         Raises:
-            TypeError: they are no tensor.
-            BadRequest: they are of another width, not of floating numbers, on another device, or none.
+            TypeError: `features` is not a tensor.
+            BadRequest: `features` has another width, dtype or device, or is empty.
             DataError: a value is not finite.
         """
         check_rows("features", features, len(self.mean), self.mean)
@@ -61,6 +60,6 @@ class Standardizer(nn.Module):
         self.std.copy_(torch.where(constant, 1.0, std))
 
     def forward(self, features: Tensor) -> Tensor:
-        """Return the standardized features [..., F]. Raises TypeError or BadRequest for what is none."""
+        """Return the standardized features [..., F]. Raises TypeError or BadRequest for other inputs."""
         check_rows("features", features, len(self.mean), self.mean)
         return (features - self.mean) / self.std

@@ -1,6 +1,6 @@
-"""Held-out figures of a project against known truth: pictures, masks, palettes and edits.
+"""Scores of pictures, masks, palettes and edits in held-out views against a known truth.
 
-All figures are means over views; colors are sRGB in [0, 1]; masks bool [H, W].
+All scores are means over views; colors are sRGB in [0, 1]; masks bool [H, W].
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 from .images import cc_psnr, hue_shift, mean_ciede2000, mse_outside, psnr, ssim
 from .masks import accuracy, iou, iou_border_excluded
 
-MIN_PIXELS = 60  # pixels of an object below which a view is too weak a test of its mask
+MIN_PIXELS = 60  # of an object in a view that tests its mask
 
 
 @dataclass(frozen=True)
 class MaskScore:
-    """Means over views that show the object, the worst view, and the IoU of the pixels of all these views together."""
+    """Means over the views that show the object, the worst view, and the IoU of all their pixels together."""
 
     iou: float
     iou_border_excluded: float
@@ -27,10 +27,7 @@ class MaskScore:
 
 
 def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskScore:
-    """IoU of one object's masks, view by view; the second figure leaves the truth's +-1 px border out.
-
-    Raises ValueError where no view shows the object.
-    """
+    """Score one object's masks over the views that show it. Raises ValueError where none does."""
     pairs = [(p, t) for p, t in zip(predicted, truth, strict=True) if t.sum() >= MIN_PIXELS]
     if not pairs:
         raise ValueError(f"no view shows {MIN_PIXELS} pixels of the object")
@@ -42,7 +39,7 @@ def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskSco
 
 
 def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, palettes: np.ndarray) -> np.ndarray:
-    """The objects as their palettes mix them, W P / probability, for each object [K, H, W, 3].
+    """Return each object's colors as its palette mixes them, W P / probability, [K, H, W, 3].
 
     palette_weights: [K, M, H, W]; probabilities: [K, H, W]; palettes: [K, M, 3].
     """
@@ -52,7 +49,7 @@ def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, pale
 
 @dataclass(frozen=True)
 class PaletteScore:
-    """How well palettes alone show the objects: the whole frame on black, and inside the objects."""
+    """Similarity of palette mixes with the photos: of the whole frame on black, and inside the objects."""
 
     psnr_frame: float
     ssim_frame: float
@@ -67,26 +64,25 @@ def score_palettes(
     photos: list[np.ndarray],
     object_masks: list[np.ndarray],
 ) -> PaletteScore:
-    """Judge the objects as their palettes mix them, W P, against the photos.
+    """Score the objects as their palettes mix them, W P, against the photos.
 
-    In the frame all else is black, as in the paper's segmented scene; inside the true masks each object is shown as if
-    it filled its pixels. For each view: palette_weights [K, M, H, W], probabilities [K, H, W], photo [H, W, 3],
-    object_masks bool [K, H, W]. palettes: [K, M, 3].
+    In the frame all else is black, as in the paper's segmented scene. Inside the true masks each object is shown opaque.
+    For each view: palette_weights [K, M, H, W], probabilities [K, H, W], photo [H, W, 3], object_masks bool [K, H, W].
+    palettes: [K, M, 3].
     """
     rows = []
-    for weights, chances, photo, masks in zip(palette_weights, probabilities, photos, object_masks, strict=True):
-        inside = masks.any(0)
+    for weights, shares, photo, masks in zip(palette_weights, probabilities, photos, object_masks, strict=True):
+        inside = np.logical_or.reduce(masks)
         truth = np.where(inside[..., None], photo, 0)
         frame = np.clip(np.einsum("kmhw,kmc->hwc", weights.astype(np.float32), palettes), 0, 1)
-        mixed = palette_picture(weights, chances, palettes)
-        shown = (mixed * masks[..., None]).sum(0)
+        shown = (palette_picture(weights, shares, palettes) * masks[..., None]).sum(0)
         rows.append([psnr(frame, truth), ssim(frame, truth), psnr(shown, truth, inside), ssim(shown, truth, inside)])
     return PaletteScore(*np.mean(rows, 0).tolist())
 
 
 @dataclass(frozen=True)
 class RecolorScore:
-    """Against the true recolor: mean CIEDE2000 inside the edited objects, and PSNR. Against the photo: MSE outside."""
+    """Mean CIEDE2000 inside the edited objects and PSNR against the true recolor, and MSE outside against the photo."""
 
     ciede2000: float
     psnr: float
@@ -96,19 +92,19 @@ class RecolorScore:
 def score_recolor(
     recolored: list[np.ndarray], truths: list[np.ndarray], photos: list[np.ndarray], insides: list[np.ndarray]
 ) -> RecolorScore:
-    """Judge recolored views; insides: true masks of all edited objects together. Views without any have no CIEDE2000."""
+    """Score recolored views. insides: union of the edited objects' true masks; an empty one gives no CIEDE2000."""
     rows = [
         [mean_ciede2000(ours, truth, inside), psnr(ours, truth), mse_outside(ours, photo, inside)]
         for ours, truth, photo, inside in zip(recolored, truths, photos, insides, strict=True)
     ]
-    distances, *others = np.array(rows).T
-    return RecolorScore(float(np.nanmean(distances)), *np.mean(others, 1).tolist())
+    distances, psnrs, errors = np.array(rows).T
+    return RecolorScore(float(np.nanmean(distances)), float(np.mean(psnrs)), float(np.mean(errors)))
 
 
 def hue_shifted(
     photo: np.ndarray, masks: dict[str, np.ndarray], pairs: dict[str, tuple[np.ndarray, np.ndarray]]
 ) -> np.ndarray:
-    """The photo with each object's own hue shift inside its mask; pairs: object -> (source, target)."""
+    """Return the photo with each object's hue shift inside its mask; pairs: object -> (source, target)."""
     result = photo.copy()
     for name, mask in masks.items():
         result[mask] = hue_shift(photo, *pairs[name])[mask]
@@ -117,9 +113,9 @@ def hue_shifted(
 
 @dataclass(frozen=True)
 class EditScore:
-    """Mean CIEDE2000 inside the edited objects against the true recolor, and of what one would do without us.
+    """Mean CIEDE2000 inside the edited objects against the true recolor, of our edit and of baselines.
 
-    hue_shift: of the whole picture; hue_shift_in_true_mask has the same color inside, and nothing outside.
+    `hue_shift` changes the whole picture, `hue_shift_in_true_mask` only the object.
     """
 
     ours: float
@@ -137,20 +133,21 @@ def score_edit(
     object_masks: list[dict[str, np.ndarray]],
     pairs: dict[str, tuple[np.ndarray, np.ndarray]],
 ) -> EditScore:
-    """Judge one edit. object_masks: per view the true masks of the edited objects; pairs: object -> (source, target).
+    """Score one edit. object_masks: true masks of the edited objects per view; pairs: object -> (source, target).
 
-    The global hue shift knows one color pair, the first object's; inside the true masks each object gets its own.
+    The global hue shift uses the first object's pair; inside the true masks each object has its own.
     """
     first_pair = next(iter(pairs.values()))
     insides = [np.any(list(masks.values()), 0) for masks in object_masks]
     shifted = [hue_shift(photo, *first_pair) for photo in photos]
     masked = [hue_shifted(photo, masks, pairs) for photo, masks in zip(photos, object_masks, strict=True)]
     ours, *others = (score_recolor(views, truths, photos, insides) for views in (recolored, photos, shifted, masked))
-    return EditScore(ours.ciede2000, *(other.ciede2000 for other in others), ours.mse_outside, ours.psnr)
+    no_edit, globally, in_mask = (other.ciede2000 for other in others)
+    return EditScore(ours.ciede2000, no_edit, globally, in_mask, ours.mse_outside, ours.psnr)
 
 
 def score_pictures(rendered: list[np.ndarray], photos: list[np.ndarray]) -> dict[str, float]:
-    """PSNR mean and worst, the same color-corrected (`cc_psnr`), SSIM mean."""
+    """Return the mean and worst PSNR, the same color-corrected (`cc_psnr`), and the mean SSIM."""
     values = [psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
     corrected = [cc_psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
     similarity = [ssim(a, b) for a, b in zip(rendered, photos, strict=True)]
