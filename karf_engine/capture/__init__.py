@@ -1,7 +1,7 @@
-"""Captures of any known format: `open_capture` finds out which one it is; `write_cameras` writes bare cameras.
+"""Read captures of any known format with `open_capture`, and write cameras with `write_cameras`.
 
-A folder may hold several formats, some of them made from others. The first of `FORMATS` that recognizes it reads it;
-`register_format` adds one, and so does an entry point `karf.formats` of an installed package that is a `Format`.
+The first of `FORMATS` that recognizes a path reads it. `register_format`, or an entry point `karf.formats` of an installed
+package, adds a format.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class Format:
 
     Attributes:
         name: The value of `Capture.format`, such as `colmap`.
-        marker: The file or folder by which a person recognizes it, for messages.
-        reason: Why it is read where later formats lie beside it; completes the sentence of a remark.
-        recognizes: Whether a path, a file or folder that exists, is of this format; quick, by names alone.
-        read: Reads such a path; the second argument is the `photos` of `open_capture`. Raises DataError.
+        marker: The characteristic file or folder, for messages.
+        reason: Why it takes precedence over later formats in the same folder; completes the sentence of a remark.
+        recognizes: Predicate of an existing path; quick, by file names only.
+        read: Reader of such a path; the second argument is `photos` of `open_capture`. Raises DataError.
     """
 
     name: str
@@ -60,16 +60,16 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
 
     Args:
         path: The capture's folder, or its camera file.
-        photos: Whether to look for the photos; without them, picture sizes must be in the file.
-        holdout: Hold out every Nth photo where the capture declares no test photos, see `hold_out`.
+        photos: Whether to search for the photos; without them, the file must declare image sizes.
+        holdout: Hold out every Nth photo if the capture has no test photos, see `hold_out`.
 
     Returns:
-        The capture. A remark names the formats in the same folder that were not read.
+        The capture; a remark names other formats found in the folder.
 
     Raises:
-        BadRequest: `holdout` is not a number of photos.
+        BadRequest: `holdout` is invalid.
         DataError: The path does not exist, is of no known format, or is damaged.
-        MissingDependency: An installed package brings a format, and cannot be loaded.
+        MissingDependency: A plugin format cannot be loaded.
 
     Example:
         capture = open_capture("garden", holdout=8)
@@ -79,8 +79,8 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
         raise DataError("{path} does not exist.", "Give the capture's folder or its camera file.", path=path)
     for name in plugin_names("karf.formats"):
         register_format(load_plugin("karf.formats", name))
-    found = [known for known in FORMATS if known.recognizes(path)]
-    if not found:
+    matching = [known for known in FORMATS if known.recognizes(path)]
+    if not matching:
         markers = ", ".join(known.marker for known in FORMATS)
         raise DataError(
             "{path} is not a capture of a known format.",
@@ -88,23 +88,22 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
             path=path,
             markers=markers,
         )
-    best, *others = found
+    best, *others = matching
     capture = hold_out(best.read(path, photos), holdout)
     if path.is_file() or not others:
         return capture
-    left = " or ".join(known.marker for known in others)
-    return replace(capture, remarks=(*capture.remarks, f"{best.marker} was read, not {left}: {best.reason}."))
+    ignored = " or ".join(known.marker for known in others)
+    return replace(capture, remarks=(*capture.remarks, f"{best.marker} was read, not {ignored}: {best.reason}."))
 
 
 @checked
 def register_format(added: Format) -> None:
-    """Let `open_capture` read another format; it is asked before all that are known so far.
+    """Add a capture format, with precedence over all known ones.
 
     Args:
-        added: The format. Its `recognizes` must not be true of captures that it cannot read.
+        added: The format. Its `recognizes` must be False for captures that it cannot read.
 
     Raises:
-        TypeError: It is no format.
         BadRequest: Another format has this name.
     """
     known = {each.name: each for each in FORMATS}
@@ -114,7 +113,6 @@ def register_format(added: Format) -> None:
         FORMATS.insert(0, added)
 
 
-# the first that recognizes a path reads it
 FORMATS = [
     Format("nerf-synthetic", "transforms_train.json", "it declares the splits", is_nerf_synthetic, read_nerf_synthetic),
     Format("transforms", "transforms.json", "it is made from such files", is_transforms, read_transforms),

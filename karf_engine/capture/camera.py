@@ -1,8 +1,8 @@
-"""The pinhole camera, with the conventions stated once.
+"""The pinhole camera and its conventions.
 
-Axes: OpenGL/Blender. The camera looks down its -z, x points right, y up; `camera_to_world` maps them to the world.
-Pixels: (u right, v down), corners at integers, so the first pixel's center is (0.5, 0.5) and the image spans
-[0, width] x [0, height]. `depth` is the distance along the optical axis, in world units.
+Axes are OpenGL's: x right, y up, the optical axis along -z; `camera_to_world` maps them to the world. Pixels are (u right,
+v down) with corners at integers: the first pixel's center is (0.5, 0.5), and the image spans [0, width] x [0, height].
+`depth` is the distance along the optical axis, in world units.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_array, check_fields, check_number, checked
 
-POSE_TOLERANCE = 1e-3  # how far a rotation's matrix may be from orthonormal
+POSE_TOLERANCE = 1e-3  # deviation of a rotation matrix from orthonormal
 
 
 class Limits(NamedTuple):
-    """Limits of a camera.
+    """Allowed ranges of a camera's parameters.
 
     Attributes:
-        side: Most pixels of a side.
-        pixels: Most pixels in all.
-        focal: Least and greatest focal length, in longer sides.
-        center: Greatest coordinate of the principal point, in longer sides.
-        coefficient: Greatest one of a lens polynomial.
-        position: Greatest coordinate.
-        skew: How far a pose's matrix may be from that of a rotation.
+        side: Largest width and height, pixels.
+        pixels: Largest number of pixels.
+        focal: Smallest and largest focal length over the longer side.
+        center: Largest coordinate of the principal point over the longer side.
+        coefficient: Largest distortion coefficient.
+        position: Largest coordinate of the position.
+        skew: Largest deviation of the rotation from orthonormal.
     """
 
     side: float
@@ -48,30 +48,26 @@ FINITE = Limits(2**53, math.inf, (np.finfo(np.float64).tiny, LARGEST), LARGEST, 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """One photo's camera: size and intrinsics in pixels, pose, and the lens distortion of the photo as stored.
-
-    Two are equal where all their numbers are.
+    """Intrinsics, pose and lens distortion of a photo as stored. Cameras are compared by value.
 
     Attributes:
-        width: Of the picture, pixels.
-        height: Of the picture, pixels.
+        width: Image width, pixels.
+        height: Image height, pixels.
         fx: Focal length along u, pixels.
         fy: Focal length along v, pixels.
-        cx: Principal point along u, pixels; width / 2 where it is centered.
+        cx: Principal point along u, pixels; width / 2 if centered.
         cy: Principal point along v, pixels.
-        camera_to_world: [4, 4] float64, a rotation and the camera's position in world units.
+        camera_to_world: [4, 4] float64, rotation and position in world units.
         distortion: OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or (k1, k2, k3, k4) of its fisheye model; empty for a
-            plain pinhole. The formulas are those of `distortion`.
-        fisheye: Whether the lens is of OpenCV's fisheye model.
+            pinhole. See the module `distortion`.
+        fisheye: Whether the distortion is of OpenCV's fisheye model.
 
     Raises:
-        TypeError: A field is of another type.
-        BadRequest: A number is not finite, a size is below 1, a focal length is not above 0, or the pose is of another
-            shape or mirrored. What its numbers may be where it is used: `limits.check_camera`.
+        TypeError: A field has another type than declared.
+        BadRequest: A number is not finite, a size or focal length is not positive, or the pose has another shape or is
+            mirrored. `limits.check_camera` has the stricter limits of captures.
 
     Examples:
-        A point straight ahead lies at the principal point:
-
         >>> camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, np.eye(4))
         >>> pixels, depth = camera.project(np.array([[0.0, 0.0, -2.0]]))
         >>> pixels.tolist(), depth.tolist()
@@ -108,7 +104,7 @@ class Camera:
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether the photo shows what a plain pinhole would."""
+        """Whether the camera has no distortion."""
         return not self.fisheye and not any(self.distortion)
 
     @property
@@ -122,13 +118,12 @@ class Camera:
         return np.linalg.inv(self.camera_to_world)
 
     def without_distortion(self) -> Camera:
-        """The pinhole with this camera's size, focal lengths, principal point and pose."""
+        """Return the pinhole camera with the same size, focal lengths, principal point and pose."""
         return replace(self, distortion=(), fisheye=False)
 
     @checked
     def scaled(self, width: int, height: int) -> Camera:
-        """The same view at another picture size: intrinsics follow the size, each axis by its own factor. Raises
-        BadRequest for a size below 1."""
+        """Return the camera for another image size, scaling the intrinsics of each axis. Raises BadRequest below 1."""
         check_number("width", width, 1)
         check_number("height", height, 1)
         sx, sy = width / self.width, height / self.height
@@ -138,13 +133,13 @@ class Camera:
 
     @checked
     def reduced(self, long_side: int) -> Camera:
-        """The same view with no side longer than this many pixels; never enlarged. Raises BadRequest for one below 1."""
+        """Return the camera scaled down to at most `long_side` pixels a side. Raises BadRequest below 1."""
         check_number("long_side", long_side, 1)
         factor = min(1.0, long_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project world points with the pinhole, without distortion.
+        """Project world points, ignoring distortion.
 
         Args:
             points: [n, 3], world.
@@ -153,7 +148,7 @@ class Camera:
             Pixels [n, 2], and depth [n] in world units, negative behind the camera.
 
         Raises:
-            BadRequest: The points are of another shape.
+            BadRequest: The points have another shape.
         """
         check_array("points", points, ("n", 3))
         world_to_camera = self.world_to_camera
@@ -163,38 +158,32 @@ class Camera:
         return pixels, depth
 
     def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rays of the pinhole through pixel positions.
+        """Return the rays through pixels, ignoring distortion.
 
         Args:
             pixels: [n, 2].
 
         Returns:
-            Origins [n, 3], and directions [n, 3] of unit depth, float64, world: a point at `depth` d lies at
-            origin + d * direction. Divide by the norm for `viewdirs`.
+            Origins [n, 3] and directions [n, 3], float64, world. Directions have unit depth and are not normalized: the
+            point at depth d is origin + d * direction.
 
         Raises:
-            BadRequest: The pixels are of another shape.
+            BadRequest: The pixels have another shape.
         """
         check_array("pixels", pixels, ("n", 2))
-        local = np.stack(
-            [
-                (pixels[:, 0] - self.cx) / self.fx,
-                (self.cy - pixels[:, 1]) / self.fy,
-                -np.ones(len(pixels)),
-            ],
-            -1,
-        )
+        x, y = (pixels[:, 0] - self.cx) / self.fx, (self.cy - pixels[:, 1]) / self.fy
+        local = np.stack([x, y, -np.ones(len(pixels))], -1)
         directions = local @ self.camera_to_world[:3, :3].T
         return np.broadcast_to(self.position, directions.shape), directions
 
     def pixel_centers(self) -> np.ndarray:
-        """Centers of all pixels, row by row, [height * width, 2]."""
+        """Return the centers of all pixels in row-major order, [height * width, 2]."""
         v, u = np.mgrid[0 : self.height, 0 : self.width]
         return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)
 
 
 def impossible(camera: Camera, limits: Limits) -> str:
-    """Which number is impossible, with its value; empty where all are possible. Not-a-number fails every comparison."""
+    """Describe the first parameter outside its limits; empty if all are inside. Comparisons fail for nan."""
     width, height, side = camera.width, camera.height, max(camera.width, camera.height)
     size = f"{width}x{height} pixels"
     if not (1 <= width <= limits.side and 1 <= height <= limits.side):
@@ -217,7 +206,7 @@ def impossible(camera: Camera, limits: Limits) -> str:
 
 
 def is_rigid(pose: np.ndarray, tolerance: float = POSE_TOLERANCE) -> bool:
-    """Whether a matrix [4, 4] is a rotation and a position, without scale, shear or mirroring.
+    """Test whether a matrix [4, 4] is a rigid transform, without scale, shear or mirroring.
 
     Examples:
         >>> is_rigid(np.eye(4)), is_rigid(np.diag([2.0, 2.0, 2.0, 1.0]))
@@ -230,7 +219,7 @@ def is_rigid(pose: np.ndarray, tolerance: float = POSE_TOLERANCE) -> bool:
 
 
 def wrong_size(photo: Path, width: int, height: int, camera: Camera) -> DataError:
-    """The error for a photo of this many pixels, which are not its camera's."""
+    """Return the error for a photo whose size is not its camera's."""
     return DataError(
         "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",
         "Import the capture again.",

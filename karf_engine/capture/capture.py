@@ -1,7 +1,7 @@
-"""A capture: cameras with their photos, split into train and test; and its canonical JSON.
+"""A capture (cameras with photos, split into train and test) and its canonical JSON.
 
-The canonical JSON (`capture.json`) holds the same numbers as the dataclasses, with the path of each photo twice: absolute,
-and from the folder that the JSON lies in, so that a project that moves with its photos still finds them.
+The canonical JSON (`capture.json`) has each path twice, absolute and relative to the JSON's folder, so that a project can
+be moved together with its photos.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera, read_camera
 
 SCHEMA = "karf-capture/1"
-WITH_SPLATS = "karf-capture/2"  # which readers of the first would pass over, and learn splats of their own
-WITH_SPACES = "karf-capture/3"  # photos in color spaces, whose colors older readers would take for sRGB
-ALIKE = (1.0, 1.0, 1.0)  # gains of a photo that is exposed as the mean of all
+WITH_SPLATS = "karf-capture/2"  # adds `splats`, which older readers would ignore
+WITH_SPACES = "karf-capture/3"  # adds `color_space`, which older readers would ignore
+ALIKE = (1.0, 1.0, 1.0)  # gains of a photo with the mean exposure
 SPLITS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
 class View:
-    """One captured picture.
+    """A captured photo or a bare camera.
 
     Attributes:
-        name: Unique in the capture, and usable as a file name.
-        stem: The photo's stem, usable as a file name.
-        camera: As the photo is stored.
+        name: Name, unique in the capture and a valid file name.
+        stem: Stem of the photo, a valid file name.
+        camera: Camera of the photo as stored.
         image: Absolute path of the photo; None for a bare camera.
         split: `train`, `val` or `test`.
-        depth_bounds: Nearest and farthest depth of what it shows, world units; None where the capture declares none.
-        space: Color space of the photo's file; None: sRGB, of EXR linear light with its primaries.
-        gains: How the photo is exposed beside the others: red, green and blue in sRGB by those of their mean exposure.
+        depth_bounds: Nearest and farthest depth in world units; None if unknown.
+        space: Color space of the photo's file; None: sRGB, for EXR linear light with its primaries.
+        gains: Exposure relative to the mean of all photos: factors of red, green and blue in sRGB.
 
     Example:
         height, width = capture.view("r_003").camera.height, capture.view("r_003").camera.width
@@ -74,15 +74,15 @@ class View:
 
 @dataclass(frozen=True)
 class SparsePoints:
-    """Points of the scene, and where photos show them, as structure from motion finds them.
+    """Sparse points of structure from motion, and their observations.
 
     Attributes:
         positions: [n, 3] float64, world.
         colors: [n, 3] uint8 sRGB.
-        errors: [n] float32, mean reprojection error in pixels of the photos as stored; nan where it is unknown.
-        view: [m] int32, the number of the view of each observation.
-        point: [m] int32, the number of its point.
-        pixels: [m, 2] float32, its position in the photo as stored.
+        errors: [n] float32, mean reprojection error in pixels of the photos as stored; nan if unknown.
+        view: [m] int32, view index of each observation.
+        point: [m] int32, point index of each observation.
+        pixels: [m, 2] float32, position of each observation in the photo as stored.
     """
 
     positions: np.ndarray
@@ -96,24 +96,20 @@ class SparsePoints:
         return len(self.positions)
 
     def seen_by(self, views: Sequence[int]) -> SparsePoints:
-        """All points with the observations of some views.
-
-        Args:
-            views: Numbers of the views, which are numbered anew in this order.
-        """
-        number = np.full(max([*views, *self.view, 0]) + 1, -1, np.int32)
-        number[list(views)] = np.arange(len(views))
-        kept = number[self.view] >= 0
-        return replace(self, view=number[self.view[kept]], point=self.point[kept], pixels=self.pixels[kept])
+        """Return all points with the observations of some views, which are renumbered in the given order."""
+        new_index = np.full(max([*views, *self.view, 0]) + 1, -1, np.int32)
+        new_index[list(views)] = np.arange(len(views))
+        kept = new_index[self.view] >= 0
+        return replace(self, view=new_index[self.view[kept]], point=self.point[kept], pixels=self.pixels[kept])
 
 
 @dataclass(frozen=True)
 class CapturedSplats:
-    """Gaussians that another program has learned of the scene, in the capture's world.
+    """Gaussians of the scene trained by another program, in the capture's world.
 
     Attributes:
-        path: Absolute, of their file (see `karf_engine.splats.formats`).
-        is_antialiased: Whether they were learned with a screen filter that lowers the opacity of what it widens.
+        path: Absolute path of the file (see `karf_engine.splats.formats`).
+        is_antialiased: Whether they were trained with the opacity-compensated screen filter.
     """
 
     path: Path
@@ -125,13 +121,13 @@ class Capture:
     """Cameras with their photos.
 
     Attributes:
-        source: Absolute path that was opened.
+        source: Absolute path of the file or folder read.
         format: Name of its format (see `karf_engine.capture.Format`).
-        views: In file order.
-        remarks: Sentences that a user should see: what was skipped, or guessed.
-        points: The sparse points where the format has them; the canonical JSON leaves them out.
-        holdout: N where every Nth photo was chosen to be held out (see `hold_out`), 0 where none was; not in the JSON.
-        splats: What another program has learned of it; then no splats are learned.
+        views: Views in file order.
+        remarks: Sentences for the user about skipped or guessed data.
+        points: Sparse points if the format has them; not in the canonical JSON.
+        holdout: N if every Nth photo was held out (see `hold_out`), else 0; not in the canonical JSON.
+        splats: Splats of another program, which replace training them.
 
     Example:
         capture = open_capture("garden", holdout=8)
@@ -156,17 +152,13 @@ class Capture:
 
     @checked
     def split(self, name: str) -> tuple[View, ...]:
-        """Views of one split (`train`, `val`, `test`), or all of them for `all`. Raises BadRequest for others."""
+        """Return the views of a split (`train`, `val`, `test`) or of `all`. Raises BadRequest for other names."""
         check_choice("split", name, ("all", *SPLITS))
         return self.views if name == "all" else tuple(view for view in self.views if view.split == name)
 
     @checked
     def view(self, name: str) -> View:
-        """The view with this name.
-
-        Raises:
-            DataError: There is none.
-        """
+        """Return the view with this name. Raises DataError if there is none."""
         for view in self.views:
             if view.name == name:
                 return view
@@ -175,16 +167,16 @@ class Capture:
 
 
 def hold_out(capture: Capture, every: int) -> Capture:
-    """Hold out every Nth training photo by name, the first included, to test what is learned from the others.
+    """Move every Nth training photo, in the order of the names from the first on, to the test split.
 
-    A capture that has test photos already, or fewer training photos than `every`, stays as it is.
+    A capture with test photos, or with fewer than `every` training photos, is returned unchanged.
 
     Args:
         capture: The capture.
-        every: From 2; the convention of LLFF is 8. 0: none is held out.
+        every: 2 or more (8 is LLFF's convention), or 0 for none.
 
     Raises:
-        BadRequest: `every` is 1, which leaves nothing to learn from, or below 0.
+        BadRequest: `every` is 1 or negative.
     """
     check_holdout(every)
     names = sorted(view.name for view in capture.split("train"))
@@ -194,22 +186,26 @@ def hold_out(capture: Capture, every: int) -> Capture:
 
 
 def in_space(capture: Capture, space: ColorSpace | None) -> Capture:
-    """The capture with photos whose files are in this color space; None: in sRGB, or as the capture says."""
+    """Return the capture with photos in a color space; unchanged for None."""
     if space is None:
         return capture
     return replace(capture, views=tuple(replace(view, space=space) for view in capture.views))
 
 
 def with_gains(capture: Capture, gains: Mapping[str, Sequence[float]]) -> Capture:
-    """The capture with how photos are exposed, by the names of their views; others stay as they are."""
-    known = {name: tuple(float(gain) for gain in each) for name, each in gains.items()}
-    return replace(
-        capture, views=tuple(replace(view, gains=known.get(view.name, view.gains)) for view in capture.views)
-    )
+    """Return the capture with the `View.gains` of some views, by name."""
+
+    def gains_of(view: View) -> tuple[float, float, float]:
+        if view.name not in gains:
+            return view.gains
+        red, green, blue = gains[view.name]
+        return float(red), float(green), float(blue)
+
+    return replace(capture, views=tuple(replace(view, gains=gains_of(view)) for view in capture.views))
 
 
 def check_holdout(every: int) -> None:
-    """Refuse to hold out every photo, or a negative number. Raises BadRequest."""
+    """Raise BadRequest if every photo, or a negative number, would be held out."""
     if every < 0 or every == 1:
         raise BadRequest(
             f"holdout = {every}: every {every}th photo cannot be held out.", "Give 0 for none, or a number from 2."
@@ -217,17 +213,16 @@ def check_holdout(every: int) -> None:
 
 
 def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
-    """The capture with the views of these names in this split."""
+    """Return the capture with the views of these names moved to a split."""
     return replace(
         capture, views=tuple(replace(view, split=split) if view.name in names else view for view in capture.views)
     )
 
 
 def unique_names(stems: list[tuple[str, str]]) -> list[str]:
-    """Names for (split, stem) pairs: the stem where it is unique in the capture, else split_stem, else numbered.
+    """Return a unique name for each (split, stem): the stem if it is unique, else split_stem, else numbered.
 
-    NeRF-synthetic captures call the first photo of every split r_0. Names that differ by case or Unicode form alone are
-    not unique.
+    NeRF-synthetic captures repeat stems in each split. Names that differ in case or Unicode form only are not unique.
 
     Examples:
         >>> unique_names([("train", "r_0"), ("test", "r_0"), ("train", "r_1")])
@@ -248,11 +243,11 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
 
 
 def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
-    """The canonical JSON value of a capture; `capture_from_json` reads it back without loss.
+    """Convert a capture to its canonical JSON, which `capture_from_json` reads without loss.
 
     Args:
         capture: The capture.
-        folder: Where the JSON will lie; None: photos are named by their absolute paths alone.
+        folder: Folder of the JSON, for relative paths; None for absolute paths only.
     """
     return {
         "schema": _schema_of(capture),
@@ -282,31 +277,30 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
 
 
 def _schema_of(capture: Capture) -> str:
-    """The oldest schema that says all of a capture."""
+    """Return the oldest schema that can represent a capture."""
     if any(view.space is not None for view in capture.views):
         return WITH_SPACES
     return SCHEMA if capture.splats is None else WITH_SPLATS
 
 
 def capture_from_json(content: Any, path: Path) -> Capture:
-    """Read the canonical JSON value of a capture.
+    """Read a capture from its canonical JSON.
 
     Args:
-        content: The value.
-        path: The file that it was found in, for messages.
+        content: The JSON value.
+        path: Its file, for messages and relative paths.
 
     Raises:
-        DataError: It is not a capture of this schema, or has a view whose name cannot be a file's or whose numbers are
-            impossible.
+        DataError: The content is damaged or has an unknown schema, an invalid name or an impossible camera.
     """
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema not in (SCHEMA, WITH_SPLATS, WITH_SPACES):
         raise DataError(f"{path} has schema {schema!r}, not {WITH_SPACES}.", "Import the capture again.")
     try:
         views = tuple(_view_from_json(entry, f"{path}, view {n}", path) for n, entry in enumerate(content["views"]))
-        source, known_format, remarks = Path(content["source"]), str(content["format"]), map(str, content["remarks"])
+        source, format_name = Path(content["source"]), str(content["format"])
         splats = _splats_from_json(content.get("splats"), path)
-        capture = Capture(source, known_format, views, tuple(remarks), splats=splats)
+        capture = Capture(source, format_name, views, tuple(map(str, content["remarks"])), splats=splats)
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
         raise DataError(f"{path} is not a canonical capture ({error!r:.200}).", "Import the capture again.") from error
     check_names([view.name for view in views], path, "a view")
@@ -353,8 +347,8 @@ def _gains_from_json(entry: dict[str, Any]) -> tuple[float, float, float]:
 
 
 def _space_from_json(entry: dict[str, Any]) -> ColorSpace | None:
-    known = entry.get("color_space")
-    return None if known is None else ColorSpace(str(known["name"]), str(known["config"]))
+    space = entry.get("color_space")
+    return None if space is None else ColorSpace(str(space["name"]), str(space["config"]))
 
 
 def _splats_to_json(splats: CapturedSplats | None, folder: Path | None) -> dict[str, Any]:
@@ -368,6 +362,8 @@ def _splats_from_json(entry: Any, path: Path) -> CapturedSplats | None:
     if entry is None:
         return None
     file = _find_file(path.parent, entry["path"], entry.get("path_from_here"))
+    if file is None:
+        raise ValueError("its splats have no path")
     return CapturedSplats(file, bool(entry["is_antialiased"]))
 
 
@@ -381,13 +377,13 @@ def _from_folder(name: str, file: Path | None, folder: Path | None) -> dict[str,
 
 
 def _find_file(folder: Path, *paths: str | None) -> Path | None:
-    """The first of the given paths at which there is a file, else the first; relative ones lead from the folder."""
-    places = [Path(os.path.normpath(folder / text)) for text in paths if text]
-    for place in places:
-        with suppress(OSError):  # a name that no file system holds
-            if place.is_file():
-                return place
-    return places[0] if places else None
+    """Return the first path, relative to the folder, that is a file; else the first path."""
+    candidates = [Path(os.path.normpath(folder / text)) for text in paths if text]
+    for candidate in candidates:
+        with suppress(OSError):  # invalid names
+            if candidate.is_file():
+                return candidate
+    return candidates[0] if candidates else None
 
 
 def _bounds_from_json(value: Any) -> tuple[float, float] | None:

@@ -1,4 +1,4 @@
-"""Which views a request names: those of a split, by their names, or the cameras of a file; and which part of them."""
+"""Select views by split, by name or from a camera file, and a range of them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,14 @@ from .capture import Capture, View
 
 
 def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
-    """The views that `wanted` names, and whether they are captured ones.
+    """Select views of a capture or a camera file.
 
     Args:
         capture: The capture.
-        wanted: `train`, `test`, `val`, `all`, names with commas, or the path of a CAMERAS.json.
+        wanted: `train`, `test`, `val`, `all`, comma-separated names, or the path of a CAMERAS.json.
+
+    Returns:
+        The views, and whether they belong to the capture.
 
     Raises:
         DataError: A name is unknown or a split is empty.
@@ -31,16 +34,10 @@ def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
 
 
 def part_of(views: Sequence, first: int | None, last: int | None, count: int | None) -> slice:
-    """Which part of some views a request asks for.
-
-    Args:
-        views: All of them.
-        first: The first one's number, from 1.
-        last: The last one's number; beyond the end: the end.
-        count: How many at most.
+    """Return the slice of views from number `first` to `last` (from 1, both included), at most `count` of them.
 
     Raises:
-        BadRequest: The part is empty.
+        BadRequest: The slice is empty.
 
     Examples:
         >>> "abcdefgh"[part_of("abcdefgh", 4, 8, 3)]

@@ -1,8 +1,8 @@
-"""COLMAP captures: a sparse model beside its photos. The tables are read in `colmap_model.py`.
+"""Read COLMAP captures: a sparse model (see `colmap_model`) and its photos.
 
-COLMAP's camera looks along +z, x right, y down, and its pose takes the world to the camera; the world is kept as it is.
-Its distortion is OpenCV's (src/colmap/sensor/models.h). Model and photos lie where COLMAP, nerfstudio, Mip-NeRF 360 and
-3D Gaussian Splatting put them.
+COLMAP's optical axis is +z with x right and y down, its poses are world to camera, and its distortion is OpenCV's
+(src/colmap/sensor/models.h). Model and photos are searched for in the folders of COLMAP, nerfstudio, Mip-NeRF 360 and 3D
+Gaussian Splatting.
 """
 
 from __future__ import annotations
@@ -23,28 +23,27 @@ MODEL_FOLDERS = ("sparse", "colmap/sparse", "dense/sparse", ".", "colmap", "dens
 PHOTO_FOLDERS = ("images", "input", "images_*", "rgb", "photos")
 TABLES = ("cameras", "images", "points3D")
 MODEL_FILES = {f"{table}{suffix}" for table in (*TABLES, "rigs", "frames") for suffix in (".bin", ".txt")}
-IDENTIFYING_FILES = ("cameras.bin", "images.bin", "cameras.txt")  # an images.txt alone may be any list of pictures
+IDENTIFYING_FILES = ("cameras.bin", "images.bin", "cameras.txt")  # an images.txt may be any list of images
 PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 FISHEYES = ("SIMPLE_FISHEYE", "FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE")
 
 
 def is_colmap(path: Path) -> bool:
-    """Whether `path` is a file of a sparse model, or a folder that is or has one."""
+    """Test whether `path` is a file of a sparse model, or a folder that is or contains one."""
     return path.name in MODEL_FILES if path.is_file() else any(_models(path))
 
 
 def read_colmap(path: Path, photos: bool) -> Capture:
-    """Read a sparse model with its points; views stand in the order of their photos' names.
+    """Read a sparse model with its points, views sorted by photo name.
 
-    Of several models the one with the most photos is read. Photos that are missing, or not in the model, are left out
-    with a remark.
+    The largest of several models is read. Missing photos, and photos without a pose, are skipped with a remark.
 
     Args:
-        path: A folder that is or has a sparse model, or a file of one.
-        photos: Whether to look for the photos.
+        path: A folder that is or contains a sparse model, or a file of one.
+        photos: Whether to search for the photos.
 
     Raises:
-        DataError: A file is missing or damaged, or none of the photos is found; names the file.
+        DataError: A file is missing or damaged, or no photo is found.
     """
     model, remarks = _choose_model(path)
     suffix = _suffix(model)
@@ -76,7 +75,7 @@ def read_colmap(path: Path, photos: bool) -> Capture:
 
 # ---------------------------------------------------------------------------------------------------------------- model
 def _models(path: Path) -> Iterator[Path]:
-    """Folders with a sparse model, those first that belong together."""
+    """Yield the folders of sparse models, siblings together."""
     for place in MODEL_FOLDERS:
         for folder in (path / place, *sorted((path / place).glob("[0-9]*"))):
             if any((folder / name).exists() for name in IDENTIFYING_FILES):
@@ -96,7 +95,7 @@ def _choose_model(path: Path) -> tuple[Path, list[str]]:
 
 
 def _suffix(model: Path) -> str:
-    """.bin or .txt, whichever tables the model has; COLMAP too prefers the binary ones."""
+    """Return .bin or .txt, whichever the model has; as COLMAP, prefer .bin."""
     for suffix in (".bin", ".txt"):
         if all((model / f"{table}{suffix}").exists() for table in ("cameras", "images")):
             return suffix
@@ -110,7 +109,7 @@ def _suffix(model: Path) -> str:
 def _check(
     model: Path, suffix: str, intrinsics: dict[int, Intrinsics], images: dict[int, Image], points: Points | None
 ) -> None:
-    """Check that tables refer to entries that exist, and that features have finite positions."""
+    """Check the references between tables, and that feature positions are finite."""
     for number, image in images.items():
         if image.camera not in intrinsics:
             raise DataError(
@@ -123,8 +122,7 @@ def _check(
                 f"{model / f'images{suffix}'}, image {number} ({image.name!r}) has features that are not finite.",
                 "Export the model again.",
             )
-    unknown = np.setdiff1d(points.seen_by, list(images)) if points is not None else ()
-    if len(unknown):
+    if points is not None and len(unknown := np.setdiff1d(points.seen_by, list(images))):
         raise DataError(
             f"{model / f'points3D{suffix}'} has points seen by image {unknown[0]}, which images{suffix} does not hold.",
             "Export all files of the model together.",
@@ -133,7 +131,7 @@ def _check(
 
 # -------------------------------------------------------------------------------------------------------------- cameras
 def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
-    """The camera of one image, at the declared size."""
+    """Return the camera of an image at its declared size."""
     label = f"{file}, image {image.name!r}"
     if source.model not in PINHOLES + FISHEYES:
         raise DataError(
@@ -159,7 +157,7 @@ def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
 
 
 def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
-    """The inverse of (quaternion w x y z, translation), with y and z of the camera flipped."""
+    """Invert a pose (quaternion w x y z, translation), and flip y and z of the camera."""
     if not np.abs(pose).max() <= LARGEST_POSITION or np.linalg.norm(pose[:4]) < 1e-9:
         raise DataError(f"{label} has a pose that is not a rotation and position.", "Leave this image out.")
     w, x, y, z = pose[:4] / np.linalg.norm(pose[:4])
@@ -182,10 +180,11 @@ def _at_photo(camera: Camera, photo: Path | None) -> tuple[Camera, list[str]]:
 
 # --------------------------------------------------------------------------------------------------------------- photos
 def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list[str]]:
-    """The photo of each name, which are sorted, and remarks on those left out.
+    """Return the photo of each sorted image name, and remarks.
 
-    All come from one folder, the one with the most of them nearest to the model: folders farther away may have photos
-    of the same names before undistortion.
+    The pairing rules are tried from the strictest to the loosest: same path, same path with another suffix, same file
+    name in one folder, same order. Each rule is tried from the model's folder upwards, since outer folders may have
+    photos of the same names before undistortion. All photos come from the folder with the most pairs.
     """
     paths = [_relative(model, name) for name in names]
     for pair in (_by_name, _by_stem, _by_file_name, _by_order):
@@ -217,7 +216,7 @@ def _relative(model: Path, name: str) -> PurePosixPath:
 
 
 def _roots(model: Path) -> Iterator[Path]:
-    """The model's folder and those above it, up to the one that holds `sparse`, `colmap` or `dense`."""
+    """Yield the model's folder and its parents, up to the one that contains `sparse`, `colmap` or `dense`."""
     folder = model.absolute()
     yield folder
     while folder.name.isdigit() or folder.name in ("sparse", "colmap", "dense"):
@@ -226,23 +225,27 @@ def _roots(model: Path) -> Iterator[Path]:
 
 
 def _by_name(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | None]:
+    """Pair photos at the model's path below the folder."""
     return [folder / path if exists(folder / path) else None for path in paths]
 
 
 def _by_stem(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | None]:
-    """Photos that were stored anew in another file format."""
+    """Pair photos at the model's path with another suffix, that is, converted to another file format."""
     choices = ([folder / path.with_suffix(suffix) for suffix in PHOTO_SUFFIXES] for path in paths)
     return [next((photo for photo in photos if exists(photo)), None) for photos in choices]
 
 
 def _by_file_name(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | None]:
-    """Photos of several folders that were put into one, where no two have the same name."""
+    """Pair photos by file name alone, for photos of several folders moved into one; not if file names repeat."""
     flat = [PurePosixPath(path.name) for path in paths]
     return _by_name(folder, flat) if len(set(flat)) == len(flat) else [None] * len(paths)
 
 
 def _by_order(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | None]:
-    """Photos that were renamed when they were reduced, as in the captures of LLFF; the order of the names is kept."""
+    """Guess: pair the n-th photo with the n-th image name, both sorted, if their numbers agree.
+
+    For photos that were renamed when they were downsampled, as in LLFF's captures; only in folders named images*.
+    """
     photos = photos_in(folder) if folder.name.startswith("images") else []
     return list(photos) if len(photos) == len(paths) else [None] * len(paths)
 
@@ -267,26 +270,26 @@ def _stem(name: str) -> str:
 
 # --------------------------------------------------------------------------------------------------------------- points
 def _sparse_points(points: Points, images: list[Image], scales: list[tuple[float, float]]) -> SparsePoints | None:
-    """The points with their observations in these images, whose pixels are scaled as their photos are; None for none.
+    """Return the points with their observations in these images; None if there are no points.
 
-    Observations of points that the model does not hold (it was thinned out) are dropped.
+    Observations are scaled to the photos' sizes; those of points that were removed from the model are dropped.
     """
     if not len(points.ids):
         return None
     order = np.argsort(points.ids)
     view, point, pixels = [], [], []
     for number, (image, scale) in enumerate(zip(images, scales, strict=True)):
-        place = np.searchsorted(points.ids, image.points, sorter=order)
-        index = order[np.minimum(place, len(order) - 1)]
-        known = (points.ids[index] == image.points) & (image.points >= 0)
-        view.append(np.full(known.sum(), number, np.int32))
-        point.append(index[known])
-        pixels.append(image.pixels[known] * scale)
-    is_known = (points.errors >= 0) & (points.errors <= LARGEST_POSITION)  # COLMAP writes -1 where it has none
+        insertion = np.searchsorted(points.ids, image.points, sorter=order)
+        index = order[np.minimum(insertion, len(order) - 1)]
+        is_match = (points.ids[index] == image.points) & (image.points >= 0)
+        view.append(np.full(is_match.sum(), number, np.int32))
+        point.append(index[is_match])
+        pixels.append(image.pixels[is_match] * scale)
+    has_error = (points.errors >= 0) & (points.errors <= LARGEST_POSITION)  # COLMAP writes -1 for none
     return SparsePoints(
         positions=np.array(points.positions, np.float64),
         colors=np.array(points.colors, np.uint8),
-        errors=np.where(is_known, points.errors, np.nan).astype(np.float32),
+        errors=np.where(has_error, points.errors, np.nan).astype(np.float32),
         view=np.concatenate(view),
         point=np.concatenate(point).astype(np.int32),
         pixels=np.concatenate(pixels).astype(np.float32),

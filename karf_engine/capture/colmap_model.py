@@ -1,9 +1,7 @@
-"""The three tables of a COLMAP sparse model, binary and text: cameras, images, points3D.
+"""Read the tables cameras, images and points3D of a COLMAP sparse model, binary and text, with numpy only.
 
-Format: COLMAP's documentation, "Output Format", with the camera models of src/colmap/sensor/models.h (4.2). Pixel
-corners lie at integers. Files are checked against their length before memory is allocated; what newer versions write
-besides the three (rigs, frames) repeats the images' poses and is not needed. Own code, since Blender's Python reads
-models too, with numpy alone.
+Format: COLMAP's documentation, "Output Format", and the camera models of src/colmap/sensor/models.h (4.2). Pixel corners
+are at integers. The rigs and frames of newer versions repeat the images' poses and are not read.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ from .limits import LARGEST_POSITION
 from .reading import read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
-MODELS = {  # camera models by id; parameters in the order of the file
+MODELS = {  # id: (camera model, parameters in file order)
     0: ("SIMPLE_PINHOLE", "f cx cy"),
     1: ("PINHOLE", "fx fy cx cy"),
     2: ("SIMPLE_RADIAL", "f cx cy k1"),
@@ -47,19 +45,12 @@ PARAMETERS = dict(MODELS.values())
 OBSERVATION = np.dtype([("pixel", "<f8", 2), ("point", "<i8")])
 POINT = np.dtype([("id", "<i8"), ("position", "<f8", 3), ("color", "u1", 3), ("error", "<f8"), ("length", "<u8")])
 TRACK = np.dtype([("image", "<u4"), ("observation", "<u4")])
-SMALLEST_IMAGE = 73  # bytes of the shortest entry: pose and numbers, an empty name, no features
+SMALLEST_IMAGE = 73  # bytes of an entry with an empty name and no features
 
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """What COLMAP calls a camera.
-
-    Attributes:
-        width: Pixels.
-        height: Pixels.
-        model: Its name in `MODELS`.
-        parameters: By the names in `MODELS`; pixels, and coefficients of the lens.
-    """
+    """An entry of cameras: size in pixels, camera model, and its parameters by the names in `MODELS`."""
 
     width: int
     height: int
@@ -69,14 +60,14 @@ class Intrinsics:
 
 @dataclass(frozen=True)
 class Image:
-    """A registered photo.
+    """An entry of images: a registered photo.
 
     Attributes:
-        name: Path below the folder of the photos.
+        name: Path below the photo folder.
         camera: Id of its camera.
         pose: World to camera, quaternion (w, x, y, z) and translation, [7] float64.
         pixels: Features, [n, 2] float64.
-        points: Ids of their 3D points, [n] int64, negative where they have none.
+        points: Point ids of the features, [n] int64, negative for none.
     """
 
     name: str
@@ -88,14 +79,14 @@ class Image:
 
 @dataclass(frozen=True)
 class Points:
-    """The 3D points.
+    """The table points3D.
 
     Attributes:
         ids: [n] int64.
         positions: [n, 3] float64, world.
         colors: [n, 3] uint8.
-        errors: Mean reprojection errors, [n] float64, pixels.
-        seen_by: The image ids of all their tracks, [m] int64.
+        errors: Mean reprojection errors in pixels, [n] float64.
+        seen_by: Image ids of all tracks, [m] int64.
     """
 
     ids: np.ndarray
@@ -106,28 +97,20 @@ class Points:
 
 
 def read_cameras(path: Path) -> dict[int, Intrinsics]:
-    """The cameras of cameras.bin or cameras.txt by id.
-
-    Raises:
-        DataError: The file is missing, damaged or empty.
-    """
+    """Read cameras.bin or cameras.txt by id. Raises DataError if the file is missing, damaged or empty."""
     return _unique(path, "camera", _cameras_binary(path) if path.suffix == ".bin" else _cameras_text(path))
 
 
 def read_images(path: Path) -> dict[int, Image]:
-    """The registered photos of images.bin or images.txt by id.
-
-    Raises:
-        DataError: The file is missing, damaged or empty.
-    """
+    """Read images.bin or images.txt by id. Raises DataError if the file is missing, damaged or empty."""
     return _unique(path, "image", _images_binary(path) if path.suffix == ".bin" else _images_text(path))
 
 
 def read_points(path: Path) -> Points:
-    """The points of points3D.bin or points3D.txt.
+    """Read points3D.bin or points3D.txt.
 
     Raises:
-        DataError: The file is missing or damaged, or has a point twice or at no finite position.
+        DataError: The file is missing or damaged, repeats an id, or has a position that is not finite.
     """
     points = _points_binary(path) if path.suffix == ".bin" else _points_text(path)
     if len(np.unique(points.ids)) != len(points.ids):
@@ -138,7 +121,7 @@ def read_points(path: Path) -> Points:
 
 
 def count_images(path: Path) -> int:
-    """How many photos images.bin or images.txt holds; 0 where it is damaged."""
+    """Return the number of photos in images.bin or images.txt; 0 if it is damaged."""
     try:
         if path.suffix == ".txt":
             return len(read_images(path))
@@ -196,24 +179,23 @@ def _images_binary(path: Path) -> Iterator[tuple[int, Image]]:
 
 
 def _points_binary(path: Path) -> Points:
-    """Only the lengths of the tracks are read one by one, in a bare loop: models have up to millions of points."""
+    """Split the file by track lengths and parse all points at once: models have up to millions of points."""
     file = BinaryFile(path, AGAIN)
     heads, tracks = [], []
     for what in file.entries("point"):
-        track = file.at + POINT.itemsize
+        track = file.position + POINT.itemsize
         end = track + TRACK.itemsize * int.from_bytes(file.data[track - 8 : track], "little")
-        heads.append(file.data[file.at : track])
+        heads.append(file.data[file.position : track])
         tracks.append(file.data[track:end])
-        file.at = end
-        if end > len(file.data):
-            raise file.cut_off(what)
-    points, seen = np.frombuffer(b"".join(heads), POINT), np.frombuffer(b"".join(tracks), TRACK)
-    return Points(points["id"], points["position"], points["color"], points["error"], seen["image"].astype(np.int64))
+        file.skip(end - file.position, what)
+    points, observations = np.frombuffer(b"".join(heads), POINT), np.frombuffer(b"".join(tracks), TRACK)
+    image_ids = observations["image"].astype(np.int64)
+    return Points(points["id"], points["position"], points["color"], points["error"], image_ids)
 
 
 # ----------------------------------------------------------------------------------------------------------------- text
 def _rows(path: Path, blank: bool = False) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers, without comments; blank ones only if asked for."""
+    """Yield numbered lines without comments, and without blank ones unless `blank`."""
     for number, line in enumerate(read_text(path).split("\n"), 1):
         if not line.lstrip().startswith("#") and (blank or line.strip()):
             yield number, line
@@ -230,8 +212,8 @@ def _line(path: Path, number: int, what: str) -> Iterator[None]:
 def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
     for line, text in _rows(path):
         with _line(path, line, "CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]"):
-            number, model, width, height, *values = text.split()
-            number, width, height, values = int(number), int(width), int(height), tuple(map(float, values))
+            camera_id, model, *sizes = text.split()
+            number, width, height, values = int(camera_id), int(sizes[0]), int(sizes[1]), tuple(map(float, sizes[2:]))
         if model not in PARAMETERS:
             raise DataError(
                 f"{path}, camera {number} has the camera model {model}, which is unknown.",
@@ -241,18 +223,18 @@ def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
 
 
 def _images_text(path: Path) -> Iterator[tuple[int, Image]]:
-    """Two lines an image, the second of which is blank where it has no features."""
+    """Read two lines per image; the second is blank without features."""
     rows = _rows(path, blank=True)
     for line, text in rows:
         if not text.strip():
             continue
         with _line(path, line, "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"):
-            number, *pose, camera, name = text.split(maxsplit=9)
-            number, camera, pose = int(number), int(camera), np.array(pose, np.float64).reshape(7)
+            image_id, *values, camera_id, name = text.split(maxsplit=9)
+            number, camera, pose = int(image_id), int(camera_id), np.array(values, np.float64).reshape(7)
         line, text = next(rows, (line + 1, ""))
         with _line(path, line, "the features (X Y POINT3D_ID)[] of the image before it"):
             features = np.array(text.split(), np.float64).reshape(-1, 3)
-        is_point = (features[:, 2] >= 0) & (features[:, 2] < 2.0**62)  # "none" is -1, or 2^64 - 1
+        is_point = (features[:, 2] >= 0) & (features[:, 2] < 2.0**62)  # -1 or 2^64 - 1 mean none
         points = np.where(is_point, features[:, 2], -1).astype(np.int64)
         yield number, Image(name.strip(), camera, pose, features[:, :2], points)
 

@@ -1,4 +1,4 @@
-"""Limits of cameras' numbers: what lies beyond overflows single precision, or no memory holds its pixels."""
+"""Limits of camera parameters: larger values overflow single precision or memory."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from ..errors import BadRequest, DataError
 from ..io.image_size import MOST_PIXELS
 from .camera import POSE_TOLERANCE, Camera, Limits, impossible
 
-LARGEST_POSITION = 1e12  # coordinate: its square, and a scene's size over its detail, fit single precision
-LARGEST_SIDE = 10**6  # pixels of a photo's side; a damaged file may claim more
-# focal lengths from beyond 179 degrees to a thousandth of one; readers measure poses without the scale that they leave in
-# where it is one but for rounding
+LARGEST_POSITION = 1e12  # its square fits single precision
+LARGEST_SIDE = 10**6  # pixels
+# focal lengths of fields of view from above 179 degrees to 0.001; twice the tolerance, since `reading.rigid_pose` accepts
+# scales that are 1 up to rounding
 USABLE = Limits(LARGEST_SIDE, MOST_PIXELS, (1e-3, 1e6), 1e3, 1e6, LARGEST_POSITION, 2 * POSE_TOLERANCE)
 
 
 def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:
-    """The camera itself, once its numbers are found usable.
+    """Return a camera if its parameters are within the limits.
 
     Args:
         camera: The camera.
-        label: Whose it is, for the message, which reads "`label` has ..".
-        hint: What the user can do about it.
+        label: Subject of the message "`label` has ...".
+        hint: Remedy.
 
     Raises:
-        DataError: Its size, lens or pose is impossible.
+        DataError: Size, lens or pose is out of range.
     """
     wrong = impossible(camera, USABLE)
     if wrong:
@@ -33,15 +33,15 @@ def check_camera(camera: Camera, label: str, hint: str = "Export the cameras aga
 
 
 def read_camera(label: str, hint: str = "Export the cameras again.", **numbers: Any) -> Camera:
-    """The camera of a file's numbers.
+    """Make a camera from the numbers of a file; arguments and errors as `check_camera`.
 
     Args:
-        label: Whose it is, for the message, which reads "`label` has ..".
-        hint: What the user can do about it.
+        label: Subject of the message "`label` has ...".
+        hint: Remedy.
         **numbers: The attributes of `Camera`.
 
     Raises:
-        DataError: Its size, lens or pose is impossible.
+        DataError: Size, lens or pose is out of range.
     """
     try:
         camera = Camera(**numbers)

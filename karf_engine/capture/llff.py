@@ -1,9 +1,9 @@
-"""LLFF captures: `poses_bounds.npy` beside the photos.
+"""Read LLFF captures: `poses_bounds.npy` beside the photos.
 
-Format (the LLFF repository's README, "Using your own poses without running COLMAP"): [n, 17] float64, for each photo in
-the order of the names a 3x5 matrix row by row, then the nearest and farthest depth. The matrix's columns are the
-camera's axes down, right, back in the world, its position, and (height, width, focal length) in pixels. NeX writes
-[n, 14]: 3x4, with (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
+Format (LLFF's README, "Using your own poses without running COLMAP"): [n, 17] float64, one row per photo in the order of
+the names: a 3x5 matrix in row-major order, then nearest and farthest depth. The matrix's columns are the camera's axes
+down, right and back in the world, its position, and (height, width, focal length) in pixels. NeX writes [n, 14] with a
+3x4 matrix, and (height, width, fx, fy, cx, cy) of all photos in `hwf_cxcy.npy`.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ SHARED_INTRINSICS = "hwf_cxcy.npy"
 
 
 def is_llff(path: Path) -> bool:
-    """Whether `path` is a poses_bounds.npy, or a folder with one."""
+    """Test whether `path` is a poses_bounds.npy or a folder with one."""
     return path.name == POSES if path.is_file() else (path / POSES).exists()
 
 
 def read_llff(path: Path, photos: bool) -> Capture:
     """Read an LLFF capture; depth bounds are in world units.
 
-    Photos are those of the largest `images*` folder with as many as there are poses. Without photos the views are named
-    by their row.
+    Photos come from the `images*` folder with one photo per pose, the one with the largest photos. Without photos, views
+    are named by row.
 
     Args:
         path: A poses_bounds.npy, or its folder.
-        photos: Whether to look for the photos.
+        photos: Whether to search for the photos.
 
     Raises:
-        DataError: A file is missing or damaged; names the file and the row.
+        DataError: A file is missing or damaged.
     """
     file = path if path.is_file() else path / POSES
     table = _table(file)
@@ -77,14 +77,14 @@ def _table(file: Path) -> np.ndarray:
 
 
 def _load(file: Path) -> np.ndarray:
-    """A float64 array of an .npy file; its header is checked against the file's length before memory is allocated."""
+    """Read an .npy file as float64, by a memory map that checks the header against the file's length."""
     length = len(read_bytes(file))
     try:
         stored = np.lib.format.open_memmap(file, mode="r")
-        if stored.size > length:  # values of no bytes
+        if stored.size > length:  # items of zero bytes
             raise ValueError("it holds no numbers")
         return np.array(stored, np.float64)
-    except Exception as error:  # numpy raises nearly anything on damaged headers
+    except Exception as error:  # numpy raises nearly anything for damaged headers
         if is_out_of_memory(error):
             raise
         raise DataError(
@@ -94,7 +94,7 @@ def _load(file: Path) -> np.ndarray:
 
 
 def _shared_intrinsics(file: Path) -> np.ndarray:
-    """(height, width, fx, fy, cx, cy) beside poses of 14 columns."""
+    """Read (height, width, fx, fy, cx, cy) beside poses of 14 columns."""
     sidecar = file.with_name(SHARED_INTRINSICS)
     if not sidecar.exists():
         raise DataError(
@@ -120,8 +120,8 @@ def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Cam
     pose[:3] = np.stack([right, -down, back, position], 1)
     pose, notes = rigid_pose(pose, label, "pose")
     if shared is None:
-        height, width, fx = block[:, 4]
-        shared = (height, width, fx, fx, width / 2, height / 2)
+        height, width, focal = block[:, 4]
+        shared = np.array([height, width, focal, focal, width / 2, height / 2])
     height, width, fx, fy, cx, cy = map(float, shared)
     if not (math.isfinite(width) and math.isfinite(height)):
         raise DataError(f"{label} has a picture of {width:g}x{height:g} pixels, which cannot be.", "Export them again.")
@@ -130,22 +130,22 @@ def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Cam
 
 
 def _photos(file: Path, count: int) -> list[Path]:
-    """`count` photos by name, of the `images*` folder that has as many, the one with the largest photos."""
+    """Return `count` sorted photos of the `images*` folder with exactly as many; of several, the largest photos."""
     folder = file.parent
-    places = sorted(folder.glob("images*")) or [folder]
-    found = {place: photos for place in places if (photos := photos_in(place))}
-    if not found:
+    candidates = sorted(folder.glob("images*")) or [folder]
+    by_folder = {candidate: photos for candidate in candidates if (photos := photos_in(candidate))}
+    if not by_folder:
         raise DataError(
             "{path} has {count} poses, but no photos lie in {place}.",
             "Put the photos into {folder}.",
             path=file,
             count=count,
-            place=places[0],
+            place=candidates[0],
             folder=folder / "images",
         )
-    complete = [photos for photos in found.values() if len(photos) == count]
+    complete = [photos for photos in by_folder.values() if len(photos) == count]
     if not complete:
-        counts = ", ".join(f"{place.name} has {len(photos)} photos" for place, photos in found.items())
+        counts = ", ".join(f"{place.name} has {len(photos)} photos" for place, photos in by_folder.items())
         raise DataError(
             f"{file} has {count} poses, but {counts}.", "Poses and photos belong together in the order of the names."
         )

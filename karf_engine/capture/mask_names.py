@@ -1,4 +1,4 @@
-"""Which photo a file of a mask belongs to, by its name: MASKS/<object>/<photo stem>.png, or in the photos' subfolders."""
+"""Match mask files to photos by name: MASKS/<object>/<photo stem>.png, optionally in the photos' subfolders."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 
 
 def mask_files(folder: Path) -> list[Path]:
-    """All that is named like a picture below an object's folder, in order; hidden files are not looked at."""
+    """Return the image files below an object's folder, sorted; hidden files and folders are skipped."""
     found = []
     for place, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".")]
@@ -21,7 +21,7 @@ def mask_files(folder: Path) -> list[Path]:
 
 
 def fits_view(below: Path, view: View) -> bool:
-    """Whether a mask can mean this view: by the photo's subfolders, else by name; below: its path in its object's folder."""
+    """Test whether a mask, by its path below the object's folder, can belong to a view."""
     stem = file_name(below.stem)
     if len(below.parts) == 1:
         return stem in (view.name, view.stem)
@@ -30,6 +30,6 @@ def fits_view(below: Path, view: View) -> bool:
 
 
 def masks_of_view(folder: Path, view: View) -> list[Path]:
-    """An object's masks that can mean this view, the likeliest first: there is one, or stems repeat."""
-    found = [path for path in mask_files(folder) if fits_view(path.relative_to(folder), view)]
-    return sorted(found, key=lambda path: file_name(path.stem) != view.name)
+    """Return the masks of an object that can belong to a view; several if stems repeat, exact names first."""
+    masks = [path for path in mask_files(folder) if fits_view(path.relative_to(folder), view)]
+    return sorted(masks, key=lambda path: file_name(path.stem) != view.name)

@@ -1,6 +1,6 @@
-"""Sparse points in PLY files, as nerfstudio writes them beside its transforms.json.
+"""Sparse points in PLY files, as nerfstudio writes them beside its transforms.json. See `io.ply` for the file format.
 
-The first element must be `vertex` with x, y, z and, where the points are colored, red, green, blue.
+The first element must be `vertex` with x, y, z and, optionally, red, green, blue.
 """
 
 from __future__ import annotations
@@ -19,12 +19,23 @@ UNCOLORED = 128
 
 
 def read_points(path: Path) -> SparsePoints:
-    """The vertices of a PLY file, without observations; errors are nan, colors gray where the file has none.
+    """Read the vertices of a PLY file as points without observations; errors are nan, missing colors are gray.
 
     Raises:
-        DataError: The file is damaged or cut off, or has no vertices of x, y, z.
+        DataError: The file is damaged, or its first element is not vertices with finite x, y, z.
     """
-    table = _vertices(path, read_bytes(path))
+    data = read_bytes(path)
+    try:
+        header = read_header(data)
+        first = header.elements[0]
+        if first.name != "vertex" or first.dtype is None or not set("xyz") <= set(first.dtype.names or ()):
+            raise ValueError("its first element is not vertex with x, y, z")
+    except (IndexError, KeyError, ValueError) as error:
+        raise _damaged(path, f"its header cannot be understood ({error})") from error
+    try:
+        table = read_rows(data, header, "vertex")
+    except ValueError as error:
+        raise _damaged(path, str(error)) from error
     positions = np.stack([table[axis] for axis in "xyz"], 1).astype(np.float64)
     if not np.abs(positions).max(initial=0) <= LARGEST_POSITION:
         raise _damaged(path, "it has a point that is not finite")
@@ -38,22 +49,8 @@ def read_points(path: Path) -> SparsePoints:
     )
 
 
-def _vertices(path: Path, data: bytes) -> np.ndarray:
-    try:
-        header = read_header(data)
-        first = header.elements[0]
-        if first.name != "vertex" or first.dtype is None or not set("xyz") <= set(first.dtype.names or ()):
-            raise ValueError("its first element is not vertex with x, y, z")
-    except (IndexError, KeyError, ValueError) as error:
-        raise _damaged(path, f"its header cannot be understood ({error})") from error
-    try:
-        return read_rows(data, header, "vertex")
-    except ValueError as error:
-        raise _damaged(path, str(error)) from error
-
-
 def _colors(table: np.ndarray) -> np.ndarray:
-    if not {"red", "green", "blue"} <= set(table.dtype.names):
+    if not {"red", "green", "blue"} <= set(table.dtype.names or ()):
         return np.full((len(table), 3), UNCOLORED, np.uint8)
     colors = np.stack([table[name] for name in ("red", "green", "blue")], 1)
     if colors.dtype.kind == "f":

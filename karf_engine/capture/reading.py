@@ -1,4 +1,4 @@
-"""What the readers of all formats share: whole files, checked poses and lenses, photos and their sizes."""
+"""Shared code of the capture readers: whole files, poses, lens parameters, photos and views."""
 
 from __future__ import annotations
 
@@ -19,16 +19,12 @@ from .limits import LARGEST_POSITION
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 FISHEYE_KEYS = ("k1", "k2", "k3", "k4")
-UNIT_TOLERANCE = 1e-5  # deviation from orthonormal that single precision explains
+UNIT_TOLERANCE = 1e-5  # deviation of a scale from 1 that single precision explains
 
 
 # ---------------------------------------------------------------------------------------------------------------- files
 def read_bytes(path: Path) -> bytes:
-    """The content of a file.
-
-    Raises:
-        DataError: The file cannot be read, is empty, or is a Git-LFS pointer.
-    """
+    """Read a file. Raises DataError if it cannot be read, is empty, or is a Git-LFS pointer."""
     check_file(path)
     try:
         data = path.read_bytes()
@@ -44,11 +40,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """The content of a UTF-8 text file.
-
-    Raises:
-        DataError: As `read_bytes`, and where it is not UTF-8.
-    """
+    """Read a UTF-8 text file. Raises DataError as `read_bytes`, or if it is not UTF-8."""
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -57,18 +49,18 @@ def read_text(path: Path) -> str:
 
 # ---------------------------------------------------------------------------------------------------------------- poses
 def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, list[str]]:
-    """A pose with a pure rotation, of one whose rotation may have a uniform scale.
+    """Remove a uniform scale from the rotation of a pose.
 
     Args:
         matrix: camera_to_world, [4, 4] float64.
-        label: Whose it is, for messages, which read "`label` has a `what` that ...".
-        what: What the file calls it.
+        label: Subject of the message "`label` has a `what` that ...".
+        what: Name of the pose in the file.
 
     Returns:
-        camera_to_world [4, 4] float64, and a note where a scale was removed.
+        camera_to_world [4, 4] float64 with a pure rotation, and a note if a scale was removed.
 
     Raises:
-        DataError: The matrix is not finite, is too large for single precision, or has no rotation.
+        DataError: The matrix is not finite, too large, or not a rotation with a uniform scale.
     """
     if not np.abs(matrix).max() <= LARGEST_POSITION:
         raise DataError(f"{label} has a {what} that is not finite.", "Leave this photo out.")
@@ -86,7 +78,7 @@ def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, l
 
 
 def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
-    """`Camera.distortion` of coefficients by OpenCV's names, absent ones being zero; as short as they allow.
+    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`.
 
     Examples:
         >>> opencv_distortion({"k1": 0.1, "p2": -0.01}, fisheye=False)
@@ -99,7 +91,7 @@ def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple
 
 # --------------------------------------------------------------------------------------------------------------- photos
 def photos_in(folder: Path) -> list[Path]:
-    """The photos that lie directly in a folder, by name; none where there is no such folder."""
+    """Return the photos directly in a folder, sorted; none if the folder is missing."""
     if not folder.is_dir():
         return []
     files = (path for path in folder.iterdir() if path.suffix.lower() in PHOTO_SUFFIXES and path.name[0] != ".")
@@ -107,7 +99,7 @@ def photos_in(folder: Path) -> list[Path]:
 
 
 def exists(path: Path) -> bool:
-    """Whether this is a file; False for names that the file system cannot hold."""
+    """Test whether a path is a file; False for invalid names."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -115,14 +107,15 @@ def exists(path: Path) -> bool:
 
 
 def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]:
-    """Width and height of a photo in the orientation that its camera was made for.
+    """Return width and height of a photo in the orientation of its camera.
 
     Args:
         image: The photo.
-        declared: Width and height that the capture's file declares, if any.
+        declared: Width and height in the capture's file, if any.
 
     Returns:
-        The size as shown; as stored where the declared sides are in the order of the stored ones.
+        The size for display, unless the Exif orientation swaps the sides and the declared aspect is that of the stored
+        size; then the stored size.
 
     Raises:
         DataError: The photo is missing or damaged.
@@ -134,7 +127,7 @@ def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]
 
 
 def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
-    """The camera with intrinsics for its photo's real size (width, height), and a note where they had to be scaled."""
+    """Scale a camera to its photo's size (width, height); also return a note if that changed it."""
     if size == (camera.width, camera.height):
         return camera, []
     note = f"photos are {size[0]}x{size[1]} where the file says {camera.width}x{camera.height}; "
@@ -145,15 +138,15 @@ def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
 def make_views(
     cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]
 ) -> list[View]:
-    """Views with names that are unique and can be files' names.
+    """Make views with names that are unique and valid file names.
 
     Args:
-        cameras: One a view.
-        images: Their photos; None for bare cameras.
-        stems: What to name them after.
-        splits: `train`, `val` or `test` of each.
+        cameras: Camera of each view.
+        images: Photo of each view; None for bare cameras.
+        stems: Source of the names.
+        splits: `train`, `val` or `test` of each view.
     """
-    cameras, images, stems, splits = list(cameras), list(images), list(map(file_name, stems)), list(splits)
+    stems, splits = list(map(file_name, stems)), list(splits)
     names = unique_names(list(zip(splits, stems, strict=True)))
     return [
         View(name, stem, camera, image.absolute() if image else None, split)
@@ -162,5 +155,5 @@ def make_views(
 
 
 def merge_notes(notes: Iterable[str]) -> list[str]:
-    """Each different note about views once, with the number of views it holds for."""
+    """Merge equal notes about views into one each, with their number."""
     return [f"{'1 view' if n == 1 else f'{n} views'}: {note}" for note, n in Counter(notes).items()]

@@ -1,7 +1,7 @@
-"""The cameras that a splat was learned from, as Kerbl et al. 2023 write them beside it: `cameras.json`, without photos.
+"""Read the training cameras that Kerbl et al. 2023 write beside splats: `cameras.json`, without photos.
 
-A list of objects with width, height, fx, fy, position and rotation; the rotation [3, 3] takes the camera's axes (x right, y
-down, z forward) to the world, row by row.
+A list of objects with width, height, fx, fy, position and rotation; the row-major rotation [3, 3] maps the camera's axes
+(x right, y down, z forward) to the world.
 """
 
 from __future__ import annotations
@@ -19,26 +19,24 @@ from .limits import check_camera
 from .reading import rigid_pose
 
 NAME = "cameras.json"
-# folders in which what belongs to a splat may lie, its own the first: below the model the authors' program makes
-# point_cloud/iteration_30000
-LEVELS = 3
+LEVELS = 3  # the reference implementation writes splats to MODEL/point_cloud/iteration_30000
 
 
 def folders_around(splat: Path) -> list[Path]:
-    """The folder of a splat's file and those above in which its cameras or photos may lie, the nearest first."""
+    """Return the folders that may contain the cameras or photos of a splat file, nearest first."""
     return list(splat.absolute().parents[:LEVELS])
 
 
 def cameras_beside(splat: Path) -> list[Path]:
-    """The files cameras.json in these folders, the nearest first; any of them may be of something else."""
-    return [place for place in (folder / NAME for folder in folders_around(splat)) if place.is_file()]
+    """Return the files cameras.json around a splat file, nearest first; they may belong to something else."""
+    return [path for path in (folder / NAME for folder in folders_around(splat)) if path.is_file()]
 
 
 def read_splat_cameras(path: Path) -> list[Camera]:
-    """The cameras of a cameras.json, centered pinholes.
+    """Read the cameras of a cameras.json, centered pinholes.
 
     Raises:
-        DataError: The file is damaged, or an entry is no camera; names the file and the entry.
+        DataError: The file or an entry is damaged.
     """
     content = read_json(path, "cameras")
     if not isinstance(content, list) or not content:

@@ -1,4 +1,4 @@
-"""Photos without their lens distortion, with numpy alone: what Blender shows behind a camera."""
+"""Undistort photos with numpy only, for Blender's camera backgrounds."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy as np
 from .camera import Camera
 from .distortion import distort
 
-ROWS = 16  # rows computed at a time: intermediate results stay in the processor's cache
+ROWS = 16  # rows computed at a time, so that intermediate results fit the CPU cache
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
-    """A photo as its camera's pinhole shows it, interpolated linearly: the pixels of `training_images.undistort`.
+    """Undistort a photo with bilinear interpolation, to the pixels of `training_images.undistort`.
 
     Args:
-        photo: As stored, float32 [H, W, C], of the camera's size.
-        camera: With its distortion.
+        photo: The photo as stored, float32 [H, W, C], of the camera's size.
+        camera: A camera with distortion.
 
     Returns:
-        float32 [H, W, C]; black where the pinhole sees beyond the photo.
+        float32 [H, W, C]; black outside the photo.
     """
     photo = np.ascontiguousarray(photo)
     result = np.empty_like(photo)
@@ -26,25 +26,27 @@ def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
     for top in range(0, camera.height, ROWS):
         rows = np.arange(top, min(top + ROWS, camera.height)) + 0.5
         positions = distort(camera, np.stack(np.meshgrid(columns, rows), -1))
-        inside = ((positions >= 0) & (positions <= (camera.width, camera.height))).all(-1)  # nan is outside
+        size = np.array([camera.width, camera.height])
+        inside = ((positions >= 0) & (positions <= size)).all(-1)  # nan is outside
         result[top : top + ROWS] = _bilinear(photo, np.where(inside[..., None], positions - 0.5, 0))
         result[top : top + ROWS][~inside] = 0
     return result
 
 
 def _bilinear(photo: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Values [.., C] of an image at (column, row) positions [.., 2]; beyond the outer pixels' centers theirs."""
+    """Sample an image at (column, row) positions [..., 2], clamped to the outer pixel centers; [..., C]."""
     height, width, channels = photo.shape
     pixels = photo.reshape(-1, channels)
     column, row = np.clip(positions[..., 0], 0, width - 1), np.clip(positions[..., 1], 0, height - 1)
     left, top = column.astype(np.intp), row.astype(np.intp)
-    across, down = ((exact - whole).astype(np.float32)[..., None] for exact, whole in ((column, left), (row, top)))
-    right, below = (left < width - 1).astype(np.intp), (top < height - 1) * width  # steps to the neighbors
+    fraction_u = (column - left).astype(np.float32)[..., None]
+    fraction_v = (row - top).astype(np.float32)[..., None]
+    right, below = (left < width - 1).astype(np.intp), (top < height - 1) * width  # index offsets of the neighbors
     corner = top * width + left
-    upper = _between(pixels.take(corner, 0), pixels.take(corner + right, 0), across)
-    lower = _between(pixels.take(corner + below, 0), pixels.take(corner + below + right, 0), across)
-    return _between(upper, lower, down)
+    upper = _lerp(pixels.take(corner, 0), pixels.take(corner + right, 0), fraction_u)
+    lower = _lerp(pixels.take(corner + below, 0), pixels.take(corner + below + right, 0), fraction_u)
+    return _lerp(upper, lower, fraction_v)
 
 
-def _between(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    return first + (second - first) * share
+def _lerp(first: np.ndarray, second: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    return first + (second - first) * weight
