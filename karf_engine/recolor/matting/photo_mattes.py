@@ -135,7 +135,8 @@ def decide(
     of_field = np.maximum(classes, MIN_PROBABILITY)
     of_field[1:][away > BAND] = 0
     labels = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
-    labels[:, free] = posterior(models, lab[free], _places(free), of_field[:, free])
+    places = (np.argwhere(free) + 0.5) / free.shape
+    labels[:, free] = posterior(models, lab[free], places, of_field[:, free])
     resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED_DIFFERENCE)
     weights = np.where(resolved, RESOLVED_PRIOR_WEIGHT, PRIOR_WEIGHT)
     labels[:, free] = random_walk(links_of(lab), labels, free, weights)
@@ -207,10 +208,6 @@ def _near_border(classes: np.ndarray) -> np.ndarray:
     hard = classes.argmax(0).astype(np.uint8)
     border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
     return unsure | border
-
-
-def _places(chosen: np.ndarray) -> np.ndarray:
-    return (np.argwhere(chosen) + 0.5) / chosen.shape
 
 
 def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:
