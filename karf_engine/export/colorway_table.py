@@ -29,13 +29,7 @@ VIEW_COLUMNS = ("colorway", "object", "view", "wanted", "wanted_lab", "reached",
 
 @dataclass(frozen=True)
 class Reached:
-    """A color as measured in written pictures.
-
-    Attributes:
-        color: sRGB [3].
-        pixels: Number of measured pixels.
-        views: Number of measured pictures.
-    """
+    """A color, sRGB [3], as measured in this number of pixels and views."""
 
     color: np.ndarray
     pixels: int

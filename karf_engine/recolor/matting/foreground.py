@@ -17,12 +17,7 @@ LINEAR = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 
 
 def unmixed(photo: np.ndarray, coverage: np.ndarray) -> list[Matte]:
-    """Make mattes of K objects from their coverage.
-
-    Args:
-        photo: uint8 [H, W, 3] sRGB.
-        coverage: [K, h, w] in [0, 1], at the photo's size or a smaller one.
-    """
+    """Make mattes of K objects in a photo, uint8 [H, W, 3], from coverage [K, h, w] of its size or a smaller one."""
     n_objects, (height, width) = len(coverage), photo.shape[:2]
     result = np.zeros((n_objects, height, width), np.float16)
     mixed, colors = [[NO_PIXELS] for _ in range(n_objects)], [[NO_COLORS] for _ in range(n_objects)]
