@@ -28,13 +28,13 @@ from .tiles import enlarged, tiles
 TILE, MARGIN = 512, 16  # pixels
 
 # at the field's picture size, in its pixels
-BAND = 6  # by which an object's border in the photo may differ from the field's
+BAND = 6  # tolerance between an object's borders in photo and field
 RING = 25  # around objects, where the colors of their surroundings are learned
 CORE_DEPTH = 1.0  # deeper inside an object the field is right if it is sure
 SURE = 0.8  # probability above which the field is sure of an object
 BACKGROUND = 0.02  # sum of probabilities below which the field is sure of the background
 MIN_PROBABILITY = 0.005  # of every class of the field, so that colors can outvote it
-MIN_CORE_PIXELS = 20  # from which colors are learned
+MIN_CORE_PIXELS = 20  # needed to learn its colors
 PRIOR_WEIGHT = 0.05  # of a pixel's prior in the random walk
 RESOLVED_PRIOR_WEIGHT = 1.0  # the same where the field is sure and renders the photo's color
 RESOLVED_DIFFERENCE = 5.0  # Lab units: the field renders the photo's color
