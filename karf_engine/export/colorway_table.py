@@ -29,13 +29,7 @@ VIEW_COLUMNS = ("colorway", "object", "view", "wanted", "wanted_lab", "reached",
 
 @dataclass(frozen=True)
 class Reached:
-    """A color as measured in written pictures.
-
-    Attributes:
-        color: sRGB [3].
-        pixels: Number of measured pixels.
-        views: Number of measured pictures.
-    """
+    """A color, sRGB [3], as measured in this number of pixels and views."""
 
     color: np.ndarray
     pixels: int
@@ -59,9 +53,11 @@ def write_table(
     rows = []
     for plan in planned:
         for prediction in plan.predictions:
-            found = measured(plan, prediction) if measured else None
-            rows.append([plan.colorway.name, *_cells(plan, prediction, light), *_measured(prediction, found, light),
-                         _reason(prediction, measured is not None and found is None)])  # fmt: skip
+            found, reason = measured(plan, prediction) if measured else None, prediction.reason
+            if measured and found is None:
+                reason = f"none of these views surely shows a pixel of {prediction.target_color.name} in this color"
+            cells = _cells(plan, prediction, light)
+            rows.append([plan.colorway.name, *cells, *_measured(prediction, found, light), reason])
     _write(path, COLUMNS, rows)
 
 
@@ -112,7 +108,7 @@ def _cells(plan: PlannedColorway, prediction: Prediction, light: ReferenceLight 
 
 
 def _wanted(prediction: Prediction) -> tuple[str, str]:
-    return rgb_to_hex(prediction.target), _numbers(prediction.target_color.lab)
+    return rgb_to_hex(prediction.target), " ".join(f"{value:.2f}" for value in prediction.target_color.lab)
 
 
 def _measured(prediction: Prediction, found: Reached | None, light: ReferenceLight | None) -> list[str]:
@@ -121,13 +117,3 @@ def _measured(prediction: Prediction, found: Reached | None, light: ReferenceLig
     lit = replace(prediction, reached=found.color).under(light)
     difference = float(ciede2000(srgb_to_lab(lit.reached), lit.target_color.lab))
     return [rgb_to_hex(lit.reached), f"{difference:.2f}", str(found.pixels), str(found.views)]
-
-
-def _reason(prediction: Prediction, is_unseen: bool) -> str:
-    if is_unseen:
-        return f"none of these views surely shows a pixel of {prediction.target_color.name} in this color"
-    return prediction.reason
-
-
-def _numbers(color: np.ndarray) -> str:
-    return " ".join(f"{value:.2f}" for value in color)

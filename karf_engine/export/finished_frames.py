@@ -31,12 +31,7 @@ NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "
 
 @dataclass(frozen=True)
 class FinishedFrames:
-    """The record of one output folder.
-
-    Attributes:
-        folder: Of the frames.
-        frames: The last entry of each frame by its name, at the time of reading.
-    """
+    """The record of one output folder: the last entry of each frame by its name, at the time of reading."""
 
     folder: Path
     frames: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -83,12 +78,7 @@ def _size(path: Path) -> int:
 
 @dataclass(frozen=True)
 class ModelMark:
-    """Fingerprints of a project.
-
-    Attributes:
-        learned: Of everything learned, and of the settings of rendering.
-        masks: Of the rough masks, which locate thin parts in photos.
-    """
+    """Fingerprints of what a project has learned with its settings of rendering, and of its rough masks."""
 
     learned: str
     masks: str
@@ -104,13 +94,7 @@ def model_mark(project: Project, settings: Settings) -> ModelMark:
 
 
 def view_mark(model: ModelMark, view: View, *options: Any) -> str:
-    """Return a fingerprint of a rendered view by model, camera, photo and options.
-
-    Args:
-        model: `model_mark`.
-        view: With its photo, or a bare camera, which masks do not affect.
-        *options: JSON values.
-    """
+    """Return a fingerprint of a rendered view by `model_mark`, camera, photo and options (JSON values)."""
     camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # without the photo's path
     photo = [file_digest(view.image), model.masks] if view.image and view.image.is_file() else None
     return fingerprint(model.learned, camera, photo, *options)
@@ -134,11 +118,9 @@ def _mark_of(color: AddedColor) -> list:
 
 @dataclass(frozen=True)
 class PendingFrames:
-    """The frames of a request that are not finished.
+    """The views of a request that are not finished, with their edits and fingerprints, in order.
 
-    Attributes:
-        todo: Views with their edits and fingerprints, in order.
-        finished: The record of the output folder; None without a folder.
+    finished: record of the output folder; None without a folder.
     """
 
     todo: list[tuple[View, Edit | None, str]]

@@ -30,7 +30,7 @@ def borders_of(positions: np.ndarray, shares: np.ndarray, counts: np.ndarray, vi
         positions: [N, 3], world.
         shares: [N, K], probabilities of the objects.
         counts: [N] bool, points that form borders.
-        views: Of the capture, for the size of their pixels.
+        views: Of the capture, for the size of a pixel.
     """
     distances = np.full(shares.shape, -np.inf, np.float32)
     spacings, pixels = np.ones(shares.shape[1], np.float32), np.ones(shares.shape[1], np.float32)
@@ -73,14 +73,7 @@ def _pixel_size(center: np.ndarray, views: Sequence[View]) -> float:
 
 
 class EdgedSplats:
-    """A model's Gaussians by object, for edges of any shape.
-
-    Args:
-        gaussians: As learned.
-        shares: [n, K], probabilities of the objects.
-        palettes: Of the K objects, as learned.
-        views: Of the capture, for the size of their pixels.
-    """
+    """A model's Gaussians by object, for edges of any shape. shares: [n, K], probabilities of the objects."""
 
     def __init__(
         self, gaussians: Gaussians, shares: np.ndarray, palettes: Sequence[Palette], views: Sequence[View]

@@ -38,7 +38,7 @@ MOST_SUPERSAMPLING = 64
 
 
 class Model(Learned):
-    """All that is learned of a project.
+    """A learned project: its scene, objects and palettes.
 
     Four ways to a picture. Of a captured view: `recolor` returns its photo with an edit, in one call; `photo_view`
     prepares the photo for many edits, and keeps its file's bit depth and metadata; `preview` returns a small `Frame`
@@ -251,7 +251,7 @@ class Model(Learned):
         """Composite an edit into the base of a frame, [H, W, 3] float32 sRGB.
 
         Raises BadRequest before palettes are learned, for an edit of other palettes, for a frame of another model, and
-        for one without palette weights, such as those of `look`.
+        for one without palette weights.
         """
         self.check_edit(edit)
         return photo_recoloring.composite(self, frame, edit)
@@ -269,12 +269,12 @@ class Model(Learned):
 
     @checked
     def match(self, view: View, picture: Path | str, edit: Edit) -> tuple[ObjectMatch, ...]:
-        """Find the palettes with which a captured view comes closest to a painted or graded picture of it.
+        """Find the palettes that bring a captured view closest to a painted or graded picture of it.
 
         Args:
             view: of the capture.
             picture: of the photo's size and with its lens distortion, or of any other size without distortion.
-            edit: the current palettes, on which the picture may have been painted; its added colors stay.
+            edit: the current palettes, which the picture may be based on; its added colors stay.
 
         Returns a match for each object that changes. Raises BadRequest if the picture has another shape than the view,
         DataError if picture or photo is missing or damaged.

@@ -114,7 +114,7 @@ def with_edges(learned: Learned, frame: Frame, edges: Mapping[str, EdgeShape]) -
 
 
 def match(learned: Learned, frame: Frame, view: View, picture: Path, edit: Edit) -> tuple[ObjectMatch, ...]:
-    """Find the palettes with which a preview of a view comes closest to a picture of it; see `Model.match`."""
+    """Find the palettes that bring a preview of a view closest to a picture of it; see `Model.match`."""
     assert frame.palette_weights is not None
     wanted = load_wanted(view, picture, learned.settings.render.preview)
     weights = spread_objects(frame.palette_weights, learned.palettes, edit.added)

@@ -53,7 +53,7 @@ class RenderCache:
     def frame(self, camera: Camera, learned: Learned) -> Frame:
         """Return `segmented_frame` of a camera, from memory or disk if it is known."""
         if self._last is None or self._last[0] != camera:
-            frame = self._read_frame(camera, len(learned.objects), learned.device)
+            frame = self._read_frame(camera, learned.device)
             if frame is None:
                 frame = segmented_frame(learned, camera)
                 tensors = {name: getattr(frame.picture, name) for name in ("color", "opacity", "depth")}
@@ -62,14 +62,14 @@ class RenderCache:
             self._last = camera, frame
         return self._last[1]
 
-    def _read_frame(self, camera: Camera, n_objects: int, device: torch.device) -> Frame | None:
-        path = self._camera_file(camera)
+    def _read_frame(self, camera: Camera, device: torch.device) -> Frame | None:
         try:
-            tensors, _ = _load(path, SCHEMA)
-            with restoring(path):
-                return _frame_of({name: tensor.to(device) for name, tensor in tensors.items()}, n_objects, camera)
+            tensors, _ = _load(self._camera_file(camera), SCHEMA)
         except DataError:
             return None
+        color, opacity, depth = (tensors[name].to(device) for name in ("color", "opacity", "depth"))
+        picture = Picture(color, opacity, depth, None)
+        return Frame(picture, tensors["probabilities"].numpy(), None, picture.color.cpu().numpy())
 
     def mattes(
         self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks, seed: int
@@ -138,16 +138,6 @@ def _checksum(tensors: dict[str, torch.Tensor]) -> str:
         digest.update(f"{name} {array.dtype} {array.shape}".encode())
         digest.update(array.data)
     return digest.hexdigest()
-
-
-def _frame_of(tensors: dict[str, torch.Tensor], n_objects: int, camera: Camera) -> Frame:
-    """Restore a frame. Raises ValueError for tensors of another shape."""
-    size = (camera.height, camera.width)
-    shapes = {"color": (*size, 3), "opacity": size, "depth": size, "probabilities": (n_objects, *size)}
-    if {name: tuple(tensor.shape) for name, tensor in tensors.items()} != shapes:
-        raise ValueError("of another size")
-    picture = Picture(tensors["color"], tensors["opacity"], tensors["depth"], None)
-    return Frame(picture, tensors["probabilities"].cpu().numpy(), None, picture.color.cpu().numpy())
 
 
 def _tensors_of(mattes: list[Matte]) -> dict[str, torch.Tensor]:

@@ -33,7 +33,7 @@ class SplattedScene:
         scene: The field that F_s was learned on.
         segmentation: F_s, or None before segmentation.
         palettes: Of the K objects, as learned; empty before palettes are learned.
-        views: Returns the views of the capture; called when edges are first moved.
+        views: Returns the views of the capture, when edges are first moved.
         fades: Whether colors that no photo shows fade to gray; may be changed at any time.
     """
 

@@ -34,12 +34,7 @@ class ColorModels:
     shares: np.ndarray
 
     def log_densities(self, lab: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return the log density of each class at n colors, [n, C].
-
-        Args:
-            lab: [n, 3] CIE Lab.
-            places: [n, 2] (row, column) in the photo, in [0, 1].
-        """
+        """Return the log density of each class at colors [n, 3] and (row, column) [n, 2] in [0, 1] of the photo, [n, C]."""
         parts = self.mixture.log_components(lab)
         top = parts.max(1, keepdims=True)
         size = np.array(self.shares.shape[:2])
@@ -88,14 +83,7 @@ def _windowed(plane: np.ndarray) -> np.ndarray:
 
 
 def posterior(models: ColorModels, lab: np.ndarray, places: np.ndarray, priors: np.ndarray) -> np.ndarray:
-    """Return the posterior probabilities of C classes given n colors, float32 [C, n].
-
-    Args:
-        models: Colors of the classes.
-        lab: [n, 3] CIE Lab.
-        places: [n, 2] (row, column) in the photo, in [0, 1].
-        priors: [C, n] >= 0.
-    """
+    """Return posterior probabilities [C, n] float32 of colors [n, 3] at places [n, 2] (as `log_densities`)."""
     with np.errstate(divide="ignore"):
         logs = models.log_densities(lab, places).T + np.log(priors)
     odds = np.exp(logs - logs.max(0))

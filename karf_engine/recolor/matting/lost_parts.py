@@ -107,13 +107,9 @@ def _connected(own: np.ndarray, like: np.ndarray) -> np.ndarray:
 
 
 def difference_nearby(lab: np.ndarray, rendered: np.ndarray, chosen: np.ndarray, nearby: int) -> np.ndarray:
-    """Return Lab differences [n] between n chosen pixels and the most similar rendered color around each.
+    """Return Lab differences [n] between n chosen pixels of a photo and the most similar rendered color around each.
 
-    Args:
-        lab: The photo, [h, w, 3].
-        rendered: The field's rendering of the same view, [h', w', 3], as large or smaller.
-        chosen: bool [h, w].
-        nearby: Half size of the searched window, pixels of the rendering.
+    nearby: half size of the searched window, pixels of the rendering, which may be smaller than the photo.
     """
     size = np.array(rendered.shape[:2])
     rows, columns = (np.argwhere(chosen) * size / chosen.shape).astype(np.intp).T

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...palettes.edge_shape import box_of
+
 NEGLIGIBLE = 1 / 512  # coverage that cannot change an 8-bit pixel
+NO_PIXELS, NO_COLORS = np.zeros(0, np.int64), np.zeros((0, 3), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -73,3 +76,18 @@ def dense_coverage(mattes: Sequence[Matte], shape: tuple[int, int]) -> np.ndarra
     for matte, coverage in zip(mattes, result, strict=True):
         coverage[slice(*matte.rows), slice(*matte.columns)] = matte.coverage
     return result
+
+
+def cropped(
+    coverage: np.ndarray, dtype: type[np.floating], mixed: np.ndarray = NO_PIXELS, colors: np.ndarray = NO_COLORS
+) -> Matte:
+    """Crop the coverage [H, W] of a whole photo to a matte. mixed: flat indices [n] in the photo; colors: [n, 3]."""
+    box = box_of(coverage > NEGLIGIBLE)
+    if box is None:
+        return Matte((0, 0), (0, 0), np.zeros((0, 0), dtype), NO_PIXELS, NO_COLORS)
+    rows, columns = box
+    row, column = np.divmod(mixed, coverage.shape[1])
+    indices = (row - rows.start) * (columns.stop - columns.start) + column - columns.start
+    order = np.argsort(indices)
+    inside = coverage[box].astype(dtype)
+    return Matte((rows.start, rows.stop), (columns.start, columns.stop), inside, indices[order], colors[order])

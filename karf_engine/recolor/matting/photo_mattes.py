@@ -28,13 +28,13 @@ from .tiles import enlarged, tiles
 TILE, MARGIN = 512, 16  # pixels
 
 # at the field's picture size, in its pixels
-BAND = 6  # by which an object's border in the photo may differ from the field's
+BAND = 6  # tolerance between an object's borders in photo and field
 RING = 25  # around objects, where the colors of their surroundings are learned
 CORE_DEPTH = 1.0  # deeper inside an object the field is right if it is sure
 SURE = 0.8  # probability above which the field is sure of an object
 BACKGROUND = 0.02  # sum of probabilities below which the field is sure of the background
 MIN_PROBABILITY = 0.005  # of every class of the field, so that colors can outvote it
-MIN_CORE_PIXELS = 20  # from which colors are learned
+MIN_CORE_PIXELS = 20  # needed to learn its colors
 PRIOR_WEIGHT = 0.05  # of a pixel's prior in the random walk
 RESOLVED_PRIOR_WEIGHT = 1.0  # the same where the field is sure and renders the photo's color
 RESOLVED_DIFFERENCE = 5.0  # Lab units: the field renders the photo's color
@@ -135,7 +135,8 @@ def decide(
     of_field = np.maximum(classes, MIN_PROBABILITY)
     of_field[1:][away > BAND] = 0
     labels = np.stack([~np.any(cores, 0), *cores]).astype(np.float32)
-    labels[:, free] = posterior(models, lab[free], _places(free), of_field[:, free])
+    places = (np.argwhere(free) + 0.5) / free.shape
+    labels[:, free] = posterior(models, lab[free], places, of_field[:, free])
     resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED_DIFFERENCE)
     weights = np.where(resolved, RESOLVED_PRIOR_WEIGHT, PRIOR_WEIGHT)
     labels[:, free] = random_walk(links_of(lab), labels, free, weights)
@@ -207,10 +208,6 @@ def _near_border(classes: np.ndarray) -> np.ndarray:
     hard = classes.argmax(0).astype(np.uint8)
     border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
     return unsure | border
-
-
-def _places(chosen: np.ndarray) -> np.ndarray:
-    return (np.argwhere(chosen) + 0.5) / chosen.shape
 
 
 def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...io.images import resize
 from .marks import Marks
-from .matte import NEGLIGIBLE, Matte
+from .matte import NEGLIGIBLE, Matte, cropped
 from .photo_mattes import refine_mattes
 
 
@@ -45,13 +45,5 @@ def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte
 
 def _field_matte(size: tuple[int, int], probability: np.ndarray) -> Matte:
     coverage = resize(probability, *size)
-    coverage = np.where(coverage > NEGLIGIBLE, coverage, 0)
-    rows, columns = (_extent((coverage != 0).any(axis=axis)) for axis in (1, 0))
     dtype = np.float32 if probability.shape == coverage.shape else np.float16  # interpolated values need less precision
-    inside = coverage[slice(*rows), slice(*columns)].astype(dtype)
-    return Matte(rows, columns, inside, np.zeros(0, np.int64), np.zeros((0, 3), np.uint8))
-
-
-def _extent(occupied: np.ndarray) -> tuple[int, int]:
-    places = np.flatnonzero(occupied)
-    return (int(places[0]), int(places[-1]) + 1) if len(places) else (0, 0)
+    return cropped(np.where(coverage > NEGLIGIBLE, coverage, 0), dtype)

@@ -52,12 +52,7 @@ def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
 
 
 def enlarged(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarray:
-    """Enlarge planes bilinearly in one tile, float32 [C, rows, columns] with the margin.
-
-    Args:
-        planes: [C, h, w], float.
-        size: Rows and columns of the larger picture.
-        tile: Of the larger picture.
+    """Enlarge planes [C, h, w] bilinearly to a size (rows, columns), in one tile: float32 [C, rows, columns].
 
     Examples:
         >>> tile = next(tiles((2, 4), side=4, margin=0))

@@ -74,11 +74,7 @@ class StoredPhoto:
         return self.pixels.shape[-1] < 4 or bool((self.pixels[..., 3] >= full_value(self.pixels)).all())
 
     def orientation_for(self, camera: Camera) -> int:
-        """Return the Exif orientation from the stored grid to the camera's, which is upright or as stored.
-
-        Raises:
-            DataError: The camera is of another size.
-        """
+        """Return the Exif orientation from the stored grid to the camera's. Raises DataError for a camera of another size."""
         known = (camera.width, camera.height)
         width, height = self.size
         if known == ((height, width) if self.header.swaps_sides else self.size):

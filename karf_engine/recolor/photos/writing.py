@@ -54,14 +54,7 @@ def suffix_for(photo: StoredPhoto, jpeg: bool = False) -> str:
 def write_photo(path: Path, photo: StoredPhoto) -> None:
     """Write an edited photo, atomically, with the metadata of its file: orientation, Exif, profile, resolution, texts.
 
-    The pixels stay in the stored grid, so that the file can replace the photo.
-
-    Args:
-        path: The file, with the suffix of `suffix_for`.
-        photo: An edited copy.
-
-    Raises:
-        OSError: The disk is full, or the folder cannot be written.
+    The pixels stay in the stored grid, so that the file can replace the photo. path: with the suffix of `suffix_for`.
     """
     write = {".png": _write_png, ".tif": _write_tiff, ".exr": _write_exr, ".jpg": _write_jpeg}[path.suffix]
     atomic_write(path, lambda temporary: write(temporary, photo))
