@@ -30,6 +30,7 @@ class Frame:
         disputed: objects about which photo and field disagree, so that their edges are the field's.
         camera: the pinhole from which splats were rendered; None of all else.
         supersampling: rays a pixel along each side, of splats.
+        fades: whether what no photo shows was faded, of splats; None for the project's setting.
         gains: how the base is exposed, see `View`: of photos. Weights and palettes are of the mean exposure.
         seen: [H, W] float32 in [0, 1], of splats: how well photos know what is shown there; None of all else.
 
@@ -49,6 +50,7 @@ class Frame:
     disputed: tuple[str, ...] = ()
     camera: Camera | None = field(default=None, kw_only=True)
     supersampling: int = field(default=1, kw_only=True)
+    fades: bool | None = field(default=None, kw_only=True)
     gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
     seen: np.ndarray | None = field(default=None, kw_only=True)
 

@@ -155,7 +155,7 @@ class Model:
     # --- rendering -------------------------------------------------------------------------------------------------
     @checked
     @translated()
-    def render(self, camera: Camera, supersampling: int = 1) -> Frame:
+    def render(self, camera: Camera, supersampling: int = 1, *, fades: bool | None = None) -> Frame:
         """The scene from any camera, whose lens distortion is left out, as splats where they are learned.
 
         Palette weights are then those of the splats' colors, else of F_w. Not differentiable. Its base is the rendering
@@ -165,6 +165,7 @@ class Model:
             camera: in world units.
             supersampling: rays (or pixels of splats) a pixel along each side; their colors, opacities, probabilities and weights are
                 averaged, of their depths the median counts.
+            fades: whether what no photo shows fades into gray, of splats; by default as `settings.render.unseen` says.
 
         Raises:
             BadRequest: `supersampling` is out of range.
@@ -176,8 +177,8 @@ class Model:
         camera = camera.without_distortion()
         if self.splats is None:
             return _in_bands(self._render_pinhole, camera, supersampling)
-        frame = _in_bands(self.splatted.frame, camera, supersampling)
-        return replace(frame, camera=camera, supersampling=supersampling)
+        frame = _in_bands(partial(self.splatted.frame, fades=fades), camera, supersampling)
+        return replace(frame, camera=camera, supersampling=supersampling, fades=fades)
 
     def _render_pinhole(self, camera: Camera) -> Frame:
         from_field = self.recoloring is not None
@@ -185,12 +186,13 @@ class Model:
         return self.frame_of(picture, picture.color.cpu().numpy(), from_field)
 
     @checked
-    def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
+    def shown(self, camera: Camera, edit: Edit, *, fades: bool | None = None) -> np.ndarray:
         """The recolored scene from any camera, as `composite` of `render` has it, in a fraction of the time with splats.
 
         Args:
             camera: in world units; its lens distortion is left out.
             edit: of this model's palettes.
+            fades: as of `render`.
 
         Returns:
             [H, W, 3] float32 sRGB in [0, 1].
@@ -202,8 +204,8 @@ class Model:
         self._check_edit(edit)
         check_camera(camera, "The camera", "Correct it.")
         if self.splats is None or edit.compositing != "delta":  # which no change of Gaussians can show
-            return self.composite(self.render(camera), edit)
-        return self.splatted.shown(camera, edit)
+            return self.composite(self.render(camera, fades=fades), edit)
+        return self.splatted.shown(camera, edit, fades)
 
     @checked
     def recolored_splats(self, edit: Edit) -> Gaussians:
@@ -537,7 +539,7 @@ class Model:
         if not shaped_edges(edges):
             return frame
         if frame.camera is not None and self.splats is not None:
-            render = partial(self.splatted.frame, edges=shaped_edges(edges))
+            render = partial(self.splatted.frame, edges=shaped_edges(edges), fades=frame.fades)
             ended = _in_bands(render, frame.camera, frame.supersampling)
             return replace(frame, palette_weights=ended.palette_weights, probabilities=ended.probabilities)
         scale = max(frame.base.shape[:2]) / self._photo_side

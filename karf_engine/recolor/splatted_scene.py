@@ -34,7 +34,7 @@ class SplattedScene:
         segmentation: F_s, or None before segmentation.
         palettes: Of the K objects, as learned; empty before palettes are learned.
         views: Gives those of the capture, whose pixels are measured where edges are asked for.
-        fades: Whether what no photo shows fades into gray; may be changed at any time.
+        fades: Whether what no photo shows fades into gray, unless a call says otherwise.
     """
 
     def __init__(
@@ -67,13 +67,14 @@ class SplattedScene:
     def _edged(self) -> EdgedSplats:
         return EdgedSplats(self.gaussians, self.shares, self._palettes, self._views())
 
-    def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None) -> Frame:
+    def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None, fades: bool | None = None) -> Frame:
         """What a pinhole sees, with itself as base; without palette weights before palettes are learned.
 
         edges: of objects that shall end otherwise, by name.
         """
+        fades = self.fades if fades is None else fades
         sure = self._sureness(camera)
-        view = splatted(self.gaussians, camera, sure if self.fades else None)
+        view = splatted(self.gaussians, camera, sure if fades else None)
         is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_solid
         opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), sure], 1))
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
@@ -84,13 +85,14 @@ class SplattedScene:
         if not self._palettes:
             return Frame(picture, view.blended(self.shares), None, color, seen=seen)
         objects = self._edged.objects(edges, {}) if edges else self.objects
-        if self.fades:
+        if fades:
             objects = [replace(own, shares=own.shares * sure[own.rows]) for own in objects]
         return Frame(picture, *planes_of_view(view, self.gaussians, objects), color, seen=seen)
 
-    def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
+    def shown(self, camera: Camera, edit: Edit, fades: bool | None = None) -> np.ndarray:
         """What a pinhole sees with an edit that adds, [H, W, 3] float32 sRGB in [0, 1]."""
-        return splatted(self.recolored(edit), camera, self._sureness(camera) if self.fades else None).picture()
+        fades = self.fades if fades is None else fades
+        return splatted(self.recolored(edit), camera, self._sureness(camera) if fades else None).picture()
 
     def _sureness(self, camera: Camera) -> np.ndarray:
         """How well photos know what each Gaussian looks like from a camera, [n] float32 in [0, 1]; 1 where that is not known."""
