@@ -6,8 +6,8 @@
     edit = model.edit().becomes("pot", "#b5302c", "#3059b8")
     picture = model.recolor(model.capture.view("r_003"), edit)
 
-Importing this imports nothing else: each name is loaded when it is first used, and only what learns or renders needs
-torch. The functions are documented in `api`, the rest where it is defined.
+Importing this imports nothing else: each name is loaded on first use, and only learning and rendering need torch. The
+functions are documented in `api`, the classes where they are defined.
 """
 
 from importlib import import_module

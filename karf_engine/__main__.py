@@ -3,7 +3,7 @@
 import os
 import sys
 
-if sys.version_info < (3, 11):  # noqa: UP036 - said before anything is imported that an older Python cannot read
+if sys.version_info < (3, 11):  # noqa: UP036 - before importing anything that an older Python cannot parse
     version = f"{sys.version_info[0]}.{sys.version_info[1]}"
     sys.stderr.write(
         f"error: {sys.executable} is Python {version}, and the engine needs 3.11 or newer: choose another.\n"
@@ -11,13 +11,14 @@ if sys.version_info < (3, 11):  # noqa: UP036 - said before anything is imported
     sys.exit(3)
 
 if not __package__:
-    # run as a folder: load it as the package karf_engine without putting its insides on the path
+    # run as a folder: load it as the package karf_engine without putting its modules on the path
     from importlib.util import module_from_spec, spec_from_file_location
     from pathlib import Path
 
     folder = Path(__file__).resolve().parent
     sys.path[:] = [entry for entry in sys.path if not entry or Path(entry).resolve() != folder]
     spec = spec_from_file_location("karf_engine", folder / "__init__.py", submodule_search_locations=[str(folder)])
+    assert spec is not None and spec.loader is not None
     package = module_from_spec(spec)
     sys.modules["karf_engine"] = package
     spec.loader.exec_module(package)
@@ -30,4 +31,4 @@ if __name__ == "__main__":
         sys.stdout.flush()
         sys.stderr.flush()
     finally:
-        os._exit(code)  # Python would take torch apart first, which takes a second
+        os._exit(code)  # skips torch's teardown, which takes a second

@@ -1,6 +1,7 @@
 """Write the reference of commands and of the library from the code itself: python -m tools.reference [--check].
 
-docs/command_line.md comes from the options of the commands, docs/library.md from the docstrings of the public names.
+docs/command_line.md comes from the options of the commands, docs/library.md from the docstrings of the public names, and
+karf_engine/api.pyi, the signatures for type checkers and editors, from both.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import karf_engine
+from karf_engine import api
 from karf_engine.commands.options import COMMANDS
 from karf_engine.io.options import Options, alternatives, flag_of, listed, types_of
 from karf_engine.project.settings import describe
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
 HEAD = """# Commands and their options
 
 <!-- written by `python -m tools.reference` from karf_engine/commands/options/; change it there -->
@@ -40,6 +43,26 @@ LIBRARY = """# The library
 torch until something is learned or rendered. Shapes, axes and units: [conventions](conventions.md). Fields, heads, layers
 and formats of your own: [extending](extending.md). Every module is described [in the API pages](index.md).
 """
+STUB = '''"""The signatures of the library's functions, with every keyword.
+
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+
+from .capture.capture import Capture
+from .capture.quality.advice import Advice
+from .compute.progress import Emit
+from .palettes.palette import Edit
+from .recolor.model import Model
+
+PathLike = Path | str
+
+'''
 TITLES = {
     "api": "Functions",
     "capture": "Captures",
@@ -164,12 +187,59 @@ def _cell(text: str) -> str:
     return text.replace("|", "\\|").replace("<", "&lt;")
 
 
-PAGES = {"command_line.md": command_line, "library.md": library}
+def stub() -> str:
+    """karf_engine/api.pyi."""
+    return STUB + "".join(_typed(name, getattr(api, name)) for name in karf_engine._DEFINES["api"])
+
+
+def _typed(name: str, function: Any) -> str:
+    """A function's signature, a parameter a line."""
+    signature = inspect.signature(function)
+    types = api.LISTENERS | _keyword_types(function.options) if hasattr(function, "options") else {}
+    lines = []
+    for each in signature.parameters.values():
+        if each.kind is each.KEYWORD_ONLY and "*" not in lines:
+            lines.append("*")
+        kind = types[each.name] if each.annotation is each.empty else each.annotation
+        lines.append(f"{each.name}: {kind}" + ("" if each.default is each.empty else f" = {_literal(each.default)}"))
+    return f"def {name}(\n    " + ",\n    ".join(lines) + f",\n) -> {signature.return_annotation}: ...\n"
+
+
+def _keyword_types(kind: type[Options]) -> dict[str, str]:
+    """The types of a command's options as the library takes them, by name."""
+    found = {}
+    for item in listed(kind):
+        own = alternatives(types_of(kind)[item.name])
+        extra = f" | {api.OBJECTS[item.name]}" if item.name in api.OBJECTS else ""
+        if item.metadata["choices"]:
+            text = f"Literal[{', '.join(map(_literal, item.metadata['choices']))}]"
+        elif Path in own:
+            text = " | ".join(_stub_type(part, f"PathLike{extra}") for part in own)
+        else:
+            text = " | ".join(map(_stub_type, own)) + extra
+        found[item.name] = text + (" | None" if item.default is None else "")
+    return found
+
+
+def _stub_type(kind: Any, path: str = "PathLike") -> str:
+    if typing.get_origin(kind) is not tuple:
+        return path if kind is Path else kind.__name__
+    parts = [_stub_type(part, path) for part in typing.get_args(kind) if part is not Ellipsis]
+    if parts == ["str"]:  # a text is a Sequence[str] too
+        return "list[str] | tuple[str, ...]"
+    return f"Sequence[{parts[0]}]" if len(set(parts)) == 1 else f"tuple[{', '.join(parts)}]"
+
+
+def _literal(value: Any) -> str:
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+PAGES = {DOCS / "command_line.md": command_line, DOCS / "library.md": library, ROOT / "karf_engine" / "api.pyi": stub}
 
 
 def main() -> int:
-    """Write the pages; with --check only say by the exit code whether they are up to date."""
-    pages = {DOCS / name: page() for name, page in PAGES.items()}
+    """Write the pages and the stub; with --check only say by the exit code whether they are up to date."""
+    pages = {path: page() for path, page in PAGES.items()}
     if "--check" in sys.argv[1:]:
         return int(any(path.read_text(encoding="utf-8") != text for path, text in pages.items()))
     for path, text in pages.items():

@@ -154,6 +154,59 @@ def test_an_impossible_edit_is_refused(model, change, words):
         change(model.edit())
 
 
+def test_an_edit_in_memory_is_written_as_its_file_is(model, learned, tmp_path):
+    edit = model.edit().swatch("block", 1, "#2060a0").edge("block", 1.5)
+    edit.save(tmp_path / "edit.json")
+    view = model.capture.split("test")[0].name
+    for folder, given in (("file", tmp_path / "edit.json"), ("memory", edit), ("memories", [edit])):
+        karf.render(learned.project, tmp_path / folder, views=view, edit=given, threads=1, device="cpu")
+    written = [path.relative_to(tmp_path / "file") for path in (tmp_path / "file").rglob("*.png")]
+    assert any(path.parts[0] == "recolor" for path in written)
+    for path in written:
+        one, *others = ((tmp_path / folder / path).read_bytes() for folder in ("file", "memory", "memories"))
+        assert others == [one, one], path
+
+
+def test_a_splat_of_an_edit_in_memory_is_that_of_its_file(model, learned, tmp_path):
+    pytest.importorskip("numba")
+    edit = model.edit().swatch("block", 1, "#2060a0")
+    edit.save(tmp_path / "edit.json")
+    for name, given in (("file", tmp_path / "edit.json"), ("memory", edit)):
+        karf.export_splat(learned.project, tmp_path / f"{name}.ply", edit=given, threads=1, device="cpu")
+    assert (tmp_path / "file.ply").read_bytes() == (tmp_path / "memory.ply").read_bytes()
+
+
+def options_given(monkeypatch, **options):
+    """The options that the command gets."""
+    given = []
+    monkeypatch.setattr("karf_engine.api.run_command", lambda options, *_, **__: given.append(options))
+    karf.learn_geometry("garden", project="garden_karf", **options)
+    return given[0]
+
+
+def test_settings_may_be_a_dictionary(monkeypatch):
+    settings = {
+        "geometry.long_side": 512,
+        "geometry": {"space": "box", "levels": [{"voxels": 40}]},
+        "seed": np.int64(3),
+    }
+    assert options_given(monkeypatch, overrides=settings).overrides == (
+        "geometry.long_side=512",
+        'geometry.space="box"',
+        'geometry.levels=[{"voxels": 40}]',
+        "seed=3",
+    )
+    with pytest.raises(TypeError, match="overrides takes"):
+        options_given(monkeypatch, overrides={"seed": object()})
+
+
+def test_a_device_may_be_one_of_torch(monkeypatch, learned):
+    import torch
+
+    assert options_given(monkeypatch, device=torch.device("cuda", 1)).device == "cuda:1"
+    assert karf.load(learned.project, device=torch.device("cpu")).device == torch.device("cpu")
+
+
 def test_a_model_of_a_learned_scene_alone_has_no_edits(still_life, tmp_path):
     karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, threads=1, device="cpu")
     model = karf.load(tmp_path / "project", device="cpu")

@@ -1,4 +1,4 @@
-"""What the command line takes: a verb for each command, whose arguments are the fields of its options."""
+"""Build the command line's parser: a verb for each command, with its options' fields as arguments."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ..io.options import Options, alternatives, flag_of, listed, types_of, unkno
 from ..version import __version__
 from . import verbs
 
-Commands = argparse._SubParsersAction
+Subparsers = argparse._SubParsersAction
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The parser; what it gives has the verb's function as `action`."""
+    """Return the parser; parsed arguments have the verb's function as `action`."""
     parser = argparse.ArgumentParser(
         prog="karf_engine",
         description="KaRF: segment objects in a captured scene from coarse masks and recolor them by palettes.",
@@ -35,14 +35,14 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def check_known(arguments: argparse.Namespace, others: Sequence[str]) -> None:
-    """Raise BadRequest where a command line has arguments that its verb does not know."""
+    """Raise BadRequest for arguments that the verb does not know."""
     if others:
         known = [flag for item in listed(getattr(arguments, "kind", Options)) if (flag := flag_of(item))]
         raise unknown(others[0], known)
 
 
-def _add_command(commands: Commands, kind: type[Options]) -> argparse.ArgumentParser:
-    text = kind.__doc__.partition(".")[0]
+def _add_command(commands: Subparsers, kind: type[Options]) -> argparse.ArgumentParser:
+    text = (kind.__doc__ or "").partition(".")[0]
     verb = commands.add_parser(kind.command, help=text[0].lower() + text[1:], description=kind.__doc__)
     verb.set_defaults(action=verbs.ACTIONS.get(kind.command, verbs.run_command_line), kind=kind)
     for item in listed(kind):
@@ -67,12 +67,14 @@ def _add_argument(verb: argparse.ArgumentParser, item: dataclasses.Field, kind: 
     elif part is int:
         facts["type"] = int
     elif typing.get_origin(part) is tuple:
-        facts |= _of_tuple(typing.get_args(part))
-    verb.add_argument(flag_of(item), **facts)
+        facts |= _tuple_facts(typing.get_args(part))
+    flag = flag_of(item)
+    assert flag is not None
+    verb.add_argument(flag, **facts)
 
 
-def _of_tuple(parts: tuple[Any, ...]) -> dict[str, Any]:
-    """How a tuple is taken: numbers with commas between them, or an option that may be repeated."""
+def _tuple_facts(parts: tuple[Any, ...]) -> dict[str, Any]:
+    """Return the arguments of `add_argument` for a tuple: comma-separated numbers, or a repeatable option."""
     if parts[-1] is not Ellipsis:
         return {"type": _numbers(len(parts))}
     pairs = len(typing.get_args(parts[0]))
@@ -81,12 +83,12 @@ def _of_tuple(parts: tuple[Any, ...]) -> dict[str, Any]:
 
 def _help(item: dataclasses.Field) -> str:
     text, default = item.metadata["help"].replace("%", "%%"), item.default
-    is_said = "default" in text or default in (dataclasses.MISSING, None, False, ())
-    return text if is_said else f"{text} (default: {default})"
+    has_none = "default" in text or default in (dataclasses.MISSING, None, False, ())
+    return text if has_none else f"{text} (default: {default})"
 
 
 def _add_clicks(verb: argparse.ArgumentParser) -> None:
-    """Clicks in their order, on the object or beside it."""
+    """Add --click and --not, which share a list that keeps their order."""
     for flag, is_object, text in (("--click", True, "that shows it"), ("--not", False, "that does not")):
         verb.add_argument(flag, dest="points", action="append", metavar="X,Y", type=_click(is_object),
                           help=f"a pixel {text}; may be repeated")  # fmt: skip
@@ -94,17 +96,20 @@ def _add_clicks(verb: argparse.ArgumentParser) -> None:
 
 def _click(is_object: bool) -> Callable[[str], tuple[float, float, bool]]:
     def read(text: str) -> tuple[float, float, bool]:
-        return (*_numbers(2)(text), is_object)
+        x, y = _numbers(2)(text)
+        return x, y, is_object
 
     read.__name__ = "list of 2 numbers"
     return read
 
 
 def _add_views_of_results(added: dict[str, argparse.ArgumentParser]) -> None:
-    """Flags with which a verb only shows what was learned before."""
-    told = "the best first, whether any view helps about as much, and how unsure each object is; nothing is computed"
+    """Add flags that only show results of an earlier run."""
     added["segmentation"].add_argument(
-        "--suggest", action="store_true", help=f"print the views to mark next, with their scores, {told}"
+        "--suggest",
+        action="store_true",
+        help="print the views to mark next, with their scores, the best first, whether any view helps about as much, "
+        "and how unsure each object is; nothing is computed",
     )
     verb = added["palette"]
     verb.add_argument("--json", action="store_true", help="print the palettes as JSON; nothing is computed")
@@ -114,7 +119,7 @@ def _add_views_of_results(added: dict[str, argparse.ArgumentParser]) -> None:
     verb.add_argument("--edit", metavar="FILE", help="of --out: the colors that an edit or a palette file gives them")
 
 
-def _add_others(commands: Commands) -> None:
+def _add_others(commands: Subparsers) -> None:
     _add_verb(commands, "settings", "list all settings with defaults and ranges", verbs.list_settings)
     verb = _add_verb(
         commands, "doctor", "say whether this Python can run the engine, and what to do if not", verbs.doctor
@@ -133,7 +138,7 @@ def _add_others(commands: Commands) -> None:
                       "for the folder of a next one, as a line of JSON on standard input")  # fmt: skip
 
 
-def _add_verb(commands: Commands, name: str, text: str, action: Callable) -> argparse.ArgumentParser:
+def _add_verb(commands: Subparsers, name: str, text: str, action: Callable) -> argparse.ArgumentParser:
     verb = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
     verb.set_defaults(action=action)
     return verb
@@ -145,7 +150,7 @@ def _add_machine(verb: argparse.ArgumentParser) -> None:
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
-    """A reader of this many numbers with commas between them."""
+    """Return a parser of this many comma-separated numbers."""
 
     def read(text: str) -> tuple[float, ...]:
         numbers = tuple(map(float, text.split(",")))
@@ -153,5 +158,5 @@ def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
             raise ValueError(text)
         return numbers
 
-    read.__name__ = f"list of {count} numbers"  # argparse names it where a value cannot be read
+    read.__name__ = f"list of {count} numbers"  # for argparse's error message
     return read

@@ -1,4 +1,4 @@
-"""A command in several processes that torchrun has started: the first runs it, the others help it to learn the scene."""
+"""Run a command in several processes of torchrun: rank 0 runs it, the others take part in learning the scene."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ..compute.process_group import join, leave
 
 
 def run_together(command: Callable[[], int]) -> int:
-    """Run the command, or help; returns the exit code. Where one process fails, torchrun ends all."""
+    """Run the command or help, and return the exit code. When one process fails, torchrun ends all."""
     process_group = join()
     if process_group.rank:
         help_to_learn(process_group)
         leave()
-        os._exit(0)  # gloo's threads may still run, and abort a process that is taken down round them
+        os._exit(0)  # gloo's threads may still run, and would abort a normal exit
     if code := command():
         return code
-    process_group.share(None)  # there is nothing more to learn
+    process_group.share(None)  # tells the others to end
     leave()
     return 0

@@ -1,1 +1,4 @@
-"""One module a command: `run(options, emit, should_stop)` reads inputs, calls rooms and writes files."""
+"""The commands, one module each: `run(options, emit, should_stop)` carries a command out.
+
+`options.COMMANDS` is their registry, by name; `dispatch.run_command` runs any of them.
+"""

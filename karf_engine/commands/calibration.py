@@ -1,4 +1,4 @@
-"""The reference light of a command's options: by a gray card's color, or by a color chart in a photo."""
+"""Make the reference light of a command's options: from a matrix, a gray card's color, or a color chart in a photo."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from ..palettes.color_chart import MOST_CONDITION, ChartFit, fit_photo
 from ..palettes.project_edit import as_color
 from ..palettes.reference_light import ReferenceLight
 from ..recolor.chart_detection import find_corners
-from .options.editing import CalibrationOptions
+from .options import CalibrationOptions
 
 
 def light_of(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
-    """The light under which target colors are meant; None where they are meant as photos show them.
+    """Return the light of target colors; None where they are colors of the photos.
 
     Raises:
-        BadRequest: The card or the chart tells nothing.
+        BadRequest: The card or the chart does not determine the light.
         DataError: The photo of the chart cannot be read.
     """
     if options.light is not None:
@@ -38,7 +38,7 @@ def light_of(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
 
 
 def read_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
-    """What a chart in a photo says; corners: u and v of all four, None to look for it."""
+    """Measure a chart in a photo; corners: u and v of all four, None to detect them."""
     photo = read_photo(path)[..., :3]
     found = find_corners(photo) if corners is None else np.reshape(corners, (4, 2))
     if found is None:

@@ -1,12 +1,12 @@
-"""Colorways: every colorway of a sheet times every view, and what becomes of its colors.
+"""Render every colorway of a sheet in every view, and report the colors that they reach.
 
-What each color will be is known, and told, before anything is rendered. Writes
+The colors are predicted and reported before rendering. Writes
 
-    OUT/<colorway>/<view>.png        the recolored view; of photos .png, .tif or .exr as they came
-    OUT/colorways.csv                of each color: wanted, predicted, reached, their CIEDE2000, and why not closer
-    OUT/views.csv                    of each color in each view: wanted, reached, their CIEDE2000, and why not closer
+    OUT/<colorway>/<view>.png        the recolored view; photos keep their format .png, .tif or .exr
+    OUT/colorways.csv                each color: target, prediction, measurement, CIEDE2000, and the reason for a miss
+    OUT/views.csv                    the same for each view
     OUT/contact_sheet.png            a row for each colorway
-    OUT/finished.jsonl               what each picture was made from: one that is there already is not made again
+    OUT/finished.jsonl               the inputs of each finished picture, which is not made again
 """
 
 from __future__ import annotations
@@ -34,35 +34,35 @@ from ..project import Project
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
 from .calibration import light_of
-from .disputes import Disputes
+from .disputes import warn_of_disputes
 from .job import Job, open_job
-from .options.editing import ColorwaysOptions
+from .options import ColorwaysOptions
 
-VERSION = 1
+VERSION = 1  # of the pictures; incremented when the same inputs would give others
 SHEET_VIEWS, SHEET_ROWS = 6, 100
-MOST_WARNINGS = 5
+MAX_WARNINGS = 5
 
 
 def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Tell what each colorway reaches, then write it in all views. Raises DataError where the sheet has a wrong row."""
+    """Report the predicted colors of each colorway, then render all views. Raises DataError for a wrong row of the sheet."""
     project = opened(options.project)
     light = light_of(options, emit)
-    edges = _edges(project, options.edges)
-    planned = plan_colorways(project, options.sheet, _locked(options.locked), light, edges)
-    _tell(planned, light, emit)
+    edges = _read_edges(project, options.edges)
+    planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
+    _report(planned, light, emit)
     write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
         project.require("recoloring")
         with consistent(project):
             job = open_job(options, emit, should_stop)
-            work = _Work(job, Model(project, job.runtime.device), planned, options, light)
-        work.run()
+            renderer = _Renderer(job, Model(project, job.runtime.device), planned, options, light)
+        renderer.run()
         job.artifact("contact sheet", options.out / "contact_sheet.png")
     emit("artifact", kind="colorways", path=str(options.out / "colorways.csv"))
 
 
-def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
-    """Numbers of locked swatches by object, of texts `<object>/<number>`. Raises BadRequest where one is none."""
+def _locked_swatches(swatches: Sequence[str]) -> dict[str, list[int]]:
+    """Parse texts `<object>/<number>` to numbers by object. Raises BadRequest for other texts."""
     locked: dict[str, list[int]] = {}
     for swatch in swatches:
         name, slash, number = swatch.rpartition("/")
@@ -72,27 +72,26 @@ def _locked(swatches: Sequence[str]) -> dict[str, list[int]]:
     return locked
 
 
-def _edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
-    """The edges of an edit's file; without one none is moved."""
+def _read_edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
     if file is None:
         return {}
     project.require("palette")
     return read_edit_file(file, read_palettes(project.checked(project.palette_file))).edges
 
 
-def _tell(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:
+def _report(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:
     """Warn of colors that cannot be reached."""
     emit("stage", name="colorways", text=f"{len(planned)} colorways")
     missed = [(plan.colorway.name, p.under(light)) for plan in planned for p in plan.predictions if p.reason]
-    for name, prediction in missed[:MOST_WARNINGS]:
+    for name, prediction in missed[:MAX_WARNINGS]:
         sentence = f"{name}, {prediction.target_color.name}: cannot be reached, because {prediction.reason}."
         emit("warning", code="colorway", sentence=f"{sentence} CIEDE2000 {prediction.ciede2000:.1f}.")
-    if len(missed) > MOST_WARNINGS:
-        emit("warning", code="colorway", sentence=f"{len(missed) - MOST_WARNINGS} more: see colorways.csv.")
+    if len(missed) > MAX_WARNINGS:
+        emit("warning", code="colorway", sentence=f"{len(missed) - MAX_WARNINGS} more: see colorways.csv.")
 
 
-class _Work:
-    """Colorways times views: a view is rendered once for all colorways, and a picture that is finished not again."""
+class _Renderer:
+    """Renders each view once for all colorways, and skips finished pictures."""
 
     def __init__(
         self,
@@ -108,15 +107,15 @@ class _Work:
         self._mark, self._size = model_mark(job.project, job.settings), options.size
 
     def run(self) -> None:
-        """Write what is not finished, then the table and the contact sheet."""
+        """Write the unfinished pictures, then the tables and the contact sheet."""
         todo = [(view, marks) for view in self._views if (marks := self._unfinished(view))]
         progress = self._job.progress("colorways", len(self._views) * len(self._planned))
         progress.resume_at(len(self._views) * len(self._planned) - sum(len(marks) for _, marks in todo))
-        disputes = Disputes()
+        disputed = {}
         for view, marks in todo:
             progress.step(0)
             pictures = pictures_of(self._model, view, self._size, self._captured)
-            disputes.add(view.name, pictures.disputed)
+            disputed[view.name] = pictures.disputed
             probes = Probes(pictures)
             plans = [plan for plan in self._planned if plan.colorway.name in marks]
             for plan, picture in zip(plans, pictures.recolored([plan.edit for plan in plans]), strict=True):
@@ -127,7 +126,7 @@ class _Work:
                 name = self._name(plan.colorway.name, view.name)
                 self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
-        disputes.tell(self._job.emit)
+        warn_of_disputes(disputed, self._job.emit)
         self._finished = FinishedFrames.read(self._out)
         write_table(self._out / "colorways.csv", self._planned, self._reached, self._light)
         names = [view.name for view in self._views]
@@ -135,7 +134,7 @@ class _Work:
         self._write_sheet()
 
     def _unfinished(self, view: View) -> dict[str, str]:
-        """The marks of the pictures of a view that are still to make, by colorway."""
+        """Return the fingerprints of the unfinished pictures of a view, by colorway."""
         own = view_mark(self._mark, view, VERSION, self._size)
         marks = {plan.colorway.name: frame_mark(own, plan.edit) for plan in self._planned}
         return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view.name), mark)}
@@ -144,7 +143,7 @@ class _Work:
         return f"{colorway}/{view}"
 
     def _reached(self, plan: PlannedColorway, prediction: Prediction) -> Reached | None:
-        """What was measured of a color in all views together; None where no picture shows it."""
+        """Return the mean measurement of a color over all views, or None where no picture shows it."""
         of_views = [self._reached_in(plan, prediction, view.name) for view in self._views]
         found = [reached for reached in of_views if reached is not None]
         if not found:
@@ -154,7 +153,7 @@ class _Work:
         return Reached(color, sum(pixels), len(found))
 
     def _reached_in(self, plan: PlannedColorway, prediction: Prediction, view: str) -> Reached | None:
-        """What was measured of a color in a view; None where its picture does not show it."""
+        """Return the measurement of a color in a view, or None where its picture does not show it."""
         note = self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {})
         if prediction.target_color.name not in note:
             return None
@@ -166,7 +165,7 @@ class _Work:
         return self._out / file
 
     def _write_sheet(self) -> None:
-        """The contact sheet, of some views spread over all."""
+        """Write the contact sheet with some evenly spread views."""
         count = min(SHEET_VIEWS, len(self._views))
         chosen = [self._views[number * len(self._views) // count] for number in range(count)]
         is_of_photos = self._captured and self._size != "learned"
@@ -179,9 +178,10 @@ class _Work:
 
 
 def _label(plan: PlannedColorway, light: ReferenceLight | None) -> tuple[Line, ...]:
-    """A colorway's name, and of each object the wanted and the predicted color."""
-    told = [prediction.under(light) for prediction in plan.predictions]
+    """Return a colorway's name, and for each object the target and the predicted color."""
+    predictions = [prediction.under(light) for prediction in plan.predictions]
     colors = [
-        Line(f"{p.target_color.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached)) for p in told
+        Line(f"{p.target_color.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached))
+        for p in predictions
     ]
     return Line(plan.colorway.name), *colors

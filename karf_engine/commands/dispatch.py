@@ -1,4 +1,4 @@
-"""From a command's options to the module that carries it out: what command line, worker and library all go through."""
+"""Run any command of the registry: the one way from the command line, the worker and the library to the commands."""
 
 from __future__ import annotations
 
@@ -13,25 +13,31 @@ from ..project import Project
 from .options import LearnOptions
 
 
-def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> None:
-    """Run a command in this process; `all` is every stage that learns, in their order.
+def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> Any:
+    """Run a command in this process; `all` runs every stage that learns, in order.
 
     Args:
-        options: What the command is given; its class says which command.
+        options: The command's options; their class selects the command.
         emit: Receives the events (see the worker's protocol).
-        should_stop: Asked often; once it is true the command ends with Cancelled.
-        **in_memory: What the first stage takes beside its options, where the caller has read it already.
+        should_stop: Polled often; the command raises Cancelled once it returns true.
+        **in_memory: Arguments of the first stage that the caller has in memory.
+
+    Returns:
+        The command's result: the advice of `inspect`, the path that `mark` or `farm` wrote, else None.
 
     Raises:
-        KarfError: As the command does; MissingDependency where a package is missing; DataError where what is to be
-            written lies in the project, and a link of it leads out.
+        KarfError: As the command does; MissingDependency where a package is missing; DataError where a link in the
+            project leads the output out of it.
     """
+    result = None
     for stage in options.stages() if isinstance(options, LearnOptions) else (options,):
         try:
             module = import_module(f".{stage.command.replace('-', '_')}", __package__)
         except ModuleNotFoundError as error:
-            raise missing_package(error.name) from error
-        if hasattr(stage, "project") and getattr(stage, "out", None):
-            Project(stage.project).contained(stage.out)
-        module.run(stage, emit, should_stop, **in_memory)
+            raise missing_package(str(error.name)) from error
+        project, out = (getattr(stage, name, None) for name in ("project", "out"))
+        if project and out:
+            Project(project).contained(out)
+        result = module.run(stage, emit, should_stop, **in_memory)
         in_memory = {}
+    return result

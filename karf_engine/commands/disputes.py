@@ -1,29 +1,27 @@
-"""Objects about which photos and the learned scene disagree: said once for all views of a job."""
+"""Warn where photos and the learned scene disagree about an object."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from ..compute.progress import Emit
 
-MOST_NAMED = 3  # views of one warning
+MAX_NAMED = 3  # views in one warning
 
 
-class Disputes:
-    """In which views an object's edges are the scene's, since the photo contradicts them."""
+def warn_of_disputes(disputed: Mapping[str, Iterable[str]], emit: Emit) -> None:
+    """Emit one warning per object whose photos contradict its learned edges.
 
-    def __init__(self) -> None:
-        self._views: dict[str, list[str]] = {}
-
-    def add(self, view: str, objects: Iterable[str]) -> None:
-        """Note the objects of a view whose mattes are disputed."""
+    Args:
+        disputed: The disputed objects of each view, by the view's name.
+        emit: Receives the warnings.
+    """
+    views_of: dict[str, list[str]] = {}
+    for view, objects in disputed.items():
         for name in objects:
-            self._views.setdefault(name, []).append(view)
-
-    def tell(self, emit: Emit) -> None:
-        """Warn of each object, with some of its views."""
-        for name, views in self._views.items():
-            more = f" and {len(views) - MOST_NAMED} more" if len(views) > MOST_NAMED else ""
-            where = ", ".join(views[:MOST_NAMED]) + more
-            sentence = f"Photo and learned scene disagree about {name} in {where}: its edges there are the scene's."
-            emit("warning", code="edges", sentence=sentence)
+            views_of.setdefault(name, []).append(view)
+    for name, views in views_of.items():
+        more = f" and {len(views) - MAX_NAMED} more" if len(views) > MAX_NAMED else ""
+        where = ", ".join(views[:MAX_NAMED]) + more
+        sentence = f"Photo and learned scene disagree about {name} in {where}: its edges there are the scene's."
+        emit("warning", code="edges", sentence=sentence)

@@ -1,12 +1,12 @@
-"""A project's Gaussian splats as other programs read them, with an edit baked into their colors, or a file a colorway.
+"""Export a project's Gaussian splats for other programs, with an edit baked into their colors, or a file per colorway.
 
-What an edit does not reach keeps its bits; of splats that came as .ply and leave as .ply, whole and in their place, all
-other bytes of the file are kept too.
+Gaussians that the edit does not change keep their bits. An imported .ply file that is exported whole, as .ply and without
+a transform, keeps all other bytes too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,17 +23,15 @@ from ..recolor.splat_colors import WEIGHT, columns_of
 from ..splats.formats import ply
 from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile
-from ..splats.gaussians import Gaussians
 from ..splats.similarity import moved
 from .job import Job, open_job
-from .options.editing import ExportSplatOptions
+from .options import ExportSplatOptions
 
-MOSTLY = 0.5  # probability of an object above which a Gaussian is cut out with it
-STAY = tuple(np.eye(4).ravel())
+MIN_PROBABILITY = 0.5  # above which a Gaussian belongs to an object
 
 
 def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Write the splats. Raises BadRequest where none are learned, or what is asked for cannot be written so."""
+    """Write the splats. Raises BadRequest where none are learned, or the format cannot store the request."""
     if options.attributes and end_of(options.out) != ".ply":
         raise BadRequest(f"{options.out} holds no attributes.", "Give a .ply to write.")
     project = opened(options.project)
@@ -46,28 +44,30 @@ def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
         model = Model(project, job.runtime.device, settings)
     if model.splats is None:
         raise missing_package("numba")
-    work = _Work(job, model, options)
-    files = work.files()
+    exporter = _Exporter(job, model, options)
+    files = exporter.files()
     progress = job.progress("export-splat", len(files))
     for path, edit in files:
-        work.write(path, edit)
+        exporter.write(path, edit)
         job.artifact("splats", path)
         progress.step()
 
 
-class _Work:
-    """The splats of a project on their way into files."""
+class _Exporter:
+    """Writes the splats of a model to files."""
 
     def __init__(self, job: Job, model: Model, options: ExportSplatOptions) -> None:
+        assert model.splatted is not None
         self._job, self._model, self._options = job, model, options
-        self._matrix = np.array(options.matrix or STAY, np.float64).reshape(4, 4)
+        self._splatted, self._splats = model.splatted, model.splatted.gaussians
+        self._matrix = np.eye(4) if options.matrix is None else np.array(options.matrix, np.float64).reshape(4, 4)
         self._source = job.capture().splats
         self._rows = self._chosen_rows()
         self._original = self._original_file()
-        self._own_columns = self._made_columns()
+        self._attributes = self._attribute_columns()
 
     def files(self) -> list[tuple[Path, Edit | None]]:
-        """Each file and the edit that it gets; of a sheet the colorways' names are added to the file's."""
+        """Return each file with its edit; the files of a sheet are named by colorway."""
         out = self._options.out
         if self._options.sheet is not None:
             planned = plan_colorways(self._job.project, self._options.sheet)
@@ -80,26 +80,23 @@ class _Work:
 
     def write(self, path: Path, edit: Edit | None) -> None:
         """Write one file."""
-        gaussians = self._model.splats if edit is None else self._model.recolored_splats(edit)
-        if self._keeps_bytes:
-            ply.rewrite(self._original, path, gaussians.table, self._own_columns)
+        gaussians = self._splats if edit is None else self._model.recolored_splats(edit)
+        is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
+        if is_whole and self._original is not None and not self._original.is_text:
+            ply.rewrite(self._original, path, gaussians.table, self._attributes)
             return
         table = np.ascontiguousarray(moved(gaussians, self._matrix).table[self._rows])
-        columns = (self._original.splats.columns if self._original else {}) | self._own_columns
+        columns = {**self._foreign_columns, **self._attributes}
         chosen = {name: column[self._rows] for name, column in columns.items()}
-        write_splats(path, SplatFile(table, self._is_antialiased, chosen))
+        is_antialiased = self._source is None or self._source.is_antialiased
+        write_splats(path, SplatFile(table, is_antialiased, chosen))
 
     @property
-    def _is_antialiased(self) -> bool:
-        return True if self._source is None else self._source.is_antialiased
-
-    @property
-    def _keeps_bytes(self) -> bool:
-        is_whole = self._rows.all() and np.array_equal(self._matrix, np.eye(4))
-        return is_whole and self._original is not None and not self._original.is_text
+    def _foreign_columns(self) -> Mapping[str, np.ndarray]:
+        return self._original.splats.columns if self._original else {}
 
     def _original_file(self) -> ply.Original | None:
-        """The .ply file that the splats came with, where more of it than Gaussians can be kept."""
+        """Return the imported .ply file where its other contents can be kept."""
         if self._source is None or end_of(self._options.out) != ".ply":
             return None
         path = self._source.path
@@ -112,7 +109,7 @@ class _Work:
         if not is_plain_ply(path):
             return None
         original = ply.open_original(path)
-        if not np.array_equal(original.splats.table, self._model.splats.table):
+        if not np.array_equal(original.splats.table, self._splats.table):
             raise DataError(
                 "{path} has been changed since the splats were learned from it.",
                 "Learn the splats again, or put the file back.",
@@ -121,8 +118,8 @@ class _Work:
         return original
 
     def _chosen_rows(self) -> np.ndarray:
-        """Which Gaussians are written, bool [n]."""
-        splats: Gaussians = self._model.splats
+        """Return the mask of the Gaussians to write, bool [n]."""
+        splats = self._splats
         if not self._options.objects:
             return np.arange(len(splats)) < (splats.n_solid if self._options.solid else len(splats))
         unknown = sorted(set(self._options.objects) - set(self._model.objects))
@@ -131,19 +128,19 @@ class _Work:
                 f"There is no object {unknown[0]!r:.200}.", f"Objects are: {', '.join(self._model.objects)}."
             )
         numbers = [self._model.objects.index(name) for name in self._options.objects]
-        are_of = self._model.splatted.shares[:, numbers] > MOSTLY
-        empty = [name for name, rows in zip(self._options.objects, are_of.T, strict=True) if not rows.any()]
+        belongs = self._splatted.shares[:, numbers] > MIN_PROBABILITY
+        empty = [name for name, rows in zip(self._options.objects, belongs.T, strict=True) if not rows.any()]
         if empty:
             raise BadRequest(
                 f"No Gaussian is of {empty[0]!r:.200}.", "Mark it in more views and learn again, or leave it out."
             )
-        return are_of.any(1)
+        return np.any(belongs, axis=1)
 
-    def _made_columns(self) -> dict[str, np.ndarray]:
-        """Those that are asked for, of all rows; what an earlier export with more colors has left becomes 0."""
+    def _attribute_columns(self) -> dict[str, np.ndarray]:
+        """Return the requested attributes of all rows; weights of an earlier export with more colors become 0."""
         if not self._options.attributes:
             return {}
-        own = columns_of(self._model.splatted.shares, self._model.splatted.objects)
-        foreign = self._original.splats.columns if self._original else {}
+        own = columns_of(self._splatted.shares, self._splatted.objects)
+        foreign = self._foreign_columns
         stale = [name for name in foreign if name.startswith(WEIGHT) and name not in own]
         return own | {name: np.zeros_like(foreign[name]) for name in stale}

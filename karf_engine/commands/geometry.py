@@ -1,6 +1,6 @@
 """Stage 0: photos -> radiance field (geometry.safetensors).
 
-Marked photos are learned from, also those that would be held out: the project's marks and those of `options.masks`.
+Marked photos are always training photos: the project's marks and those of `options.masks`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -47,20 +48,27 @@ from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import points_seen
 from ..splats.importing import captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
-from .options.learning import GeometryOptions
+from .options import GeometryOptions
+
+if TYPE_CHECKING:
+    from ..fields.voxels.fit import VoxelFit
 
 VALIDATION_VIEWS = 8
-COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that a foreign NeRF must show
-DETAIL_PHOTOS = 8  # that are asked how much they lose with detail
-SERIOUS_LOSS = 25.0  # dB that photos keep without the detail that voxels cannot hold; less is worth a warning
-ENOUGH_PIXELS = 2.0  # that a voxel may span: most photos keep about 29 dB then
-WORSE = 0.5  # dB that held-out views may lose from level to level without a warning
+COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that align an imported NeRF
+DETAIL_PHOTOS = 8  # photos that the loss of detail is measured on
+MIN_KEPT_PSNR = 25.0  # dB of photos blurred to the voxels' detail; less is worth a warning
+GOOD_PIXELS_PER_VOXEL = 2.0  # most photos keep about 29 dB
+MAX_PSNR_DROP = 0.5  # dB that held-out views may lose from level to level without a warning
 
 
 def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
-    """Learn the scene of `options.capture` into the project; a finished one of the same inputs is kept.
+    """Learn the scene of a capture into the project, unless it is finished with the same inputs.
 
-    capture: what that path holds, for a caller who has it in memory.
+    Args:
+        options: The command's options.
+        emit: Receives the events.
+        should_stop: Returns whether to stop.
+        capture: The opened capture of `options.capture`, if the caller has it in memory.
     """
     settings = settings_module.with_overrides(settings_module.preset(options.preset), list(options.overrides))
     space = None if options.photo_space is None else color_space(options.photo_space, options.ocio)
@@ -70,11 +78,11 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     for remark in capture.remarks:
         emit("warning", code="capture", sentence=remark)
     if options.masks is not None:
-        find_masks(options.masks, capture)  # what no photo fits is said before anything is learned
+        find_masks(options.masks, capture)  # refuse masks without a photo before learning
     project = opened(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
-    capture = in_space(capture, space or _space_before(project))
+    capture = in_space(capture, space or _previous_space(project))
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", *_inputs(capture, nerf)) as run:
         if run is None:
@@ -92,7 +100,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
                 path=capture.source,
                 count=n_photos,
             )
-        if nerf is None:
+        if nerf is None or networks is None:
             scene, capture = learn(job, capture, run)
         else:
             scene = import_scene(job, capture, nerf, networks, run.summary)
@@ -101,20 +109,20 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     job.artifact("geometry", project.geometry_file)
 
 
-def _space_before(project: Project) -> ColorSpace | None:
-    """The color space of the photos that the finished geometry was learned of.
-
-    Its summary tells, and not the capture's file, which may be damaged: then this stage is what mends it.
-    """
+def _previous_space(project: Project) -> ColorSpace | None:
+    """Return the photos' color space of the finished geometry, by its summary: capture.json may be damaged."""
     finished = project.finished("geometry") if project.state_file.exists() else None
     known = (finished or {}).get("color_space")
     return None if known is None else ColorSpace(**known)
 
 
 def with_marked(project: Project, capture: Capture, masks: Path | None) -> Capture:
-    """The capture with all marked photos among those to learn from; masks: a folder of more marks.
+    """Return the capture with all marked photos in the training split. Not part of the fingerprint.
 
-    A mark of later does not make finished geometry outdated: this is no part of its fingerprint.
+    Args:
+        project: Its masks and corrections count as marks.
+        capture: The capture.
+        masks: A folder of further marks.
     """
     folders = [folder for folder in (project.masks_folder, project.corrections_folder, masks) if folder is not None]
     return with_split(
@@ -123,8 +131,8 @@ def with_marked(project: Project, capture: Capture, masks: Path | None) -> Captu
 
 
 def _inputs(capture: Capture, nerf: Path | None) -> list:
-    """What the geometry is learned from, as JSON values."""
-    inputs = [capture_to_json(capture), [file_digest(view.image) for view in capture.views]]
+    """Return the inputs for the fingerprint, as JSON values."""
+    inputs = [capture_to_json(capture), [file_digest(view.image) for view in capture.views if view.image]]
     if capture.points is not None:
         inputs.append(hashlib.sha256(capture.points.positions.tobytes() + capture.points.point.tobytes()).hexdigest())
     if capture.splats is not None:
@@ -135,16 +143,16 @@ def _inputs(capture: Capture, nerf: Path | None) -> list:
 
 
 def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
-    """Fit the field, with previews on the way, and find how photos are exposed; an interrupted run is resumed."""
+    """Fit or resume the field, with previews, and estimate the photos' exposures."""
     settings = job.settings.geometry
-    wait = field_kind(settings.field).prepare(settings, job.runtime.device)
-    views = capture.split("train")
+    wait_until_ready = field_kind(settings.field).prepare(settings, job.runtime.device)
+    views = list(capture.split("train"))
     training_images = job.training_images(views)
     kind = background_of(training_images)
     points = training_points(job, capture, training_images, kind)
     task = task_of(views, training_images, kind, points, settings, job.settings.seed, job.runtime.device)
     job.emit("stage", name="geometry", text=f"{task.space}, {0 if points is None else len(points)} sparse points")
-    wait(job.emit, job.should_stop)
+    wait_until_ready(job.emit, job.should_stop)
     process_group = joined()
     process_group.share(task)
     fit = task.start(replace(job.runtime, process_group=process_group))
@@ -161,15 +169,15 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
         pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
         run.summary["pixels_per_voxel"] = round(pixels, 2)
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
-        gains = {view.name: tuple(own) for view, own in zip(views, fit.gains, strict=True)}
+        gains = {view.name: tuple(own) for view, own in zip(views, cast("VoxelFit", fit).gains, strict=True)}
         if any(own != ALIKE for own in gains.values()):
-            gains |= gains_of_others(job, capture, scene)
+            gains |= gains_of_other_views(job, capture, scene)
         capture = with_gains(capture, gains)
     return scene, capture
 
 
-def gains_of_others(job: Job, capture: Capture, scene: Scene) -> dict[str, tuple[float, float, float]]:
-    """How the photos are exposed that the scene was not learned from, by the names of their views: they are recolored too."""
+def gains_of_other_views(job: Job, capture: Capture, scene: Scene) -> dict[str, tuple[float, float, float]]:
+    """Estimate the exposures of photos outside the training split, by view; they are recolored too."""
     others = [view for view in capture.views if view.split != "train" and view.image is not None]
     return {
         image.view.name: gains_beside(scene, image.camera, image.color)
@@ -178,7 +186,7 @@ def gains_of_others(job: Job, capture: Capture, scene: Scene) -> dict[str, tuple
 
 
 def help_to_learn(process_group: ProcessGroup) -> None:
-    """Take part in the fits of the group's first process, until there are no more. Nothing is written or told."""
+    """Take part in the fits of rank 0 until there are no more. Writes and emits nothing."""
     while (task := process_group.share()) is not None:
         fit = task.start(replace(start_runtime(task.seed, task.threads, task.device), process_group=process_group))
         state = process_group.share()
@@ -191,7 +199,7 @@ def help_to_learn(process_group: ProcessGroup) -> None:
 def import_scene(
     job: Job, capture: Capture, path: Path, networks: tuple[NerfNetwork, NerfNetwork], summary: dict
 ) -> Scene:
-    """The scene of a NeRF that another program has trained, once it has been seen to show some training photos."""
+    """Import the NeRF of another program, and check that it reproduces some training photos."""
     views = capture.split("train")
     training_images = job.training_images(
         views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE
@@ -215,14 +223,14 @@ def import_scene(
 
 
 def preview(job: Job, scene: Scene, training_image: TrainingImage) -> None:
-    """Write the view of a training image as rendered."""
+    """Render the view of a training image to preview.png."""
     path = job.project.path("preview.png")
     write_png(path, scene.render(training_image.camera, 1).color.cpu().numpy())
     job.emit("preview", path=str(path))
 
 
 def validation_pixels(job: Job, capture: Capture) -> PixelDataset | None:
-    """Pixels of some test views, evenly chosen; None where there are none, or one has a matte."""
+    """Return the pixels of some evenly chosen test views; None without test views or with a matte."""
     views = capture.split("test")
     training_images = job.training_images(views[:: max(1, len(views) // VALIDATION_VIEWS)])
     if not training_images:
@@ -234,11 +242,11 @@ def validation_pixels(job: Job, capture: Capture) -> PixelDataset | None:
 
 
 def validate(job: Job, scene: Scene, held_out: PixelDataset, scores: list[list[float]]) -> None:
-    """Append how well held-out views are rendered, mean and worst in dB, and warn where that has become worse."""
+    """Append the mean and worst PSNR of held-out views in dB to `scores`, and warn where the mean has dropped."""
     values = psnr_of_views(scene, held_out, seed=job.settings.seed)
     mean, worst = round(sum(values) / len(values), 2), round(min(values), 2)
     job.emit("stage", name="geometry", text=f"held-out views {mean} dB, the worst {worst} dB")
-    if scores and mean < scores[-1][0] - WORSE:
+    if scores and mean < scores[-1][0] - MAX_PSNR_DROP:
         job.emit(
             "warning",
             code="held_out",
@@ -249,12 +257,10 @@ def validate(job: Job, scene: Scene, held_out: PixelDataset, scores: list[list[f
 
 
 def warn_of_lost_detail(job: Job, pixels: float, training_images: list[TrainingImage], space: str) -> None:
-    """Warn where voxels that span so many pixels lose most of what the photos show, with the number that would do."""
-    some = [
-        training_image.color for training_image in training_images[:: max(1, len(training_images) // DETAIL_PHOTOS)]
-    ]
-    kept = float(np.mean(kept_psnr(some, pixels)))
-    if kept >= SERIOUS_LOSS:
+    """Warn where voxels that span this many pixels lose most of the photos' detail, and name a sufficient resolution."""
+    some = training_images[:: max(1, len(training_images) // DETAIL_PHOTOS)]
+    kept = float(np.mean(kept_psnr([image.color for image in some], pixels)))
+    if kept >= MIN_KEPT_PSNR:
         return
     settings = job.settings.geometry
     name, levels = (
@@ -266,15 +272,12 @@ def warn_of_lost_detail(job: Job, pixels: float, training_images: list[TrainingI
         code="detail",
         sentence=f"A voxel spans {pixels:.1f} pixels where the photos look, and without so much detail the photos "
         f"themselves are {kept:.1f} dB from what they were: what is finer is blurred. {name} ends at {voxels} voxels; "
-        f"{math.ceil(voxels * pixels / ENOUGH_PIXELS)} would do, with more memory and time.",
+        f"{math.ceil(voxels * pixels / GOOD_PIXELS_PER_VOXEL)} would do, with more memory and time.",
     )
 
 
 def training_points(job: Job, capture: Capture, training_images: list[TrainingImage], kind: str) -> SparsePoints | None:
-    """Sparse points as the training photos observe them: the capture's, or found in the photos; None without need.
-
-    Test photos are left out, though their features helped to find a capture's own points.
-    """
+    """Return sparse points observed by the training photos: the capture's, or triangulated; None where not needed."""
     if kind != "opaque" or job.settings.geometry.space == "box":
         return None
     if capture.splats is not None and has_kernels():
@@ -301,5 +304,5 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
 
 
 def _over_gray(training_image: TrainingImage, gray: float) -> TrainingImage:
-    """The training image composited over a gray, without its matte."""
+    """Composite a training image over a gray and drop its matte."""
     return replace(training_image, color=over(training_image.color, training_image.alpha, gray), alpha=None)

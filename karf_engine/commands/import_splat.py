@@ -1,7 +1,7 @@
-"""A capture from Gaussians that another program has learned, with the photos that they were learned from or without.
+"""Make a capture of Gaussians of another program, with or without the photos that they were learned from.
 
-OUT/transforms.json holds the views and names OUT/splat.*, a hard link to the file or a copy. Without photos OUT/images/
-shows the Gaussians from cameras that are chosen around them. OUT appears only when it is complete.
+OUT/transforms.json has the views and names OUT/splat.*, a hard link to the file or a copy. Without photos, OUT/images/ has
+renderings from cameras chosen around the Gaussians. OUT appears only when it is complete.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
 from ..splats.importing import gaussians_before
-from .options.capturing import ImportSplatOptions
+from .options import ImportSplatOptions
 from .output_folder import new_folder
 
 if TYPE_CHECKING:
     from ..splats.gaussians import Gaussians
 
-COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must show
-ALIKE = 15.0  # dB at which they do
-CLEARLY = 0.5  # dB by which one screen filter must show them better than the other, for photos to tell which it was
-THUMBNAIL = 100  # pixels of the pictures in which is looked whether anything stands behind the scene
-FEWEST_VIEWS = 3
-BARE = 0.1  # share of the pixels that show nothing, above which the views get an alpha channel
+COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
+MIN_PSNR = 15.0  # dB
+MIN_FILTER_GAIN = 0.5  # dB between the two screen filters for the photos to decide
+THUMBNAIL = 100  # pixels of the renderings that are searched for an empty background
+MIN_VIEWS = 3
+MAX_EMPTY = 0.1  # share of empty pixels above which the views get an alpha channel
 AXES = {
     **dict(zip(("x", "y", "z"), np.eye(3), strict=True)),
     **dict(zip(("-x", "-y", "-z"), -np.eye(3), strict=True)),
@@ -51,7 +51,7 @@ AXES = {
 
 
 def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Write the capture. Raises DataError where the file is damaged or does not show the photos."""
+    """Write the capture. Raises DataError where the file is damaged or does not reproduce the photos."""
     if not has_kernels():
         raise missing_package("numba")
     start_runtime(0, options.threads, options.device)
@@ -66,8 +66,8 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
         if options.photos is not None:
             capture = _with_photos(options, found.table, splats, emit)
         else:
-            _tell_of_photos(options.splat, emit)
-            views = _views(options, found.table, splats.is_antialiased, folder / "images", emit, should_stop)
+            _suggest_photos(options.splat, emit)
+            views = _write_views(options, found.table, splats.is_antialiased, folder / "images", emit, should_stop)
             capture = Capture(folder, "transforms", tuple(views), splats=splats)
         for remark in capture.remarks:
             emit("warning", code="capture", sentence=remark)
@@ -76,7 +76,7 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
 
 
 def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
-    """Link or copy the file into the folder, or write what it holds where it refers to other files; returns it there."""
+    """Link or copy the file into the folder and return its path; a .gltf, which refers to other files, becomes a .ply."""
     if splat.suffix.lower() == ".gltf":
         ply.write(folder / "splat.ply", found)
         return folder / "splat.ply"
@@ -90,8 +90,8 @@ def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
 
 
 # ------------------------------------------------------------------------------------------------------ without photos
-def _tell_of_photos(splat: Path, emit: Emit) -> None:
-    """Say where photos with poses lie around the file; whether it was learned from them, only the user knows."""
+def _suggest_photos(splat: Path, emit: Emit) -> None:
+    """Warn where folders around the file have photos with poses; only the user knows whether they belong to it."""
     for folder in folders_around(splat):
         if _has_photos(folder):
             sentence = Message(
@@ -105,7 +105,7 @@ def _tell_of_photos(splat: Path, emit: Emit) -> None:
 
 
 def _has_photos(folder: Path) -> bool:
-    """Whether this is a capture whose photos are there, and not one that was made of Gaussians."""
+    """Return whether this is a capture of photos, not one made of Gaussians."""
     if not any(known.recognizes(folder) for known in FORMATS):
         return False
     try:
@@ -114,7 +114,7 @@ def _has_photos(folder: Path) -> bool:
         return False
 
 
-def _views(
+def _write_views(
     options: ImportSplatOptions,
     table: np.ndarray,
     is_antialiased: bool,
@@ -122,38 +122,38 @@ def _views(
     emit: Emit,
     should_stop: Callable[[], bool],
 ) -> list[View]:
-    """Views of the table, whose pictures are written into the folder."""
+    """Choose cameras and write their renderings into the folder; return the views."""
     everything = gaussians_before(table, is_antialiased, ())
     cameras = _cameras(options, everything, emit, Progress(emit, should_stop, "import_splat", 1))
     gaussians = gaussians_before(table, is_antialiased, cameras)
-    has_alpha = _is_bare(gaussians, cameras)
+    has_alpha = _has_empty_background(gaussians, cameras)
     progress = Progress(emit, should_stop, "import_splat", len(cameras))
     folder.mkdir()
     views = []
     for number, camera in enumerate(cameras):
-        view = View(f"view_{number:03d}", f"view_{number:03d}", camera, folder / f"view_{number:03d}.png", "train")
-        write_png(view.image, to_bytes(_picture(gaussians, camera, has_alpha)))
-        views.append(view)
+        name = f"view_{number:03d}"
+        write_png(folder / f"{name}.png", to_bytes(_render(gaussians, camera, has_alpha)))
+        views.append(View(name, name, camera, folder / f"{name}.png", "train"))
         progress.step()
     return views
 
 
 def _cameras(options: ImportSplatOptions, gaussians: Gaussians, emit: Emit, progress: Progress) -> list[Camera]:
-    """The cameras of the user, and those that the splat was learned from or that are chosen around it."""
-    cameras = _cameras_of(options.cameras) if options.cameras else []
+    """Return the user's cameras, and those beside the splat or chosen around it."""
+    cameras = _read_cameras(options.cameras) if options.cameras else []
     if options.views:
         cameras += _known_cameras(options, emit) or _chosen_cameras(options, gaussians, emit, progress)
-    if len(cameras) < FEWEST_VIEWS:
+    if len(cameras) < MIN_VIEWS:
         raise BadRequest(f"{len(cameras)} views are too few to learn from.", "Give more --views, or more --cameras.")
     return cameras
 
 
 def _known_cameras(options: ImportSplatOptions, emit: Emit) -> list[Camera]:
-    """As many as are asked for of those that the splat was learned from, if they lie beside it."""
+    """Return evenly chosen training cameras from a file beside the splat, if there is one."""
     for path in cameras_beside(options.splat):
         try:
             found = read_splat_cameras(path)
-        except DataError as error:  # of another program, or another scene
+        except DataError as error:  # a file of another program or scene
             emit("warning", code="cameras", sentence=error.sentence)
             continue
         emit("stage", name="import_splat", text=f"cameras of {path}")
@@ -170,23 +170,22 @@ def _chosen_cameras(options: ImportSplatOptions, gaussians: Gaussians, emit: Emi
     return cameras_around(gaussians, target_of(gaussians, up), options.views, options.size, lambda: progress.step(0))
 
 
-def _cameras_of(path: Path) -> list[Camera]:
-    """Bare cameras of a file of ours, or of a cameras.json."""
+def _read_cameras(path: Path) -> list[Camera]:
+    """Read the cameras of a transforms.json or of a cameras.json."""
     if isinstance(read_json(path, "cameras"), list):
         return read_splat_cameras(path)
     return [view.camera.without_distortion() for view in open_capture(path, photos=False).views]
 
 
-def _is_bare(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
-    """Whether much of the pictures shows nothing."""
+def _has_empty_background(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
     from ..splats.rasterizer import splatted
 
     small = (camera.reduced(THUMBNAIL) for camera in cameras)
-    return float(np.mean([(splatted(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > BARE
+    return float(np.mean([(splatted(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > MAX_EMPTY
 
 
-def _picture(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:
-    """What a camera sees, sRGB [H, W, 3], or [H, W, 4] with straight alpha."""
+def _render(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:
+    """Render a camera to sRGB [H, W, 3], or [H, W, 4] with straight alpha."""
     from ..splats.rasterizer import splatted
 
     image = splatted(gaussians, camera).image
@@ -197,24 +196,25 @@ def _picture(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarra
 
 # --------------------------------------------------------------------------------------------------------- with photos
 def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
-    """The photos' capture with the Gaussians, shown by the screen filter with which they show the photos clearly better."""
+    """Return the photos' capture with the Gaussians and the screen filter that reproduces the photos better."""
     from ..splats.fit import Photo  # needs numba
     from ..splats.quality import psnr
 
+    assert options.photos is not None
     capture = open_capture(options.photos)
     views = capture.views[:: max(1, len(capture.views) // COMPARED_VIEWS)][:COMPARED_VIEWS]
     cameras = [view.camera for view in capture.views]
     photos = [Photo.of(image) for image in load_views(views, COMPARED_LONG_SIDE)]
-    shown = [psnr(gaussians_before(table, is_antialiased, cameras), photos) for is_antialiased in (False, True)]
-    best = int(np.argmax(shown)) if abs(shown[1] - shown[0]) > CLEARLY else int(splats.is_antialiased)
-    if shown[best] < ALIKE:
+    scores = [psnr(gaussians_before(table, is_antialiased, cameras), photos) for is_antialiased in (False, True)]
+    best = int(np.argmax(scores)) if abs(scores[1] - scores[0]) > MIN_FILTER_GAIN else int(splats.is_antialiased)
+    if scores[best] < MIN_PSNR:
         raise DataError(
             "{splat} shows the photos of {capture} at {psnr:.1f} dB only.",
             "Give the photos that it was learned from, with the poses that it was learned with.",
             splat=options.splat,
             capture=options.photos,
-            psnr=shown[best],
+            psnr=scores[best],
         )
-    text = f"shows the photos at {shown[best]:.1f} dB" + (", antialiased" if best else "")
+    text = f"shows the photos at {scores[best]:.1f} dB" + (", antialiased" if best else "")
     emit("stage", name="import_splat", text=text)
     return replace(capture, splats=replace(splats, is_antialiased=bool(best)))

@@ -1,26 +1,31 @@
-"""How good a capture is before it is learned: advice, and files of it where a folder is given."""
+"""Judge a capture before learning."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from ..capture import open_capture
 from ..capture.quality.advice import Advice, advise
 from ..capture.quality.drawing import draw_map
 from ..capture.quality.inspection import inspect_capture
+from ..compute.progress import Emit
 from ..errors import DataError
 from ..io.files import write_json
-from .options.capturing import InspectOptions
+from .options import InspectOptions
 
 
-def look(options: InspectOptions) -> Advice:
-    """Inspect the capture, write OUT/inspection.json and OUT/more_photos.png, and return what they say.
+def run(options: InspectOptions, emit: Emit, should_stop: Callable[[], bool]) -> Advice:
+    """Inspect the capture, write OUT/inspection.json and OUT/more_photos.png, and return the advice.
 
     Raises:
-        DataError: It cannot be read, has too few photos, or there is no folder of masks.
+        DataError: The capture cannot be read or has too few photos, or the folder of masks is missing.
     """
+    del should_stop  # seconds at most
     if options.masks is not None and not options.masks.is_dir():
         raise DataError("{path} is no folder of masks.", "Give one, or none.", path=options.masks)
     advice = advise(inspect_capture(open_capture(options.capture, holdout=options.holdout), options.masks))
     if options.out is not None:
         write_json(options.out / "inspection.json", advice.to_json())
         draw_map(options.out / "more_photos.png", advice)
+        emit("artifact", kind="inspection", path=str(options.out))
     return advice

@@ -1,4 +1,4 @@
-"""An edit from one color pair, "this color of the object becomes that color", or from a painted or graded view."""
+"""Solve an edit from color pairs, "this color of the object becomes that color", or from a painted or graded view."""
 
 from __future__ import annotations
 
@@ -19,61 +19,63 @@ from ..palettes.reference_light import ReferenceLight
 from ..project import Project
 from ..project.locking import consistent, opened
 from .calibration import light_of
-from .options.editing import MatchOptions
+from .options import MatchOptions
 
 
 def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Solve the edit and write it; other objects keep what `edit` says of them."""
+    """Solve the edit and write it; other objects keep their part of `options.edit`."""
     del should_stop  # seconds at most
     project = opened(options.project)
     project.require("palette")
     edit = edit_of(project, options.edit)
-    if options.is_of_picture:
-        edit = _match_picture(project, options, edit, emit)
-    else:
-        light = light_of(options, emit)
-        pairs = [(source, _in_photos(target, light)) for source, target in _pairs(options)]
-        if options.rule == "added":
-            for source, target in pairs:
-                edit = edit.add_color(options.object, source, target)
-        else:
-            edit = edit.becomes(options.object, *pairs[0], options.rule, pairs[1:], options.is_metal)
-            _tell(edit, options.object, pairs, emit)
+    edit = (_match_picture if options.is_of_picture else _match_colors)(project, options, edit, emit)
     edit.save(options.out)
     emit("artifact", kind="edit", path=str(options.out))
 
 
-def _pairs(options: MatchOptions) -> list[tuple[str, str]]:
-    return [(options.source, options.target), *options.also]
+def _match_colors(project: Project, options: MatchOptions, edit: ProjectEdit, emit: Emit) -> ProjectEdit:
+    """Return the edit that turns the source colors of an object into the target colors."""
+    assert options.object and options.source and options.target  # `MatchOptions` requires them
+    light = light_of(options, emit)
+    given = [(options.source, options.target), *options.also]
+    pairs = [(source, _as_photographed(target, light)) for source, target in given]
+    if options.rule == "added":
+        for source, target in pairs:
+            edit = edit.add_color(options.object, source, target)
+        return edit
+    edit = edit.becomes(options.object, *pairs[0], options.rule, pairs[1:], options.is_metal)
+    _report(edit, options.object, pairs, emit)
+    return edit
 
 
-def _in_photos(target: str, light: ReferenceLight | None) -> str:
-    """A target color as photos show it, where it is meant under a reference light."""
+def _as_photographed(target: str, light: ReferenceLight | None) -> str:
+    """Convert a target color under a reference light to the photos' light."""
     return target if light is None else rgb_to_hex(light.photographed(as_color(target)))
 
 
-def _tell(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:
-    """Say how much of an object the edit repaints, and which of the colors are missed, and why."""
+def _report(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:
+    """Emit the share of an object that the edit repaints, and warn of missed colors."""
     palette = next(each for each in edit.palettes if each.name == name)
     seen = read_object_colors(edit.project.checked(edit.project.object_colors_file), name)
     sources = [as_color(source) for source, _ in pairs]
     for source, (before, after) in zip(sources, pairs, strict=True):
         reached, left, reason = reached_by(edit.colors[name], palette, seen, source, srgb_to_lab(as_color(after)))
         if reason:
-            told = (
+            sentence = (
                 f"{name}: {before} becomes {rgb_to_hex(reached)}, not {after} (CIEDE2000 {left:.0f}), because {reason}."
             )
-            emit("warning", code="missed", sentence=told)
-    named = np.max([pigment_gate(seen.colors, source) for source in sources], axis=0)
-    share = np.average(named, weights=seen.counts)
+            emit("warning", code="missed", sentence=sentence)
+    gate = np.max([pigment_gate(seen.colors, source) for source in sources], axis=0)
+    share = np.average(gate, weights=seen.counts)
     emit("stage", name="match", text=f"{name}: {share:.0%} of it is of the paint that becomes another; the rest stays")
 
 
 def _match_picture(project: Project, options: MatchOptions, edit: ProjectEdit, emit: Emit) -> ProjectEdit:
-    """The edit that brings a view closest to a picture of it; what is left is told."""
+    """Return the edit that brings a view closest to a picture of it, and emit the remaining differences."""
     from ..compute.runtime import start_runtime
-    from ..recolor.model import Model  # needs torch, which a color pair does not
+    from ..recolor.model import Model  # needs torch; color pairs do not
 
+    assert options.view and options.picture  # `MatchOptions` requires them
     project.require("recoloring")
     runtime = start_runtime(0, options.threads, options.device)
     with consistent(project):

@@ -1,4 +1,4 @@
-"""Folders that commands make whole or not at all."""
+"""Write folders atomically."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..errors import BadRequest
 
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
-    """A folder to fill beside `out`, which takes its name at the end of the block; removed where that fails.
+    """Yield a temporary folder that is renamed to `out` after the block, or removed if the block fails.
 
     Raises:
-        BadRequest: `out` is there already and is not empty.
+        BadRequest: `out` exists and is not empty.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")

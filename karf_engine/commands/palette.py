@@ -1,4 +1,4 @@
-"""Stage 2a: the objects' colors -> palettes (palette.json) and color histograms (object_colors.npz)."""
+"""Stage 2a: object colors -> palettes (palette.json) and color histograms (object_colors.npz)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..palettes.extraction.extraction import color_histograms, extract_palettes
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import write_palettes
 from .job import open_job, run_stage
-from .options.learning import PaletteOptions
+from .options import PaletteOptions
 
 
 def run(options: PaletteOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:

@@ -1,4 +1,4 @@
-"""The scene as points on its surface, which viewers show from every side and recolor by themselves."""
+"""Sample the scene's surface as points, for viewers."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ..palettes.palette_files import read_edit_file
 from ..project.locking import consistent, opened
 from ..recolor.model import Model
 from .job import open_job
-from .options.editing import PointsOptions
+from .options import PointsOptions
 
 KINDS = (".npz", ".ply")
 
 
 def run(options: PointsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Write the points. Raises BadRequest where it is not said to which kind of file, or an edit is given for .npz."""
+    """Write the points. Raises BadRequest for other suffixes than .npz and .ply, or an edit with .npz."""
     project = opened(options.project)
     out, is_ply = options.out, options.out.suffix.lower() == ".ply"
     if out.suffix.lower() not in KINDS:

@@ -1,10 +1,8 @@
-"""A capture from photos without poses, or from a video: photos and a COLMAP model in a new folder.
+"""Make a capture of photos without poses, or of a video: photos and a COLMAP model in a new folder.
 
-Pairs of up to 250 photos are all matched, of more those of neighbors by name, where nothing else is asked for.
-
-OUT/images/ holds hard links to the photos, or copies where the file system has none; photos that Exif turns and EXR
-files become upright 8-bit copies, because COLMAP works on stored pixels. OUT/sparse/0/ is the model. OUT appears only
-when it is complete.
+OUT/images/ has hard links to the photos, or copies where the file system has no links; photos with an Exif orientation
+and EXR files become upright 8-bit copies, because COLMAP works on stored pixels. OUT/sparse/0/ is the model. OUT appears
+only when it is complete.
 """
 
 from __future__ import annotations
@@ -27,19 +25,22 @@ from ..errors import DataError, missing_package
 from ..io.files import copy_file, naming
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
-from .options.capturing import PosesOptions
+from .options import PosesOptions
 from .output_folder import new_folder
 
-MOST_EXHAUSTIVE = 250  # photos; all pairs of more take hours
-ENOUGH = 0.9  # share of registered photos below which a second, more sensitive try is made, and the user warned
-TOO_FEW = 0.3  # share of registered photos that is not a result
-# agreement of matches and poses below which the poses may be wrong; right ones keep 0.88 amid look-alikes
-MIN_AGREEMENT = 0.8
+MAX_EXHAUSTIVE = 250  # photos; matching all pairs of more takes hours
+GOOD_SHARE = 0.9  # share of registered photos below which more sensitive features are tried, and the user is warned
+MIN_SHARE = 0.3  # share of registered photos below which the command fails
+MIN_AGREEMENT = 0.8  # of matches with poses; correct poses reach 0.88 among repetitive structures
 
 
 def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Find the poses and write the capture. Raises DataError where too few photos can be placed."""
-    source, out = _checked(options), options.out.absolute()
+    """Find the poses and write the capture. Raises DataError where too few photos can be registered."""
+    source, out = options.photos.absolute(), options.out.absolute()
+    if not source.exists():
+        raise DataError("{path} does not exist.", "Give a folder of photos, or a video file.", path=source)
+    if find_spec("pycolmap") is None:
+        raise missing_package("pycolmap")
     with new_folder(out) as capture, work_folder(out.parent, f".{out.name[:100]}-poses-") as work:
         (capture / "images").mkdir()
         names = _gather(source, capture / "images", emit, should_stop)
@@ -49,8 +50,7 @@ def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
             work=work,
             model=capture / "sparse" / "0",
             one_lens=len({image_header(capture / "images" / name).stored for name in names}) == 1,
-            sequential=options.matching == "sequential"
-            or (options.matching == "auto" and len(names) > MOST_EXHAUSTIVE),
+            sequential=options.matching == "sequential" or (options.matching == "auto" and len(names) > MAX_EXHAUSTIVE),
             threads=options.threads or -1,
         )
         result = _reconstruct_twice(task, emit, should_stop)
@@ -58,19 +58,9 @@ def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
     emit("artifact", kind="capture", path=str(out))
 
 
-def _checked(options: PosesOptions) -> Path:
-    """Where the photos are, absolute."""
-    source = options.photos.absolute()
-    if not source.exists():
-        raise DataError("{path} does not exist.", "Give a folder of photos, or a video file.", path=source)
-    if find_spec("pycolmap") is None:
-        raise missing_package("pycolmap")
-    return source
-
-
 # --------------------------------------------------------------------------------------------------------------- photos
 def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bool]) -> tuple[str, ...]:
-    """Put the photos into `folder`; returns their names there, in order."""
+    """Put the photos into `folder` and return their names there, in order."""
     emit("stage", name="poses", text="reading photos")
     if source.is_file():
         names = write_sharpest_frames(source, folder, should_stop)
@@ -80,7 +70,7 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
         names = []
         for photo in photos:
             progress.step()
-            names.append(_take(photo, folder))
+            names.append(_add_photo(photo, folder))
     if len(names) < FEWEST_PHOTOS:
         raise DataError(
             "{path} holds {count} photos; poses need at least {fewest}.",
@@ -92,8 +82,8 @@ def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bo
     return tuple(names)
 
 
-def _take(photo: Path, folder: Path) -> str:
-    """Link or copy the photo into `folder`, upright; returns its name there. Raises DataError where it is damaged."""
+def _add_photo(photo: Path, folder: Path) -> str:
+    """Link or copy the photo into `folder`, upright, and return its name there. Raises DataError where it is damaged."""
     header = image_header(photo)
     if header.orientation == 1 and header.kind != "exr":
         try:
@@ -101,7 +91,7 @@ def _take(photo: Path, folder: Path) -> str:
         except OSError:  # another disk, or a file system without links
             copy_file(photo, folder / photo.name)
         return photo.name
-    if header.kind == "jpeg":  # keeps the Exif focal length, where the search for the lens begins
+    if header.kind == "jpeg":  # keeps the Exif focal length, COLMAP's initial guess
         with naming(folder / photo.name), Image.open(photo) as picture:
             upright = ImageOps.exif_transpose(picture)
             upright.save(folder / photo.name, quality=95, exif=upright.getexif())
@@ -113,7 +103,7 @@ def _take(photo: Path, folder: Path) -> str:
 
 # ---------------------------------------------------------------------------------------------------------------- poses
 def _reconstruct_twice(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
-    """Reconstruct; where that leaves many photos out, try more sensitive features too. The better model is kept."""
+    """Reconstruct; if many photos are left out, try more sensitive features too and keep the better model."""
     best = SfmResult()
     for sensitive, text in ((False, "finding poses"), (True, "finding poses with more sensitive features")):
         emit("stage", name="poses", text=text)
@@ -126,14 +116,14 @@ def _reconstruct_twice(task: SfmTask, emit: Emit, should_stop: Callable[[], bool
             best = found
             shutil.rmtree(task.model, ignore_errors=True)
             shutil.copytree(attempt / "model", task.model)
-        if best.registered >= ENOUGH * len(task.names):
+        if best.registered >= GOOD_SHARE * len(task.names):
             break
     return best
 
 
 def _judge(source: Path, result: SfmResult, count: int, emit: Emit) -> None:
     registered = result.registered
-    if registered < max(FEWEST_PHOTOS, TOO_FEW * count):
+    if registered < max(FEWEST_PHOTOS, MIN_SHARE * count):
         raise DataError(
             "Only {registered} of the {count} photos of {path} could be placed.",
             "Take more photos with more overlap (everything in at least three of them), of a scene that has texture and "
@@ -142,7 +132,7 @@ def _judge(source: Path, result: SfmResult, count: int, emit: Emit) -> None:
             count=count,
             path=source,
         )
-    if registered < ENOUGH * count:
+    if registered < GOOD_SHARE * count:
         emit(
             "warning",
             code="poses",

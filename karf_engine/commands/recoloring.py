@@ -28,7 +28,7 @@ from ..segmentation.interior import whole_surface
 from ..segmentation.report import SegmentationReport
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from .job import Job, StageRun, open_job, run_stage
-from .options.learning import RecoloringOptions
+from .options import RecoloringOptions
 
 
 def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -43,7 +43,9 @@ def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool])
         initial = read_palettes(project.checked(project.palette_file), "initial", objects)
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
-        karf = RecoloringField(segmentation.bounds, field.n_features, sizes, settings).to(device)
+        bounds = segmentation.bounds
+        assert isinstance(bounds, Tensor)
+        karf = RecoloringField(bounds, field.n_features, sizes, settings).to(device)
         surface, _ = load_surface(project.checked(project.surface_file), device)
         if settings.background == "black":
             everything, opacity = whole_scene(job, field, segmentation)
@@ -66,7 +68,7 @@ def _write_palettes(
     initial: Sequence[Palette],
     pixels: Sequence[Sequence[np.ndarray]],
 ) -> None:
-    """Put the learned palettes in the place of the extracted ones, which are kept beside them."""
+    """Write the learned palettes, with the extracted ones as initial."""
     write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared, initial)
     write_object_colors(run.output(job.project.object_colors_file), color_histograms(palettes, pixels))
     moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
@@ -74,12 +76,12 @@ def _write_palettes(
 
 
 def whole_scene(job: Job, field: Field, segmentation: SegmentationField) -> tuple[ObjectSurface, Tensor]:
-    """All rays of the views that segmentation was learned on, of which it has kept the objects' alone; and their opacity."""
-    cached = _cache_again(job, field)
+    """Return all rays of the segmentation's views and their opacity; the stage stored only those of objects."""
+    cached = _recompute_cache(job, field)
     return whole_surface(cached, segment_cache(segmentation, field, cached.cache)), cached.cache.opacity
 
 
-def _cache_again(job: Job, field: Field) -> CachedViews:
+def _recompute_cache(job: Job, field: Field) -> CachedViews:
     capture, settings = job.capture(), job.settings.segmentation
     report = SegmentationReport.read(job.project.checked(job.project.segmentation_report))
     masks = find_masks(job.project.contained(job.project.masks_folder), capture)
@@ -93,9 +95,14 @@ def _cache_again(job: Job, field: Field) -> CachedViews:
 def rays_of(
     job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Palette], opacity: Tensor | None = None
 ) -> ObjectRays:
-    """What F_w learns from, as the job's settings say; reads the report and the capture where they are needed.
+    """Return the training rays of F_w.
 
-    opacity: [n] of the surface's rays; None for rays of which nothing passes.
+    Args:
+        job: The job; its settings choose rays and targets.
+        field: The scene.
+        surface: The surface samples of n rays.
+        blocks: The distinct palettes.
+        opacity: [n], of the rays; None for opaque ones.
     """
     settings = job.settings.recoloring
     masked_views: list[int] = []
@@ -106,7 +113,7 @@ def rays_of(
         masked_views = [number for number, name in enumerate(report.views) if name in report.masked_views]
         if max(surface.view.tolist(), default=0) >= len(report.views):
             raise DataError(f"{path} lacks views.", "Run the segmentation stage again.")
-    if settings.targets == "loco":
-        capture = job.capture()
-        cameras = [capture.view(name).camera for name in report.views]
+        if settings.targets == "loco":
+            capture = job.capture()
+            cameras = [capture.view(name).camera for name in report.views]
     return training_rays(field, surface, blocks, settings, masked_views, cameras, job.progress, opacity)

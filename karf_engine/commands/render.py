@@ -1,24 +1,19 @@
-"""Rendering: masks, pictures, recolored frames and edit planes of captured views or of any cameras.
+"""Render masks, pictures, recolored frames and edit planes of captured views or of any cameras.
 
-Options: views (train | test | val | all | name,name | CAMERAS.json), edit (EDIT.json, or a list with one for each view,
-in their order, or a folder with <view>.json for each), first, last, count (which part of the views, counted from 1;
-count: at most so many), out (folder), base (photo | render, for captured views; by default the photo, with the paper's
-compositing the render, as there), size (photo | learned | pixels of the long side, for captured views with the photo as
-base), format (png8 | png16 | exr16 | exr32, of recolored pictures that are none of a photo's size), planes, layers,
-depth, unsure, alpha, jpeg (bools), overrides (texts render.field=value), skip_existing (bool: keep frames that are there
-already, made from the same). Writes
+Writes
 
-    OUT/render/<view>.png            the scene as learned; with alpha without what is behind it
+    OUT/render/<view>.png            the scene as learned; with alpha without the background
     OUT/masks/<object>/<view>.png    0 or 255
-    OUT/recolor/<view>.png           the edited base picture; of a photo .png, .tif or .exr (with jpeg .jpg) as it came
+    OUT/recolor/<view>.png           the edited base picture; photos keep .png, .tif or .exr (with jpeg .jpg)
     OUT/depth/<view>.npy             float32 along the optical axis, world units, 0 where empty
-    OUT/unsure/<object>/<view>.png   8 bits, 255 where nothing is sure that is said of the object
+    OUT/unsure/<object>/<view>.png   8 bits, 255 where the object's labels are most uncertain
     OUT/layers/<view>.exr            base, coverage, weights, depth and mattes for compositors (export.layers)
-    OUT/planes/<view>.npz            edit planes; of captured views also in the project, where Blender finds them
-    OUT/finished.jsonl               what each frame was made from
+    OUT/planes/<view>.npz            edit planes; for captured views also in the project, for Blender
+    OUT/finished.jsonl               the inputs of each finished frame
 
-Of a photo, masks and recolored picture are in the grid of the photo as stored, at the size that was asked for; at the
-size `learned`, as its pinhole shows it. Layers are as its camera is turned. All else of captured views is as learned.
+With a photo as base, masks and recolored pictures have the pixel grid of the stored photo at the requested size, or with
+the size `learned` that of the undistorted training image. Layers have the orientation of the camera. All other files of
+captured views have the training size.
 """
 
 from __future__ import annotations
@@ -41,16 +36,16 @@ from ..palettes.palette_files import read_edit_file
 from ..project.locking import consistent, opened, writing
 from ..project.settings import with_overrides
 from ..recolor.model import Model
-from .disputes import Disputes
+from .disputes import warn_of_disputes
 from .job import Job, open_job
 
 
 def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Render the requested views. With planes, which belong to the project, it is held for writing."""
+    """Render the requested views. Planes belong to the project and require its lock for writing."""
     if options.out is None and not options.planes:
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     if options.layer_space is not None:
-        color_space(options.layer_space, options.ocio)  # an unknown one is told before anything is rendered
+        color_space(options.layer_space, options.ocio)  # refuse an unknown one before rendering
     project = opened(options.project)
     project.require("geometry")
     with writing(project) if options.planes else nullcontext():
@@ -61,7 +56,7 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
 
 
 def _render(job: Job, model: Model, learned: ModelMark, options: RenderOptions) -> None:
-    """Render what is not finished. learned: `model_mark` of the model."""
+    """Render the unfinished frames. learned: `model_mark` of the model."""
     if options.unsure:
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
@@ -73,19 +68,18 @@ def _render(job: Job, model: Model, learned: ModelMark, options: RenderOptions) 
     job.emit("stage", name="render", text=f"{len(edits)} views")
     progress = job.progress("render", len(edits))
     progress.resume_at(len(edits) - len(frames.todo))
-    disputes = Disputes()
+    disputed = {}
     for view, edit, mark in frames.todo:
-        files, disputed = write_view(model, view, edit, captured, options, job.artifact)
-        disputes.add(view.name, disputed)
+        files, disputed[view.name] = write_view(model, view, edit, captured, options, job.artifact)
         frames.note(view.name, mark, files)
         progress.step()
-    disputes.tell(job.emit)
+    warn_of_disputes(disputed, job.emit)
     if options.out is not None:
         job.artifact("frames", options.out)
 
 
 def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
-    """The job with other settings of how it renders. Raises BadRequest where others are asked for."""
+    """Return the job with other render settings. Raises BadRequest for settings of other stages."""
     settings = with_overrides(job.settings, list(overrides))
     if replace(settings, render=job.settings.render) != job.settings:
         raise BadRequest("Only settings of render can change now.", "Learn again with the others.")
@@ -95,11 +89,17 @@ def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
 def read_edits(
     wanted: Path | Sequence[Path] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """The edit of each view. compositing: see `read_edit_file`.
+    """Read the edit of each view.
 
-    wanted: one file for all, one for each, a folder with `<view>.json` for each, or None.
+    Args:
+        wanted: One file for all, one for each, a folder with `<view>.json` for each, or None.
+        views: The views.
+        palettes: The learned palettes.
+        compositing: See `read_edit_file`.
 
-    Raises BadRequest where their number is not that of the views, DataError where one is not an edit of these palettes.
+    Raises:
+        BadRequest: The number of edits is not that of the views.
+        DataError: A file is not an edit of these palettes.
     """
     if isinstance(wanted, Path) and wanted.is_dir():
         wanted = [wanted / f"{view.name}.json" for view in views]
@@ -110,4 +110,4 @@ def read_edits(
             "Give one edit file for all, or a list with one for each view.",
         )
     known = {path: read_edit_file(path, palettes, compositing) for path in set(paths) if path}
-    return [known.get(path) for path in paths]
+    return [known[path] if path else None for path in paths]

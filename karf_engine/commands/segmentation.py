@@ -34,11 +34,12 @@ from ..segmentation.surface_points import surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from ..segmentation.votes import RayVotes, votes_of_rays
 from .job import Job, StageRun, open_job, run_stage
-from .options.learning import SegmentationOptions
+from .options import SegmentationOptions
 
-WITHIN = "F_s"  # what heeds volumes
-EXPOSED_ALIKE = "photos in their mean exposure"  # of photos that are exposed otherwise
-ALL_RAYS = "uniform"  # how Eq. 12 draws its rays
+# entries of the fingerprint, for results that differ from earlier versions'
+WITHIN = "F_s"  # volumes bound F_s
+EXPOSED_ALIKE = "photos in their mean exposure"
+ALL_RAYS = "uniform"  # ray sampling of Eq. 12
 
 
 def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -53,7 +54,7 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
     )
     volumes_file = options.volumes or job.project.volumes_file
     volumes = read_volumes(volumes_file)
-    # without corrections and volumes, the fingerprint is that of before there were any
+    # without corrections and volumes, the fingerprint is the same as before these features
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]
     inputs += [file_digest(volumes_file), WITHIN] if volumes else []
     inputs += [ALL_RAYS] if job.settings.segmentation.labels == "masks" else []
@@ -70,7 +71,7 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
         votes = votes_of_rays(cached)
         surface = _label(job, field, cached, votes, corrections, volumes)
         karf = _fit(job, field, cached, votes, surface, run.checkpoint)
-        if volumes:  # labels heed them already, but F_s goes on smoothly beyond
+        if volumes:  # the labels are bounded by them, but F_s extrapolates smoothly
             karf.volumes, karf.space = Volumes.of(volumes, surface.objects).to(job.runtime.device), field.space
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
@@ -112,7 +113,7 @@ def _fit(
 def _write(
     job: Job, run: StageRun, karf: SegmentationField, field: Field, cached: CachedViews, surface: LabelledSurface
 ) -> None:
-    """Write F_s, the objects' rays as F_s sees them, the labels' doubts, and the report."""
+    """Write F_s, its surface samples of the objects, the labels' uncertainty, and the report."""
     settings, objects = job.settings.segmentation, cached.views.objects
     probabilities = segment_cache(karf, field, cached.cache)
     save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)

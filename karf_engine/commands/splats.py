@@ -1,4 +1,4 @@
-"""From the learned field and the photos to Gaussians (splats.safetensors), in which the scene is shown from any camera."""
+"""Learned field and photos -> Gaussians (splats.safetensors), which are rendered from any camera."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..capture.capture import Capture, View
+from ..capture.capture import Capture, CapturedSplats, View
 from ..capture.training_images import load_views
 from ..compute.cores import take_from_torch
 from ..compute.kernels import has_kernels
@@ -24,7 +24,7 @@ from ..splats.gaussians import Gaussians
 from ..splats.importing import captured_gaussians
 from ..splats.start import gaussians_of, surface_views
 from .job import Job, open_job, run_stage
-from .options.learning import SplatsOptions
+from .options import SplatsOptions
 
 if TYPE_CHECKING:
     from ..splats.fit import Photo  # needs numba
@@ -33,12 +33,15 @@ VALIDATION_VIEWS = 32
 
 
 def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Learn Gaussians of a finished scene. Nothing is learned where the settings ask for none, or with a warning where
-    numba is missing or the scene has no surface."""
+    """Learn Gaussians of a finished scene, or take the capture's.
+
+    Does nothing with 0 iterations, and only warns where numba is missing or the scene has no surface.
+    """
     job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
     job.project.require("geometry")
-    if job.capture().splats is not None:
-        _take(job, job.capture())
+    capture = job.capture()
+    if capture.splats is not None:
+        _take(job, capture, capture.splats)
         return
     if job.settings.splats.iterations == 0:
         emit("stage", name="splats", text="none are asked for")
@@ -52,16 +55,16 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         return
     try:
         _learn(job)
-    except NothingSolid as error:  # photos are recolored all the same
+    except NothingSolid as error:  # photos can be recolored without splats
         emit("warning", code="splats", sentence=f"{error.sentence} There are no splats of it.")
 
 
-def _take(job: Job, capture: Capture) -> None:
-    """Show the scene by what another program has learned of it."""
-    with run_stage(job, "splats", file_digest(capture.splats.path)) as run:
+def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
+    """Store the Gaussians of another program that came with the capture."""
+    with run_stage(job, "splats", file_digest(splats.path)) as run:
         if run is None:
             return
-        gaussians = captured_gaussians(capture.splats, [view.camera for view in capture.views])
+        gaussians = captured_gaussians(splats, [view.camera for view in capture.views])
         run.summary["gaussians"] = len(gaussians)
         save_gaussians(gaussians, run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
@@ -101,7 +104,7 @@ def _learn(job: Job) -> None:
 
 
 def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
-    """The job with other settings of its splats. Raises BadRequest where others are asked for."""
+    """Return the job with other settings of the splats. Raises BadRequest for settings of other stages."""
     settings = with_overrides(job.settings, list(overrides))
     if replace(settings, splats=job.settings.splats) != job.settings:
         raise BadRequest("Only settings of splats can change now.", "Learn the scene again with the others.")
@@ -109,22 +112,22 @@ def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
 
 
 def _photos(views: Sequence, long_side: int) -> list[Photo]:
-    """The photos of these views; only one at a time is in memory as floats."""
+    """Load the photos of these views, one at a time: as floats they need more memory."""
     from ..splats.fit import Photo  # needs numba
 
     return [Photo.of(load_views([view], long_side)[0]) for view in views]
 
 
 def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> list[np.ndarray]:
-    """How held-out photos are exposed, [3] each, from what was learned [n, 3] of those beside them by name."""
+    """Interpolate the gains [3] of held-out photos from the learned ones [n, 3] of their neighbors by name."""
     place = {name: number for number, name in enumerate(sorted(view.name for view in capture.views))}
     learned = [place[view.name] for view in capture.split("train")]
     order = np.argsort(learned)
-    return [between(gains[order], np.sort(learned), place[view.name]) for view in held_out]
+    return [between(gains[order], sorted(learned), place[view.name]) for view in held_out]
 
 
 def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:
-    """How well held-out photos are shown, mean and worst in dB, and both where they are shown as exposed as they may be."""
+    """Return the mean and worst PSNR of held-out photos in dB, then both with their interpolated exposures."""
     from ..splats.quality import psnr  # needs numba
 
     alike = [psnr(gaussians, [photo]) for photo in photos]

@@ -1,4 +1,4 @@
-"""A project: the folder of all that is learned of a capture, and what can be read of it without torch."""
+"""A project: the folder of everything learned from a capture. Needs no torch."""
 
 from .folder import Project
 from .state import BUILT_ON, STAGE_ORDER, STAGE_VERSIONS

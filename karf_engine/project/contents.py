@@ -1,4 +1,4 @@
-"""What a project knows besides tensors: its capture, and the settings that its stages were run with. Without torch."""
+"""Read a project's capture and settings."""
 
 from __future__ import annotations
 
@@ -14,22 +14,20 @@ from .state import STAGE_ORDER
 
 
 def capture_of(project: Project) -> Capture:
-    """The capture that the project was learned from. Raises DataError where its file is damaged."""
+    """Return the capture that the project was learned from. Raises DataError where its file is damaged."""
     path = project.checked(project.capture_file)
     return capture_from_json(read_json(path, "capture"), path)
 
 
 def settings_for(project: Project, stage: str) -> Settings:
-    """The settings a stage builds on: of the stages before it those that they were run with, of others as last set.
-
-    So what is finished is rendered as it was learned, even if settings have changed since.
+    """Return the settings for a stage: earlier stages' settings as they ran, the others as last set.
 
     Args:
-        project: one whose geometry stage is finished.
-        stage: one of `project.STAGE_ORDER`, or any other word for what comes after them all.
+        project: A project with finished geometry.
+        stage: One of `project.STAGE_ORDER`, or any other word for a command after all of them.
 
     Raises:
-        BadRequest: nothing has been learned yet.
+        BadRequest: Nothing has been learned yet.
     """
     state = project.state()
     if state.get("settings") is None:

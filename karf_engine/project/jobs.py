@@ -1,4 +1,4 @@
-"""The folders of jobs, `jobs/<time>-<number>-<stage>`: each says whose it is, and those of no use any more are removed."""
+"""Make and prune job folders, `jobs/<time>-<number>-<stage>`."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ..io.files import read_json, write_json
 from ..io.processes import host_name, is_running
 from .folder import Project
 
-KEPT = 20  # the newest, for their logs
-NAME = re.compile(r"\d{8}-\d{6}-\d{3}-[a-z-]+")  # as `Project.new_job` makes them
+KEPT = 20  # newest jobs, for their logs
+NAME = re.compile(r"\d{8}-\d{6}-\d{3}-[a-z-]+")  # of `Project.new_job`
 OWNER_FILE = "owner.json"
-ANSWERING = "-warm"  # of the stage that answers queries, whose folders are large
+WARM_SUFFIX = "-warm"  # of jobs that answer queries, whose folders are large
 
 
 def new_job(project: Project, stage: str) -> Path:
-    """Make an empty job folder that belongs to this process, once those of no use any more are removed.
+    """Prune old job folders, then make an empty one that belongs to this process.
 
     Raises:
         OSError: The folder cannot be written.
@@ -33,21 +33,21 @@ def new_job(project: Project, stage: str) -> Path:
 
 
 def prune_jobs(project: Project) -> None:
-    """Remove all job folders but the newest `KEPT`, and those that answered queries of a process that is gone.
+    """Remove all job folders but the newest `KEPT`, and the folders of `warm` jobs of processes that have ended.
 
-    Folders of processes that run, or may run on another computer, stay; so does what has another name. Never raises.
+    Folders with other names, or of processes that run or may run on another computer, stay. Never raises.
     """
     with suppress(OSError, KarfError):
         root = project.path("jobs")
         jobs = sorted(path for path in root.iterdir() if NAME.fullmatch(path.name) and not is_link(path))
         for age, job in enumerate(reversed(jobs)):
-            is_left = job.name.endswith(ANSWERING) and (job / OWNER_FILE).exists()
-            if (age >= KEPT or is_left) and _is_over(job):
+            is_warm = job.name.endswith(WARM_SUFFIX) and (job / OWNER_FILE).exists()
+            if (age >= KEPT or is_warm) and _has_ended(job):
                 shutil.rmtree(job, ignore_errors=True)
 
 
-def _is_over(job: Path) -> bool:
-    """Whether the process that a job belongs to is gone; earlier versions did not note it."""
+def _has_ended(job: Path) -> bool:
+    """Return whether the job's process has ended; earlier versions did not record it."""
     if not (job / OWNER_FILE).exists():
         return True
     try:

@@ -1,7 +1,4 @@
-"""Locks of a project: one job writes, and readers never see half of a stage's outputs.
-
-Both are those of `io.locks`.
-"""
+"""Locks of a project: only one job writes, and readers never see half of a stage's outputs."""
 
 from __future__ import annotations
 
@@ -18,15 +15,15 @@ from ..io.files import read_json, write_json
 from ..io.locks import acquire
 from . import Project
 
-COMMIT_SECONDS = 60.0  # wait for a commit: it renames a few files, which may take a while on a slow network drive
+COMMIT_SECONDS = 60.0  # a commit renames a few files, which may take a while on a slow network drive
 
 
 @contextmanager
 def writing(project: Project) -> Iterator[None]:
-    """Hold the project for one job that writes, cleared of what killed ones left.
+    """Hold the lock for writing, and first delete the leftovers of killed jobs.
 
     Raises:
-        BadRequest: Another job holds it.
+        BadRequest: Another job holds the lock.
     """
     holder = project.path("lock.json")
     _check_lease(project, "lock")
@@ -44,16 +41,16 @@ def writing(project: Project) -> Iterator[None]:
         write_json(holder, {"pid": os.getpid(), "host": platform.node()})
         yield
     finally:
-        with suppress(OSError):  # only a name for messages
+        with suppress(OSError):  # it only names the holder in messages
             holder.unlink(missing_ok=True)
         lock.release()
 
 
 def opened(folder: Path | str) -> Project:
-    """The project in a folder, after a commit that was interrupted is completed.
+    """Open the project in a folder and complete an interrupted commit.
 
     Raises:
-        BadRequest: There is one to complete, and another job holds the project.
+        BadRequest: A commit was interrupted, and another job holds the lock for writing.
     """
     project = Project(folder)
     if project.is_interrupted:
@@ -64,9 +61,9 @@ def opened(folder: Path | str) -> Project:
 
 @contextmanager
 def consistent(project: Project) -> Iterator[None]:
-    """Keep a project's outputs as they are while several are read, or replaced.
+    """Keep a project's outputs unchanged while several are read or replaced.
 
-    Where no lock can be made, as on a read-only disk, nothing can be replaced either, and none is needed.
+    A read-only disk takes no lock and needs none.
 
     Raises:
         BadRequest: Another job holds the lock for more than `COMMIT_SECONDS`.
@@ -87,14 +84,14 @@ def consistent(project: Project) -> Iterator[None]:
 
 
 def _check_lease(project: Project, name: str) -> None:
-    """Raise DataError where a link stands in the place of a lock's lease."""
+    """Raise DataError where a lock's lease is a link."""
     project.path(f"{name}.lease")
 
 
 def _name(holder: Path) -> str:
-    """The process that holds a project, for messages."""
+    """Return the process that holds the lock, for messages."""
     try:
         content = read_json(holder, "lock")
         return f"process {int(content['pid'])} on {content['host']}"
-    except (KarfError, OSError, ValueError, KeyError, TypeError):  # it is being written, or its owner could not write
+    except (KarfError, OSError, ValueError, KeyError, TypeError):  # half-written or missing
         return "another job"

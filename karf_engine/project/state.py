@@ -1,12 +1,12 @@
-"""project.json: which capture a project is of, its settings, and what its finished stages wrote.
+"""Read and write project.json, the state of a project.
 
-A state is a dictionary as JSON holds it:
+A state is a dictionary of JSON values:
 
     schema      `SCHEMA`
-    capture     path of the capture that the project was made for
+    capture     path of the project's capture
     settings    all settings, by stage
-    stages      by stage that is finished: fingerprint, files (name -> SHA-256), settings, seconds, what it measured
-    checksum    of all this, to notice damage; removed when it is read
+    stages      for each finished stage: fingerprint, files (name -> SHA-256), settings, seconds, metrics
+    checksum    of the other entries, to detect damage; removed by `read_state`
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..io.fingerprints import fingerprint
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
-STAGE_VERSIONS = {  # of their code: goes up when the same inputs would give another result
+STAGE_VERSIONS = {  # incremented when the same inputs would give another result
     "geometry": 4,
     "segmentation": 5,
     "palette": 1,
@@ -34,12 +34,12 @@ BUILT_ON = {"segmentation": "geometry", "palette": "segmentation", "recoloring":
 
 
 def new_state(capture: str) -> dict[str, Any]:
-    """The state of a project for the capture at this path, in which nothing is finished."""
+    """Return the state of a new project for the capture at this path."""
     return {"schema": SCHEMA, "capture": capture, "stages": {}}
 
 
 def read_state(path: Path) -> dict[str, Any]:
-    """The content of a project.json without its checksum.
+    """Read a project.json; the state is without the checksum.
 
     Raises:
         DataError: The file is missing, of another schema, damaged, or has values of wrong types.
@@ -78,19 +78,19 @@ def write_state(path: Path, state: dict[str, Any]) -> None:
 
 
 def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
-    """The state with this stage, and those that build on it, not finished."""
+    """Return the state without this stage and those that build on it."""
     outdated = {stage}
-    for name in STAGE_ORDER:  # what a stage builds on comes before it
+    for name in STAGE_ORDER:  # sorted by dependency
         if BUILT_ON.get(name) in outdated:
             outdated.add(name)
     return state | {"stages": {name: summary for name, summary in state["stages"].items() if name not in outdated}}
 
 
 def stage_mark(state: Mapping[str, Any], stage: str) -> str:
-    """Return a text that changes when a stage, or one that it builds on, has another result or none.
+    """Return a fingerprint of the results of a stage and the stages that it builds on.
 
     Args:
-        state: As `read_state` returns it; empty where nothing was learned.
+        state: Result of `read_state`, or empty.
         stage: One of `STAGE_ORDER`.
     """
     summaries = {}
@@ -102,7 +102,6 @@ def stage_mark(state: Mapping[str, Any], stage: str) -> str:
 
 
 def _is_summary(summary: Any) -> bool:
-    """Whether a stage's entry is as `Project.commit` writes it."""
     if not isinstance(summary, dict) or not isinstance(summary.get("fingerprint"), str):
         return False
     return isinstance(summary.get("files", {}), dict)

@@ -1,10 +1,10 @@
-"""volumes.json: boxes and meshes that objects must be inside or outside of, as an artist puts them into the scene.
+"""Read and write volumes.json: boxes and meshes that an artist places to bound objects.
 
     {"schema": "karf-volumes/1", "objects": {"pot": [{"kind": "inside", "matrix": [[..4..]..4..]}, ..]}}
 
-A box is the cube from -1 to 1 moved by its matrix to the capture's world; a mesh has `vertices` [n, 3] in that world and
-`triangles` [m, 3], numbers of vertices, and stands for its convex hull. An object is in all of its volumes of the kind
-`inside`, and in none of the kind `outside`.
+A box is the cube [-1, 1]^3 transformed by its matrix to the capture's world. A mesh has `vertices` [n, 3] in that world
+and `triangles` [m, 3] of vertex indices; its convex hull counts. An object is inside all of its volumes of the kind
+`inside`, and outside all of the kind `outside`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..io.files import read_json, write_json
 
 SCHEMA = "karf-volumes/1"
 KINDS = ("inside", "outside")
-MOST_VERTICES = 1_000_000
+MAX_VERTICES = 1_000_000
 HINT = "Write it again; see docs/files.md."
 
 
@@ -31,9 +31,9 @@ class Volume:
 
     Attributes:
         kind: `inside` or `outside`.
-        matrix: [4, 4], from the cube of -1 to 1 to the capture's world; None for a mesh.
+        matrix: [4, 4], from the cube [-1, 1]^3 to the capture's world; None for a mesh.
         vertices: [n, 3] in the capture's world; None for a box.
-        triangles: [m, 3] int, of the mesh.
+        triangles: [m, 3] int, of a mesh.
     """
 
     kind: str
@@ -43,15 +43,15 @@ class Volume:
 
 
 def write_volumes(path: Path, objects: Mapping[str, Sequence[Volume]]) -> None:
-    """Write the volumes of objects, by their names, atomically."""
+    """Write the volumes of objects, by name, atomically."""
     write_json(path, {"schema": SCHEMA, "objects": {name: [_to_json(v) for v in own] for name, own in objects.items()}})
 
 
 def read_volumes(path: Path) -> dict[str, list[Volume]]:
-    """The volumes of each object; none where there is no such file.
+    """Read the volumes of each object; a missing file has none.
 
     Raises:
-        DataError: The file is damaged, of another schema, or has a volume that is none.
+        DataError: The file is damaged, of another schema, or has an invalid volume.
     """
     if not path.exists():
         return {}
@@ -78,7 +78,7 @@ def _from_json(entry: dict[str, Any]) -> Volume:
             raise ValueError("a matrix that makes no box")
         return Volume(entry["kind"], matrix)
     vertices = np.array(entry["vertices"], np.float64).reshape(-1, 3)
-    if not np.isfinite(vertices).all() or not 4 <= len(vertices) <= MOST_VERTICES:
+    if not np.isfinite(vertices).all() or not 4 <= len(vertices) <= MAX_VERTICES:
         raise ValueError(f"{len(vertices)} vertices, or one that is not finite")
     triangles = np.array(entry.get("triangles", []), np.int64).reshape(-1, 3)
     return Volume(entry["kind"], None, vertices, triangles)

@@ -31,6 +31,7 @@ class Frame:
         disputed: objects about which photo and field disagree; their edges are the field's.
         camera: the pinhole camera of a frame rendered from splats, else None.
         supersampling: samples per pixel along each side, of a frame rendered from splats.
+        fades: whether unseen surfaces of splats were faded; None for the project's setting.
         gains: exposure of the base, see `View`; weights and palettes are of the mean exposure.
         seen: [H, W] float32 in [0, 1], how well the photos cover what the pixel shows; None unless rendered from splats.
 
@@ -50,6 +51,7 @@ class Frame:
     disputed: tuple[str, ...] = ()
     camera: Camera | None = field(default=None, kw_only=True)
     supersampling: int = field(default=1, kw_only=True)
+    fades: bool | None = field(default=None, kw_only=True)
     gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
     seen: np.ndarray | None = field(default=None, kw_only=True)
 

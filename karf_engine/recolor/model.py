@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -95,7 +96,7 @@ class Model(Learned):
 
     @checked
     @translated()
-    def render(self, camera: Camera, supersampling: int = 1) -> Frame:
+    def render(self, camera: Camera, supersampling: int = 1, *, fades: bool | None = None) -> Frame:
         """Render the scene from any camera, from splats where they are learned; the base is the rendering itself.
 
         Palette weights are those of the splats' colors, or of F_w without splats. Not differentiable.
@@ -103,6 +104,7 @@ class Model(Learned):
         Args:
             camera: in world units; its lens distortion is left out.
             supersampling: samples per pixel along each side, averaged; of depths the median is taken.
+            fades: whether splats that no photo shows fade to gray; None for `settings.render.unseen`.
 
         Raises BadRequest if `supersampling` is out of range, DataError for an invalid camera, OutOfMemory if the device
         has too little memory.
@@ -111,11 +113,11 @@ class Model(Learned):
         pinhole = _checked_camera(camera).without_distortion()
         if self.splatted is None:
             return in_bands(lambda band: field_frame(self, band), pinhole, supersampling)
-        frame = in_bands(self.splatted.frame, pinhole, supersampling)
-        return replace(frame, camera=pinhole, supersampling=supersampling)
+        frame = in_bands(partial(self.splatted.frame, fades=fades), pinhole, supersampling)
+        return replace(frame, camera=pinhole, supersampling=supersampling, fades=fades)
 
     @checked
-    def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
+    def shown(self, camera: Camera, edit: Edit, *, fades: bool | None = None) -> np.ndarray:
         """Render the recolored scene from any camera: `composite` of `render`, in a fraction of the time with splats.
 
         Returns [H, W, 3] float32 sRGB in [0, 1]. Raises BadRequest if no palettes are learned or the edit is not of them,
@@ -124,8 +126,8 @@ class Model(Learned):
         self.check_edit(edit)
         _checked_camera(camera)
         if self.splatted is None or edit.compositing != "delta":  # colors of Gaussians cannot show other edits
-            return self.composite(self.render(camera), edit)
-        return self.splatted.shown(camera, edit)
+            return self.composite(self.render(camera, fades=fades), edit)
+        return self.splatted.shown(camera, edit, fades)
 
     @checked
     def behind(self, camera: Camera) -> np.ndarray:

@@ -104,7 +104,7 @@ def with_edges(learned: Learned, frame: Frame, edges: Mapping[str, EdgeShape]) -
     if not shaped_edges(edges):
         return frame
     if frame.camera is not None and learned.splatted is not None:
-        render = partial(learned.splatted.frame, edges=shaped_edges(edges))
+        render = partial(learned.splatted.frame, edges=shaped_edges(edges), fades=frame.fades)
         shaped = in_bands(render, frame.camera, frame.supersampling)
         return replace(frame, palette_weights=shaped.palette_weights, probabilities=shaped.probabilities)
     scale = max(frame.base.shape[:2]) / learned.photo_side

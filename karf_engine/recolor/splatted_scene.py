@@ -34,7 +34,7 @@ class SplattedScene:
         segmentation: F_s, or None before segmentation.
         palettes: Of the K objects, as learned; empty before palettes are learned.
         views: Returns the views of the capture, when edges are first moved.
-        fades: Whether colors that no photo shows fade to gray; may be changed at any time.
+        fades: Whether colors that no photo shows fade to gray, unless a call says otherwise.
     """
 
     def __init__(
@@ -67,10 +67,11 @@ class SplattedScene:
     def _edged(self) -> EdgedSplats:
         return EdgedSplats(self.gaussians, self.shares, self._palettes, self._views())
 
-    def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None) -> Frame:
+    def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None, fades: bool | None = None) -> Frame:
         """Render a pinhole, with edges of these objects moved; without palette weights before palettes are learned."""
+        fades = self.fades if fades is None else fades
         visibility = self._visibility(camera)
-        view = splatted(self.gaussians, camera, visibility if self.fades else None)
+        view = splatted(self.gaussians, camera, visibility if fades else None)
         is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_solid
         opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), visibility], 1))
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
@@ -81,13 +82,14 @@ class SplattedScene:
         if not self._palettes:
             return Frame(picture, view.blended(self.shares), None, color, seen=seen)
         objects = self._edged.objects(edges, {}) if edges else self.objects
-        if self.fades:
+        if fades:
             objects = tuple(replace(own, shares=own.shares * visibility[own.rows]) for own in objects)
         return Frame(picture, *planes_of_view(view, self.gaussians, objects), color, seen=seen)
 
-    def shown(self, camera: Camera, edit: Edit) -> np.ndarray:
+    def shown(self, camera: Camera, edit: Edit, fades: bool | None = None) -> np.ndarray:
         """Render a pinhole with an additive edit, [H, W, 3] float32 sRGB in [0, 1]."""
-        return splatted(self.recolored(edit), camera, self._visibility(camera) if self.fades else None).picture()
+        fades = self.fades if fades is None else fades
+        return splatted(self.recolored(edit), camera, self._visibility(camera) if fades else None).picture()
 
     def _visibility(self, camera: Camera) -> np.ndarray:
         """How well photos cover each Gaussian's color from this position, [n] float32 in [0, 1]; 1 if unknown."""

@@ -1,1 +1,1 @@
-"""The engine on another computer: `python -m karf_engine.remote`."""
+"""Run the engine on another computer: `python -m karf_engine.remote`."""

@@ -1,9 +1,9 @@
-"""The engine on another computer, by ssh: a program that stands in for the engine's Python.
+"""Run the engine on another computer by ssh, in place of the engine's Python.
 
     python3 -m karf_engine.remote user@gpu --python /opt/karf/bin/python --map /mnt/film=/srv/film -- ARGUMENTS
 
-runs Python there with the arguments that it is given here, as Blender gives them. A request and its events are files of
-the project, which both computers share; standard input, lifeline and cancel, goes through ssh. Standard library only.
+runs Python there with the same arguments, as Blender passes them. Requests and events are files of the project in a
+shared folder; standard input (cancel and queries) goes through ssh. Standard library only.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from ..worker.path_map import PathMap
 from ..worker.protocol import EventReader, EventWriter
 
 ENGINE = Path(__file__).resolve().parents[1]
-UNREACHED = 255  # ssh's own exit code
+UNREACHABLE = 255  # ssh's exit code where it cannot connect
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run Python on another computer; returns its exit code."""
+    """Run Python on another computer and return its exit code."""
     own, for_python = _split(list(sys.argv[1:] if arguments is None else arguments))
     parser = argparse.ArgumentParser(
         prog="karf_engine.remote",
@@ -48,22 +48,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """What is before the first `--`, and after it."""
+    """Split at the first `--`."""
     end = arguments.index("--") if "--" in arguments else len(arguments)
     return arguments[:end], arguments[end + 1 :]
 
 
 def remote_command(arguments: Sequence[str], texts: Sequence[str], paths: PathMap) -> tuple[list[str], Path | None]:
-    """What Python is told there, and the job's folder here where it is told to run one.
+    """Return the arguments of the remote Python, and the local folder of the job that they run, if any.
 
     Args:
-        arguments: What it was told here: the engine's folder becomes the engine that is installed there, and paths in
-            shared folders what they are there.
-        texts: The shared folders, for the engine there.
+        arguments: The local arguments; the engine's folder becomes the engine installed there, and paths in shared
+            folders are mapped.
+        texts: The shared folders, for the remote engine.
         paths: The same as a map.
 
     Raises:
-        BadRequest: The job lies in no shared folder.
+        BadRequest: The job is not in a shared folder.
     """
     command, job = [], None
     for number, argument in enumerate(arguments):
@@ -71,9 +71,9 @@ def remote_command(arguments: Sequence[str], texts: Sequence[str], paths: PathMa
             command += ["-m", ENGINE.name]
         elif number > 1 and arguments[number - 1] == "run" and _is_engine(arguments[number - 2]):
             job = Path(argument)
-            command += [paths.here(argument), *(part for text in texts for part in ("--map", text))]
+            command += [paths.to_local(argument), *(part for text in texts for part in ("--map", text))]
         else:
-            command.append(paths.shared(argument) or argument)
+            command.append(paths.local_path(argument) or argument)
     return command, job
 
 
@@ -83,12 +83,12 @@ def _is_engine(argument: str) -> bool:
 
 
 def _explain(job: Path, host: str, paths: PathMap, code: int) -> None:
-    """Say in the job's events why it did not begin; what it said itself stands."""
+    """Write an error event for a job without any events."""
     if any(True for _ in EventReader(job).poll()):
         return
-    sentence = f"{host} did not run the job {paths.here(str(job))} (exit code {code}); its log tells more."
+    sentence = f"{host} did not run the job {paths.to_local(str(job))} (exit code {code}); its log tells more."
     hint = "Does that computer see the project there? Else share its folder, and name it in --map."
-    if code == UNREACHED:
+    if code == UNREACHABLE:
         sentence, hint = f"{host} cannot be reached by ssh.", f"Try in a terminal, without a password: ssh {host}"
     EventWriter(job)("error", code="data", sentence=sentence, hint=hint)
 

@@ -1,1 +1,1 @@
-"""The engine as a child process: one protocol for jobs and queries, and the loop that serves both."""
+"""The engine as a child process: the protocol of jobs and queries, and the loop that serves them."""

@@ -1,4 +1,4 @@
-"""What the caller writes on a worker's standard input: to stop, the folders of next jobs, and queries."""
+"""Read a worker's standard input: cancel, folders of next jobs, and queries."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from .protocol import CANCEL, Query, decode_line
 
 
 class Inbox:
-    """What has come and waits: folders in their order, and of each kind of query the latest.
+    """Queue of waiting messages: job folders in order, and the latest query of each kind.
 
     Args:
-        emit: Receives `dropped` for a query that a later one of its kind has replaced before it was taken, and
-            `warning` for a line that is neither a folder nor a query.
+        emit: Receives `dropped` for a waiting query that a later one of its kind replaces, and `warning` for a line that
+            is neither a folder nor a query.
     """
 
     def __init__(self, emit: Emit) -> None:
@@ -28,22 +28,22 @@ class Inbox:
         self._cancelled = threading.Event()
 
     def listen(self, lines: Iterable[str]) -> None:
-        """Begin to read a stream, in a thread of its own: reading blocks."""
+        """Start a thread that reads a stream."""
         threading.Thread(target=self._read, args=(lines,), daemon=True).start()
 
     def is_cancelled(self) -> bool:
-        """Whether the line `cancel`, or the end of input (the caller is gone), asked to stop."""
+        """Return whether the line `cancel` or the end of input (the caller is gone) has arrived."""
         return self._cancelled.is_set()
 
     def next_folder(self, seconds: float) -> str | None:
-        """Wait for the folder of a next job; None where none came in time, or none will."""
+        """Wait for the folder of the next job; return None on timeout or cancel."""
         self._sort()
         while not self._folders and self._wait(seconds):
             pass
         return None if self.is_cancelled() or not self._folders else self._folders.popleft()
 
     def next_query(self, seconds: float) -> Query | None:
-        """Wait for a query, the oldest of those that wait; None where none came in time, none will, or a job waits."""
+        """Wait for a query and return the oldest; return None on timeout or cancel, or if a job is waiting."""
         self._sort()
         while not self._queries and not self._folders and self._wait(seconds):
             pass
@@ -52,12 +52,12 @@ class Inbox:
         return self._queries.pop(next(iter(self._queries)))
 
     def is_superseded(self, kind: str) -> bool:
-        """Whether a query of this kind waits, or the caller is gone: what is being answered is no longer wanted."""
+        """Return whether a later query of this kind is waiting, or the caller is gone."""
         self._sort()
         return kind in self._queries or self.is_cancelled()
 
     def _wait(self, seconds: float) -> bool:
-        """Wait for a line, and sort it with all that came meanwhile; False where none came in time, or none will."""
+        """Wait for a line and sort all lines that arrived; return False on timeout or cancel."""
         if self.is_cancelled():
             return False
         try:
@@ -72,7 +72,7 @@ class Inbox:
             self._add(self._lines.get())
 
     def _add(self, line: str | None) -> None:
-        if line is None:  # the end, which wakes up who waits
+        if line is None:  # end of input
             return
         try:
             message = decode_line(line)

@@ -1,4 +1,4 @@
-"""A worker's loop: a job, then the next one that its caller names while it waits (see `protocol`)."""
+"""A worker's loop: serve a job, then wait for the next one (see `protocol`)."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from ..errors import Cancelled, DataError, KarfError, OutOfMemory
 from ..io.options import Options, option
 from ..project import STAGE_ORDER, Project
 from ..version import __version__
-from .failing import as_karf_error, say_error
 from .inbox import Inbox
 from .path_map import PathMap
 from .protocol import LOG_FILE, PROTOCOL, WARM, EventWriter, Query, Request
+from .reporting import as_karf_error, print_error
 
 if TYPE_CHECKING:
-    from .queries.answering import Answering
+    from .queries.session import Session
 
 SAME_PATHS = PathMap()
 
 
 @dataclass(frozen=True, kw_only=True)
 class WarmOptions(Options):
-    """Answer queries about projects until none comes for a while."""
+    """Answer queries about projects until none arrives for a while."""
 
     command: ClassVar[str] = WARM
 
@@ -43,7 +43,7 @@ class WarmOptions(Options):
 
 
 def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Run what a request asks for in this process; see `commands.dispatch.run_command`.
+    """Run a request's command in this process; see `commands.dispatch.run_command`.
 
     Raises:
         KarfError: As the command does; BadRequest where an option is unknown, of another type or out of range.
@@ -55,9 +55,9 @@ class Worker:
     """A process that serves job folders.
 
     Args:
-        paths: Of folders that the caller knows by other paths; requests, queries and events have the caller's.
-        wait_seconds: How long to wait for the next job after one that is done; 0: there is none.
-        run: Does what a job asks for.
+        paths: Folders that the caller knows by other paths; requests, queries and events have the caller's paths.
+        wait_seconds: How long to wait for the next job after a finished one; 0 serves a single job.
+        run: Runs a request.
     """
 
     def __init__(
@@ -67,36 +67,36 @@ class Worker:
         run: Callable[[Request, Emit, Callable[[], bool]], None] = run_request,
     ) -> None:
         self._paths, self._wait_seconds, self._run = paths, wait_seconds, run
-        self._events: EventWriter | None = None  # of the job at work
+        self._events: EventWriter | None = None  # of the current job
         self._inbox = Inbox(self._emit)
 
     def serve(self, job: Path, lines: Iterable[str]) -> int:
         """Serve a job, and those that follow it.
 
         Args:
-            job: The first one's folder, with its request.
-            lines: Standard input: lifeline and cancel, next jobs and queries.
+            job: The first job's folder, with its request.
+            lines: Standard input: cancel, next jobs and queries.
 
         Returns:
             The last job's exit code.
 
         Raises:
-            DataError: There is no such folder.
+            DataError: The folder does not exist.
         """
         self._inbox.listen(lines)
         code = self._serve_one(job)
         while code == 0 and self._wait_seconds:
-            _release()
+            _release_resources()
             folder = self._inbox.next_folder(self._wait_seconds)
             if folder is None:
                 break
-            job = Path(self._paths.here(folder))
-            _settle(job, job / LOG_FILE)
+            job = Path(self._paths.to_local(folder))
+            _redirect_stdio(job, job / LOG_FILE)
             code = self._serve_one(job)
         return code
 
     def _serve_one(self, job: Path) -> int:
-        """Serve one job; returns its exit code."""
+        """Serve one job and return its exit code."""
         if not job.is_dir():
             raise DataError(f"{job} is not a job folder.", "Give the folder that holds request.json.")
         self._events = EventWriter(job)
@@ -118,63 +118,67 @@ class Worker:
         return 0
 
     def _request(self, job: Path) -> Request:
-        """The job's request, with paths as they are here."""
+        """Read the job's request and map its paths."""
         request = Request.read(job)
-        return Request(request.stage, Path(self._paths.here(str(request.project))), self._paths.here(request.options))
+        return Request(
+            request.stage, Path(self._paths.to_local(str(request.project))), self._paths.to_local(request.options)
+        )
 
     def _answer_queries(self, job: Path, request: Request) -> None:
-        """Answer queries until none comes for a while, none will, or a next job waits."""
+        """Answer queries until none arrives for a while, the caller cancels, or a job is waiting."""
         options = WarmOptions.from_json(request.options)
-        from .queries.answering import Answering  # needs numpy, without which `doctor` still has something to say
+        from .queries.session import Session
 
-        answers = Answering(job, options.threads, options.device)
+        session = Session(job, options.threads, options.device)
         seconds = 60 * options.idle_minutes
         while (query := self._inbox.next_query(seconds)) is not None:
-            self._answer(answers, query)
+            self._answer(session, query)
 
-    def _answer(self, answers: Answering, query: Query) -> None:
-        """Answer a query by one event."""
+    def _answer(self, session: Session, query: Query) -> None:
+        """Answer a query with one event."""
+        from .queries.kinds import answer  # needs numpy, and the command line must start without it
+
         is_superseded = partial(self._inbox.is_superseded, query.kind)
         try:
-            values = answers.answer(query.kind, self._paths.here(query.options), is_superseded)
+            values = answer(session, query.kind, self._paths.to_local(query.options), is_superseded)
             self._emit("answer", id=query.number, **values)
         except Cancelled:
             self._emit("dropped", id=query.number)
         except Exception as raised:
             error = as_karf_error(raised)
             if isinstance(error, OutOfMemory):
-                answers.forget()
+                session.forget()
             self._emit("refused", id=query.number, code=error.code, sentence=error.sentence, hint=error.hint)
 
     def _emit(self, kind: str, /, **values: Any) -> None:
-        """Append to the events of the job at work; between two jobs nobody would read it."""
+        """Append to the events of the current job; between jobs, do nothing."""
         if self._events is not None:
-            self._events(kind, **self._paths.theirs(values))
+            self._events(kind, **self._paths.to_caller(values))
 
     def _emit_end(self, error: KarfError) -> None:
-        """Emit the last event of a job that failed; it goes to standard error where the events cannot be written."""
+        """Emit the last event of a failed job, or print it where the events cannot be written."""
         try:
             if error.code == "cancelled":
                 self._emit("cancelled", sentence=error.sentence)
             else:
                 self._emit("error", code=error.code, sentence=error.sentence, hint=error.hint)
         except OSError:
-            say_error(error)
+            print_error(error)
 
 
-def _release() -> None:
-    """Hold as little as may be while waiting: no memory that others need, no folder or log that a system keeps in use."""
+def _release_resources() -> None:
+    """Free memory, and leave the job's folder and log, which could not be deleted on Windows while in use."""
     gc.collect()
     torch = sys.modules.get("torch")
     if torch is not None and torch.cuda.is_initialized():
         torch.cuda.empty_cache()
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "malloc_trim"):  # not every C library has it
         library.malloc_trim(0)
-    _settle(Path(tempfile.gettempdir()), Path(os.devnull))
+    _redirect_stdio(Path(tempfile.gettempdir()), Path(os.devnull))
 
 
-def _settle(folder: Path, log: Path) -> None:
-    """Be in this folder, with this file as standard output and error."""
+def _redirect_stdio(folder: Path, log: Path) -> None:
+    """Change to a folder and redirect standard output and error to a file."""
     os.chdir(folder)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -184,7 +188,7 @@ def _settle(folder: Path, log: Path) -> None:
 
 
 def _version(package: str) -> str | None:
-    """Version of an installed package without importing it, or None."""
+    """Return the version of an installed package without importing it, or None."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -192,8 +196,8 @@ def _version(package: str) -> str | None:
 
 
 def _summary(request: Request) -> dict:
-    """What the project notes of the stages that the request ran."""
+    """Return the summaries of the project's finished stages."""
     project = Project(request.project)
-    if not project.state_file.exists():  # poses need no project
+    if not project.state_file.exists():  # some commands have no project
         return {}
     return {stage: facts for stage in STAGE_ORDER if (facts := project.finished(stage))}

@@ -1,4 +1,4 @@
-"""Folders that two computers share, where each has its own path to them."""
+"""Map the paths of folders that two computers share under different paths."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any
 
 from ..errors import BadRequest, Message
 
-ABSOLUTE = re.compile(r"/|[A-Za-z]:[\\/]|\\\\")  # on either kind of system
-# what may come before a folder's path within a sentence: no part of a longer path, and no drive
+ABSOLUTE = re.compile(r"/|[A-Za-z]:[\\/]|\\\\")  # POSIX or Windows
+# lookbehind of a folder's path within a sentence: neither a longer path nor a drive
 START = r"(?<![^\s'\"(\[{<=,:;])(?<!\b[A-Za-z]:)"
-END = r"(?=$|[\\/\s'\",:;)\]]|\.(?:\s|$))"  # what may follow a folder's path within a sentence
+END = r"(?=$|[\\/\s'\",:;)\]]|\.(?:\s|$))"  # lookahead of the same
 
 
 @dataclass(frozen=True)
@@ -20,70 +20,74 @@ class PathMap:
     """The paths of shared folders.
 
     Attributes:
-        folders: Pairs: a folder's path for the caller, and its path here. Empty: paths are the same on both sides.
+        folders: Pairs of a folder's path on the caller's side and on this one; empty if paths are the same on both.
     """
 
     folders: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of(cls, texts: Sequence[str]) -> PathMap:
-        """The map of texts `CALLERS=OURS`, as the command line takes them.
+        """Parse texts `CALLERS=OURS` of the command line.
 
         Raises:
-            BadRequest: One has no `=`, or a path that is not absolute.
+            BadRequest: A text has no `=`, or a path that is not absolute.
         """
-        pairs = tuple(tuple(part.rstrip("/\\") or part for part in text.partition("=")[::2]) for text in texts)
-        for text, pair in zip(texts, pairs, strict=True):
-            if not all(ABSOLUTE.match(part) for part in pair):
+        pairs = []
+        for text in texts:
+            theirs, _, ours = text.partition("=")
+            if not ABSOLUTE.match(theirs) or not ABSOLUTE.match(ours):
                 raise BadRequest(f"{text!r} is not a pair of folders.", "Give two whole paths: /mnt/film=/srv/film")
-        return cls(pairs)
+            pairs.append((theirs.rstrip("/\\") or theirs, ours.rstrip("/\\") or ours))
+        return cls(tuple(pairs))
 
-    def here(self, value: Any) -> Any:
-        """A value of a caller's request, with its paths as they are here.
+    def to_local(self, value: Any) -> Any:
+        """Map the paths of a caller's request to this side.
 
         Args:
-            value: A text, which is a path where it begins as one; or a list or dictionary of values.
+            value: A text, a path if it begins like an absolute one; or a list or dictionary of values.
 
         Raises:
-            BadRequest: A path lies in none of the folders.
+            BadRequest: A path is in none of the folders.
 
         Examples:
-            >>> PathMap.of(["Z:\\\\film=/srv/film"]).here(["z:\\\\film\\\\pots\\\\a.png", "#102030"])
+            >>> PathMap.of(["Z:\\\\film=/srv/film"]).to_local(["z:\\\\film\\\\pots\\\\a.png", "#102030"])
             ['/srv/film/pots/a.png', '#102030']
         """
         if isinstance(value, list | dict):
-            return _each(value, self.here)
+            return _each(value, self.to_local)
         if not self.folders or not isinstance(value, str) or not ABSOLUTE.match(value):
             return value
-        if (found := self.shared(value)) is not None:
+        if (found := self.local_path(value)) is not None:
             return found
         known = ", ".join(f"{theirs} (here {ours})" for theirs, ours in self.folders)
         raise BadRequest(f"{value} lies in no folder that both computers share: {known}.", "Move it there.")
 
-    def shared(self, text: str) -> str | None:
-        """A caller's path as it is here; None where the text is not a path in a shared folder."""
+    def local_path(self, text: str) -> str | None:
+        """Map one of the caller's paths to this side; return None for a text that is not in a shared folder."""
         for theirs, ours in self.folders:
             if re.match(_pattern(theirs), text):
                 return ours + _separated(text[len(theirs) :], ours)
         return None
 
-    def theirs(self, value: Any) -> Any:
-        """A value of an event, with the paths that its texts name as the caller knows them.
+    def to_caller(self, value: Any) -> Any:
+        """Map the paths within the texts of an event to the caller's side.
 
         Examples:
-            >>> PathMap.of(["/mnt/film=/srv/film"]).theirs("/srv/film/a.png is missing, not /srv/films.")
+            >>> PathMap.of(["/mnt/film=/srv/film"]).to_caller("/srv/film/a.png is missing, not /srv/films.")
             '/mnt/film/a.png is missing, not /srv/films.'
         """
         if isinstance(value, list | dict):
-            return _each(value, self.theirs)
+            return _each(value, self.to_caller)
         if isinstance(value, Message):
-            return Message(self.theirs(str(value.key)), **_each(value.values, self.theirs))
+            return Message(
+                self.to_caller(str(value.key)), **{name: self.to_caller(part) for name, part in value.values.items()}
+            )
         if isinstance(value, str) and self.folders:
             any_folder = "|".join(f"({_pattern(ours)})" for _, ours in self.folders)
-            return re.sub(f"{START}(?:{any_folder})" + r"([^\s'\",:;)\]]*)", self._theirs, value)
+            return re.sub(f"{START}(?:{any_folder})" + r"([^\s'\",:;)\]]*)", self._replaced, value)
         return value
 
-    def _theirs(self, found: re.Match[str]) -> str:
+    def _replaced(self, found: re.Match[str]) -> str:
         *folders, tail = found.groups()
         theirs = next(pair[0] for pair, folder in zip(self.folders, folders, strict=True) if folder is not None)
         return theirs + _separated(tail, theirs)
@@ -96,12 +100,12 @@ def _each(value: list | dict, change: Any) -> list | dict:
 
 
 def _pattern(folder: str) -> str:
-    """A folder's path at its end; drives and shares of Windows in any case and with either slash."""
+    """Return the pattern of a folder's path; Windows paths match in any case and with either slash."""
     if folder.startswith("/"):
         return re.escape(folder) + END
     return r"(?i:" + r"[\\/]".join(map(re.escape, re.split(r"[\\/]", folder))) + ")" + END
 
 
 def _separated(tail: str, folder: str) -> str:
-    """The rest of a path with the separators of the folder that it now lies in."""
+    """Return the rest of a path with the separators of its folder."""
     return tail.replace("\\", "/") if folder.startswith("/") else tail.replace("/", "\\")

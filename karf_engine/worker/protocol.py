@@ -1,14 +1,14 @@
 """The protocol between a caller (Blender, a script) and a worker, a child process of the engine.
 
-A job is a folder. The caller writes `request.json`; the worker appends one JSON object a line to `events.jsonl` and
+A job is a folder. The caller writes `request.json`; the worker appends one JSON object per line to `events.jsonl` and
 leaves stray output in `engine.log`. A file cannot block, survives either side's crash and is readable by a person.
 
-The caller writes lines on the worker's standard input, which is its lifeline too:
+The caller writes lines to the worker's standard input, which also serves as its lifeline:
 
 - `cancel`, or the end of input, asks it to stop.
-- A job's folder (`folder_line`): the next job, for a worker that was told to wait after one that is done.
-- A query (`Query.encode`): a job of the stage `warm` answers each by one event: answer or refused, or dropped where a
-  later query of its kind came before it had ended. It is done when no query comes for a while.
+- A job's folder (`folder_line`) is the next job, for a worker that waits after a finished one.
+- A query (`Query.encode`) is answered by a job of the stage `warm` with one event: answer or refused, or dropped where a
+  later query of the same kind arrived first. The job is done when no query arrives for a while.
 
 Events: hello, stage, progress, preview, artifact, warning, error, done, cancelled, answer, refused, dropped. Exit codes
 are those of `errors`, 0 for done and 70 for an internal error; anything else is a crash.
@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..commands.options import COMMANDS
 from ..errors import BadRequest, DataError, Message
 from ..io.files import naming
 from ..io.inputs import MOST_JSON, check_file
@@ -32,15 +33,11 @@ PROTOCOL = 1
 REQUEST_FILE = "request.json"
 EVENTS_FILE = "events.jsonl"
 LOG_FILE = "engine.log"
-STAGES = (
-    *("geometry", "segmentation", "palette", "recoloring", "splats", "render", "match", "colorways", "points"),
-    *("poses", "import-splat", "export-splat", "all"),
-    "warm",
-)
-WARM = STAGES[-1]  # answers queries until none come; see `karf_engine.worker.queries`
+WARM = "warm"  # the stage that answers queries; see `karf_engine.worker.queries`
+STAGES = (*COMMANDS, WARM)
 FINAL_EVENTS = ("done", "error", "cancelled")
-CANCEL = "cancel"  # the line that ends a job, as does the end of standard input
-EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other values are an event's own
+CANCEL = "cancel"
+EVENT_VALUES: dict[str, dict[str, Any]] = {  # the values that every event of a kind has; there may be more
     "hello": {"protocol": int},
     "stage": {"name": str},
     "progress": {"stage": str, "step": int, "total": int, "metrics": dict},
@@ -57,13 +54,13 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # what a reader may rely on; other 
 
 @dataclass(frozen=True)
 class Request:
-    """What one job shall do.
+    """A job's task.
 
     Attributes:
         stage: One of `STAGES`.
         project: The project folder.
-        options: The stage's own, JSON values (paths absolute): see `commands.options.COMMANDS`, and of the stage `warm`
-            `worker.loop.WarmOptions`.
+        options: The stage's options as JSON values, paths absolute: see `commands.options.COMMANDS`, and for the stage
+            `warm` `worker.loop.WarmOptions`.
     """
 
     stage: str
@@ -71,7 +68,7 @@ class Request:
     options: dict[str, Any] = field(default_factory=dict)
 
     def write(self, job: Path) -> Path:
-        """Write `request.json` into the folder `job`, which is made if needed, and return its path."""
+        """Write `request.json` into the folder `job`, making it if needed, and return the file's path."""
         job.mkdir(parents=True, exist_ok=True)
         path = job / REQUEST_FILE
         content = {
@@ -86,7 +83,7 @@ class Request:
 
     @classmethod
     def read(cls, job: Path) -> Request:
-        """Read `job/request.json`. Raises DataError where it is unreadable, BadRequest where it asks the impossible."""
+        """Read `job/request.json`. Raises DataError where it is unreadable, BadRequest for another protocol or stage."""
         path = job / REQUEST_FILE
         check_file(path, MOST_JSON)
         try:
@@ -106,11 +103,11 @@ class Request:
 
 @dataclass(frozen=True)
 class Query:
-    """A short question about what is learned.
+    """A short question about a project.
 
     Attributes:
-        number: The caller's, by which it knows the answer.
-        kind: What is asked, one of `worker.queries.kinds.QUERIES`.
+        number: The caller's number, which the answer repeats.
+        kind: One of `worker.queries.kinds.QUERIES`.
         options: JSON values, paths absolute.
 
     Examples:
@@ -123,12 +120,12 @@ class Query:
     options: dict[str, Any]
 
     def encode(self) -> str:
-        """One line of JSON, without the line end."""
+        """Return one line of JSON, without the line end."""
         return json.dumps({"id": self.number, "kind": self.kind, "options": self.options})
 
 
 def folder_line(job: Path) -> str:
-    """The line, without its end, that gives a waiting worker its next job.
+    """Return the line that gives a waiting worker its next job, without the line end.
 
     Examples:
         >>> folder_line(Path("/film/pots_karf/jobs/a"))
@@ -138,7 +135,7 @@ def folder_line(job: Path) -> str:
 
 
 def decode_line(line: str) -> Query | str:
-    """What a line of standard input says: a query, or the folder of a next job. Raises BadRequest where it is neither.
+    """Parse a line of standard input: a query, or the folder of the next job. Raises BadRequest for other lines.
 
     Examples:
         >>> decode_line('"/film/pots_karf/jobs/a"')
@@ -152,20 +149,20 @@ def decode_line(line: str) -> Query | str:
         content = None
     if isinstance(content, str):
         return content
-    values = [content.get(name) for name in ("id", "kind", "options")] if isinstance(content, dict) else []
-    if [type(value) for value in values] != [int, str, dict]:
+    number, kind, options = map(content.get, ("id", "kind", "options")) if isinstance(content, dict) else (None,) * 3
+    if type(number) is not int or type(kind) is not str or type(options) is not dict:
         raise BadRequest(
             f"{line!r:.200} is neither a job's folder nor a query.",
             "Write a path as JSON text, or an object with a number, a kind and options.",
         )
-    return Query(*values)
+    return Query(number, kind, options)
 
 
 @dataclass(frozen=True)
 class Event:
-    """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's own values.
+    """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's values.
 
-    Texts among the values that are messages stay messages: the line has their keys and values under `messages`.
+    Values that are a `Message` are also written with key and values, under `messages`, so that a reader can translate them.
     """
 
     kind: str
@@ -181,18 +178,18 @@ class Event:
 
     @property
     def is_final(self) -> bool:
-        """True for the last event of a job that ended by itself."""
+        """True for the last event of a job."""
         return self.kind in FINAL_EVENTS
 
     def encode(self) -> str:
-        """One line of JSON, without the line end; of messages the keys and values too, by which they are translated."""
+        """Return one line of JSON, without the line end."""
+        content = {"t": self.kind, "n": self.number, "time": round(self.time, 3), **self.values}
         messages = {name: value.to_json() for name, value in self.values.items() if isinstance(value, Message)}
-        told = {"messages": messages} if messages else {}
-        return json.dumps({"t": self.kind, "n": self.number, "time": round(self.time, 3), **self.values, **told})
+        return json.dumps(content | ({"messages": messages} if messages else {}))
 
     @classmethod
     def decode(cls, line: str) -> Event:
-        """Parse one line. Raises ValueError where it is not an event."""
+        """Parse one line. Raises ValueError for other lines."""
         try:
             content = json.loads(line)
             if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
@@ -201,12 +198,12 @@ class Event:
         except RecursionError as error:
             raise ValueError("brackets without end") from error
         event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
-        if not event._is_whole():
+        if not event._is_valid():
             raise ValueError(f"an event of other values: {line!r}")
         return event
 
-    def _is_whole(self) -> bool:
-        """Whether all that is read of its kind is there; a line may have been damaged on its way."""
+    def _is_valid(self) -> bool:
+        """Return whether the values have the types that readers rely on; a line may be damaged."""
         if not isinstance(self.kind, str) or not isinstance(self.time, int | float):
             return False
         metrics = self.get("metrics") or {}
@@ -217,14 +214,14 @@ class Event:
 
 
 def _messages(content: Any) -> dict[str, Message]:
-    """An event's messages by the names of its values. Raises ValueError where they are damaged."""
+    """Return an event's messages by the names of its values. Raises ValueError where they are damaged."""
     if not isinstance(content, dict):
         raise ValueError("messages were expected by their names")
     return {name: Message.from_json(message) for name, message in content.items()}
 
 
 class EventWriter:
-    """Appends events to a job's file, each flushed at once so that a reader sees it."""
+    """Appends events to a job's file and flushes each at once."""
 
     def __init__(self, job: Path) -> None:
         self._path = job / EVENTS_FILE
@@ -237,26 +234,26 @@ class EventWriter:
                 self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
                 self._stream.flush()
         except OSError:
-            self._begin_anew()
+            self._reopen()
             raise
         self._number += 1
 
-    def _begin_anew(self) -> None:
-        """Let go of what could not be written: the interpreter would try again at its end, and print a trace."""
+    def _reopen(self) -> None:
+        """Discard unwritten data, which the interpreter would try to write again at exit, and print a traceback."""
         with suppress(OSError):
             self._stream.close()
         self._stream = self._path.open("a", encoding="utf-8")
 
 
 class EventReader:
-    """Reads a job's events as they are appended; remembers how far it got and takes whole lines only."""
+    """Reads a job's events as they are appended, complete lines only."""
 
     def __init__(self, job: Path) -> None:
         self._path = job / EVENTS_FILE
         self._offset = 0
 
     def poll(self) -> Iterator[Event]:
-        """Yield the events that arrived since the last call. Lines that are not events are passed over."""
+        """Yield the events that arrived since the last call, skipping lines that are not events."""
         if not self._path.is_file():
             return
         with self._path.open("rb") as stream:

@@ -1,4 +1,4 @@
-"""The versions that were tested, as an installed engine knows them; a test compares them with pyproject.toml."""
+"""The tested versions of Python and packages; a test compares them with pyproject.toml."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..errors import INSTALL_NAMES
 
 @dataclass(frozen=True)
 class Range:
-    """Versions from the lowest, up to but without the end.
+    """A half-open range of versions.
 
     Examples:
         >>> Range("2.6", "3").contains("2.13.0+cpu"), Range("2.6", "3").contains("3.0.1")
@@ -21,7 +21,7 @@ class Range:
     end: str
 
     def contains(self, version: str) -> bool:
-        """Whether a version lies in the range; labels after its numbers do not count."""
+        """Return whether a version is in the range, ignoring labels after its numbers."""
         return _numbers(self.lowest) <= _numbers(version) < _numbers(self.end)
 
     def __str__(self) -> str:
@@ -30,19 +30,19 @@ class Range:
 
 @dataclass(frozen=True)
 class Package:
-    """A package by its import name, and the versions of it that were tested."""
+    """A package by its import name, and its tested versions."""
 
     name: str
     range: Range
 
     @property
     def pip(self) -> str:
-        """Its name for pip."""
+        """The name of its distribution."""
         return INSTALL_NAMES.get(self.name, self.name)
 
     @property
     def requirement(self) -> str:
-        """What to ask pip for."""
+        """The requirement for pip."""
         return f"{self.pip}>={self.range.lowest},<{self.range.end}"
 
 
@@ -63,8 +63,8 @@ FAST = Package("numba", Range("0.62", "1"))
 
 
 def _numbers(version: str) -> tuple[int, ...]:
-    """The leading numbers of a version, without zeros at their end: 2.13.0+cpu is (2, 13)."""
-    numbers = [int(part) for part in re.match(r"[\d.]*", version)[0].split(".") if part]
+    """Return the leading numbers of a version without trailing zeros: 2.13.0+cpu is (2, 13)."""
+    numbers = [int(part) for part in re.split(r"[^\d.]", version)[0].split(".") if part]
     while numbers and not numbers[-1]:
         numbers.pop()
     return tuple(numbers)

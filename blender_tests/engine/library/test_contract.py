@@ -44,8 +44,6 @@ def test_what_is_right_is_taken(bench, name, monkeypatch):
     """So that a refusal below is that of the one argument that is wrong."""
     monkeypatch.setattr("karf_engine.api.run_command", lambda *given, **more: None)
     monkeypatch.setattr("karf_engine.api.load", lambda *given, **more: None) if name == "learn" else None
-    monkeypatch.setattr("karf_engine.commands.mark.write", lambda given: None)
-    monkeypatch.setattr("karf_engine.commands.inspect.look", lambda given: None)
     for known in ("LAYERS", "LAYER_KINDS"):  # a layer that is registered is forgotten again
         monkeypatch.setattr(f"karf_engine.kan.layers.{known}", copy(getattr(layers, known)))
     function = callable_of(name, bench)

@@ -28,7 +28,7 @@ def test_every_module_of_the_engine_is_in_it(names):
 
 def test_nothing_else_is_in_it(names):
     assert {name.partition("/")[0] for name in names} == {"karf_engine", f"karf-{__version__}.dist-info"}
-    assert "karf_engine/py.typed" in names
+    assert {"karf_engine/py.typed", "karf_engine/api.pyi"} <= names
     assert f"karf-{__version__}.dist-info/licenses/LICENSE" in names
 
 

@@ -42,9 +42,9 @@ OTHERS = [
 
 @pytest.mark.parametrize(("folders", "ours", "theirs"), NAMED)
 def test_paths_in_shared_folders_are_told_as_the_caller_knows_them(folders, ours, theirs):
-    assert PathMap.of(folders).theirs(ours) == theirs
+    assert PathMap.of(folders).to_caller(ours) == theirs
 
 
 @pytest.mark.parametrize(("folders", "text"), OTHERS)
 def test_what_only_looks_like_a_shared_folder_stays(folders, text):
-    assert PathMap.of(folders).theirs(text) == text
+    assert PathMap.of(folders).to_caller(text) == text

@@ -11,7 +11,7 @@ from karf_engine.errors import DataError, OutOfMemory
 from karf_engine.worker.loop import Worker
 from karf_engine.worker.path_map import PathMap
 from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
-from karf_engine.worker.queries import answering
+from karf_engine.worker.queries import kinds as kinds_module
 
 SAME_PATHS = PathMap()
 
@@ -42,7 +42,7 @@ class Lines:
 def kinds(monkeypatch):
     """The kinds of queries: `echo` answers with its options."""
     kinds = {"echo": lambda session, options: {"options": options}}
-    monkeypatch.setattr(answering, "QUERIES", kinds)
+    monkeypatch.setattr(kinds_module, "QUERIES", kinds)
     return kinds
 
 
@@ -201,7 +201,7 @@ def test_memory_that_ran_out_lets_all_go(worker, stream, kinds):
     made = []
 
     def hungry(session, options):
-        session.held("pots", "", lambda: made.append("anew"))
+        session.cached("pots", "", lambda: made.append("anew"))
         if options["is_large"]:
             raise OutOfMemory("The computer ran out of memory.")
         return {}

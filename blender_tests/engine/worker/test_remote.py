@@ -89,7 +89,7 @@ def computers(tmp_path):
 
 
 @pytest.fixture
-def shared(computers, still_life, learned):
+def local_path(computers, still_life, learned):
     """The computers with the still life's capture, masks and learned project on the share."""
     shutil.copytree(still_life.capture, computers.server / "capture")
     shutil.copytree(still_life.masks, computers.server / "masks")
@@ -188,12 +188,12 @@ def test_whatever_python_is_told_gets_there_as_it_is(computers):
     ],
 )
 def test_paths_are_told_as_either_system_writes_them(pair, caller, here):
-    assert PathMap.of([pair]).here(caller) == here
+    assert PathMap.of([pair]).to_local(caller) == here
 
 
 def test_a_folder_whose_name_only_begins_alike_is_another(computers):
     with pytest.raises(BadRequest, match="lies in no folder"):
-        PathMap.of(["/mnt/film=/srv/film"]).here("/mnt/films/a.png")
+        PathMap.of(["/mnt/film=/srv/film"]).to_local("/mnt/films/a.png")
 
 
 @pytest.mark.parametrize("text", ["/mnt/film", "film=/srv/film", "/mnt/film=", "=/srv"])

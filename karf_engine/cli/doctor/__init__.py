@@ -1,12 +1,12 @@
-"""Whether this Python, on this computer, can run the engine: what is there, what is missing, what to do about it.
+"""Check whether this Python and computer can run the engine, and say what to do if not.
 
-The standard library is enough to ask. Packages are only loaded where they are looked at.
+Imports only the standard library; packages are loaded when they are checked.
 """
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 from ...worker.findings import ERROR, OK, STATUSES, VERDICT, WARNING, Finding
@@ -18,14 +18,14 @@ TORCH = REQUIRED[0]
 
 def examine(
     folder: Path, quick: bool = False, device: str | None = None, threads: int | None = None
-) -> Iterator[Finding]:
-    """Look at everything, one finding after another; the last one is the verdict.
+) -> Generator[Finding, None, None]:
+    """Yield the finding of each check; the last one is the verdict.
 
     Args:
-        folder: Where projects would lie: its disk and its locks are tried. It is not made.
-        quick: Do not try the stages, which takes some seconds. Nor are they tried where something is amiss.
-        device: As for the stages (`library`), on which they are tried.
-        threads: As for the stages.
+        folder: The folder for projects; its disk and locks are checked. It is not made.
+        quick: Skip the smoke run of the stages, which takes some seconds. An earlier error skips it too.
+        device: Device of the smoke run, as of the stages' options.
+        threads: Threads of the smoke run, as of the stages' options.
     """
     found = []
     for finding in _findings(folder, device):
@@ -64,7 +64,7 @@ def _verdict(found: list[Finding]) -> Finding:
 
 
 def _command(concerned: list[Finding]) -> str:
-    """What the first of these asks for; of packages that are missing, one command for all of them."""
+    """Return the first finding's command; for missing packages, one command for all of them."""
     names = [finding.name for finding in concerned]
     missing = [package for package in REQUIRED if package.name in names]
     return packages.install_command(*missing) if missing and names[0] == missing[0].name else concerned[0].command

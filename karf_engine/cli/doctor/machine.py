@@ -1,4 +1,4 @@
-"""The computer: Python, processor, memory, disk, locks, temporary files. With the standard library alone."""
+"""Check the computer: Python, processor, memory, disk, locks and temporary files."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from pathlib import Path
 
 from ...errors import DataError, KarfError
 from ...io.failures import FREE_SPACE, OTHER_FOLDER, known_failure
-from ...worker.findings import ERROR, OK, WARNING, Finding, failing
+from ...worker.findings import ERROR, OK, WARNING, Finding, error_finding
 from ...worker.requirements import PYTHON
 
 GB = 1e9
 LITTLE_MEMORY = 4 * GB  # the preset demo learns in 1 GB; Blender and the system need as much again
 LITTLE_DISK = 2 * GB  # a project and its pictures take tens of megabytes to some gigabytes
-NO_DISK = 0.1 * GB  # no project fits
+NO_DISK = 0.1 * GB  # too little for any project
 ONE_AT_A_TIME = "Let one program at a time work on a project there, or choose a folder on another disk."
 
 
 def findings(folder: Path) -> Iterator[Finding]:
-    """What is found of the computer, and of the disk on which this folder lies or would lie."""
+    """Yield the findings about the computer and the disk of this folder, which need not exist."""
     folder = _existing(folder)
     yield processors()
     yield memory()
@@ -34,7 +34,7 @@ def findings(folder: Path) -> Iterator[Finding]:
 
 
 def python() -> Finding:
-    """This Python's version, against those that were tested."""
+    """Compare this Python's version with the tested ones."""
     version = platform.python_version()
     if PYTHON.contains(version):
         return Finding("python", OK, f"Python {version} is among the tested versions ({PYTHON}): {sys.executable}.")
@@ -43,13 +43,13 @@ def python() -> Finding:
 
 
 def processors() -> Finding:
-    """How many processor cores this process may use."""
+    """Count the processor cores that this process may use."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Finding("processor", OK, f"{usable} processor cores can be used.")
 
 
 def memory() -> Finding:
-    """How much main memory the computer has."""
+    """Judge the size of the main memory."""
     total = total_memory()
     if total is None:
         return Finding("memory", OK, "This system does not say how much memory it has.")
@@ -61,7 +61,7 @@ def memory() -> Finding:
 
 
 def total_memory() -> int | None:
-    """Main memory in bytes; None where the system does not say."""
+    """Return the main memory in bytes, or None where the system does not tell."""
     if os.name == "nt":
         return _windows_memory()
     try:
@@ -71,11 +71,11 @@ def total_memory() -> int | None:
 
 
 def disk(folder: Path) -> Finding:
-    """How much space is free where projects would lie."""
+    """Judge the free space of a folder's disk."""
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
-        return failing("disk", known_failure(error))
+        return _unwritable("disk", error)
     sentence = f"{free / GB:.1f} GB are free on the disk of {folder}."
     if free < NO_DISK:
         return Finding("disk", ERROR, sentence, FREE_SPACE, code=DataError.code)
@@ -83,7 +83,7 @@ def disk(folder: Path) -> Finding:
 
 
 def locks(folder: Path) -> Finding:
-    """Whether a second holder of a lock is kept out in this folder."""
+    """Check that a lock in this folder keeps out a second holder."""
     try:
         from filelock import SoftFileLease, Timeout
 
@@ -109,7 +109,7 @@ def locks(folder: Path) -> Finding:
 
 
 def temporary() -> Finding:
-    """Whether the folder of temporary files takes one."""
+    """Check that temporary files can be written."""
     try:
         with tempfile.TemporaryFile() as stream:
             stream.write(b"KaRF")
@@ -120,11 +120,11 @@ def temporary() -> Finding:
 
 def _unwritable(name: str, error: OSError) -> Finding:
     known = known_failure(error) or KarfError(f"No folder takes files: {error}.", OTHER_FOLDER)
-    return failing(name, known)
+    return error_finding(name, known)
 
 
 def _existing(folder: Path) -> Path:
-    """The folder, or the nearest one above it that is there."""
+    """Return the folder, or its nearest existing parent."""
     folder = folder.absolute()
     return next((each for each in (folder, *folder.parents) if each.is_dir()), folder)
 
@@ -142,5 +142,5 @@ class _MemoryStatus(ctypes.Structure):
 
 def _windows_memory() -> int | None:
     status = _MemoryStatus(dwLength=ctypes.sizeof(_MemoryStatus))
-    answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))
+    answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # pyright: ignore[reportAttributeAccessIssue]
     return status.ullTotalPhys if answered else None

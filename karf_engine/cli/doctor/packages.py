@@ -1,4 +1,4 @@
-"""The packages: whether each can be loaded, its version against the tested ones, and what torch computes on."""
+"""Check the packages: whether each loads, its version, and torch's devices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib import import_module, metadata
 
 from ...errors import KarfError, MissingDependency
 from ...io.failures import first_line
-from ...worker.findings import ERROR, OK, WARNING, Finding, failing
+from ...worker.findings import ERROR, OK, WARNING, Finding, error_finding
 from ...worker.requirements import FAST, POSES, REQUIRED, Package
 from .machine import GB
 
@@ -21,19 +21,19 @@ FAST_BRINGS = "With it the processor learns a scene nearly three times as fast."
 
 
 def required() -> Iterator[Finding]:
-    """The packages without which nothing is learned or rendered, each loaded."""
+    """Load and judge the required packages."""
     for package in REQUIRED:
-        yield look_at(package)
+        yield check_package(package)
 
 
 def optional() -> Iterator[Finding]:
-    """The packages without which stages do less, or take longer."""
+    """Judge the packages without which stages do less, or take longer."""
     yield poses()
     yield fast()
 
 
 def poses() -> Finding:
-    """The package that finds camera poses. It is not loaded: stages load it in a process of its own."""
+    """Judge the package that finds camera poses, without loading it: stages load it in a child process."""
     version = installed_version(POSES)
     if version is None:
         sentence = "pycolmap is not installed: only photos without camera poses need it."
@@ -42,23 +42,23 @@ def poses() -> Finding:
 
 
 def fast() -> Finding:
-    """The package that compiles what learns a scene on the processor; torch does the same without it."""
+    """Judge the package that compiles kernels for the processor; torch computes the same without it."""
     if installed_version(FAST) is None:
         found = Finding(FAST.name, OK, f"{FAST.pip} is not installed.", INSTALL, install_command(FAST))
     else:
-        found = look_at(FAST)
+        found = check_package(FAST)
     status = WARNING if found.status == ERROR else found.status
     return replace(found, status=status, sentence=f"{found.sentence} {FAST_BRINGS}", code="")
 
 
-def look_at(package: Package) -> Finding:
+def check_package(package: Package) -> Finding:
     """Load a package and judge its version."""
     try:
         module = import_module(package.name)
     except ModuleNotFoundError as error:
         what = package.pip if error.name == package.name else f"{package.pip} needs {error.name}, which"
         return Finding(package.name, ERROR, f"{what} is not installed.", INSTALL, install_command(package), MISSING)
-    except Exception as error:  # libraries of the system that are missing or broken raise anything
+    except Exception as error:  # a broken shared library may raise anything
         sentence = f"{package.pip} is installed, and cannot be loaded: {first_line(error)}."
         command = install_command(package, options="--force-reinstall ")
         return Finding(package.name, ERROR, sentence, "Install it anew:", command, MISSING)
@@ -66,7 +66,7 @@ def look_at(package: Package) -> Finding:
 
 
 def devices(chosen: str | None) -> Iterator[Finding]:
-    """What this torch was built for, and on what it computes; `chosen` as for the stages."""
+    """Yield what torch was built for, its cards, and the device of stages; `chosen` is their option."""
     import torch
 
     from ...compute.runtime import find_device
@@ -83,7 +83,7 @@ def devices(chosen: str | None) -> Iterator[Finding]:
     try:
         device = find_device(chosen)
     except KarfError as error:
-        yield failing("device", error)
+        yield error_finding("device", error)
         return
     for number in range(torch.cuda.device_count()) if torch.cuda.is_available() else ():
         facts = torch.cuda.get_device_properties(number)
@@ -93,13 +93,13 @@ def devices(chosen: str | None) -> Iterator[Finding]:
 
 
 def install_command(*packages: Package, options: str = "") -> str:
-    """What to type into a terminal where packages are missing or of other versions."""
+    """Return the terminal command that installs packages."""
     wanted = " ".join(f'"{package.requirement}"' for package in packages)
     return f'"{sys.executable}" -m pip install {options}{wanted}'
 
 
 def installed_version(package: Package) -> str | None:
-    """The version that the package's installer has noted, also where another distribution brings it; None without one."""
+    """Return a package's version by its metadata, also where another distribution provides it, or None."""
     for distribution in (package.pip, *metadata.packages_distributions().get(package.name, ())):
         try:
             return metadata.version(distribution)

@@ -1,4 +1,4 @@
-"""The smoke run's capture: two matte balls under one lamp, ray-cast in closed form, and a mask of one of them."""
+"""The smoke run's capture: two diffuse balls under one lamp, ray-cast in closed form, and a mask of one of them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from ...capture import Camera, View, write_cameras
 from ...io.images import write_png
 
-OBJECT = "ball"  # which is marked
+OBJECT = "ball"  # the marked object
 SIZE = 32  # pixels along each side of a photo
 PHOTOS = 12
 FOCAL_LENGTH = 1.35 * SIZE
-DISTANCE = 3.6  # of the cameras from the origin; all balls lie within 1 of it
+DISTANCE = 3.6  # of the cameras from the origin; all balls are within distance 1 of it
 LAMP = np.array([0.4, -0.5, 0.77])
 RADIUS = 0.45
 BALLS = (((-0.5, 0.0, 0.1), (0.85, 0.15, 0.1)), ((0.5, 0.1, -0.1), (0.15, 0.3, 0.8)))  # center and color; marked first
-TEST = 1  # the photo that is kept out of learning
+TEST = 1  # the held-out photo
 
 
 def write_scene(capture: Path, masks: Path) -> None:
@@ -35,7 +35,7 @@ def write_scene(capture: Path, masks: Path) -> None:
 
 
 def _camera(azimuth: float, elevation: float) -> Camera:
-    """A camera that looks at the origin from these angles in radians, z up."""
+    """Return a camera at these angles in radians that faces the origin, z up."""
     back = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     pose = np.eye(4)
@@ -45,7 +45,7 @@ def _camera(azimuth: float, elevation: float) -> Camera:
 
 
 def _photograph(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """A photo with alpha [H, W, 4], and which pixels show the marked ball [H, W]."""
+    """Return a photo with alpha [H, W, 4], and the mask of the marked ball [H, W]."""
     origins, directions = camera.rays(camera.pixel_centers())
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     nearest, photo, shown = np.full(len(origins), np.inf), np.zeros((len(origins), 4)), np.full(len(origins), -1)

@@ -1,4 +1,4 @@
-"""The smoke run: every stage on a tiny capture in a temporary folder, in the fewest steps that lead to a picture."""
+"""The smoke run: every stage on a tiny capture in a temporary folder, with few iterations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 from ...errors import KarfError
 from ...io.failures import known_failure
-from ...worker.findings import OK, Finding, failing
+from ...worker.findings import OK, Finding, error_finding
 
 SETTINGS = (
     "geometry.long_side=32",
@@ -30,15 +30,15 @@ SETTINGS = (
     "splats.count=1000",
     "splats.long_side=32",
 )
-RED, BLUE = "#b5302c", "#3059b8"  # a color that the marked ball shows, and the one it shall become
+RED, BLUE = "#b5302c", "#3059b8"  # the marked ball's color, and its new one
 
 
 def stages(device: str | None = None, threads: int | None = None) -> Iterator[Finding]:
-    """Run each stage with its time; those after one that fails are not tried.
+    """Run and time the stages, up to the first that fails.
 
     Args:
-        device: As for the stages.
-        threads: As for the stages, by default one: at this size more only wait for each other.
+        device: As of the stages' options.
+        threads: As of the stages' options; by default one, which is fastest at this size.
     """
     with tempfile.TemporaryDirectory(prefix="karf-doctor-", ignore_cleanup_errors=True) as folder:
         for name, run in _runs(Path(folder), {"device": device, "threads": threads or 1}):
@@ -49,7 +49,7 @@ def stages(device: str | None = None, threads: int | None = None) -> Iterator[Fi
 
 
 def _runs(folder: Path, run: dict[str, Any]) -> Iterator[tuple[str, Callable[[], None]]]:
-    """Each stage by its name, as a call of the library's function."""
+    """Yield each stage's name and a call of its library function."""
     from ... import api
     from ...compute.kernels import has_kernels
     from ...palettes.project_edit import edit_of
@@ -79,7 +79,7 @@ def _timed(name: str, run: Callable[[], None]) -> Finding:
     start = time.monotonic()
     try:
         run()
-    except Exception as error:  # whatever a stage raises is what was asked for
+    except Exception as error:  # any failure of a stage is a finding
         return _broken(name, error, time.monotonic() - start)
     seconds = time.monotonic() - start
     return Finding(name, OK, f"The stage {name} works: {seconds:.1f} s for a tiny scene.", seconds=round(seconds, 3))
@@ -90,4 +90,6 @@ def _broken(name: str, error: Exception, seconds: float) -> Finding:
     if known is None:
         traceback.print_exception(error)
         known = KarfError(f"{error!r}.", "Report it with what was printed.")
-    return failing(name, type(known)(f"The stage {name} does not run: {known.sentence}", known.hint), round(seconds, 3))
+    return error_finding(
+        name, type(known)(f"The stage {name} does not run: {known.sentence}", known.hint), round(seconds, 3)
+    )

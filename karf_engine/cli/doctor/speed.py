@@ -1,4 +1,4 @@
-"""How fast this computer learns: some iterations of the geometry on the tiny scene, as many samples each as in a preset."""
+"""Measure how fast this computer learns: some iterations of the geometry on the tiny scene."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-SAMPLES = 80_000  # an iteration, those of the preset demo
-WARM_UP, ITERATIONS = 10, 40  # the first ones allocate, and choose kernels
-# of a capture, learned in the time of one of the tiny scene, whose grid is small and whose only level, the first, takes
-# half as many: the demo and a flower of LLFF, on two threads
-CAPTURED = 0.2
+SAMPLES = 80_000  # per iteration, as in the preset demo
+WARM_UP, ITERATIONS = 10, 40  # the first iterations allocate, and choose kernels
+# speed on a real capture relative to the tiny scene, with its small grid and single level; measured on two threads
+REAL_SPEED = 0.2
 SETTINGS = (
     "geometry.long_side=32",
     f'geometry.levels=[{{"voxels": 96, "iterations": {ITERATIONS}, "step": 0.75}}]',
@@ -21,7 +20,7 @@ SETTINGS = (
 
 
 class _Clock:
-    """Notes when which iteration of the geometry was done."""
+    """Records the time of each progress event of the geometry."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[int, float]] = []
@@ -32,7 +31,7 @@ class _Clock:
 
 
 def samples_per_second(device: str | None = None, threads: int | None = None) -> float:
-    """Samples of a capture that a fit of the geometry learns from in a second; device and threads as for the stages."""
+    """Return how many samples of a capture the geometry learns from per second; arguments as of the stages' options."""
     from ... import api
     from .scene import write_scene
 
@@ -49,4 +48,4 @@ def samples_per_second(device: str | None = None, threads: int | None = None) ->
             emit=clock,
         )
     (first, start), (last, end) = next(pair for pair in clock.seen if pair[0] >= WARM_UP), clock.seen[-1]
-    return CAPTURED * SAMPLES * (last - first) / max(end - start, 1e-6)
+    return REAL_SPEED * SAMPLES * (last - first) / max(end - start, 1e-6)

@@ -1,1 +1,5 @@
-"""Jobs for a render farm, as Open Job Description has them: bundles that any farm, or `openjd run`, can work off."""
+"""Job bundles for render farms, by the Open Job Description specification; any farm or `openjd run` can execute them."""
+
+from .bundle import run
+
+__all__ = ["run"]

@@ -1,18 +1,18 @@
-"""A job as a folder that can be taken anywhere: its template, and all that it reads.
+"""Write a job bundle: a self-contained folder with a job template and all its input files.
 
-The files are those of a job bundle of AWS Deadline Cloud; other programs that work off Open Job Description read the
-template alone.
+The layout is that of AWS Deadline Cloud's job bundles; other implementations of Open Job Description read only the
+template.
 
-    template.json           the job (see `template`); every path in it leads from this folder
-    parameter_values.json   what differs from farm to farm: which Python runs the engine
+    template.json           the job (see `template`); its paths are relative to this folder
+    parameter_values.json   the Python that runs the engine, which differs from farm to farm
     asset_references.json   files outside the bundle: none
-    engine/                 the engine; the farm's Python needs its packages, not itself
-    project/                the learned project, or where it will be
-    cameras.json            the cameras that are rendered, where they are none of the capture's
-    edit.json, edits/       the edit of all frames, or of each
-    photos/                 captured photos that are recolored
-    capture/, masks/        what a project will be learned from
-    frames/                 what is rendered, once it is
+    engine/                 the engine; the farm's Python needs only its dependencies
+    project/                the learned project, or the place for it
+    cameras.json            the cameras to render, if they are not the capture's
+    edit.json, edits/       the edit of all frames, or one for each
+    photos/                 captured photos to recolor
+    capture/, masks/        the input of learning
+    frames/                 the output
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from typing import Any
 from ...capture import open_capture
 from ...capture.capture import View
 from ...capture.chosen_views import choose_views
+from ...compute.progress import Emit
 from ...errors import BadRequest
 from ...export.frame_options import FrameOptions
 from ...io.files import copy_file, write_json
@@ -36,40 +37,43 @@ from ...project.contents import capture_of
 from ..options import FarmOptions
 from ..output_folder import new_folder
 from .packing import (
+    PackedFile,
     capture_files,
     check_copy,
     copy_files,
-    listed,
     mask_files,
     pack_engine,
     project_files,
+    summary_of,
     write_project,
 )
 from .template import CAMERAS, CAPTURE, ENGINE, PROJECT, Frames, learning_job, render_job
 
 
-def write_bundle(options: FarmOptions, tell: Callable[[str], None] = lambda line: None) -> Path:
+def run(options: FarmOptions, emit: Emit, should_stop: Callable[[], bool]) -> Path:
     """Write a bundle that renders frames of a learned project, or with masks one that learns a capture first.
 
-    Args:
-        options: What is rendered.
-        tell: Called with a line for each folder that files are packed from, before anything is written.
+    Before writing anything it emits a line for each folder that files are packed from.
 
     Returns:
         The bundle's folder, absolute.
 
     Raises:
-        KarfError: The project is not learned or the capture cannot be read, a photo lies elsewhere, a view is unknown,
-            an edit is not of this project, or `out` is taken.
+        KarfError: The project is not learned or the capture cannot be read, a photo is outside its folder, a view is
+            unknown, an edit is of another project, or `out` is not empty.
     """
+    del should_stop  # copies files only
     if options.masks is not None:
-        return _learning_bundle(options, tell)
-    if options.preset is not None:
+        _write_learning_bundle(options, options.masks, emit)
+    elif options.preset is not None:
         raise BadRequest("A learned project has its preset.", "Leave --preset out, or give --masks to learn a capture.")
-    return _render_bundle(options, tell)
+    else:
+        _write_render_bundle(options, emit)
+    emit("artifact", kind="bundle", path=str(options.out.absolute()))
+    return options.out.absolute()
 
 
-def _render_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
+def _write_render_bundle(options: FarmOptions, emit: Emit) -> None:
     learned, edit = Project(options.source), options.edit
     learned.require("geometry")
     learned.contained(options.out)
@@ -79,24 +83,21 @@ def _render_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
     _check_edits(learned, edit)
     recolored = chosen if captured else ()
     files = project_files(learned, recolored, options.photos)
-    for line in listed(files):
-        tell(line)
+    _announce(files, emit)
     with new_folder(options.out.absolute()) as folder:
         copy_files(files, folder)
         write_project(learned, folder / PROJECT, recolored)
         frames = _pack_frames(folder, options, (chosen, captured), edit)
         _finish(folder, render_job(f"KaRF {learned.folder.name}", frames), options.python)
-    return options.out.absolute()
 
 
-def _learning_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
+def _write_learning_bundle(options: FarmOptions, masks: Path, emit: Emit) -> None:
     opened = open_capture(options.source, holdout=options.holdout)
     chosen = choose_views(opened, options.views)
     settings = ["--preset", options.preset or "demo", "--holdout", str(options.holdout)]
     settings += [part for text in options.overrides for part in ("--set", text)]
-    files = capture_files(options.source, opened, options.photos) + mask_files(options.masks)
-    for line in listed(files):
-        tell(line)
+    files = capture_files(options.source, opened, options.photos) + mask_files(masks)
+    _announce(files, emit)
     with new_folder(options.out.absolute()) as folder:
         copy_files(files, folder)
         name = check_copy(options.source, opened, folder / CAPTURE)
@@ -104,11 +105,15 @@ def _learning_bundle(options: FarmOptions, tell: Callable[[str], None]) -> Path:
         frames = _pack_frames(folder, replace(options, overrides=()), chosen, options.edit)
         machine = options.narrowed(Options).to_arguments()
         _finish(folder, learning_job(f"KaRF {opened.source.name}", name, settings, machine, frames), options.python)
-    return options.out.absolute()
+
+
+def _announce(files: Sequence[PackedFile], emit: Emit) -> None:
+    for line in summary_of(files):
+        emit("stage", name="farm", text=line)
 
 
 def _check_edits(project: Project, edit: Path | Sequence[Path] | None) -> None:
-    """Raise KarfError where an edit is none of the project's: now, and not on the farm."""
+    """Raise KarfError where an edit does not fit the project's palettes."""
     if edit is None:
         return
     project.require("recoloring")
@@ -120,7 +125,7 @@ def _check_edits(project: Project, edit: Path | Sequence[Path] | None) -> None:
 def _pack_frames(
     folder: Path, options: FarmOptions, chosen: tuple[list[View], bool], edit: Path | Sequence[Path] | None
 ) -> Frames:
-    """Copy cameras and edits. chosen: the views, and whether they are captured ones."""
+    """Copy cameras and edits. chosen: the views, and whether they are the capture's."""
     found, captured = chosen
     if not captured:
         copy_file(Path(options.views), folder / CAMERAS)
@@ -130,7 +135,7 @@ def _pack_frames(
 
 
 def _pack_edits(folder: Path, edit: Path | Sequence[Path] | None, views: Sequence[View]) -> str:
-    """Copy edits; returns the name of the file, or of the folder that has one for each view, or nothing."""
+    """Copy edits and return the name of their file or folder in the bundle, or an empty text."""
     if edit is None:
         return ""
     if isinstance(edit, Path):

@@ -1,7 +1,7 @@
-"""What a bundle takes along: copies that lie beside one another, with paths that lead from one to the other.
+"""Collect, check and copy the files of a bundle.
 
-All files are found and checked first, so that they can be shown before any is copied. A file is taken from the folder that
-it belongs to, or from one that the user named: a project or capture from elsewhere may name or link to any file.
+All files are checked before any is copied. Only files of the project's or capture's own folder, or of a folder that the
+user named, are packed: an untrusted project or capture may name or link to any file.
 """
 
 from __future__ import annotations
@@ -24,25 +24,20 @@ from ...project.state import write_state
 from .template import CAPTURE, MASKS, PROJECT
 
 PHOTOS = "photos"
-CAMERA_SUFFIXES = (".json", ".bin", ".txt", ".npy", ".ply")  # of what readers of captures open besides photos
+CAMERA_SUFFIXES = (".json", ".bin", ".txt", ".npy", ".ply")  # files that readers of captures open besides photos
 ENGINE_FOLDER = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
 class PackedFile:
-    """A file to pack.
-
-    Attributes:
-        source: Where it is now.
-        target: Its path in the bundle.
-    """
+    """A file to pack: its path now, and its path in the bundle."""
 
     source: Path
     target: Path
 
 
-def listed(files: Iterable[PackedFile]) -> list[str]:
-    """Return a line for each folder that files are packed from: how many, how large, the first and the last name."""
+def summary_of(files: Iterable[PackedFile]) -> list[str]:
+    """Return a line for each source folder: the files' number, total size, first and last name."""
     lines = []
     for folder, group in groupby(sorted(files, key=lambda file: file.source), lambda file: file.source.parent):
         sources = [file.source for file in group]
@@ -53,13 +48,13 @@ def listed(files: Iterable[PackedFile]) -> list[str]:
 
 
 def copy_files(files: Iterable[PackedFile], bundle: Path) -> None:
-    """Copy files to their places in a bundle. Raises OSError that names the file that failed."""
+    """Copy files into a bundle. Raises an OSError that names the file."""
     for file in files:
         copy_file(file.source, bundle / file.target)
 
 
 def pack_engine(target: Path) -> None:
-    """Copy the engine, which a Python that has its packages can run from anywhere."""
+    """Copy the engine's package folder."""
     shutil.copytree(ENGINE_FOLDER, target / ENGINE_FOLDER.name, ignore=shutil.ignore_patterns("__pycache__"))
 
 
@@ -67,12 +62,12 @@ def project_files(project: Project, views: Sequence[View], photos: Path | None) 
     """Return the files that rendering needs of a project.
 
     Args:
-        project: The project, with its geometry learned.
-        views: Captured views whose photos are taken along.
-        photos: A folder that the user named, whose photos may be packed too.
+        project: The project, with learned geometry.
+        views: Captured views whose photos are packed.
+        photos: Another folder that photos may come from.
 
     Raises:
-        BadRequest: A photo lies neither in the capture's folder, nor in the project, nor in `photos`.
+        BadRequest: A photo is neither in the capture's folder, nor in the project, nor in `photos`.
         DataError: A file is damaged, missing or not a picture.
     """
     learned = (
@@ -95,7 +90,7 @@ def project_files(project: Project, views: Sequence[View], photos: Path | None) 
 
 
 def write_project(project: Project, target: Path, views: Sequence[View]) -> None:
-    """Write project.json and capture.json of a packed project, which knows the photos of these views alone."""
+    """Write project.json and capture.json of a packed project that has only these views' photos."""
     capture = capture_of(project)
     content = capture_to_json(replace(capture, source=Path(capture.source.name)))
     photos = {view.name: _photo_name(view) for view in views if view.image}
@@ -103,21 +98,21 @@ def write_project(project: Project, target: Path, views: Sequence[View]) -> None
         entry["image"] = f"../{PHOTOS}/{photos[entry['name']]}" if entry["name"] in photos else None
     packed = target / project.capture_file.name
     write_json(packed, content)
-    state = project.state() | {"capture": capture.source.name}
+    state = {**project.state(), "capture": capture.source.name}
     state["stages"]["geometry"].setdefault("files", {})[packed.name] = checksum(packed)
     write_state(target / project.state_file.name, state)
 
 
 def capture_files(path: Path, capture: Capture, photos: Path | None) -> list[PackedFile]:
-    """Return the files of a capture: its photos, and what readers of captures open besides.
+    """Return the files of a capture: its photos, cameras and splats.
 
     Args:
         path: The capture's folder or file, as `open_capture` takes it.
-        capture: What it holds.
-        photos: A folder that the user named, to which photos may be linked.
+        capture: The opened capture.
+        photos: Another folder that photos may be links into.
 
     Raises:
-        BadRequest: A photo lies outside the capture's folder, or is a link that leads out of it and of `photos`.
+        BadRequest: A photo is outside the capture's folder, or is a link that leads out of it and of `photos`.
         DataError: A photo is missing or not a picture.
     """
     folder = _folder_of(path)
@@ -136,10 +131,10 @@ def capture_files(path: Path, capture: Capture, photos: Path | None) -> list[Pac
 
 
 def check_copy(path: Path, capture: Capture, target: Path) -> str:
-    """Return what to open in a copy of a capture; empty for the folder itself.
+    """Return the file to open in a copy of a capture, or an empty text for the folder itself.
 
     Raises:
-        DataError: The copy would be another capture.
+        DataError: The copy has other views.
     """
     name = "" if path.is_dir() else path.name
     if [view.name for view in open_capture(target / name).views] != [view.name for view in capture.views]:
@@ -153,7 +148,7 @@ def mask_files(masks: Path) -> list[PackedFile]:
     """Return the masks of a folder, `<object>/<photo stem>.png`.
 
     Raises:
-        DataError: The folder holds none, one is not a picture, or a link leads out of the folder.
+        DataError: The folder has no masks, one is not a picture, or a link leads out of the folder.
     """
     masks = masks.absolute()
     found = _files_of(check_tree(masks, masks)) if masks.is_dir() else []
@@ -164,11 +159,12 @@ def mask_files(masks: Path) -> list[PackedFile]:
 
 
 def _photo_name(view: View) -> str:
+    assert view.image is not None
     return f"{view.name}{view.image.suffix}"
 
 
 def _checked_picture(path: Path, places: Sequence[Path | None]) -> Path:
-    """Return a picture's path, once its links lead to a picture in one of the places."""
+    """Return a picture's path after checking that it, with links resolved, is in one of the folders `places`."""
     if path.exists() and all(place is None or leads_out(place, path) for place in places):
         raise BadRequest(
             f"The photo {path.resolve()} lies outside of {places[0]}.", "To pack it too, name its folder: --photos DIR."
@@ -183,7 +179,7 @@ def _folder_of(path: Path) -> Path:
 
 
 def _files_of(folder: Path) -> list[Path]:
-    """All files below a folder but hidden ones, and those of projects and bundles that lie in it. Follows no folder's link."""
+    """Return all files below a folder except hidden ones and those of projects and bundles; follow no links to folders."""
     found = []
     for path in sorted(folder.iterdir()):
         if path.name.startswith("."):

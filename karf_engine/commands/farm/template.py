@@ -1,8 +1,7 @@
-"""Job templates by the Open Job Description specification, 2023-09: https://github.com/OpenJobDescription
+"""Build job templates by the Open Job Description specification, revision 2023-09, without extensions.
 
-Only what every version of that specification's 2023-09 revision has is used, no extensions. A task's frames follow from
-the range `first-last:step`, whose step is the number of frames a task renders: the task knows its first frame, and the
-engine renders so many from there on.
+See https://github.com/OpenJobDescription. The tasks are the range `first-last:step` with the number of frames per task as
+step: a task gets its first frame, and the engine renders `step` frames from there.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from typing import Any
 from ...errors import BadRequest
 
 VERSION = "jobtemplate-2023-09"
-LONGEST_NAME = 128  # of a job
-# what a bundle has where, as its template's paths name it
+LONGEST_NAME = 128  # characters of a job's name
+# a bundle's folders and files, as the template's paths name them
 ENGINE, PROJECT, CAPTURE, MASKS, FRAMES = "engine", "project", "capture", "masks", "frames"
 CAMERAS = "cameras.json"
 PYTHON = "{{Param.EnginePython}}"
@@ -27,14 +26,14 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True)
 class Frames:
-    """What is rendered.
+    """The frames to render.
 
     Attributes:
-        views: What `render --views` is given; `CAMERAS` for the bundle's camera file.
+        views: The value of `render --views`; `CAMERAS` for the bundle's camera file.
         edit: The bundle's file or folder of edits; empty for none.
         count: The number of views.
-        per_task: How many of them a task renders.
-        arguments: More arguments of the verb `render`.
+        per_task: The number of views in each task.
+        arguments: Further arguments of the verb `render`.
     """
 
     views: str
@@ -45,20 +44,20 @@ class Frames:
 
 
 def render_job(name: str, frames: Frames) -> Json:
-    """A job that renders frames of a learned project."""
+    """Return a job that renders frames of a learned project."""
     parameters = [_folder("Project", PROJECT, "IN", "The learned project."), *_frame_parameters(frames)]
     return _job(name, parameters, [_render_step(frames)])
 
 
 def learning_job(name: str, capture: str, settings: Sequence[str], machine: Sequence[str], frames: Frames) -> Json:
-    """A job that learns a capture, a step for every stage, and then renders frames of it.
+    """Return a job that learns a capture, a step for every stage, and then renders frames of it.
 
     Args:
-        name: Of the job.
-        capture: What the engine opens in the bundle's folder `CAPTURE`; empty for that folder itself.
-        settings: More arguments of the verb `geometry`, which sets those of all stages.
-        machine: More arguments of every stage: threads, device.
-        frames: What is rendered.
+        name: The job's name.
+        capture: The file to open in the bundle's folder `CAPTURE`; empty for the folder itself.
+        settings: Further arguments of the verb `geometry`, which sets those of all stages.
+        machine: Further arguments of every stage: threads, device.
+        frames: The frames to render.
     """
     parameters = [
         _folder("Capture", CAPTURE, "IN", "Photos with camera poses."),
@@ -140,7 +139,7 @@ def _parameter(name: str, kind: str, default: str | int, text: str) -> Json:
 
 
 def _literal(arguments: Sequence[str]) -> list[str]:
-    """Arguments as they are: a template would read two braces as the name of a value."""
+    """Return arguments unchanged; refuse double braces, which a template would expand."""
     for text in arguments:
         if "{{" in text or "}}" in text:
             raise BadRequest(f"{text!r} holds two braces, which no job template can hold.", "Choose another name.")

@@ -1,6 +1,6 @@
-"""What each command is given: one frozen dataclass each, from which parser, jobs and library are derived.
+"""The registry of commands: the frozen dataclass of each one's options defines its parser, jobs and library function.
 
-The standard library alone is needed: Blender makes its jobs of these too.
+Imports only the standard library: Blender uses it too.
 """
 
 from __future__ import annotations
@@ -13,7 +13,14 @@ from ...errors import BadRequest
 from ...export.frame_options import RenderOptions
 from ...io.options import Options
 from .capturing import ImportSplatOptions, InspectOptions, MarkOptions, PosesOptions
-from .editing import ColorwaysOptions, ExportSplatOptions, FarmOptions, MatchOptions, PointsOptions
+from .editing import (
+    CalibrationOptions,
+    ColorwaysOptions,
+    ExportSplatOptions,
+    FarmOptions,
+    MatchOptions,
+    PointsOptions,
+)
 from .learning import (
     GeometryOptions,
     LearnOptions,
@@ -23,7 +30,7 @@ from .learning import (
     SplatsOptions,
 )
 
-# by their names, in the order of the workflow
+# by name, in the order of the workflow
 COMMANDS: dict[str, type[Options]] = {
     kind.command: kind
     for kind in (
@@ -48,12 +55,12 @@ COMMANDS: dict[str, type[Options]] = {
 
 
 def options_of_job(command: str, project: Path, values: Mapping[str, Any]) -> Options:
-    """The options that a job's request stands for.
+    """Return the options of a job's request.
 
     Args:
-        command: Its stage.
-        project: Its project; poses have none.
-        values: Its options, JSON values.
+        command: The request's stage.
+        project: The request's project; some commands have none.
+        values: The request's options, JSON values.
 
     Raises:
         BadRequest: An option is unknown, missing, of another type or out of range.
@@ -67,6 +74,7 @@ def options_of_job(command: str, project: Path, values: Mapping[str, Any]) -> Op
 
 __all__ = [
     "COMMANDS",
+    "CalibrationOptions",
     "ColorwaysOptions",
     "ExportSplatOptions",
     "FarmOptions",

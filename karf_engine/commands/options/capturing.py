@@ -1,4 +1,4 @@
-"""Options of what comes before learning: camera poses, and marks."""
+"""Options of the commands before learning: camera poses, imports and marks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of what is done with a learned project."""
+"""Options of the commands on a learned project."""
 
 from __future__ import annotations
 
@@ -12,17 +12,16 @@ from ...io.options import Options, option
 from ...project.settings import PRESETS
 
 RULES = ("becomes", "fewest", "added")
-Matrix = tuple[
+Matrix4 = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float, float, float, float, float
 ]
 Corners = tuple[float, float, float, float, float, float, float, float]
-Square = tuple[float, float, float, float, float, float, float, float, float]
-PAIR, PICTURE = ("object", "source", "target"), ("view", "picture")
+Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationOptions(Options):
-    """Under which light target colors are meant: as photos show them, or under daylight."""
+    """The light of target colors: that of the photos, or daylight."""
 
     card: str | None = option(
         "what a gray card of L* 50 looks like in the photos, #rrggbb: target colors are then those under daylight (D65), "
@@ -41,7 +40,7 @@ class CalibrationOptions(Options):
         None,
         metavar="U,V,...",
     )
-    light: Square | None = option(
+    light: Matrix3 | None = option(
         "in their place: the matrix, row by row, from linear light under daylight to that in the photos",
         None,
         flag=None,
@@ -57,7 +56,7 @@ class CalibrationOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class MatchOptions(CalibrationOptions):
-    """Write the edit with which one color of an object becomes another, or a view looks as it was painted."""
+    """Write the edit that turns one color of an object into another, or a view into a painted version of it."""
 
     command: ClassVar[str] = "match"
 
@@ -86,7 +85,7 @@ class MatchOptions(CalibrationOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in PICTURE if self.is_of_picture else PAIR:
+        for name in ("view", "picture") if self.is_of_picture else ("object", "source", "target"):
             if not getattr(self, name):
                 raise BadRequest(
                     f"The match was given no {name}.",
@@ -95,8 +94,8 @@ class MatchOptions(CalibrationOptions):
 
     @property
     def is_of_picture(self) -> bool:
-        """Whether a painted picture is matched, not a color pair."""
-        return any(getattr(self, name) for name in PICTURE)
+        """True to match a painted picture instead of color pairs."""
+        return bool(self.view or self.picture)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +153,7 @@ class ExportSplatOptions(Options):
     )
     solid: bool = option("leave out the shell that shows what is behind the scene", False)
     attributes: bool = option("add to each Gaussian its object, probability and palette weights; .ply only", False)
-    matrix: Matrix | None = option(
+    matrix: Matrix4 | None = option(
         "16 numbers, row by row: a rotation, uniform scale and translation from the capture's world to the file's",
         None,
         metavar="M00,M01,...",

@@ -1,4 +1,4 @@
-"""Options of the stages that learn."""
+"""Options of the learning stages."""
 
 from __future__ import annotations
 
@@ -109,6 +109,6 @@ class LearnOptions(GeometryOptions):
     )
 
     def stages(self) -> tuple[Options, ...]:
-        """The options of each stage, in their order."""
+        """Return the options of each stage, in order."""
         kinds = (GeometryOptions, SegmentationOptions, PaletteOptions, RecoloringOptions, SplatsOptions)
         return tuple(self.narrowed(kind) for kind in kinds)

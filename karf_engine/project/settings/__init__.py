@@ -1,7 +1,6 @@
-"""Settings of every stage as data: frozen dataclasses, presets, and the texts that panels and `--help` show for each field.
+"""Settings of every stage: frozen dataclasses, presets, and the help texts of panels and `--help`.
 
-A preset is a whole `Settings` value. `with_overrides(settings, ["geometry.rays=4096"])` changes single fields, checks
-name, type and range, and raises BadRequest naming the field and the nearest known one.
+A preset is a whole `Settings` value; `with_overrides(settings, ["geometry.long_side=512"])` changes single fields.
 """
 
 from .presets import PRESETS, preset

@@ -1,4 +1,4 @@
-"""Presets: whole `Settings` values by name."""
+"""The presets, by name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .stages import (
 PRESETS: dict[str, Settings] = {
     # two processor cores, a few minutes on photos of 256 pixels
     "demo": Settings(),
-    # a laptop, about two minutes on photos of 400 pixels: more and finer cells, more samples an iteration
+    # a laptop, about two minutes on photos of 400 pixels: more and finer cells, more samples per iteration
     "fast": Settings(
         preset="fast",
         geometry=GeometrySettings(
@@ -30,7 +30,7 @@ PRESETS: dict[str, Settings] = {
         recoloring=RecoloringSettings(iterations=1000),
         splats=SplatSettings(iterations=1200, count=80_000, long_side=400),
     ),
-    # a laptop, ten minutes: as fine as 4 GB of memory hold
+    # a laptop, ten minutes: as fine as fits in 4 GB of memory
     "fine": Settings(
         preset="fine",
         geometry=GeometrySettings(
@@ -46,7 +46,7 @@ PRESETS: dict[str, Settings] = {
         recoloring=RecoloringSettings(iterations=1000),
         splats=SplatSettings(iterations=3000, count=100_000, long_side=400),
     ),
-    # a graphics card, 800 pixels; heads as wide as the paper's
+    # a graphics card, 800 pixels; heads of the paper's width
     "quality": Settings(
         preset="quality",
         geometry=GeometrySettings(
@@ -66,7 +66,7 @@ PRESETS: dict[str, Settings] = {
         splats=SplatSettings(iterations=8000, count=200_000, long_side=1600, degree=3),
     ),
     # the paper's numbers and losses, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and its
-    # weights in the marked views, a background that learns black, the paper's compositing; docs/paper.md says what differs
+    # weights in the marked views, a black background, the paper's compositing; docs/paper.md lists the differences
     "paper": Settings(
         preset="paper",
         compositing="paper",
@@ -101,7 +101,7 @@ PRESETS: dict[str, Settings] = {
 
 
 def preset(name: str) -> Settings:
-    """The preset with this name. Raises BadRequest listing the known ones."""
+    """Return the preset of this name. Raises BadRequest listing the known ones."""
     if name not in PRESETS:
         raise BadRequest(f"Unknown preset {name!r}.", f"Use one of: {', '.join(PRESETS)}.")
     return PRESETS[name]

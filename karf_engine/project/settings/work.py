@@ -1,27 +1,25 @@
-"""How long stages take with given settings, from how fast a computer learns from samples.
-
-The shares were measured with the preset demo on its own capture; what a computer really took corrects them.
-"""
+"""Estimate the duration of each stage from a computer's speed and the settings."""
 
 from __future__ import annotations
 
 from .stages import Level, Settings
 
-SEGMENTATION, RECOLORING = 74.0, 93.0  # samples of the geometry that take as long as one ray of a batch ...
-WIDTH = 64  # ... for a head with layers of this width
-SPLATS, MOST_SIDE = 0.6, 400  # as long as one pixel of a photo; of larger photos a window is learned from at a time
+# costs in geometry samples, measured with the preset demo
+SEGMENTATION, RECOLORING = 74.0, 93.0  # of one ray of a batch, for a head of width `WIDTH`
+WIDTH = 64
+SPLATS, MAX_SIDE = 0.6, 400  # of one pixel of a photo; larger photos are learned in windows of this side
 
 
 def seconds_of_stages(settings: Settings, samples_per_second: float, is_open: bool = False) -> dict[str, float] | None:
-    """Seconds of each stage of learning, on one computer.
+    """Estimate the seconds that each stage of learning takes.
 
     Args:
-        settings: With which the stages run.
-        samples_per_second: Samples that a fit of the geometry learns from in a second, see `cli.doctor.speed`.
+        settings: The settings of the stages.
+        samples_per_second: Samples of the geometry that the computer learns from in a second, see `cli.doctor.speed`.
         is_open: Whether the scene extends behind the object and the cameras.
 
     Returns:
-        By stage; None for a kind of field that was not measured.
+        Seconds by stage; None for fields other than voxels.
     """
     if settings.geometry.field != "voxels":
         return None
@@ -33,7 +31,7 @@ def seconds_of_stages(settings: Settings, samples_per_second: float, is_open: bo
         "geometry": _iterations(levels) * samples,
         "segmentation": SEGMENTATION * segmentation.iterations * segmentation.batch * segmentation.width / WIDTH,
         "recoloring": RECOLORING * recoloring.iterations * recoloring.batch * recoloring.width / WIDTH,
-        "splats": SPLATS * splats.iterations * min(splats.long_side, MOST_SIDE) ** 2,
+        "splats": SPLATS * splats.iterations * min(splats.long_side, MAX_SIDE) ** 2,
     }
     return {stage: samples / samples_per_second for stage, samples in work.items()}
 

@@ -1,4 +1,4 @@
-"""Arrays of answers as files."""
+"""Write arrays of answers to files."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ...io.files import naming
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Write arrays as float32, one behind the other, plainly: they are read at once, by a process of this computer.
+    """Write arrays as raw float32 in native byte order, one after the other.
 
     Returns:
-        `pixels`, the file; `arrays`, of each its `shape`, `dtype` and `offset` in bytes.
+        `pixels`, the file; `arrays`, the `shape`, `dtype` and `offset` in bytes of each.
     """
     placed, offset = {}, 0
     with naming(path), path.open("wb") as stream:

@@ -1,16 +1,16 @@
-"""The kind `chart`: the light that a color chart in a photo tells, wherever in it the chart is."""
+"""The query `chart`: the light measured by a color chart anywhere in a photo."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from .options import needed
+from .options import require_option
 from .session import Session
 
 
 def chart(session: Session, options: dict[str, Any]) -> dict[str, Any]:
-    """What a chart in a photo says.
+    """Measure the light by a chart in a photo.
 
     Args:
         session: Not used.
@@ -20,9 +20,9 @@ def chart(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         `light`, the nine numbers of `ReferenceLight.matrix`, row by row; and `left`, `ChartFit.mean_left`.
 
     Raises:
-        KarfError: The photo cannot be read, or no chart is seen in it, or it tells nothing.
+        KarfError: The photo cannot be read, no chart is found in it, or its colors do not determine the light.
     """
     from ...commands.calibration import read_chart
 
-    fit = read_chart(Path(needed(options, "photo", str)), None)
+    fit = read_chart(Path(require_option(options, "photo", str)), None)
     return {"light": fit.light.matrix.ravel().tolist(), "left": fit.mean_left}

@@ -1,4 +1,4 @@
-"""The colors of the recolored scene's Gaussians, for programs that show the Gaussians themselves."""
+"""The query `harmonics`: the colors of the recolored Gaussians, for programs that render the Gaussians themselves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import BadRequest
 from .arrays import write_arrays
-from .options import edit_of, needed
+from .options import edit_of, require_option
 from .session import Session
 
 if TYPE_CHECKING:
@@ -18,30 +18,28 @@ if TYPE_CHECKING:
 
 
 def harmonics(session: Session, options: dict[str, Any]) -> dict[str, Any]:
-    """The spherical harmonics of the scene's splats with an edit.
+    """Return the spherical harmonics of the scene's splats with an edit.
 
-    Options: `project`; `edit`, as edit.json, by default none: as learned; `points`, those of an object of another program
-    that shows the splats: their number `count`, and of a few of them, `rows`, their `positions`, [m][3]. The harmonics are
-    then as many as the points, and turned as these are.
-
-    harmonics: [n, 3 K] float32, of each Gaussian, in the order of the splats' own table, red, green and blue of each
-    harmonic.
+    Options: `project`; `edit`, as edit.json, by default none; `points`, an object of another program that displays the
+    splats: its number of points `count`, and the `positions` [m][3] of some `rows`. The harmonics are then rotated like
+    the object.
 
     Returns:
-        `pixels` and `arrays`, as of `show`. `n_solid`: how many of the scene's Gaussians, the first ones, are not what is
-        behind it. `seconds` that it took.
+        `pixels` and `arrays`, as of `show`: `harmonics` [n, 3 K] float32, in the order of the splats' table, red, green and
+        blue of each harmonic. `n_solid`: the number of Gaussians before the background's. `seconds` of computation.
 
     Raises:
-        KarfError: There are no splats, an option is wrong, or the points are not the splats'.
-        Cancelled: Another edit is wanted by now.
+        KarfError: The project has no splats, an option is wrong, or the points do not match the splats.
+        Cancelled: A later query of this kind is waiting.
     """
-    model = session.model(needed(options, "project", str))
+    model = session.model(require_option(options, "project", str))
     session.check()
     begun = time.perf_counter()
     gaussians = _splats(model, options.get("edit"))
-    colors = (
-        _colors(gaussians) if options.get("points") is None else _placed(gaussians, needed(options, "points", dict))
-    )
+    if options.get("points") is None:
+        colors = _colors(gaussians)
+    else:
+        colors = _rotated(gaussians, require_option(options, "points", dict))
     answer = {"n_solid": gaussians.n_solid, "seconds": time.perf_counter() - begun}
     return answer | write_arrays(session.file("harmonics.pixels"), {"harmonics": colors})
 
@@ -63,11 +61,11 @@ def _colors(gaussians: Gaussians) -> np.ndarray:
     return gaussians.table[:, COLOR:]
 
 
-def _placed(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
-    """The harmonics as an object's points have them, which another program may have turned."""
+def _rotated(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
+    """Return the harmonics rotated like an object's points."""
     from ...splats.similarity import turn_between, turned_harmonics
 
-    count = needed(points, "count", int)
+    count = require_option(points, "count", int)
     if count not in (len(gaussians), gaussians.n_solid):
         raise BadRequest(
             "The object has {count} points, and the scene {n} splats, {n_solid} of them without the background.",

@@ -1,33 +1,34 @@
-"""The kind `inspect`: how good a capture is, before anything is learned of it."""
+"""The query `inspect`: advice about a capture before learning."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from .options import needed
+from .options import require_option
 from .session import Session
 
 
 def inspect(session: Session, options: dict[str, Any]) -> dict[str, Any]:
-    """Advice about a capture.
+    """Return advice about a capture.
 
     Args:
-        session: Where the picture is written.
-        options: `capture`; and `holdout` and `masks` where there are such, as of the command.
+        session: Provides the picture's path.
+        options: `capture`; optionally `holdout` and `masks`, as of the command.
 
     Returns:
-        `advice`, the sentence and the findings, see `Message.to_json`; `is_poor`; and `picture`, the path of the map of
-        what to shoot more.
+        `advice`, the sentence and the findings, see `Message.to_json`; `is_poor`; and `picture`, the path of a map of
+        where more photos would help.
 
     Raises:
         KarfError: The capture or a mask cannot be read.
     """
     from ...capture.quality.drawing import draw_map
-    from ...commands.inspect import look
+    from ...commands.inspect import run
     from ...commands.options import InspectOptions
 
     given = {name: options.get(name) for name in ("holdout", "masks")}
-    advice = look(InspectOptions.from_json({"capture": needed(options, "capture", str), **given}))
+    capture = require_option(options, "capture", str)
+    advice = run(InspectOptions.from_json({"capture": capture, **given}), lambda *_, **__: None, session.is_superseded)
     picture = session.file("more_photos.png")
     draw_map(picture, advice)
     messages = [each.to_json() for each in (advice.sentence, *advice.findings)]

@@ -1,4 +1,4 @@
-"""What queries say."""
+"""Read the options of queries."""
 
 from __future__ import annotations
 
@@ -15,33 +15,40 @@ if TYPE_CHECKING:
 Value = TypeVar("Value")
 
 
-def needed(options: dict[str, Any], name: str, kind: type[Value]) -> Value:
-    """The option of this name. Raises BadRequest where there is none, or one of another type."""
+def require_option(options: dict[str, Any], name: str, kind: type[Value]) -> Value:
+    """Return the option of this name. Raises BadRequest where it is missing or of another type."""
     value = options.get(name)
     if type(value) is not kind:
         raise BadRequest(f"The option {name} = {value!r:.200} is not of type {kind.__name__}.", "Correct the query.")
     return value
 
 
-def fade(model: Model, options: dict[str, Any]) -> None:
-    """Let a model's splats show what no photo does as the option `unseen` says, `faded` or `shown`; by default as the project's
-    setting `render.unseen`. Raises BadRequest for another option."""
-    unseen = options.get("unseen") or model.settings.render.unseen
+def fades_of(options: dict[str, Any]) -> bool | None:
+    """Return whether splats that no photo shows fade, by the option `unseen`: `faded` or `shown`.
+
+    Returns:
+        None without the option: the project's setting `render.unseen` counts.
+
+    Raises:
+        BadRequest: The option is another text.
+    """
+    unseen = options.get("unseen")
+    if not unseen:
+        return None
     check_choice("unseen", unseen, ("faded", "shown"))
-    if model.splatted is not None:
-        model.splatted.fades = unseen == "faded"
+    return unseen == "faded"
 
 
 def edit_of(model: Model, content: Any) -> Edit | None:
-    """The wanted edit, or one that changes nothing; None before palettes are learned.
+    """Return the edit of a query; None before palettes are learned.
 
     Args:
-        model: What is learned.
-        content: As edit.json; None: nothing is changed.
+        model: The learned project.
+        content: As edit.json; None changes nothing.
 
     Raises:
-        BadRequest: The content is no dict.
-        DataError: It is no edit of the model's palettes.
+        BadRequest: The content is not a dictionary.
+        DataError: The edit does not fit the model's palettes.
     """
     if model.recoloring is None:
         return None

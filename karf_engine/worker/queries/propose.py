@@ -1,4 +1,4 @@
-"""The kind `propose`: from a box, clicks or a lasso to a mask of one photo, which is kept from click to click."""
+"""The query `propose`: a mask of one photo from a box, clicks or a lasso; the photo is cached from click to click."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from .session import Session
 
 
 def propose(session: Session, options: dict[str, Any]) -> dict[str, Any]:
-    """The mask of an object.
+    """Write the mask of an object.
 
     Args:
-        session: Keeps the photo that was marked last.
-        options: `capture` and `view`; `prompts`, see `Prompts.from_json`; and `weights`, the folder of a Segment
-            Anything model, where one is to be used.
+        session: Caches the last photo.
+        options: `capture` and `view`; `prompts`, see `Prompts.from_json`; optionally `weights`, the folder of a Segment
+            Anything model.
 
     Returns:
-        `mask`, the path of an 8-bit PNG as large as the photo, white where the object is.
+        `mask`, the path of an 8-bit PNG of the photo's size, white inside the object.
 
     Raises:
         KarfError: The prompts are wrong, or the photo or the weights cannot be read.
@@ -31,8 +31,8 @@ def propose(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     if missing:
         raise BadRequest(f"A mask was asked for without {' and '.join(missing)}.", "Give capture, view and prompts.")
     capture, view, weights = Path(options["capture"]), options["view"], options.get("weights")
-    mark = capture, view, weights, capture.stat().st_mtime_ns
-    marker = session.held("marker", mark, lambda: marker_of(capture, view, weights))
+    version = capture, view, weights, capture.stat().st_mtime_ns
+    marker = session.cached("marker", version, lambda: marker_of(capture, view, weights))
     path = session.file("mask.png")
     write_png(path, marker.propose(Prompts.from_json(options["prompts"])))
     return {"mask": str(path)}

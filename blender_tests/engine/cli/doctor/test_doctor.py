@@ -75,7 +75,7 @@ def test_one_command_installs_all_that_is_missing(lacking, tmp_path):
 def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lacking):
     lacking("torch", OSError("libcudart.so.12: cannot open shared object file"))
     lacking("scipy", ModuleNotFoundError("No module named 'numpy'", name="numpy"))
-    broken, incomplete = packages.look_at(package("torch")), packages.look_at(package("scipy"))
+    broken, incomplete = packages.check_package(package("torch")), packages.look_at(package("scipy"))
     assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.command
     assert incomplete.sentence == "scipy needs numpy, which is not installed."
 
@@ -98,7 +98,7 @@ def test_what_learns_fast_is_no_reason_to_fail_where_it_cannot_be_loaded(monkeyp
 @pytest.mark.parametrize(("version", "status"), [("2.5.1", WARNING), ("2.6.0", OK), ("3.0.0", WARNING)])
 def test_versions_outside_the_tested_ones_are_a_warning(monkeypatch, version, status):
     monkeypatch.setattr(packages, "installed_version", lambda package: version)
-    found = packages.look_at(package("torch"))
+    found = packages.check_package(package("torch"))
     assert found.status == status and version in found.sentence
     assert bool(found.remedy) == (status == WARNING)
 

@@ -12,7 +12,7 @@ pytest.importorskip("scipy")
 import karf_engine as karf
 from blender_tests.engine.commands.farm.sequences import write_sequence
 from blender_tests.engine.conftest import run_engine
-from karf_engine.commands.farm.bundle import write_bundle
+from karf_engine.commands.farm import run as write_bundle
 from karf_engine.commands.options import FarmOptions
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.files import read_json
@@ -188,11 +188,12 @@ def test_what_is_packed_is_listed_before_anything_is_written(film, tmp_path):
     lines = []
     options = FarmOptions.of(source=project.folder, out=tmp_path / "bundle", views="test")
 
-    def tell(line):
-        assert not list(tmp_path.glob("*bundle*"))
-        lines.append(line)
+    def emit(kind, **values):
+        if kind == "stage":
+            assert not list(tmp_path.glob("*bundle*"))
+            lines.append(values["text"])
 
-    write_bundle(options, tell)
+    write_bundle(options, emit, lambda: False)
     assert any(f"of {project.folder}: " in line for line in lines)
     assert any(line.startswith("packing 2 files") for line in lines)
 

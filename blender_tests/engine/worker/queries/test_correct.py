@@ -16,7 +16,7 @@ from karf_engine.errors import BadRequest
 from karf_engine.project import Project
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.segmentation.correcting import Correcting
-from karf_engine.worker.queries.correct import _in_photo
+from karf_engine.worker.queries.correct import _distorted
 from karf_engine.worker.queries.kinds import QUERIES
 from karf_engine.worker.queries.session import Session
 
@@ -77,9 +77,9 @@ def test_masks_are_as_large_as_the_photo_and_bent_by_its_lens():
     plain = Camera(40, 20, 30.0, 30.0, 20.0, 10.0, np.eye(4))
     mask = np.zeros((10, 20), bool)
     mask[2:8, 2:6] = True
-    large = _in_photo(mask, plain)
+    large = _distorted(mask, plain)
     assert large.shape == (20, 40) and large.sum() == 4 * mask.sum()
-    barrel = _in_photo(mask, replace(plain, distortion=(-0.3, 0.0, 0.0, 0.0)))
+    barrel = _distorted(mask, replace(plain, distortion=(-0.3, 0.0, 0.0, 0.0)))
     assert np.argwhere(barrel).mean(0)[1] > np.argwhere(large).mean(0)[1]  # nearer to the middle
 
 

@@ -1,4 +1,4 @@
-"""What is said where something fails: a sentence to the user, the trace of a fault to the log."""
+"""Report failures: a sentence to the user, the traceback of an internal error to the log."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from ..io.failures import known_failure
 
 
 def as_karf_error(error: Exception) -> KarfError:
-    """The error as the user gets it; of an internal one the trace is printed too."""
+    """Convert an exception for the user; print the traceback of an internal error."""
     if (known := known_failure(error)) is not None:
         return known
-    say("".join(traceback.format_exception(error)).rstrip())
+    log("".join(traceback.format_exception(error)).rstrip())
     return KarfError("Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).", error=error)
 
 
-def say_error(error: KarfError) -> None:
+def print_error(error: KarfError) -> None:
     """Print an error's sentence and hint to standard error."""
-    say(f"error: {error.sentence}\n       {error.hint}".rstrip())
+    log(f"error: {error.sentence}\n       {error.hint}".rstrip())
 
 
-def say(text: str) -> None:
-    """Print to standard error; where that is a log on a full disk, the exit code must do."""
+def log(text: str) -> None:
+    """Print to standard error, or nowhere if that is a log on a full disk."""
     try:
         print(text, file=sys.stderr, flush=True)
     except OSError:
-        # else the interpreter would try again at its end, and change the exit code
+        # else the interpreter would try again at exit, and change the exit code
         sys.stderr = Path(os.devnull).open("w", encoding="utf-8")

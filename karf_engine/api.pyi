@@ -1,0 +1,273 @@
+"""The signatures of the library's functions, with every keyword.
+
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+
+from .capture.capture import Capture
+from .capture.quality.advice import Advice
+from .compute.progress import Emit
+from .palettes.palette import Edit
+from .recolor.model import Model
+
+PathLike = Path | str
+
+def find_poses(
+    photos: PathLike,
+    out: PathLike,
+    *,
+    matching: Literal["auto", "exhaustive", "sequential"] = "auto",
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def import_splat(
+    splat: PathLike,
+    out: PathLike,
+    *,
+    photos: PathLike | None = None,
+    cameras: PathLike | None = None,
+    views: int = 48,
+    size: int = 800,
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = "auto",
+    antialiased: bool = False,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def inspect_capture(
+    capture: Capture | PathLike,
+    *,
+    masks: PathLike | None = None,
+    holdout: int = 0,
+    out: PathLike | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+) -> Advice: ...
+def mark(
+    capture: Capture | PathLike,
+    view: str,
+    object_name: str,
+    masks: PathLike,
+    *,
+    box: Sequence[float] | None = None,
+    points: Sequence[tuple[float, float, bool]] = (),
+    lasso: Sequence[Sequence[float]] | None = None,
+    weights: PathLike | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+) -> Path: ...
+def learn(
+    capture: Capture | PathLike,
+    masks: PathLike,
+    *,
+    project: PathLike,
+    preset: Literal["demo", "fast", "fine", "quality", "paper"] = "demo",
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    nerf: PathLike | None = None,
+    holdout: int | None = None,
+    photo_space: str | None = None,
+    ocio: str | None = None,
+    corrections: PathLike | None = None,
+    volumes: PathLike | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Model: ...
+def learn_geometry(
+    capture: Capture | PathLike,
+    *,
+    project: PathLike,
+    preset: Literal["demo", "fast", "fine", "quality", "paper"] = "demo",
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    nerf: PathLike | None = None,
+    holdout: int | None = None,
+    photo_space: str | None = None,
+    ocio: str | None = None,
+    masks: PathLike | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def segment(
+    project: PathLike,
+    masks: PathLike | None = None,
+    *,
+    volumes: PathLike | None = None,
+    corrections: PathLike | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def extract_palettes(
+    project: PathLike,
+    *,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def learn_recoloring(
+    project: PathLike,
+    *,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def learn_splats(
+    project: PathLike,
+    *,
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def load(
+    project: PathLike,
+    device: torch.device | str | None = None,
+) -> Model: ...
+def render(
+    project: PathLike,
+    out: PathLike,
+    *,
+    base: Literal["photo", "render"] | None = None,
+    size: str | int = "photo",
+    jpeg: bool = False,
+    alpha: bool = False,
+    format: Literal["png8", "png16", "exr16", "exr32"] = "png8",
+    depth: bool = False,
+    unsure: bool = False,
+    layers: bool = False,
+    layer_space: str | None = None,
+    ocio: str | None = None,
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    views: str = "all",
+    first: int | None = None,
+    last: int | None = None,
+    count: int | None = None,
+    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
+    planes: bool = False,
+    skip_existing: bool = False,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def colorways(
+    project: PathLike,
+    sheet: PathLike,
+    out: PathLike,
+    *,
+    card: str | None = None,
+    chart: PathLike | None = None,
+    corners: Sequence[float] | None = None,
+    light: Sequence[float] | None = None,
+    views: str = "all",
+    size: str | int = "photo",
+    predict_only: bool = False,
+    locked: list[str] | tuple[str, ...] = (),
+    edges: PathLike | Edit | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def write_points(
+    project: PathLike,
+    out: PathLike,
+    *,
+    count: int = 60000,
+    edit: PathLike | Edit | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def export_splat(
+    project: PathLike,
+    out: PathLike,
+    *,
+    edit: PathLike | Edit | None = None,
+    sheet: PathLike | None = None,
+    objects: list[str] | tuple[str, ...] = (),
+    solid: bool = False,
+    attributes: bool = False,
+    matrix: Sequence[float] | None = None,
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+    progress: Callable[[str], None] | None = None,
+    emit: Emit | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> None: ...
+def render_bundle(
+    project: PathLike,
+    out: PathLike,
+    *,
+    base: Literal["photo", "render"] | None = None,
+    size: str | int = "photo",
+    jpeg: bool = False,
+    alpha: bool = False,
+    format: Literal["png8", "png16", "exr16", "exr32"] = "png8",
+    depth: bool = False,
+    unsure: bool = False,
+    layers: bool = False,
+    layer_space: str | None = None,
+    ocio: str | None = None,
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    views: str = "all",
+    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
+    photos: PathLike | None = None,
+    per_task: int = 10,
+    python: str = "python3",
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+) -> Path: ...
+def learning_bundle(
+    capture: Capture | PathLike,
+    masks: PathLike,
+    out: PathLike,
+    *,
+    base: Literal["photo", "render"] | None = None,
+    size: str | int = "photo",
+    jpeg: bool = False,
+    alpha: bool = False,
+    format: Literal["png8", "png16", "exr16", "exr32"] = "png8",
+    depth: bool = False,
+    unsure: bool = False,
+    layers: bool = False,
+    layer_space: str | None = None,
+    ocio: str | None = None,
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    preset: Literal["demo", "fast", "fine", "quality", "paper"] | None = None,
+    holdout: int = 0,
+    views: str = "all",
+    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
+    photos: PathLike | None = None,
+    per_task: int = 10,
+    python: str = "python3",
+    threads: int | None = None,
+    device: str | torch.device | None = None,
+) -> Path: ...
