@@ -62,18 +62,16 @@ def surface_points(
     Raises:
         NothingSolid: No ray ends at a surface.
     """
-    probes = [
-        len(_trace_view(scene, _camera_of(view, PROBE)).ends.weights) for view in views[:: max(1, len(views) // 8)]
-    ]
+    probes = [len(_trace_view(scene, _pinhole(view, PROBE)).ends.weights) for view in views[:: max(1, len(views) // 8)]]
     pixels = count * ENDS_PER_POINT / len(views) / max(float(np.mean(probes)) / PROBE, FEWEST_SHARP)
     traces = []
     for view in views:
-        traces.append(_trace_view(scene, _camera_of(view, pixels)))
+        traces.append(_trace_view(scene, _pinhole(view, pixels)))
         step()
     ends = _Ends(*[np.concatenate([getattr(t.ends, item.name) for t in traces]) for item in fields(_Ends)])
-    merged, kept = _checked(scene.field, ends, traces, min(count, len(ends.weights) / 2))
+    merged, kept = _fuse(scene.field, ends, traces, min(count, len(ends.weights) / 2))
     if kept.sum() <= 0.85 * count:  # compensate for dropped points
-        merged, kept = _checked(scene.field, ends, traces, min(1.3 * count, len(ends.weights) / 2))
+        merged, kept = _fuse(scene.field, ends, traces, min(1.3 * count, len(ends.weights) / 2))
     if not kept.any():
         raise NothingSolid("The learned scene shows nothing solid.", "Learn it again, with other settings.")
     points = merged.part(kept)
@@ -107,18 +105,18 @@ class _ViewEnds:
     ends: _Ends
 
 
-def _checked(field: Field, ends: _Ends, traces: Sequence[_ViewEnds], count: float) -> tuple[_Ends, np.ndarray]:
+def _fuse(field: Field, ends: _Ends, traces: Sequence[_ViewEnds], count: float) -> tuple[_Ends, np.ndarray]:
     """Merge ends to about `count` points; return them and which are not floaters, [n] bool."""
     if not len(ends.weights):
         return ends, np.zeros(0, bool)
-    merged, cell = _merged(ends, field.voxel, count)
+    merged, cell = _average_in_cells(ends, field.voxel, count)
     world = _to_world(field, merged.positions)
     distances, _ = tree_of(merged.positions).query(merged.positions, [7])  # to the sixth neighbor
     is_isolated = distances[:, 0] > OUTLIER_DISTANCE * cell
-    return merged, _is_seen(world, _voxels_of(field, merged.positions), traces) & ~is_isolated
+    return merged, _is_seen(world, _voxel_sizes(field, merged.positions), traces) & ~is_isolated
 
 
-def _camera_of(view: View, pixels: float) -> Camera:
+def _pinhole(view: View, pixels: float) -> Camera:
     """Return a view's pinhole with about this many pixels."""
     camera = view.camera.without_distortion()
     factor = math.sqrt(pixels / (camera.width * camera.height))
@@ -138,15 +136,15 @@ def _trace_view(scene: Scene, camera: Camera) -> _ViewEnds:
     return _ViewEnds(camera, depth.reshape(camera.height, camera.width), ends)
 
 
-def _merged(ends: _Ends, voxel: float, count: float) -> tuple[_Ends, float]:
+def _average_in_cells(ends: _Ends, voxel: float, count: float) -> tuple[_Ends, float]:
     """Average the ends in about `count` cells; return the means and the cell size."""
     cell = voxel
     for _ in range(8):
-        found = len(np.unique(_cells_of(ends.positions, cell)))
+        found = len(np.unique(_cell_numbers(ends.positions, cell)))
         if abs(found / count - 1) < 0.03:
             break
         cell *= (found / count) ** 0.5  # the number of cells on a surface is inverse to their squared size
-    _, point = np.unique(_cells_of(ends.positions, cell), return_inverse=True)
+    _, point = np.unique(_cell_numbers(ends.positions, cell), return_inverse=True)
     point = point.ravel()
     total = np.bincount(point, ends.weights)
 
@@ -159,7 +157,7 @@ def _merged(ends: _Ends, voxel: float, count: float) -> tuple[_Ends, float]:
     return _Ends(mean(ends.positions), mean(ends.colors), viewdirs, total / np.bincount(point)), cell
 
 
-def _cells_of(positions: np.ndarray, cell: float) -> np.ndarray:
+def _cell_numbers(positions: np.ndarray, cell: float) -> np.ndarray:
     """Return the cell number of each position, [n] int64."""
     cells = np.floor((positions - positions.min(0)) / cell).astype(np.int64)
     extent = cells.max(0) + 1
@@ -185,7 +183,7 @@ def _is_seen(world: np.ndarray, voxels: np.ndarray, traces: Sequence[_ViewEnds])
     return (ending >= min(2, len(traces))) & (ending >= passing)
 
 
-def _voxels_of(field: Field, positions: np.ndarray) -> np.ndarray:
+def _voxel_sizes(field: Field, positions: np.ndarray) -> np.ndarray:
     """Return the voxel size at grid positions [n, 3], world units."""
     beside = np.repeat(positions[:, None], 3, 1) + field.voxel * np.eye(3, dtype=np.float32)
     steps = _to_world(field, beside) - _to_world(field, positions)[:, None]
@@ -200,14 +198,14 @@ def _normals(field: Field, merged: _Ends, world: np.ndarray, neighbors: np.ndarr
     """Return unit normals [n, 3] in the world, facing the cameras, smoothed over neighbors [n, m]."""
     positions = torch.from_numpy(merged.positions).to(field.bounds.device)
     along = torch.cat([field.normals(some) for some in positions.split(1 << 17)]).cpu().numpy()
-    normals = _unit(_to_world(field, merged.positions + field.voxel * along) - world, -merged.viewdirs)
+    normals = _normalize(_to_world(field, merged.positions + field.voxel * along) - world, -merged.viewdirs)
     faces_away = (normals * merged.viewdirs).sum(1, keepdims=True) > 0
     normals = np.where(faces_away, -normals, normals)
     agree = np.einsum("nmc,nc->nm", normals[neighbors], normals) > 0  # not across thin objects
-    return _unit(np.einsum("nmc,nm->nc", normals[neighbors], agree), normals).astype(np.float32)
+    return _normalize(np.einsum("nmc,nm->nc", normals[neighbors], agree), normals).astype(np.float32)
 
 
-def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+def _normalize(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     """Normalize vectors [n, 3]; `otherwise` replaces zero vectors."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(length > 1e-9, vectors / np.maximum(length, 1e-9), otherwise)

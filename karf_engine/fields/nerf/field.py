@@ -125,7 +125,7 @@ class NerfField(nn.Module):
         return float((self.bounds[1] - self.bounds[0]).max()) / VOXELS
 
     def trace(self, rays: Rays, step_in_voxels: float = 1.0) -> Trace:
-        """Sample rays at the sorted union of coarse and fine samples. There is no stride."""
+        """Sample rays at the sorted union of coarse and fine samples; no stride."""
         del step_in_voxels
         origins, directions = self.space.to_grid_rays(rays)
         lengths = torch.linalg.norm(directions, dim=1, keepdim=True)
