@@ -68,9 +68,7 @@ def register_head(name: str, build: HeadBuilder) -> None:
         name: of the kind.
         build: returns a new head for sizes and settings; it should heed `width`.
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: another kind has this name.
+    Raises BadRequest where another kind has this name.
     """
     if HEADS.setdefault(name, build) is not build:
         raise BadRequest(f"There is another kind of head {name!r}.", "Choose another name.")
@@ -120,23 +118,13 @@ def _matched_width(settings: HeadSettings, sizes: HeadSizes, wanted: int) -> int
 
 
 def _gated_block(sizes: HeadSizes, settings: HeadSettings) -> nn.Module:
-    return GatedBlock(
-        sizes.n_position,
-        sizes.n_direction,
-        sizes.n_features,
-        sizes.n_out,
-        settings.width,
-        settings.layer,
-        settings.variant,
-        settings.centers,
-        settings.bandwidth,
-        settings.learn_bandwidth,
-    )
+    options = settings.layer, settings.variant, settings.centers, settings.bandwidth, settings.learn_bandwidth
+    return GatedBlock(sizes.n_position, sizes.n_direction, sizes.n_features, sizes.n_out, settings.width, *options)
 
 
-def _plain(sizes: HeadSizes, settings: HeadSettings) -> nn.Module:
+def _mlp_head(sizes: HeadSizes, settings: HeadSettings) -> nn.Module:
     return MLPHead(sizes.n_position, sizes.n_direction, sizes.n_features, sizes.n_out, settings.width)
 
 
 register_head("kan", _gated_block)
-register_head("mlp", _plain)
+register_head("mlp", _mlp_head)

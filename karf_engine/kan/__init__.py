@@ -1,5 +1,6 @@
 """Kolmogorov-Arnold networks: Gaussian, B-spline and plain layers, and the paper's gated block made of them.
 
+Arguments of wrong types raise TypeError, impossible values and tensors of wrong shape, dtype or device BadRequest.
 Each layer is a `torch.nn.Module` from [..., n_in] to [..., n_out] and can be used alone:
 
 >>> import torch

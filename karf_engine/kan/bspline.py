@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from ..io.arguments import check_number, checked
-from .checks import check_rows, check_vectors, check_widths
+from .checks import check_rows, check_vectors
 
 GRID_LIMIT = 2.0
 INITIAL_SPLINE_STD = 0.02
@@ -30,10 +30,6 @@ def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
 
     Returns:
         [..., grid + order, n_in] in [0, 1]; they sum to 1 over the splines where u is within [-2, 2).
-
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: a number is out of range.
 
     Example:
         >>> bspline_bases(torch.tensor([[-2.0], [0.0]]), grid=2, order=1)[..., 0]
@@ -73,10 +69,6 @@ class BSplineLayer(nn.Module):
         layer_norm: normalize the splines' inputs first, with 2 * n_in parameters. Without it, only the base branch
             sees inputs far outside [-2, 2].
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: a number is out of range.
-
     Example:
         >>> BSplineLayer(3, 2)(torch.zeros(5, 3)).shape
         torch.Size([5, 2])
@@ -85,7 +77,8 @@ class BSplineLayer(nn.Module):
     @checked
     def __init__(self, n_in: int, n_out: int, grid: int = 5, order: int = 3, layer_norm: bool = True):
         super().__init__()
-        check_widths(n_in=n_in, n_out=n_out)
+        check_number("n_in", n_in, 1)
+        check_number("n_out", n_out, 1)
         _check_sizes(grid, order)
         self.grid = grid
         self.order = order
@@ -96,7 +89,7 @@ class BSplineLayer(nn.Module):
         nn.init.trunc_normal_(self.spline_weight, std=INITIAL_SPLINE_STD)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for other inputs."""
+        """Return [..., n_out] for x [..., n_in]."""
         check_rows("x", x, self.base.in_features, self.base.weight)
         bases = _bases(self.norm(x), self.grid, self.order)
         weight = self.spline_weight * self.spline_scale

@@ -12,10 +12,6 @@ from ..io.arguments import check_number, check_type
 def check_vectors(name: str, x: Any) -> None:
     """Refuse anything but a floating-point tensor [..., C].
 
-    Raises:
-        TypeError: x is not a tensor.
-        BadRequest: x is an integer tensor, or has no axis.
-
     Examples:
         >>> check_vectors("x", torch.arange(3))
         Traceback (most recent call last):
@@ -29,10 +25,6 @@ def check_vectors(name: str, x: Any) -> None:
 
 def check_rows(name: str, x: Any, width: int, like: Tensor) -> None:
     """Refuse anything but a tensor [..., width] with the dtype (or under autocast) and device of a parameter `like`.
-
-    Raises:
-        TypeError: x is not a tensor.
-        BadRequest: x has another width, dtype or device.
 
     Examples:
         >>> check_rows("x", torch.zeros(5, 4), 3, torch.zeros(3))
@@ -62,10 +54,6 @@ def check_encodings(
         widths: P, D and F.
         like: a parameter of the head.
 
-    Raises:
-        TypeError: an input is not a tensor.
-        BadRequest: an input has another width, dtype or device.
-
     Examples:
         >>> check_encodings(torch.zeros(5, 9), torch.zeros(5, 2), None, (9, 0, 3), torch.zeros(1))
         Traceback (most recent call last):
@@ -89,18 +77,6 @@ def check_alike(name: str, x: Tensor, first: Tensor) -> None:
         raise BadRequest(f"{name} is {_described(x)}, what it joins {_described(first)}.", "Give as many of both.")
 
 
-def check_widths(**widths: int) -> None:
-    """Raise BadRequest for widths below 1.
-
-    Examples:
-        >>> check_widths(n_in=3, n_out=0)
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: n_out = 0 is out of range. Allowed: from 1.
-    """
-    for name, width in widths.items():
-        check_number(name, width, 1)
-
-
 def head_widths(n_position: int, n_direction: int, n_features: int, n_out: int, width: int) -> tuple[int, int, int]:
     """Check the widths of a head and return P, D and F. Raises BadRequest for D or F below 0, or others below 1.
 
@@ -108,7 +84,8 @@ def head_widths(n_position: int, n_direction: int, n_features: int, n_out: int, 
         >>> head_widths(n_position=33, n_direction=0, n_features=12, n_out=4, width=16)
         (33, 0, 12)
     """
-    check_widths(n_position=n_position, n_out=n_out, width=width)
+    for name, value in (("n_position", n_position), ("n_out", n_out), ("width", width)):
+        check_number(name, value, 1)
     check_number("n_direction", n_direction, 0)
     check_number("n_features", n_features, 0)
     return n_position, n_direction, n_features

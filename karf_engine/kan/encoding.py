@@ -19,10 +19,6 @@ def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
     Returns:
         [..., 3 + 6 * n_frequencies].
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: x is not floating-point, or n_frequencies is negative.
-
     Example:
         >>> positional_encoding(torch.zeros(1, 3), 1)
         tensor([[0., 0., 0., 0., 0., 0., 1., 1., 1.]])
@@ -36,10 +32,6 @@ def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
 
 def join_inputs(position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None) -> Tensor:
     """Return z = [gamma(x), gamma(d), f_prior], [..., P + D + F], without gamma(d) if it is None.
-
-    Raises:
-        TypeError: an input is not a tensor.
-        BadRequest: an input is not floating-point, or the leading axes differ.
 
     Example:
         >>> join_inputs(torch.ones(1, 2), torch.zeros(1, 1), torch.full((1, 2), 5.0))

@@ -44,10 +44,6 @@ class GatedBlock(nn.Module):
         bandwidth: initial h of Eq. 5, see `resolve_bandwidth`; for `grbf` only.
         learn_bandwidth: whether h is trained, one per layer; for `grbf` only.
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: a width is out of range, the layer or the variant is unknown, or the layer refuses its options.
-
     Example:
         >>> block = GatedBlock(n_position=9, n_direction=3, n_features=4, n_out=2, width=8)
         >>> block(torch.zeros(5, 9), torch.zeros(5, 4), torch.zeros(5, 3)).shape
@@ -93,10 +89,6 @@ class GatedBlock(nn.Module):
             position_encoding: gamma(x), [..., P].
             features: [..., F], standardized (see `Standardizer`).
             direction_encoding: gamma(d), [..., D]; None if D = 0.
-
-        Raises:
-            TypeError: an input is not a tensor.
-            BadRequest: an input has another width, dtype or device.
         """
         check_encodings(position_encoding, features, direction_encoding, self._widths, next(self.parameters()))
         z = join_inputs(position_encoding, features, direction_encoding)

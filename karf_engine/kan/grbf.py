@@ -29,7 +29,7 @@ from ..compute.cores import share
 from ..compute.kernels import has_kernels
 from ..errors import BadRequest
 from ..io.arguments import check_number, checked
-from .checks import check_alike, check_rows, check_widths
+from .checks import check_alike, check_rows
 
 GRID_LIMIT = 2.0
 BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings
@@ -349,10 +349,6 @@ class GRBFLayer(nn.Module):
         learn_bandwidth: make its logarithm, `log_bandwidth`, a parameter, clamped to 0.35 to 2 spacings (with zero
             gradient beyond). Otherwise it is a buffer.
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: a width or n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
-
     Example:
         >>> layer = GRBFLayer(3, 2, n_centers=5, learn_bandwidth=False)
         >>> layer(torch.zeros(4, 3)).shape, layer.bandwidth()
@@ -369,7 +365,8 @@ class GRBFLayer(nn.Module):
         learn_bandwidth: bool = True,
     ):
         super().__init__()
-        check_widths(n_in=n_in, n_out=n_out)
+        check_number("n_in", n_in, 1)
+        check_number("n_out", n_out, 1)
         check_number("n_centers", n_centers, 2, MAX_CENTERS)
         self.n_centers = n_centers
         self.norm = nn.LayerNorm(n_in)
@@ -390,6 +387,6 @@ class GRBFLayer(nn.Module):
         return self.log_bandwidth.clamp(low, high).exp()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for other inputs."""
+        """Return [..., n_out] for x [..., n_in]."""
         check_rows("x", x, self.norm.normalized_shape[0], self.weight)
         return grbf(x, self.norm(x), self.weight, self.bias, self.bandwidth(), self.n_centers)

@@ -26,10 +26,6 @@ class LayerOptions:
         bandwidth: initial h of Eq. 5, see `resolve_bandwidth`; for `grbf`.
         learn_bandwidth: whether h is trained; for `grbf`.
         is_output: whether it is the last layer, without activation; for `mlp`.
-
-    Raises:
-        TypeError: an option has the wrong type.
-        BadRequest: n_centers is out of range, or `resolve_bandwidth` refuses the bandwidth.
     """
 
     n_centers: int = 8
@@ -57,9 +53,7 @@ def register_layer(name: str, build: LayerBuilder) -> None:
         name: of the kind.
         build: returns a layer for n_in, n_out and options.
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: another kind has this name.
+    Raises BadRequest where another kind has this name.
 
     Example:
         >>> register_layer("linear", lambda n_in, n_out, options: nn.Linear(n_in, n_out))  # doctest: +SKIP
@@ -88,14 +82,6 @@ def _grbf(n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
     return GRBFLayer(n_in, n_out, options.n_centers, options.bandwidth, options.learn_bandwidth)
 
 
-def _bspline(n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
-    return BSplineLayer(n_in, n_out)
-
-
-def _mlp(n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
-    return MLPLayer(n_in, n_out, options.is_output)
-
-
 register_layer("grbf", _grbf)
-register_layer("bspline", _bspline)
-register_layer("mlp", _mlp)
+register_layer("bspline", lambda n_in, n_out, options: BSplineLayer(n_in, n_out))
+register_layer("mlp", lambda n_in, n_out, options: MLPLayer(n_in, n_out, options.is_output))

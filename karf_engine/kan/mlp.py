@@ -2,8 +2,8 @@
 
 from torch import Tensor, nn
 
-from ..io.arguments import checked
-from .checks import check_encodings, check_rows, check_widths, head_widths
+from ..io.arguments import check_number, checked
+from .checks import check_encodings, check_rows, head_widths
 from .encoding import join_inputs
 
 
@@ -15,10 +15,6 @@ class MLPLayer(nn.Module):
         n_out: width of the outputs.
         is_output: leave out the ReLU.
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: a width is below 1.
-
     Example:
         >>> import torch
         >>> bool((MLPLayer(3, 2)(torch.randn(5, 3)) >= 0).all())
@@ -28,12 +24,13 @@ class MLPLayer(nn.Module):
     @checked
     def __init__(self, n_in: int, n_out: int, is_output: bool = False):
         super().__init__()
-        check_widths(n_in=n_in, n_out=n_out)
+        check_number("n_in", n_in, 1)
+        check_number("n_out", n_out, 1)
         self.linear = nn.Linear(n_in, n_out)
         self.activation = nn.Identity() if is_output else nn.ReLU()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]. Raises TypeError or BadRequest for other inputs."""
+        """Return [..., n_out] for x [..., n_in]."""
         check_rows("x", x, self.linear.in_features, self.linear.weight)
         return self.activation(self.linear(x))
 
@@ -47,10 +44,6 @@ class MLPHead(nn.Module):
         n_features: F, number of prior features.
         n_out: number of logits.
         width: of the hidden layers.
-
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: a width is out of range.
 
     Example:
         >>> import torch
@@ -69,9 +62,6 @@ class MLPHead(nn.Module):
         )
 
     def forward(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Return logits [..., n_out] for encodings [..., P], [..., D] (None if D = 0) and prior features [..., F].
-
-        Raises TypeError or BadRequest for other inputs.
-        """
+        """Return logits [..., n_out] for encodings [..., P], [..., D] (None if D = 0) and prior features [..., F]."""
         check_encodings(position_encoding, features, direction_encoding, self._widths, next(self.parameters()))
         return self.layers(join_inputs(position_encoding, features, direction_encoding))

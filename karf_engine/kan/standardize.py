@@ -19,10 +19,6 @@ class Standardizer(nn.Module):
     Args:
         n_features: F.
 
-    Raises:
-        TypeError: n_features has the wrong type.
-        BadRequest: n_features is negative.
-
     Example:
         >>> standardizer = Standardizer(1)
         >>> standardizer.fit(torch.tensor([[1.0], [3.0]]))
@@ -60,6 +56,6 @@ class Standardizer(nn.Module):
         self.std.copy_(torch.where(constant, 1.0, std))
 
     def forward(self, features: Tensor) -> Tensor:
-        """Return the standardized features [..., F]. Raises TypeError or BadRequest for other inputs."""
+        """Return the standardized features [..., F]."""
         check_rows("features", features, len(self.mean), self.mean)
         return (features - self.mean) / self.std

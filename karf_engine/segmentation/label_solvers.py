@@ -25,9 +25,7 @@ SOLVERS: dict[str, LabelSolver] = {}
 def register_labels(name: str, solve: LabelSolver) -> None:
     """Add a solver under a name of the setting `segmentation.labels`.
 
-    Raises:
-        TypeError: an argument has the wrong type.
-        BadRequest: another solver has this name.
+    Raises BadRequest where another solver has this name.
     """
     if SOLVERS.setdefault(name, solve) is not solve:
         raise BadRequest(f"There are other labels {name!r}.", "Choose another name.")
