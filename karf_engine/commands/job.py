@@ -96,7 +96,7 @@ def make_job(
     return Job(project, settings, runtime, emit, should_stop)
 
 
-def _stage_fingerprint(job: Job, stage: str, *inputs: Any) -> str:
+def stage_fingerprint(job: Job, stage: str, *inputs: Any) -> str:
     """Return the fingerprint of a stage's version, settings, inputs and the stage that it builds on."""
     before = job.project.require(BUILT_ON[stage])["fingerprint"] if stage in BUILT_ON else ""
     own = settings_module.to_dict(getattr(job.settings, stage))
@@ -120,7 +120,7 @@ def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
     """
     project = job.project
     with writing(project):
-        own = _stage_fingerprint(job, stage, *inputs)
+        own = stage_fingerprint(job, stage, *inputs)
         done = project.finished(stage)
         if done is not None and done["fingerprint"] == own and project.is_intact(stage):
             job.emit("stage", name=stage, text="already done")

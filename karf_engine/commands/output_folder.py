@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..capture.poses.work_folder import work_folder
 from ..errors import BadRequest
 
 
@@ -17,6 +16,8 @@ def new_folder(out: Path) -> Iterator[Path]:
     Raises:
         BadRequest: `out` exists and is not empty.
     """
+    from ..capture.poses.work_folder import work_folder  # needs filelock
+
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")
     out.parent.mkdir(parents=True, exist_ok=True)
