@@ -16,7 +16,7 @@ from .camera import Camera
 
 NEWTON_STEPS = 25
 GRADIENT_STEP = 1e-3  # step of difference quotients, pixels
-TOLERANCE = 1e-4  # residual at which the inversion stops, pixels
+TOLERANCE = 1e-4  # final residual of the inversion, pixels
 
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:

@@ -1,7 +1,4 @@
-"""Training images: captured photos as the fits use them, at the working size and without lens distortion.
-
-Images are float32 [H, W, C], display-referred sRGB in [0, 1]; pixel corners lie at integers. See `images`.
-"""
+"""Training images: photos resized to the working size and undistorted. Conventions: see `io.images`."""
 
 from __future__ import annotations
 
@@ -20,25 +17,25 @@ from .camera import Camera, wrong_size
 from .capture import View
 from .distortion import distort
 
-BORDER_TOLERANCE = 0.04  # a border pixel this near to black or white counts as such: JPEG noise, dark gray paper
-BORDER_SHARE = 0.8  # share of the border's pixels that must count: an object may touch the border
-SOLID_DIFFERENCE = 0.06  # a pixel this far from a black or white background shows something
+BORDER_TOLERANCE = 0.04  # distance from black or white of a background pixel: JPEG noise, dark gray paper
+BORDER_SHARE = 0.8  # share of border pixels that must be background: an object may touch the border
+SOLID_DIFFERENCE = 0.06  # distance from the background of an object's pixel
 VIEW_SHARE = 0.9  # share of the views that must agree: a few may be close-ups
-ASPECT_TOLERANCE = 0.02  # relative difference between the aspect ratios of a picture and its view: rounding
-LENS_ROWS = 256  # rows of a lens map that are computed at once: float64 temporaries of whole photos are large
-LENS_DETAIL = 3  # photos are undistorted at this multiple of the working size, so that interpolation costs no detail
+ASPECT_TOLERANCE = 0.02  # relative difference of aspect ratios explained by rounding
+LENS_ROWS = 256  # rows of a lens map computed at a time, to bound float64 temporaries
+LENS_DETAIL = 3  # undistort at this multiple of the working size, to keep detail
 
 
 @dataclass(frozen=True)
 class TrainingImage:
-    """A captured view at the working size, without lens distortion.
+    """A view at the working size, without distortion.
 
     Attributes:
-        view: As captured.
-        camera: A pinhole at the working size.
+        view: The captured view.
+        camera: A pinhole camera at the working size.
         color: sRGB float32 [H, W, 3] in [0, 1], straight.
-        alpha: float32 [H, W] in [0, 1]; None where the photo is opaque.
-        valid: bool [H, W], False where the pinhole sees beyond the photo; None where all is valid.
+        alpha: float32 [H, W] in [0, 1]; None if the photo is opaque.
+        valid: bool [H, W], False outside the photo; None if all pixels are inside.
     """
 
     view: View
@@ -49,13 +46,7 @@ class TrainingImage:
 
 
 def load_views(views: Sequence[View], long_side: int) -> list[TrainingImage]:
-    """Read the photos of the views, undistort them and shrink them so that no side exceeds `long_side` pixels.
-
-    Photos are never enlarged, and only one is in memory at its full size.
-
-    Args:
-        views: With photos.
-        long_side: Pixels.
+    """Read photos, undistort them and scale them down to at most `long_side` pixels a side, one at a time.
 
     Raises:
         DataError: A photo is missing, damaged or of another size than its camera.
@@ -74,9 +65,9 @@ def _load_view(view: View, long_side: int) -> TrainingImage:
     if camera.is_pinhole and (width, height) == (camera.width, camera.height):
         return TrainingImage(view, camera, photo[..., :3], None if opaque else photo[..., 3], None)
 
-    if not opaque:  # averages must not mix in the hidden colors of transparent pixels
+    if not opaque:  # premultiply, so that colors of transparent pixels are not averaged in
         photo[..., :3] *= photo[..., 3:]
-    if not camera.is_pinhole:  # at full size a lens map takes more time and memory than all else
+    if not camera.is_pinhole:  # shrink first: a lens map at full size costs more than all else
         camera = camera.scaled(min(camera.width, LENS_DETAIL * width), min(camera.height, LENS_DETAIL * height))
         photo = resize(photo, camera.width, camera.height)
     photo, pinhole, valid = undistort(photo, camera)
@@ -92,19 +83,19 @@ def _load_view(view: View, long_side: int) -> TrainingImage:
 
 
 def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
-    """A painted or graded picture of a view, as the view's pinhole shows it at the size of its training image.
+    """Read a painted or graded image of a view at the size of its training image, undistorted.
 
     Args:
-        view: Captured.
-        picture: As large as the photo, then with its lens; or of any other size, then without lens distortion.
-        long_side: Pixels, as for `load_views`.
+        view: The captured view.
+        picture: An image with distortion if it has the photo's size, of any other size without.
+        long_side: As for `load_views`, pixels.
 
     Returns:
-        sRGB float32 [H, W, 3] in [0, 1], transparency on white.
+        sRGB float32 [H, W, 3] in [0, 1], composited over white.
 
     Raises:
-        DataError: The picture is missing or damaged.
-        BadRequest: It has another shape than the view.
+        DataError: The image is missing or damaged.
+        BadRequest: The image has another aspect ratio than the view.
     """
     pixels, camera = read_photo(picture, space=view.space), view.camera.reduced(long_side)
     height, width = pixels.shape[:2]
@@ -121,41 +112,38 @@ def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
 
 
 def photo_of(view: View) -> np.ndarray:
-    """A view's photo, float sRGB [H, W, 3 or 4] in [0, 1] with straight alpha, turned as its camera was made for.
+    """Read a view's photo in its camera's orientation, sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha.
 
     Raises:
-        DataError: It is missing, damaged or of another size than its camera.
+        DataError: The photo is missing, damaged or of another size than its camera.
     """
     path = image_of(view)
-    size = (view.camera.height, view.camera.width)
+    size, shape = (view.camera.height, view.camera.width), ()
     for upright in (True, False):
         photo = read_photo(path, upright, view.space)
         if photo.shape[:2] == size:
             return photo
-        found, photo = photo.shape, None  # never two of them in memory
-    raise wrong_size(path, found[1], found[0], view.camera)
+        shape = photo.shape
+        del photo  # before the next one is read, to save memory
+    raise wrong_size(path, shape[1], shape[0], view.camera)
 
 
 def image_of(view: View) -> Path:
-    """The view's photo.
-
-    Raises:
-        DataError: It has none.
-    """
+    """Return the path of a view's photo. Raises DataError if it has none."""
     if view.image is None:
         raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
     return view.image
 
 
 def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
-    """Remove a lens distortion; focal lengths, center and size stay.
+    """Undistort an image; focal lengths, principal point and size stay.
 
     Args:
-        image: Float [H, W, C] with C of 1, 3 or 4, which OpenCV interpolates exactly.
-        camera: With its distortion.
+        image: Float [H, W, C] with C of 1, 3 or 4, the channels that OpenCV interpolates exactly.
+        camera: A camera with distortion.
 
     Returns:
-        The image (float32), its pinhole camera, and where the pinhole sees inside the photo's borders, bool [H, W].
+        The image (float32), its pinhole camera, and a mask of the pixels inside the photo, bool [H, W].
     """
     if camera.is_pinhole:
         return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
@@ -171,27 +159,27 @@ def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np
 def lens_map(
     width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where a lens shows what its pinhole shows in each pixel; arguments as the attributes of `Camera`.
+    """Return the remap tables that undistort a photo; arguments as the attributes of `Camera`.
 
     Returns:
-        Columns and rows, float32 [H, W], pixel centers at integers; and whether they lie inside the photo, bool [H, W].
+        Columns and rows, float32 [H, W], with pixel centers at integers; and a mask of positions inside the photo.
     """
     lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
     maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
     for top in range(0, height, LENS_ROWS):
         rows = slice(top, min(top + LENS_ROWS, height))
         v, u = np.mgrid[rows, 0:width] + 0.5
-        seen = distort(lens, np.stack([u, v], -1))
-        valid[rows] = ((seen >= 0) & (seen <= (width, height))).all(-1)  # nan is outside
-        maps[:, rows] = np.moveaxis(np.nan_to_num(seen, nan=-1.0), -1, 0) - 0.5
+        distorted = distort(lens, np.stack([u, v], -1))
+        valid[rows] = ((distorted >= 0) & (distorted <= (width, height))).all(-1)  # False for nan
+        maps[:, rows] = np.moveaxis(np.nan_to_num(distorted, nan=-1.0), -1, 0) - 0.5
     return maps[0], maps[1], valid
 
 
 def background_kind(photos: Sequence[np.ndarray]) -> str:
-    """What surrounds the objects in a capture's photos.
+    """Classify the background of a capture's photos.
 
     Args:
-        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel that is 1 everywhere is not a matte.
+        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel of 1 everywhere is not a matte.
 
     Returns:
         `alpha` (a matte), `black`, `white`, or `opaque` (a real background).
@@ -220,13 +208,13 @@ def _background_of(photo: np.ndarray) -> str:
 
 
 def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
-    """Pixels that certainly show something opaque before a background of one color.
+    """Return the pixels that are certainly opaque in front of a uniform background.
 
-    They differ from the background, and nearly as much as their neighbors do: a mixed pixel at an edge does not.
+    These differ from the background nearly as much as their neighbors, unlike mixed pixels at edges.
 
     Args:
         color: [H, W, 3] in [0, 1].
-        kind: `black` or `white`, the background.
+        kind: Background, `black` or `white`.
 
     Returns:
         bool [H, W].

@@ -1,4 +1,4 @@
-"""The frames of one `transforms*.json`, and the camera of each. Formats: see `transforms_json`."""
+"""Read the frames of a `transforms*.json` and their cameras. Formats: see `transforms_json`."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Frame:
 
     Attributes:
         file: The JSON file.
-        index: The entry's number in it, from 0.
-        parts: Its `file_path`, part by part.
-        fields: The file's global fields overlaid by its own.
-        split: `train`, `val` or `test`; empty where the file declares none.
+        index: Index in `frames`.
+        parts: Path components of its `file_path`.
+        fields: Its fields, which override the file's global fields.
+        split: `train`, `val` or `test`; empty if the file declares none.
     """
 
     file: Path
@@ -42,16 +42,16 @@ class Frame:
 
     @property
     def label(self) -> str:
-        """What messages call it."""
+        """Name of the frame in messages."""
         return f"{self.file}, frame {self.index} ({self.fields['file_path']!r:.200})"
 
 
 def read_frames(file: Path, split: str) -> list[Frame]:
-    """All frames of a file.
+    """Read all frames of a file.
 
     Args:
         file: A transforms file.
-        split: Of all its frames; empty where each declares its own.
+        split: Split of all frames; empty if the file declares them.
 
     Raises:
         DataError: The file is not a JSON object with a list of frames, or a frame has no file_path.
@@ -68,7 +68,7 @@ def read_frames(file: Path, split: str) -> list[Frame]:
 
 
 def _declared_splits(shared: dict[str, Any]) -> dict[str, str]:
-    """File path -> split, of nerfstudio's train_filenames, val_filenames and test_filenames."""
+    """Return the split by file path, from nerfstudio's train_filenames, val_filenames and test_filenames."""
     lists = {split: shared.get(f"{split}_filenames") for split in SPLITS}
     return {str(name): split for split, names in lists.items() if isinstance(names, list) for name in names}
 
@@ -76,21 +76,21 @@ def _declared_splits(shared: dict[str, Any]) -> dict[str, str]:
 def _frame(file: Path, index: int, entry: Any, shared: dict[str, Any], split: str, declared: dict[str, str]) -> Frame:
     file_path = entry.get("file_path") if isinstance(entry, dict) else None
     path = PurePosixPath(file_path.replace("\\", "/")) if isinstance(file_path, str) else PurePosixPath()
-    if not path.name:
+    if not isinstance(file_path, str) or not path.name:
         raise DataError(f"{file}, frame {index} has no file_path.", "Write the photo's path into the frame.")
     return Frame(file, index, path.parts, ChainMap(entry, shared), split or declared.get(file_path, ""))
 
 
 # -------------------------------------------------------------------------------------------------------------- cameras
 def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
-    """The camera of a frame at its photo's size, and notes on what had to be changed.
+    """Return the camera of a frame at its photo's size, and notes on changes.
 
     Args:
         frame: The frame.
         image: Its photo; None for a bare camera, whose size must be in the file.
 
     Raises:
-        DataError: A number is missing, impossible or of another type, or the camera model is unknown.
+        DataError: A number is missing, out of range or of another type, or the camera model is unknown.
     """
     fisheye = _is_fisheye(frame)
     declared = _declared_size(frame)
@@ -107,10 +107,10 @@ def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
         height=height,
         fx=fx,
         fy=fy,
-        cx=_number(frame, "cx", width / 2),
-        cy=_number(frame, "cy", height / 2),
+        cx=_number_or(frame, "cx", width / 2),
+        cy=_number_or(frame, "cy", height / 2),
         camera_to_world=camera_to_world,
-        distortion=opencv_distortion({key: _number(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
+        distortion=opencv_distortion({key: _number_or(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
         fisheye=fisheye,
     )
     camera, size_notes = at_size(camera, size)
@@ -118,14 +118,14 @@ def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
 
 
 def camera_from_json(fields: Any, source: str) -> Camera:
-    """A bare camera, as a frame of a transforms file has it.
+    """Read a bare camera from a frame of a transforms file, which must declare the size.
 
     Args:
-        fields: The frame's values; sizes must be among them.
-        source: What messages call it.
+        fields: The frame.
+        source: Name of the source in messages.
 
     Raises:
-        DataError: It is none, see `camera_of`.
+        DataError: See `camera_of`.
     """
     if not isinstance(fields, dict):
         raise DataError(f"{source} has a JSON {type(fields).__name__} for a camera.", "Give an object.")
@@ -151,13 +151,15 @@ def _declared_size(frame: Frame) -> tuple[int, int] | None:
 def _focal_lengths(frame: Frame, width: int, height: int) -> tuple[float, float]:
     fx = _positive(frame, "fl_x") or _focal_from_angle(frame, "camera_angle_x", width)
     fy = _positive(frame, "fl_y") or _focal_from_angle(frame, "camera_angle_y", height)
-    if fx is None and fy is None:
+    if fx is None:
+        fx = fy
+    if fx is None:
         raise DataError(f"{frame.label} has neither fl_x nor camera_angle_x.", "Write the focal length into the file.")
-    return fx or fy, fy or fx
+    return fx, fx if fy is None else fy
 
 
 def _focal_from_angle(frame: Frame, key: str, extent: int) -> float | None:
-    """Focal length in pixels of a full field of view in radians: f = extent / 2 / tan(angle / 2)."""
+    """Convert a full field of view in radians to a focal length in pixels: f = extent / 2 / tan(angle / 2)."""
     angle = _positive(frame, key)
     if angle is None:
         return None
@@ -167,7 +169,7 @@ def _focal_from_angle(frame: Frame, key: str, extent: int) -> float | None:
 
 
 def _pose(frame: Frame) -> tuple[np.ndarray, list[str]]:
-    """camera_to_world [4, 4] with a pure rotation, and a note on a uniform scale that was removed."""
+    """Return camera_to_world [4, 4] and notes, see `rigid_pose`."""
     try:
         matrix = np.array(frame.fields.get("transform_matrix"), np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -179,10 +181,15 @@ def _pose(frame: Frame) -> tuple[np.ndarray, list[str]]:
     return rigid_pose(matrix, frame.label, "transform_matrix")
 
 
-def _number(frame: Frame, key: str, default: float | None = None) -> float | None:
+def _number_or(frame: Frame, key: str, default: float) -> float:
+    value = _number(frame, key)
+    return default if value is None else value
+
+
+def _number(frame: Frame, key: str) -> float | None:
     value = frame.fields.get(key)
     if value is None:
-        return default
+        return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
         raise DataError(f"{frame.label} has {key} = {value!r:.200}, which is not a number.", "Correct it in the file.")
     return float(value)

@@ -26,8 +26,8 @@ def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
     for top in range(0, camera.height, ROWS):
         rows = np.arange(top, min(top + ROWS, camera.height)) + 0.5
         positions = distort(camera, np.stack(np.meshgrid(columns, rows), -1))
-        size = np.array([camera.width, camera.height])
-        inside = ((positions >= 0) & (positions <= size)).all(-1)  # nan is outside
+        is_inside = (positions >= 0) & (positions <= (camera.width, camera.height))  # False for nan
+        inside = np.all(is_inside, axis=-1)
         result[top : top + ROWS] = _bilinear(photo, np.where(inside[..., None], positions - 0.5, 0))
         result[top : top + ROWS][~inside] = 0
     return result

@@ -1,1 +1,1 @@
-"""Camera poses and sparse points from photos, and frames from videos."""
+"""Camera poses and sparse points of photos, and frames of videos."""

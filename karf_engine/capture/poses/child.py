@@ -1,4 +1,4 @@
-"""Work in a child process that may be killed at any time: for libraries that cannot be interrupted, or that abort."""
+"""Run a function in a child process that can be killed: for libraries that cannot be interrupted, or that abort."""
 
 from __future__ import annotations
 
@@ -18,34 +18,41 @@ from ...errors import KarfError, error_from_code
 from ...io.failures import known_failure
 
 Message = tuple[str, Any]
-SILENCE: Message = ("", None)  # ten times a second while the child says nothing, so that its reader can do other things
+SILENCE: Message = ("", None)  # sent ten times a second between messages, so that the reader can check for cancellation
 
 
 @contextmanager
 def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], Any], task: Any) -> Iterator[Iterator]:
-    """Run `work(send, task)` in a new process; gives its messages (kind, value), the last one ("result", returned value).
+    """Run `work(send, task)` in a new process and yield its messages (kind, value), the last one ("result", value).
 
-    name: of the library at work, for errors. work: a function of a module. Raises KarfError where the child fails or
-    dies. At the end of the block the child is killed; it ends by itself where this process is killed.
+    The child is killed at the end of the block, and ends if this process dies.
+
+    Args:
+        name: Name of the library, for errors.
+        work: A module-level function.
+        task: Its second argument, picklable.
+
+    Raises:
+        KarfError: The child fails or dies.
     """
     context = get_context("spawn")  # a fork would share torch's threads
-    here, there = context.Pipe(duplex=False)
-    child = context.Process(target=_run, args=(there, work, task), daemon=True)
+    receiver, sender = context.Pipe(duplex=False)
+    child = context.Process(target=_run, args=(sender, work, task), daemon=True)
     main = sys.modules["__main__"]
-    sys.path.append(str(Path(__file__).parents[3]))  # the engine may run as a folder, off the path that the child gets
-    sys.modules["__main__"] = ModuleType("__main__")  # else the child would run the caller's script again
+    sys.path.append(str(Path(__file__).parents[3]))  # the package may be outside the child's sys.path
+    sys.modules["__main__"] = ModuleType("__main__")  # keeps the child from running the caller's script
     try:
         child.start()
     finally:
         sys.modules["__main__"] = main
         sys.path.pop()
-    there.close()  # so that the pipe ends with the child
+    sender.close()  # so that the pipe closes with the child
     try:
-        yield _messages(name, child, here)
+        yield _messages(name, child, receiver)
     finally:
         child.kill()
         child.join()
-        here.close()
+        receiver.close()
 
 
 def _run(pipe: Connection, work: Callable, task: Any) -> None:
@@ -54,13 +61,14 @@ def _run(pipe: Connection, work: Callable, task: Any) -> None:
         pipe.send(("result", work(lambda kind, value=None: pipe.send((kind, value)), task)))
     except Exception as error:
         known = known_failure(error)
-        told = (known.code, known.sentence, known.hint) if known else str(error) or type(error).__name__
-        pipe.send(("failure" if known else "error", told))
+        content = (known.code, known.sentence, known.hint) if known else str(error) or type(error).__name__
+        pipe.send(("failure" if known else "error", content))
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that began it has ended, however it did."""
-    wait([parent_process().sentinel])
+    parent = parent_process()
+    assert parent is not None
+    wait([parent.sentinel])
     os._exit(1)
 
 

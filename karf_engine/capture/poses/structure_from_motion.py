@@ -1,7 +1,7 @@
-"""Camera poses of photos that have none, by pycolmap's incremental mapper (Schönberger and Frahm 2016) on the processor.
+"""Estimate camera poses by pycolmap's incremental mapper (Schönberger and Frahm 2016) on the CPU.
 
-pycolmap cannot be interrupted everywhere, and it aborts its process where it meets what it does not expect: it works
-in a child process, which is killed on cancel. The child reports by a pipe; how far it got stands in its database.
+pycolmap cannot be interrupted everywhere, and may abort its process, so it runs in a child process. The child reports by a
+pipe; progress within a phase is read from its database.
 """
 
 from __future__ import annotations
@@ -19,22 +19,27 @@ from ...compute.progress import Emit, Progress
 from ...io.files import naming
 from .child import Message, child_messages
 
-LONG_SIDE = 1600  # pixels of the longer side of the photos in which features are found
-MOST_FEATURES = 4096  # features of a photo; matching takes time with their square
-SEQUENTIAL_OVERLAP = 12  # neighbors a photo is matched with on each side, then 2, 4, 8 .. times as far away
-PAIR_BLOCK = 10  # photos whose features are matched between two reports
+LONG_SIDE = 1600  # longer side for feature extraction, pixels
+MOST_FEATURES = 4096  # per photo; matching time grows with the square
+SEQUENTIAL_OVERLAP = 12  # neighbors matched on each side, then those 2, 4, 8, ... times as far away
+PAIR_BLOCK = 10  # photos matched between two reports
 FEWEST_PHOTOS = 3
-EPIPOLAR_TOLERANCE = 4.0  # pixels; a match this near to its epipolar line agrees with the poses
+EPIPOLAR_TOLERANCE = 4.0  # pixels; matches closer to their epipolar line agree with the poses
 
 
 @dataclass(frozen=True)
 class SfmTask:
-    """Structure from motion to be run: of the photos `names` in the folder `photos`; work files go to the existing folder `work`, the best model
-    (COLMAP's binary tables) to the existing folder `model`.
+    """Options of a structure-from-motion run.
 
-    one_lens: all photos share one lens. sequential: only neighbors in the order of the names are matched. threads: -1
-    for all cores. sensitive: for small or smooth photos, more and better described features, looser matches and a
-    pinhole.
+    Attributes:
+        photos: Folder of the photos.
+        names: Names of the photos.
+        work: Existing folder for temporary files.
+        model: Existing folder for the best model, as COLMAP's binary tables.
+        one_lens: Whether all photos share one lens.
+        sequential: Whether to match only neighbors in the order of the names.
+        threads: Number of threads; -1 for all cores.
+        sensitive: For small or smooth photos: more features, looser matches and a pinhole model.
     """
 
     photos: Path
@@ -48,24 +53,24 @@ class SfmTask:
 
     @property
     def database(self) -> Path:
-        """Where the child keeps features and matches."""
+        """Path of COLMAP's database."""
         return self.work / "database.db"
 
     @property
     def pairs(self) -> int:
-        """About how many pairs of photos are matched."""
+        """Approximate number of photo pairs to match."""
         count = len(self.names)
         return count * min(count - 1, 2 * SEQUENTIAL_OVERLAP) // 2 if self.sequential else count * (count - 1) // 2
 
 
 @dataclass(frozen=True)
 class SfmResult:
-    """What came of it.
+    """Result of a structure-from-motion run.
 
     Attributes:
-        registered: Number of photos whose pose was found; 0 where no model is written.
-        agreement: Share in [0, 1] of the matches between registered photos, each verified for its pair alone, that also
-            fit the poses. Of a wrong model, made of places that look alike, it is much less than 1.
+        registered: Number of photos with a pose; 0 if no model was written.
+        agreement: Share in [0, 1] of the pairwise verified matches that fit the poses. Much below 1 for wrong models of
+            scenes with repeated structures.
     """
 
     registered: int = 0
@@ -73,44 +78,45 @@ class SfmResult:
 
 
 def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
-    """Find the photos' poses and write the model.
+    """Estimate the photos' poses and write the model.
 
     Raises:
-        Cancelled: `should_stop` returned true.
-        KarfError: pycolmap fails.
+        Cancelled: `should_stop` returned True.
+        KarfError: pycolmap failed.
     """
     with naming(task.work), child_messages("pycolmap", _reconstruct, task) as messages:
         return _follow(messages, task, emit, should_stop)
 
 
 def _follow(messages: Iterator[Message], task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
-    """Report the child's progress until it has a result."""
-    count = len(task.names)
+    """Report the child's progress and return its result."""
+    count, value = len(task.names), None
     totals = {"start": 0, "features": count, "matching": task.pairs, "mapping": count}
-    part, done, progress = "start", 0, Progress(emit, should_stop, "poses", count)
+    phase, done, progress = "start", 0, Progress(emit, should_stop, "poses", count)
     for kind, value in messages:
-        reached = totals[part] if kind in ("part", "result") else _reached(task.database, part, kind, value)
-        if reached > done or should_stop():
-            progress.step(min(reached, totals[part]) - done)
-            done = min(reached, totals[part])
+        steps = totals[phase] if kind in ("phase", "result") else _steps_done(task.database, phase, kind, value)
+        if steps > done or should_stop():
+            progress.step(min(steps, totals[phase]) - done)
+            done = min(steps, totals[phase])
         if kind == "result":
             break
-        if kind == "part":
-            part, done, progress = value, 0, Progress(emit, should_stop, value, totals[value])
+        if kind == "phase":
+            phase, done, progress = value, 0, Progress(emit, should_stop, value, totals[value])
+    assert isinstance(value, SfmResult)
     return value
 
 
-def _reached(database: Path, part: str, kind: str, value: Any) -> int:
-    """How many steps of this part are done, as far as is known now."""
+def _steps_done(database: Path, phase: str, kind: str, value: Any) -> int:
+    """Return the number of finished steps of a phase, as far as known."""
     if kind == "registered":
         return value
-    table = {"features": "keypoints", "matching": "two_view_geometries"}.get(part)
+    table = {"features": "keypoints", "matching": "two_view_geometries"}.get(phase)
     if table is None or not database.exists():
         return 0
     try:
         with closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True, timeout=0.1)) as connection:
             return connection.execute(f"select count(*) from {table}").fetchone()[0]
-    except sqlite3.Error:  # being written, or not there yet
+    except sqlite3.Error:  # locked, or the table does not exist yet
         return 0
 
 
@@ -120,29 +126,29 @@ def _reconstruct(send: Callable[..., None], task: SfmTask) -> SfmResult:
 
     pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
     pycolmap.set_random_seed(0)
-    send("part", "features")
-    _find_features(pycolmap, task)
-    send("part", "matching")
+    send("phase", "features")
+    _extract_features(pycolmap, task)
+    send("phase", "matching")
     _match_features(pycolmap, task)
-    send("part", "mapping")
+    send("phase", "mapping")
     return _map(pycolmap, task, lambda registered: send("registered", registered))
 
 
-def _find_features(pycolmap: Any, task: SfmTask) -> None:
-    reading, finding = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
+def _extract_features(pycolmap: Any, task: SfmTask) -> None:
+    reading, extraction = pycolmap.ImageReaderOptions(), pycolmap.FeatureExtractionOptions()
     reading.camera_model = "SIMPLE_PINHOLE" if task.sensitive else "SIMPLE_RADIAL"
-    finding.num_threads, finding.use_gpu, finding.max_image_size = task.threads, False, LONG_SIDE
-    finding.sift.max_num_features = MOST_FEATURES
+    extraction.num_threads, extraction.use_gpu, extraction.max_image_size = task.threads, False, LONG_SIDE
+    extraction.sift.max_num_features = MOST_FEATURES
     if task.sensitive:
-        finding.sift.peak_threshold = 0.001
-        finding.sift.estimate_affine_shape = finding.sift.domain_size_pooling = True
+        extraction.sift.peak_threshold = 0.001
+        extraction.sift.estimate_affine_shape = extraction.sift.domain_size_pooling = True
     pycolmap.extract_features(
         task.database,
         task.photos,
         image_names=list(task.names),
         camera_mode=pycolmap.CameraMode.SINGLE if task.one_lens else pycolmap.CameraMode.AUTO,
         reader_options=reading,
-        extraction_options=finding,
+        extraction_options=extraction,
         device=pycolmap.Device.cpu,
     )
 
@@ -165,7 +171,7 @@ def _map(pycolmap: Any, task: SfmTask, report: Callable[[int], None]) -> SfmResu
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads = options.mapper.num_threads = task.threads
     options.random_seed = 0
-    options.min_model_size = min(10, max(FEWEST_PHOTOS, len(task.names) // 2))  # a smaller one is tried again
+    options.min_model_size = min(10, max(FEWEST_PHOTOS, len(task.names) // 2))  # smaller models are retried
     if task.sensitive:
         options.min_num_matches = 8
         options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 30, 12
@@ -177,16 +183,16 @@ def _map(pycolmap: Any, task: SfmTask, report: Callable[[int], None]) -> SfmResu
         report(registered)
 
     models = pycolmap.incremental_mapping(task.database, task.photos, task.work, options, next_image_callback=count)
-    sane = [model for model in models.values() if not _is_bogus(model)]
-    if not sane:
+    plausible = [model for model in models.values() if not _is_bogus(model)]
+    if not plausible:
         return SfmResult()
-    best = max(sane, key=lambda model: model.num_reg_images())
+    best = max(plausible, key=lambda model: model.num_reg_images())
     best.write_binary(task.model)
     return SfmResult(best.num_reg_images(), _agreement(pycolmap, task.database, best))
 
 
 def _agreement(pycolmap: Any, database: Path, model: Any) -> float:
-    """Share of the verified matches between registered photos that lie near their epipolar lines."""
+    """Return the share of verified matches between registered photos near their epipolar lines."""
     registered = {image.image_id: image for image in model.images.values() if image.has_pose}
     with pycolmap.Database.open(database) as content:
         rays = {number: _rays(model, image, content.read_keypoints(number)) for number, image in registered.items()}
@@ -196,8 +202,8 @@ def _agreement(pycolmap: Any, database: Path, model: Any) -> float:
             first, second = pycolmap.pair_id_to_image_pair(pair_id)
             if first in registered and second in registered:
                 matches = geometry.inlier_matches
-                turn = registered[second].cam_from_world() * registered[first].cam_from_world().inverse()
-                errors = _epipolar_errors(turn.matrix(), rays[first][matches[:, 0]], rays[second][matches[:, 1]])
+                relative = registered[second].cam_from_world() * registered[first].cam_from_world().inverse()
+                errors = _epipolar_errors(relative.matrix(), rays[first][matches[:, 0]], rays[second][matches[:, 1]])
                 focal = model.cameras[registered[first].camera_id].mean_focal_length()
                 count += len(matches)
                 agreeing += int((errors * focal < EPIPOLAR_TOLERANCE).sum())
@@ -205,15 +211,13 @@ def _agreement(pycolmap: Any, database: Path, model: Any) -> float:
 
 
 def _rays(model: Any, image: Any, keypoints: np.ndarray) -> np.ndarray:
-    """Directions [n, 3] of features, in the camera with depth 1."""
+    """Return the directions [n, 3] of features in the camera, with depth 1."""
     directions = model.cameras[image.camera_id].cam_from_img(keypoints[:, :2].astype(np.float64))
     return np.concatenate([directions, np.ones((len(directions), 1))], 1)
 
 
 def _epipolar_errors(second_from_first: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Sampson's distance [n] of matched directions from each other's epipolar lines, at depth 1 (Hartley and Zisserman,
-    Eq. 11.9). second_from_first: [3, 4]; first, second: [n, 3].
-    """
+    """Return Sampson distances [n] of matched directions [n, 3] at depth 1 (Hartley and Zisserman, Eq. 11.9)."""
     rotation, (x, y, z) = second_from_first[:, :3], second_from_first[:, 3]
     essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation
     lines, lines_back = first @ essential.T, second @ essential
@@ -222,5 +226,5 @@ def _epipolar_errors(second_from_first: np.ndarray, first: np.ndarray, second: n
 
 
 def _is_bogus(model: Any) -> bool:
-    """Whether a lens of the model cannot be one: too few matches let it take any value."""
+    """Test for impossible intrinsics, which too few matches allow."""
     return any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in model.cameras.values())

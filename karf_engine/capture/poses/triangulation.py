@@ -1,7 +1,4 @@
-"""Sparse points of photos whose cameras are known: features, their matches between neighboring photos, triangulation.
-
-All by COLMAP (Schönberger and Frahm 2016) through pycolmap, in a child process; the cameras stay as they are.
-"""
+"""Triangulate sparse points of photos with known cameras, by pycolmap (Schönberger and Frahm 2016) in a child process."""
 
 from __future__ import annotations
 
@@ -23,16 +20,14 @@ from ..training_images import TrainingImage
 from .child import child_messages
 from .work_folder import work_folder
 
-MAX_FEATURES = 2500  # features of a photo
-AT_ONCE = 16  # photos that share the cores
-NEIGHBORS = 10  # photos that each photo is matched with
-TURN = 2.0  # weight of a view's rotation against its distance in units of the rig's typical distance
+MAX_FEATURES = 2500  # per photo
+AT_ONCE = 16  # photos per batch of feature extraction
+NEIGHBORS = 10  # photos matched with each photo
+TURN = 2.0  # weight of rotation against distance in units of the rig's size
 
 
 @dataclass(frozen=True)
 class _Task:
-    """folder: holds `names` as pictures, taken by `cameras`."""
-
     folder: Path
     names: list[str]
     cameras: list[Camera]
@@ -44,31 +39,40 @@ class _Task:
 
 
 def triangulate(training_images: list[TrainingImage], threads: int, progress: Progress) -> SparsePoints:
-    """Points that at least two of the images share; `view` numbers the images, pixels and errors are of their size.
+    """Triangulate the points that at least two images share.
 
-    progress: gets one step for each training image. Raises KarfError where pycolmap fails, and what progress raises.
+    Args:
+        training_images: The images.
+        threads: Number of threads.
+        progress: Counts one step per image.
+
+    Returns:
+        Points whose `view` is an index of the images; pixels and errors are in their pixels.
+
+    Raises:
+        KarfError: pycolmap failed, or `progress` was cancelled.
     """
     with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder, naming(folder):
-        task = _Task(
-            folder, [f"{n:05d}.png" for n in range(len(training_images))], [p.camera for p in training_images], threads
-        )
-        for photo, training_image in zip(task.names, training_images, strict=True):
-            (task.folder / photo).write_bytes(encoded(".png", to_bytes(training_image.color)))
-        with child_messages("pycolmap", _find, task) as messages:
-            for kind, found in messages:
-                progress.step(found if kind == "photos" else 0)
-    return found
+        names, cameras = [f"{n:05d}.png" for n in range(len(training_images))], [p.camera for p in training_images]
+        for name, training_image in zip(names, training_images, strict=True):
+            (folder / name).write_bytes(encoded(".png", to_bytes(training_image.color)))
+        value = None
+        with child_messages("pycolmap", _triangulate, _Task(folder, names, cameras, threads)) as messages:
+            for kind, value in messages:
+                progress.step(value if kind == "photos" else 0)
+    assert isinstance(value, SparsePoints)
+    return value
 
 
 # ---------------------------------------------------------------------------------------------------------- the child
-def _find(send: Callable[..., None], task: _Task) -> SparsePoints:
+def _triangulate(send: Callable[..., None], task: _Task) -> SparsePoints:
     import pycolmap
 
     pycolmap.logging.minloglevel = pycolmap.logging.FATAL.value
-    _note_cameras(pycolmap, task)
+    _add_cameras(pycolmap, task)
     for first in range(0, len(task.names), AT_ONCE):
         names = task.names[first : first + AT_ONCE]
-        _extract(pycolmap, task, names)
+        _extract_features(pycolmap, task, names)
         send("photos", len(names))
     _match_features(pycolmap, task)
     options = pycolmap.IncrementalPipelineOptions(num_threads=task.threads)
@@ -78,10 +82,10 @@ def _find(send: Callable[..., None], task: _Task) -> SparsePoints:
     return _sparse_points(pycolmap.triangulate_points(model, task.database, task.folder, out, options=options))
 
 
-def _extract(pycolmap: Any, task: _Task, names: list[str]) -> None:
+def _extract_features(pycolmap: Any, task: _Task, names: list[str]) -> None:
     options = pycolmap.FeatureExtractionOptions(num_threads=task.threads, use_gpu=False)
     options.sift.max_num_features = MAX_FEATURES
-    options.sift.peak_threshold = 0.003  # photos of some hundred pixels have faint features only
+    options.sift.peak_threshold = 0.003  # small photos have weak features only
     pycolmap.extract_features(
         task.database,
         task.folder,
@@ -93,8 +97,8 @@ def _extract(pycolmap: Any, task: _Task, names: list[str]) -> None:
     )
 
 
-def _note_cameras(pycolmap: Any, task: _Task) -> None:
-    """Number the photos by their names: several are looked at at once, and any may be ready first."""
+def _add_cameras(pycolmap: Any, task: _Task) -> None:
+    """Add the photos to the database in a fixed order, before features are extracted in parallel."""
     with pycolmap.Database.open(task.database) as content:
         for name, camera in zip(task.names, task.cameras, strict=True):
             lens = {"params": [camera.fx, camera.fy, camera.cx, camera.cy]}
@@ -115,17 +119,17 @@ def _match_features(pycolmap: Any, task: _Task) -> None:
 
 
 def neighbor_pairs(cameras: Sequence[Camera], count: int = NEIGHBORS) -> list[tuple[int, int]]:
-    """Pairs of cameras (a < b) that stand near each other and look the same way, about `count` for each."""
+    """Return pairs of cameras (a < b) with near positions and similar directions, about `count` per camera."""
     positions = np.stack([camera.position for camera in cameras])
     axes = np.stack([-camera.camera_to_world[:3, 2] for camera in cameras])
     size = np.median(np.linalg.norm(positions - positions.mean(0), axis=1)) + 1e-12
-    away = np.linalg.norm(positions[:, None] - positions, axis=2) / size + TURN * (1 - axes @ axes.T)
-    nearest = away.argsort(1)[:, 1 : count + 1]
+    distances = np.linalg.norm(positions[:, None] - positions, axis=2) / size + TURN * (1 - axes @ axes.T)
+    nearest = distances.argsort(1)[:, 1 : count + 1]
     return sorted({(min(a, int(b)), max(a, int(b))) for a, row in enumerate(nearest) for b in row})
 
 
 def _posed_model(pycolmap: Any, task: _Task) -> Any:
-    """A COLMAP model of the photos at their poses (COLMAP's cameras look down +z, y is down)."""
+    """Make a COLMAP model with the photos at their poses (COLMAP's optical axis is +z, y is down)."""
     model = pycolmap.Reconstruction()
     with pycolmap.Database.open(task.database) as content:
         for camera in content.read_all_cameras():
@@ -138,14 +142,14 @@ def _posed_model(pycolmap: Any, task: _Task) -> Any:
 
 
 def _sparse_points(model: Any) -> SparsePoints:
-    number = {point_id: n for n, point_id in enumerate(model.points3D)}
+    index = {point_id: n for n, point_id in enumerate(model.points3D)}
     points = list(model.points3D.values())
-    seen = [
-        (int(image.name[:-4]), number[feature.point3D_id], *feature.xy)
+    observations = [
+        (int(image.name[:-4]), index[feature.point3D_id], *feature.xy)
         for image in model.images.values()
         for feature in image.get_observation_points2D()
     ]
-    view, point, *pixels = np.array(seen, np.float64).reshape(-1, 4).T
+    view, point, *pixels = np.array(observations, np.float64).reshape(-1, 4).T
     return SparsePoints(
         positions=np.array([p.xyz for p in points], np.float64).reshape(-1, 3),
         colors=np.array([p.color for p in points], np.uint8).reshape(-1, 3),

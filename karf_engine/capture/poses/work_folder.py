@@ -1,4 +1,4 @@
-"""Folders for work files that do not outlive their process: what a killed one has left is removed by the next."""
+"""Temporary work folders; those of killed processes are removed by the next one."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from filelock import Timeout
 
 from ...io.locks import acquire
 
-LOCK = ".karf-work"  # lock file held while the folder is worked in; the system releases it when the process ends
-YOUNG = 10.0  # seconds in which a folder's maker may not hold its lock yet
+LOCK = ".karf-work"  # lock file, released by the system when the process ends
+YOUNG = 10.0  # seconds; the owner of a newer folder may not have locked it yet
 
 
 @contextmanager
 def work_folder(parent: Path, prefix: str) -> Iterator[Path]:
-    """A new folder in `parent` whose name begins with `prefix`; removed at the end of the block."""
-    _remove_left(parent, prefix)
+    """Create a folder in `parent` whose name begins with `prefix`, and remove it at the end of the block."""
+    _remove_leftovers(parent, prefix)
     folder = Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
     try:
         lock = acquire(folder / LOCK)
@@ -32,8 +32,8 @@ def work_folder(parent: Path, prefix: str) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _remove_left(parent: Path, prefix: str) -> None:
-    """Remove such folders of processes that have ended, as far as this one may."""
+def _remove_leftovers(parent: Path, prefix: str) -> None:
+    """Remove the work folders of processes that have ended."""
     for folder in parent.iterdir():
         lock = folder / LOCK
         if not folder.name.startswith(prefix) or folder.is_symlink() or not lock.is_file():
@@ -42,6 +42,6 @@ def _remove_left(parent: Path, prefix: str) -> None:
             continue
         try:
             acquire(lock).release()
-        except (Timeout, OSError):  # at work, or another user's
+        except (Timeout, OSError):  # in use, or of another user
             continue
         shutil.rmtree(folder, ignore_errors=True)

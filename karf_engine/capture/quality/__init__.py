@@ -1,1 +1,1 @@
-"""How good a capture is before anything is learned of it: from photos, cameras and masks alone, in seconds."""
+"""Estimate the quality of a capture from photos, cameras and masks before training, in seconds."""

@@ -1,4 +1,4 @@
-"""What an inspection means: a sentence that an artist understands, and what else to mend, as messages."""
+"""Turn an inspection into advice: one sentence for an artist, and findings to fix."""
 
 from __future__ import annotations
 
@@ -11,55 +11,34 @@ import numpy as np
 from ...errors import Message
 from .inspection import Inspection
 from .photos import THIN
-from .prediction import LINE
+from .prediction import RMS_ERROR, predict_psnr, psnr_gain
 
-MOST_NAMED = 3  # photos of one sentence
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """From when on something is said. Chosen on the demo and on drawn captures 0 to 7, of which none shall be scolded
-    for what it learned well with.
-
-    Attributes:
-        poor: dB of prediction below which more photos are asked for.
-        more: How many are proposed.
-        blurred: Sharpness against neighbors.
-        stops: Brightness against the mean.
-        tint: Difference between a photo's channels, stops.
-        reprojection: Pixels.
-        poor_pairs: Share of pairs that share next to nothing.
-        few: Share of what photos show that one or two show.
-        thin: Share of an object.
-    """
-
-    poor: float = 26.5
-    more: int = 10
-    blurred: float = 0.65
-    stops: float = 0.3
-    tint: float = 0.2
-    reprojection: float = 1.5
-    poor_pairs: float = 0.5
-    few: float = 0.15
-    thin: float = 0.2
-
-
-BOUNDS = Bounds()
+MOST_NAMED = 3  # photos listed in a sentence
+POOR_PSNR = 26.5  # dB
+MORE_PHOTOS = 10  # number of proposed photos
+# thresholds of the findings
+BLURRED = 0.65  # sharpness relative to neighboring photos
+ODD_EXPOSURE = 0.3  # stops from the mean
+TINTED = 0.2  # stops between color channels
+REPROJECTION = 1.5  # pixels
+POOR_PAIRS = 0.5  # share of pairs with few matches
+SEEN_BY_FEW = 0.15  # share of the visible scene
+THIN_SHARE = 0.2  # share of an object
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What to do about a capture.
+    """Advice about a capture.
 
     Attributes:
-        inspection: What it was told by.
-        psnr: Predicted for new views of preset `demo`, dB.
-        error: Of the prediction, dB, root mean square.
-        gain: dB that `more` photos would bring.
-        is_poor: Whether it should not be learned as it is.
-        sentence: The one to read.
-        findings: What else there is to mend.
-        more: Directions from the scene's middle at which more photos would help most, [k, 3].
+        inspection: The figures behind it.
+        psnr: Predicted PSNR of new views with preset `demo`, dB.
+        error: Root mean square error of the prediction, dB.
+        gain: Predicted gain of `more` photos, dB.
+        is_poor: Whether more photos are needed before training.
+        sentence: The main message.
+        findings: Further problems.
+        more: Directions from the scene's center where more photos would help most, [k, 3].
     """
 
     inspection: Inspection
@@ -72,7 +51,7 @@ class Advice:
     more: np.ndarray
 
     def to_json(self) -> dict[str, Any]:
-        """Advice and figures as JSON values."""
+        """Return advice and figures as JSON values."""
         place = self.inspection.placement
         return {
             "psnr": round(self.psnr, 2),
@@ -90,17 +69,17 @@ class Advice:
 
 
 def advise(found: Inspection) -> Advice:
-    """What an inspection means."""
+    """Derive the advice from an inspection."""
     placement = found.placement
-    psnr = LINE.psnr(found.agreed, found.plainness, found.is_matte)
-    more = placement.more(BOUNDS.more)
-    then = placement
+    psnr = predict_psnr(found.agreed, found.plainness, found.is_matte)
+    more = placement.more(MORE_PHOTOS)
+    improved = placement
     for direction in more:
-        then = then.and_at(direction)
-    gain = LINE.gain(placement.spacing, then.spacing)
-    is_poor = psnr < BOUNDS.poor
+        improved = improved.and_at(direction)
+    gain = psnr_gain(placement.spacing, improved.spacing)
+    is_poor = psnr < POOR_PSNR
     sentence = _too_few(found, psnr, gain) if is_poor else _enough(found, psnr, gain)
-    return Advice(found, psnr, LINE.error, gain, is_poor, sentence, tuple(_findings(found)), more)
+    return Advice(found, psnr, RMS_ERROR, gain, is_poor, sentence, tuple(_findings(found)), more)
 
 
 def _too_few(found: Inspection, psnr: float, gain: float) -> Message:
@@ -115,7 +94,7 @@ def _enough(found: Inspection, psnr: float, gain: float) -> Message:
     return Message(
         "{count} photos: new views will have about {psnr} dB (give or take {error}). {more} more would give about {gain} dB; "
         "the widest hole is {hole} degrees, {where}.",
-        error=f"{LINE.error:.0f}",
+        error=f"{RMS_ERROR:.0f}",
         **_figures(found, psnr, gain),
     )
 
@@ -125,7 +104,7 @@ def _figures(found: Inspection, psnr: float, gain: float) -> dict[str, str | Mes
     return {
         "count": str(len(found.views)),
         "psnr": f"{psnr:.0f}",
-        "more": str(BOUNDS.more),
+        "more": str(MORE_PHOTOS),
         "gain": f"{gain:.1f}",
         "hole": f"{width:.0f}",
         "where": _beside_hole(found),
@@ -133,7 +112,7 @@ def _figures(found: Inspection, psnr: float, gain: float) -> dict[str, str | Mes
 
 
 def _beside_hole(found: Inspection) -> Message:
-    """Where the widest hole is: between the two photos next to it, above or below them."""
+    """Describe the location of the widest hole relative to the two nearest photos."""
     _, middle = found.placement.hole
     nearest = found.placement.beside_hole()
     first, second = (found.views[n] for n in nearest)
@@ -150,42 +129,43 @@ def _findings(found: Inspection) -> Iterator[Message]:
     names = np.array([found.views[n] for n in found.opened])
     brightness = found.exposures.mean(1)
     tints = np.abs(found.exposures - brightness[:, None]).max(1)
-    blurred = found.sharpness < BOUNDS.blurred
+    blurred = found.sharpness < BLURRED
     if blurred.any():
         yield Message(
             "Less sharp than the photos beside them: {names}. Take them again, or leave them out.",
             names=_listed(names[blurred], found.sharpness[blurred]),
         )
-    if (np.abs(brightness) > BOUNDS.stops).any():
-        odd = np.abs(brightness) > BOUNDS.stops
+    odd = np.abs(brightness) > ODD_EXPOSURE
+    if odd.any():
         yield Message(
             "Exposed otherwise than the rest, by up to {stops} stops: {names}. Lock the exposure.",
             stops=f"{np.abs(brightness).max():.1f}",
             names=_listed(names[odd], -np.abs(brightness[odd])),
         )
-    if (tints > BOUNDS.tint).any():
+    tinted = tints > TINTED
+    if tinted.any():
         yield Message(
             "Of another white balance than the rest: {names}. Lock the white balance.",
-            names=_listed(names[tints > BOUNDS.tint], -tints[tints > BOUNDS.tint]),
+            names=_listed(names[tinted], -tints[tinted]),
         )
-    if found.reprojection > BOUNDS.reprojection:
+    if found.reprojection > REPROJECTION:
         yield Message(
             "Photos and camera poses miss each other by {pixels} pixels: find the poses again.",
             pixels=f"{found.reprojection:.1f}",
         )
-    if found.poor_pairs > BOUNDS.poor_pairs:
+    if found.poor_pairs > POOR_PAIRS:
         yield Message(
             "{share} % of neighboring photos share too little to be compared: take more between them, of things with "
             "texture.",
             share=f"{100 * found.poor_pairs:.0f}",
         )
-    if found.seen_by_few > BOUNDS.few:
+    if found.seen_by_few > SEEN_BY_FEW:
         yield Message(
             "{share} % of what the photos show is in one or two of them alone, and will be guesswork.",
             share=f"{100 * found.seen_by_few:.0f}",
         )
     for name, share in found.thin.items():
-        if share > BOUNDS.thin:
+        if share > THIN_SHARE:
             yield Message(
                 "{share} % of {name} is thinner than {pixels} pixels: parts of it may be lost. A larger preset, or photos "
                 "from nearer, would show them.",
@@ -196,7 +176,7 @@ def _findings(found: Inspection) -> Iterator[Message]:
 
 
 def _listed(names: np.ndarray, order: np.ndarray) -> str:
-    """The worst few names, those of the least values first, and how many others there are."""
+    """List the names with the smallest values, and the number of the others."""
     worst = [str(name) for name in names[np.argsort(order)]]
     more = f" (+{len(worst) - MOST_NAMED})" if len(worst) > MOST_NAMED else ""
     return ", ".join(worst[:MOST_NAMED]) + more

@@ -1,4 +1,4 @@
-"""A capture looked at before it is learned: figures, what they mean, and where more photos would help."""
+"""Measure a capture before training: sharpness, exposure, camera placement and agreement of matches."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from ..capture import Capture, View
 from ..mask_names import masks_of_view
 from ..poses.triangulation import neighbor_pairs
 from ..reprojection import reprojection_errors, summarize
-from ..training_images import TrainingImage, load_views
+from ..training_images import load_views
 from . import matches, photos
 from .placement import Placement, place, seen_by_few
 
-SIDE = 400  # pixels: photos are looked at so small
-MOST_PHOTOS = 150  # of more, this many in even steps are opened; cameras are all looked at
-NEIGHBORS = 4  # photos that each photo is compared with
+SIDE = 400  # longer side of the inspected photos, pixels
+MOST_PHOTOS = 150  # photos opened at most, evenly spaced; all cameras are used
+NEIGHBORS = 4  # photos compared with each photo
 FEWEST = 3  # photos
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What photos and cameras of a capture say.
+    """Figures of a capture's photos and cameras.
 
     Attributes:
-        views: Names of the photos that are learned from.
-        opened: Numbers of those that were opened.
-        placement: Where the cameras stand.
-        sharpness: Of each photo that was opened against those beside it, [o]; 1 is as sharp.
-        exposures: Of each of these, [o, 3], stops of red, green and blue against the mean.
+        views: Names of the training photos.
+        opened: Indices of the opened photos.
+        placement: Placement of all cameras.
+        sharpness: Sharpness of the opened photos relative to their neighbors, [o].
+        exposures: Stops of red, green and blue of the opened photos relative to the mean, [o, 3].
         plainness: See `photos.plainness`, dB.
-        is_matte: Whether nothing is behind the objects.
-        agreed: Share of what looks alike in neighboring photos that the cameras agree with, in [0, 1].
-        poor_pairs: Share of the pairs that share next to nothing, in [0, 1].
-        reprojection: Median distance in pixels between where photos show points and where cameras see them: of the sparse
-            points, in the photo as stored, else of the matches, in a photo of `SIDE` pixels; nan where there are none.
-        seen_by_few: Share of what photos show that at most two show, in [0, 1].
-        thin: Share of each marked object that is thinner than `photos.THIN` pixels, in [0, 1].
+        is_matte: Whether all opened photos have an alpha matte.
+        agreed: Share of the matches between neighboring photos that agree with the cameras, in [0, 1].
+        poor_pairs: Share of the pairs with few agreeing matches, in [0, 1].
+        reprojection: Median reprojection error in pixels: of the sparse points in the photo as stored, else of the
+            matches in photos of `SIDE` pixels; nan if there are none.
+        seen_by_few: Share of the visible scene in at most two photos, in [0, 1].
+        thin: Share of each masked object that is thinner than `photos.THIN` pixels, in [0, 1].
     """
 
     views: tuple[str, ...]
@@ -60,7 +60,7 @@ class Inspection:
     thin: Mapping[str, float]
 
     def to_json(self) -> dict[str, Any]:
-        """The figures as JSON values; null stands for what is unknown."""
+        """Return the figures as JSON values, null if unknown."""
         place, names = self.placement, [self.views[n] for n in self.opened]
         width, _ = place.hole
         return {
@@ -81,14 +81,14 @@ class Inspection:
 
 
 def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
-    """Look at the photos that a capture is learned from.
+    """Inspect the training photos of a capture.
 
     Args:
-        capture: With photos.
+        capture: A capture with photos.
         masks: A folder of rough masks, MASKS/<object>/<photo stem>.png.
 
     Raises:
-        DataError: It has too few photos, or one is missing or damaged.
+        DataError: There are too few photos, or one is missing or damaged.
     """
     views = capture.split("train")
     if len(views) < FEWEST:
@@ -102,7 +102,8 @@ def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
     step = max(1, -(-len(views) // MOST_PHOTOS))
     opened = tuple(range(0, len(views), step))
     images = load_views([views[n] for n in opened], SIDE)
-    cameras, pictures = [image.camera for image in images], [_picture(image) for image in images]
+    cameras = [image.camera for image in images]
+    pictures = [to_bytes(over(image.color, image.alpha)) for image in images]
     pairs = neighbor_pairs(cameras, NEIGHBORS)
     found = matches.match_neighbors(pictures, cameras, pairs)
     placement = place([view.camera for view in views], found.points)
@@ -122,31 +123,26 @@ def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
     )
 
 
-def _picture(image: TrainingImage) -> np.ndarray:
-    """The photo on white, uint8 [H, W, 3]."""
-    return to_bytes(over(image.color, image.alpha))
-
-
 def _reprojection(capture: Capture, views: Sequence[View], found: matches.Matches) -> float:
     if capture.points is None:
         return float(np.median(found.errors)) if len(found.errors) else float("nan")
-    wanted = {view.name for view in views}
-    numbers = [n for n, view in enumerate(capture.views) if view.name in wanted]
-    each = [summarize(*reprojection_errors(capture, n)) for n in numbers]
-    medians = [summary.median for summary in each if summary.count]
+    names = {view.name for view in views}
+    numbers = [n for n, view in enumerate(capture.views) if view.name in names]
+    summaries = [summarize(*reprojection_errors(capture, n)) for n in numbers]
+    medians = [summary.median for summary in summaries if summary.count]
     return float(np.median(medians)) if medians else float("nan")
 
 
 def _thin_objects(folder: Path, views: Sequence[View]) -> Iterator[tuple[str, float]]:
-    """Each marked object's name, and how much of its masks is thin in a photo of `SIDE` pixels."""
-    for place_of in sorted(each for each in folder.iterdir() if each.is_dir()):
-        shares = [photos.thin_share(_small_mask(path)) for view in views for path in masks_of_view(place_of, view)[:1]]
+    """Yield the name of each masked object, and the share of its masks that is thin in photos of `SIDE` pixels."""
+    for masks in sorted(each for each in folder.iterdir() if each.is_dir()):
+        shares = [photos.thin_share(_small_mask(path)) for view in views for path in masks_of_view(masks, view)[:1]]
         if shares:
-            yield place_of.name, float(np.mean(shares))
+            yield masks.name, float(np.mean(shares))
 
 
 def _small_mask(path: Path) -> np.ndarray:
-    """A mask in a picture of at most `SIDE` pixels, bool [H, W]; what is thinner than half a pixel is lost."""
+    """Read a mask scaled down to `SIDE` pixels, bool [H, W]."""
     mask = read_mask(path)
     height, width = mask.shape
     factor = min(1.0, SIDE / max(height, width))

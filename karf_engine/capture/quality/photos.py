@@ -1,4 +1,4 @@
-"""What single photos tell: how sharp each is against those beside it, and how thin what is marked."""
+"""Measure single photos and masks: sharpness, detail, thin parts."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-FINE, COARSE = 1.0, 3.0  # pixels: the bands of detail whose ratio says how sharp a photo is
-VOXELS = 160  # of a field, about, across a picture by preset `demo`
-THIN = 3  # pixels: what is narrower is thin
+FINE, COARSE = 1.0, 3.0  # Gaussian scales of the detail bands, pixels
+VOXELS = 160  # approximate voxels across an image with preset `demo`
+THIN = 3  # narrower parts are thin, pixels
 
 
 def sharpness(picture: np.ndarray) -> float:
-    """Detail of one pixel against that of three: it falls with blur, and knows little of what is shown.
+    """Return the ratio of fine to coarse detail of a photo, uint8 [H, W, 3]; 1 without detail.
 
-    Args:
-        picture: uint8 [H, W, 3].
-
-    Returns:
-        The ratio, above 0; that of a picture without detail is 1.
+    It falls with blur and depends little on the content.
     """
     gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
     fine, coarse = (cv2.GaussianBlur(gray, (0, 0), sigma) for sigma in (FINE, COARSE))
@@ -27,21 +23,21 @@ def sharpness(picture: np.ndarray) -> float:
 
 
 def against_neighbors(values: np.ndarray, pairs: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Each photo's value over the median of those that it is paired with, [n].
+    """Divide each photo's value by the median of its paired photos, [n].
 
     Examples:
         >>> against_neighbors(np.array([1.0, 1.0, 0.5]), [(0, 1), (0, 2), (1, 2)]).round(2).tolist()
         [1.33, 1.33, 0.5]
     """
-    beside: list[list[float]] = [[] for _ in values]
+    neighbors: list[list[float]] = [[] for _ in values]
     for a, b in pairs:
-        beside[a].append(values[b])
-        beside[b].append(values[a])
-    return np.array([value / np.median(others or [value]) for value, others in zip(values, beside, strict=True)])
+        neighbors[a].append(values[b])
+        neighbors[b].append(values[a])
+    return np.array([value / np.median(others or [value]) for value, others in zip(values, neighbors, strict=True)])
 
 
 def plainness(pictures: Sequence[np.ndarray]) -> float:
-    """PSNR of all photos against themselves blurred by one voxel's width, dB: low where they are full of fine detail."""
+    """Return the PSNR in dB of photos blurred by a voxel's width against themselves: low for fine detail."""
     errors = []
     for picture in pictures:
         color = picture.astype(np.float32) / 255
@@ -50,7 +46,7 @@ def plainness(pictures: Sequence[np.ndarray]) -> float:
 
 
 def thin_share(mask: np.ndarray) -> float:
-    """Share of a mask's pixels that lie where it is narrower than `THIN` pixels, in [0, 1].
+    """Return the share of a mask's pixels in parts narrower than `THIN` pixels, in [0, 1].
 
     Examples:
         >>> mask = np.zeros((20, 20), bool)
