@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -35,7 +35,7 @@ CHUNK = 1 << 18  # points processed at once, to limit memory
 class VoxelField(VoxelGrid):
     """`Field` (see fields/protocol.py) on a sparse voxel grid. All positions are in grid coordinates."""
 
-    kind: ClassVar[str] = "voxels"
+    kind: str = "voxels"
 
     _frozen: FrozenField | None = None  # copy for compiled kernels, created at the first query
 
