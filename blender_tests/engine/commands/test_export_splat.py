@@ -230,7 +230,7 @@ def test_weights_of_an_earlier_export_with_more_colors_do_not_stay(changeable, t
 
 # ------------------------------------------------------------------------------------------------------- what is refused
 def test_an_object_of_which_there_is_no_gaussian_is_named(learned, tmp_path, monkeypatch):
-    monkeypatch.setattr(export_splat, "MOSTLY", 1.1)
+    monkeypatch.setattr(export_splat, "MIN_PROBABILITY", 1.1)
     with pytest.raises(BadRequest, match="No Gaussian is of 'ball'"):
         karf.export_splat(learned.project, tmp_path / "ball.compressed.ply", objects=["ball"])
     assert not (tmp_path / "ball.compressed.ply").exists()

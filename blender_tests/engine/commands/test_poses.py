@@ -107,7 +107,7 @@ def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
     Image.fromarray(pixels).save(tmp_path / "turned.tif", tiffinfo={0x0112: 6})
     write_png(tmp_path / "plain.png", pixels)
     for name in ("turned.jpg", "turned.tif", "plain.png"):
-        taken = tmp_path / "out" / poses._take(tmp_path / name, tmp_path / "out")
+        taken = tmp_path / "out" / poses._add_photo(tmp_path / name, tmp_path / "out")
         assert image_header(taken).orientation == 1
         np.testing.assert_allclose(read_photo(taken), read_photo(tmp_path / name), atol=0.2)
     assert (tmp_path / "out" / "plain.png").samefile(tmp_path / "plain.png")

@@ -75,7 +75,7 @@ def test_one_command_installs_all_that_is_missing(lacking, tmp_path):
 def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lacking):
     lacking("torch", OSError("libcudart.so.12: cannot open shared object file"))
     lacking("scipy", ModuleNotFoundError("No module named 'numpy'", name="numpy"))
-    broken, incomplete = packages.check_package(package("torch")), packages.look_at(package("scipy"))
+    broken, incomplete = packages.check_package(package("torch")), packages.check_package(package("scipy"))
     assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.command
     assert incomplete.sentence == "scipy needs numpy, which is not installed."
 

@@ -188,7 +188,7 @@ def test_what_is_packed_is_listed_before_anything_is_written(film, tmp_path):
     lines = []
     options = FarmOptions.of(source=project.folder, out=tmp_path / "bundle", views="test")
 
-    def emit(kind, **values):
+    def emit(kind, /, **values):
         if kind == "stage":
             assert not list(tmp_path.glob("*bundle*"))
             lines.append(values["text"])
