@@ -31,9 +31,13 @@ SURFACE = {
 }
 
 
-def save_segmentation(path: Path, karf: SegmentationField, objects: list[str], settings: SegmentationSettings) -> None:
+def save_segmentation(
+    path: Path, segmentation: SegmentationField, objects: list[str], settings: SegmentationSettings
+) -> None:
     """Write F_s with the names of its classes 1..K and its settings, atomically."""
-    save_tensors(path, karf.state_dict(), SEGMENTATION_SCHEMA, {"objects": objects, "settings": to_dict(settings)})
+    save_tensors(
+        path, segmentation.state_dict(), SEGMENTATION_SCHEMA, {"objects": objects, "settings": to_dict(settings)}
+    )
 
 
 def load_segmentation(
@@ -57,9 +61,9 @@ def load_segmentation(
             raise ValueError(f"{len(objects)} objects, boxes {tuple(tensors['boxes'].shape)}")
         settings = from_dict(facts["settings"], SegmentationSettings)
         volumes = _volumes_of(tensors, len(objects))
-        karf = SegmentationField(tensors["boxes"], n_features, settings, volumes, space).to(device)
-        karf.load_state_dict(tensors)
-    return karf.requires_grad_(False), objects
+        segmentation = SegmentationField(tensors["boxes"], n_features, settings, volumes, space).to(device)
+        segmentation.load_state_dict(tensors)
+    return segmentation.requires_grad_(False), objects
 
 
 def _volumes_of(tensors: Mapping[str, Tensor], n_objects: int) -> Volumes | None:
@@ -75,9 +79,9 @@ def _volumes_of(tensors: Mapping[str, Tensor], n_objects: int) -> Volumes | None
     return Volumes(faces, volume_of_face, rules)
 
 
-def save_recoloring(path: Path, karf: RecoloringField, sizes: list[int], settings: RecoloringSettings) -> None:
+def save_recoloring(path: Path, recoloring: RecoloringField, sizes: list[int], settings: RecoloringSettings) -> None:
     """Write F_w with the sizes of its palettes and its settings, atomically."""
-    save_tensors(path, karf.state_dict(), RECOLORING_SCHEMA, {"sizes": sizes, "settings": to_dict(settings)})
+    save_tensors(path, recoloring.state_dict(), RECOLORING_SCHEMA, {"sizes": sizes, "settings": to_dict(settings)})
 
 
 def load_recoloring(
@@ -101,9 +105,9 @@ def load_recoloring(
         if sizes != own and sizes * len(own) != own:  # a single block serves all objects
             raise ValueError(f"palettes of {sizes} colors instead of {own}")
         settings = from_dict(facts["settings"], RecoloringSettings)
-        karf = RecoloringField(bounds, n_features, sizes, settings).to(device)
-        karf.load_state_dict(tensors)
-    return karf.requires_grad_(False)
+        recoloring = RecoloringField(bounds, n_features, sizes, settings).to(device)
+        recoloring.load_state_dict(tensors)
+    return recoloring.requires_grad_(False)
 
 
 def save_surface(path: Path, surface: ObjectSurface, objects: list[str], settings: SegmentationSettings) -> None:

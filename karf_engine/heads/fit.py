@@ -31,7 +31,7 @@ FIXED_SHARE = 0.1  # in addition, where there are corrections
 
 
 def fit_on_points(
-    karf: SegmentationField,
+    segmentation: SegmentationField,
     scene_field: Field,
     positions: Tensor,
     classes: Tensor,
@@ -48,7 +48,7 @@ def fit_on_points(
     Batches are drawn from the objects, the background near them, all points, and the points fixed by corrections.
 
     Args:
-        karf: F_s.
+        segmentation: F_s.
         scene_field: the frozen radiance field, for its prior features.
         positions: [p, 3] grid coordinates.
         classes: [p] int in 0..K.
@@ -61,7 +61,7 @@ def fit_on_points(
         checkpoint: resumes and saves the training; None trains from the start.
     """
     features = scene_field.features(positions)
-    karf.standardizer.fit(features)
+    segmentation.standardizer.fit(features)
     pools = [_pool(certainty * (classes == k)) for k in range(1, int(classes.max()) + 1)]
     fixed_pool, n_fixed = _pool(fixed.float()), int(settings.batch * FIXED_SHARE)
     near_pool, any_pool = _pool(certainty * (near & (classes == 0))), _pool(certainty)
@@ -74,15 +74,15 @@ def fit_on_points(
         parts += [_draw(any_pool, max(1, int(settings.batch // 5 * scale)), runtime)]
         parts += [_draw(fixed_pool, int(n_fixed * scale) + 1, runtime)] if len(fixed_pool) else []
         index = torch.cat(parts)
-        loss = torch.nn.functional.cross_entropy(karf.logits(positions[index], features[index]), classes[index])
+        loss = torch.nn.functional.cross_entropy(segmentation.logits(positions[index], features[index]), classes[index])
         return loss, {"loss": loss.detach()}
 
-    optimizer = Adam(karf.parameters(), lr=settings.rate)
-    _train(karf.state_dict, optimizer, step, settings, 0.05, runtime, progress, checkpoint)
+    optimizer = Adam(segmentation.parameters(), lr=settings.rate)
+    _train(segmentation.state_dict, optimizer, step, settings, 0.05, runtime, progress, checkpoint)
 
 
 def fit_on_rays(
-    karf: SegmentationField,
+    segmentation: SegmentationField,
     scene_field: Field,
     cache: SurfaceCache,
     targets: Tensor,
@@ -97,25 +97,25 @@ def fit_on_rays(
     the loss is then that of their total probability.
 
     Args:
-        karf: F_s.
+        segmentation: F_s.
         scene_field: the frozen radiance field, for its prior features.
         cache: n rays with their surface samples.
         targets: [n, K+1] votes of the rays (see `segmentation/votes.py`).
         settings, runtime, progress, checkpoint: as for `fit_on_points`.
     """
     flat = cache.positions.view(-1, 3)
-    karf.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
+    segmentation.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
     features = RayFeatures(scene_field, cache.positions, settings)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(cache), max(16, int(settings.batch * scale)))
-        probabilities = render_classes(karf, cache.positions[index], features.of(index), cache.opacity[index])
+        probabilities = render_classes(segmentation, cache.positions[index], features.of(index), cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": loss.detach()}
 
-    optimizer = Adam(karf.parameters(), lr=settings.rate)
-    _train(karf.state_dict, optimizer, step, settings, 0.05, runtime, progress, checkpoint)
+    optimizer = Adam(segmentation.parameters(), lr=settings.rate)
+    _train(segmentation.state_dict, optimizer, step, settings, 0.05, runtime, progress, checkpoint)
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ class ObjectRays:
 
 
 def fit_recoloring(
-    karf: RecoloringField,
+    recoloring: RecoloringField,
     scene_field: Field,
     rays: ObjectRays,
     palettes: Tensor,
@@ -156,7 +156,7 @@ def fit_recoloring(
     """Train F_w in place by Eq. 14 with lambda_Edit = 1; the last `palette_share` of the iterations also learns the palettes.
 
     Args:
-        karf: F_w.
+        recoloring: F_w.
         scene_field: the frozen radiance field, for its prior features.
         rays: at least one, with target weights.
         palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed.
@@ -167,11 +167,11 @@ def fit_recoloring(
     """
     some = slice(None, None, max(1, len(rays.colors) // 65536))
     middle = rays.positions.shape[1] // 2
-    karf.standardizer.fit(scene_field.features(rays.positions[some, middle]))
+    recoloring.standardizer.fit(scene_field.features(rays.positions[some, middle]))
     features = RayFeatures(scene_field, rays.positions, settings)
     learned = palettes.clone().requires_grad_(True)
     groups = [
-        {"params": list(karf.parameters()), "lr": settings.rate},
+        {"params": list(recoloring.parameters()), "lr": settings.rate},
         {"params": [learned], "lr": settings.palette_rate},
     ]
     first_palette_iteration = int(settings.iterations * (1 - settings.palette_share))
@@ -179,7 +179,7 @@ def fit_recoloring(
     def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
         block = rays.block[index]
-        all_weights = render_weights(karf, rays.positions[index], rays.viewdirs[index], features.of(index))
+        all_weights = render_weights(recoloring, rays.positions[index], rays.viewdirs[index], features.of(index))
         weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
         opacity = rays.opacity[index, None]
         weights = torch.cat([weights[:, :1] * opacity + (1 - opacity), weights[:, 1:] * opacity], 1)
@@ -195,7 +195,7 @@ def fit_recoloring(
         return loss, {"palette": palette_loss.detach(), "weight": weight_loss.detach()}
 
     def learned_state() -> dict[str, Tensor]:
-        return karf.state_dict() | {"palettes": learned.detach()}
+        return recoloring.state_dict() | {"palettes": learned.detach()}
 
     _train(learned_state, Adam(groups), step, settings, 0.02, runtime, progress, checkpoint)
     return torch.cat([palettes[:, :1], learned.detach()[:, 1:].clamp(0, 1)], 1)

@@ -21,11 +21,11 @@ CPU_SAMPLES_PER_CHUNK = 1 << 13  # activations then fit the processor's cache
 NEGLIGIBLE = 1 / 1024  # class probability too small to change an 8-bit picture
 
 
-def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
+def render_classes(segmentation: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
     """Render class probabilities of rays (Eq. 8), differentiable with respect to F_s. Transmittance counts as background.
 
     Args:
-        karf: F_s.
+        segmentation: F_s.
         positions: [n, S, 3] quantile samples, grid coordinates.
         features: [n, S, F] prior features there.
         opacity: [n] of the rays, in [0, 1].
@@ -33,7 +33,7 @@ def render_classes(karf: SegmentationField, positions: Tensor, features: Tensor,
     Returns:
         [n, K+1]; rows sum to 1.
     """
-    per_sample = karf(positions.view(-1, 3), features.flatten(0, 1))
+    per_sample = segmentation(positions.view(-1, 3), features.flatten(0, 1))
     return _rendered(per_sample.view(*positions.shape[:2], per_sample.shape[1]), opacity)
 
 
@@ -69,56 +69,56 @@ class _Chunk:
 
 
 def _for_each_chunk(
-    karf: SegmentationField, scene_field: Field, cache: SurfaceCache, use: Callable[[int, _Chunk], None]
+    segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache, use: Callable[[int, _Chunk], None]
 ) -> None:
     """Evaluate F_s in chunks along the rays that touch an object's box; `use` receives each chunk's number and chunk."""
     n_samples = cache.positions.shape[1]
     samples_per_chunk = CPU_SAMPLES_PER_CHUNK if cache.opacity.device.type == "cpu" else SAMPLES_PER_CHUNK
     rays_per_chunk = max(1, samples_per_chunk // n_samples)
     touching = [
-        karf.inside(positions.reshape(-1, 3)).any(1).view(-1, n_samples).any(1)
+        segmentation.inside(positions.reshape(-1, 3)).any(1).view(-1, n_samples).any(1)
         for positions in cache.positions.split(rays_per_chunk)
     ]
     chunks = torch.nonzero(torch.cat(touching)).squeeze(1).split(rays_per_chunk)
 
     def evaluate(first: int, last: int) -> None:
         for number in range(first, last):
-            use(number, _evaluate(karf, scene_field, cache, chunks[number]))
+            use(number, _evaluate(segmentation, scene_field, cache, chunks[number]))
 
     share(evaluate, len(chunks))
 
 
-def _evaluate(karf: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Chunk:
+def _evaluate(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Chunk:
     distances = cache.distances[rays]
     first = torch.ones_like(distances, dtype=torch.bool)
     first[:, 1:] = distances[:, 1:] != distances[:, :-1]
     positions = cache.positions[rays][first]
     features = scene_field.features(positions)
-    return _Chunk(rays, first, positions, features, karf(positions, features))
+    return _Chunk(rays, first, positions, features, segmentation(positions, features))
 
 
 @torch.no_grad()
-def segment_cache(karf: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Tensor:
+def segment_cache(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Tensor:
     """Render class probabilities of all cached rays, [n, K+1]; not differentiable.
 
     Rays outside all boxes are background and not evaluated.
 
     Args:
-        karf: F_s.
+        segmentation: F_s.
         scene_field: the frozen radiance field, for its prior features.
         cache: n rays with their surface samples.
     """
-    rendered = _background(karf, cache)
+    rendered = _background(segmentation, cache)
 
     def use(_: int, chunk: _Chunk) -> None:
         rendered[chunk.rays] = _rendered(chunk.classes[chunk.sample_of], cache.opacity[chunk.rays])
 
-    _for_each_chunk(karf, scene_field, cache, use)
+    _for_each_chunk(segmentation, scene_field, cache, use)
     return rendered
 
 
-def _background(karf: SegmentationField, cache: SurfaceCache) -> Tensor:
-    classes = torch.zeros(len(cache), len(karf.boxes) + 1, device=cache.opacity.device)
+def _background(segmentation: SegmentationField, cache: SurfaceCache) -> Tensor:
+    classes = torch.zeros(len(cache), len(segmentation.boxes) + 1, device=cache.opacity.device)
     classes[:, 0] = 1
     return classes
 
@@ -197,11 +197,11 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
     return planes * (cache.opacity / n_samples)[:, None, None]
 
 
-def render_weights(karf: RecoloringField, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
+def render_weights(recoloring: RecoloringField, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
     """Render palette weights (Eq. 8 with w instead of s) as the mean over quantile samples, differentiable in F_w.
 
     Args:
-        karf: F_w.
+        recoloring: F_w.
         positions: [n, S, 3] quantile samples, grid coordinates.
         viewdirs: [n, 3], unit length.
         features: [n, S, F] prior features there.
@@ -211,5 +211,5 @@ def render_weights(karf: RecoloringField, positions: Tensor, viewdirs: Tensor, f
     """
     n_rays, n_samples = positions.shape[:2]
     directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)
-    weights = karf(positions.reshape(-1, 3), directions, features.flatten(0, 1))
-    return weights.view(n_rays, n_samples, karf.n_blocks, karf.n_colors).mean(1)
+    weights = recoloring(positions.reshape(-1, 3), directions, features.flatten(0, 1))
+    return weights.view(n_rays, n_samples, recoloring.n_blocks, recoloring.n_colors).mean(1)

@@ -37,9 +37,9 @@ def fit_to_labels(
     """
     positions, classes, voxel = surface.points.positions, surface.labels.classes, scene_field.voxel
     boxes = torch.from_numpy(surface.boxes(BOX_MARGIN_VOXELS * voxel)).float().to(runtime.device)
-    karf = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
+    segmentation = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
     fit_on_points(
-        karf,
+        segmentation,
         scene_field,
         torch.from_numpy(positions).float().to(runtime.device),
         torch.from_numpy(classes).to(runtime.device),
@@ -51,7 +51,7 @@ def fit_to_labels(
         progress,
         checkpoint,
     )
-    return karf.requires_grad_(False)
+    return segmentation.requires_grad_(False)
 
 
 def fit_to_masks(
@@ -69,11 +69,11 @@ def fit_to_masks(
     All rays of the marked views count, whatever their opacity. The arguments are those of `heads.fit.fit_on_rays`.
     """
     boxes = scene_field.bounds.expand(n_objects, 2, 3).clone()
-    karf = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
+    segmentation = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
     marked = torch.from_numpy(np.flatnonzero(votes.marked)).to(runtime.device)
     targets = torch.from_numpy(votes.targets).float().to(runtime.device)[marked]
-    fit_on_rays(karf, scene_field, _select(cache, marked), targets, settings, runtime, progress, checkpoint)
-    return karf.requires_grad_(False)
+    fit_on_rays(segmentation, scene_field, _select(cache, marked), targets, settings, runtime, progress, checkpoint)
+    return segmentation.requires_grad_(False)
 
 
 def _select(cache: SurfaceCache, rays: Tensor) -> SurfaceCache:

@@ -143,7 +143,7 @@ class _Propagation:
         return Labels(x, precision, (from_masks + color_labels + x) / 3)
 
     def _seed_weight(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the solution without colors, [p, K+1], and the seed weight with which seeds keep their labels, [p]."""
+        """Return the solution without colors, [p, K+1], and the seed weight that preserves the seeds, [p]."""
         n_objects = self.seed_targets.shape[1] - 1
         numbers = np.arange(1, n_objects + 1)
         own = np.stack([seeds_of(k, self.seed_targets, self.seed_confidence) for k in numbers], 1)

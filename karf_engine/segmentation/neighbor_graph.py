@@ -14,7 +14,7 @@ TOLERANCE, MOST_STEPS = 1e-4, 150  # of conjugate gradients; relative to the rig
 
 NEIGHBORS = 12
 COLOR_DEVIATION = 8.0  # Lab units
-TURN_SCALE = 0.15  # 1 minus the cosine between normals at which a weight falls to exp(-1/2)
+TURN_SCALE = 0.15  # 1 minus the cosine between normals; a turn of this size multiplies a weight by exp(-1/2)
 DISTANCE_DEVIATION = 4  # point spacings
 PATTERN = 0.02  # share of a weight that a color edge leaves: a smooth surface with a pattern is one object
 CREASE_FACTOR = 3.0  # on concave turns: objects touch in creases

@@ -1,4 +1,4 @@
-"""Prompts: the box, clicks or lasso by which a user points out an object in a photo (numpy only)."""
+"""Prompts: a box, clicks or a lasso that mark an object in a photo (numpy only)."""
 
 from __future__ import annotations
 
