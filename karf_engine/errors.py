@@ -193,7 +193,7 @@ def is_out_of_memory(error: BaseException) -> bool:
         return True
     if getattr(error, "errno", None) == errno.ENOMEM or any(word in str(error).lower() for word in MEMORY_MESSAGES):
         return True
-    # packages wrap the failure to load a shared library in errors of their own wording
+    # packages wrap the failure to load a shared library in errors without a common class
     before = error.__cause__ or error.__context__
     return isinstance(error, ImportError | OSError) and before is not None and is_out_of_memory(before)
 

@@ -98,14 +98,7 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
 
 @checked
 def register_format(added: Format) -> None:
-    """Add a capture format, with precedence over all known ones.
-
-    Args:
-        added: The format. Its `recognizes` must be False for captures that it cannot read.
-
-    Raises:
-        BadRequest: Another format has this name.
-    """
+    """Add a capture format, with precedence over all known ones. Raises BadRequest if another format has its name."""
     known = {each.name: each for each in FORMATS}
     if known.get(added.name, added) != added:
         raise BadRequest(f"There is another capture format {added.name!r}.", "Choose another name.")

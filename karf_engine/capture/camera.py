@@ -139,16 +139,10 @@ class Camera:
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project world points, ignoring distortion.
-
-        Args:
-            points: [n, 3], world.
+        """Project world points [n, 3], ignoring distortion. Raises BadRequest for another shape.
 
         Returns:
             Pixels [n, 2], and depth [n] in world units, negative behind the camera.
-
-        Raises:
-            BadRequest: The points have another shape.
         """
         check_array("points", points, ("n", 3))
         world_to_camera = self.world_to_camera
@@ -158,17 +152,11 @@ class Camera:
         return pixels, depth
 
     def rays(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rays through pixels, ignoring distortion.
-
-        Args:
-            pixels: [n, 2].
+        """Return the rays through pixels [n, 2], ignoring distortion. Raises BadRequest for another shape.
 
         Returns:
             Origins [n, 3] and directions [n, 3], float64, world. Directions have unit depth and are not normalized: the
             point at depth d is origin + d * direction.
-
-        Raises:
-            BadRequest: The pixels have another shape.
         """
         check_array("pixels", pixels, ("n", 2))
         x, y = (pixels[:, 0] - self.cx) / self.fx, (self.cy - pixels[:, 1]) / self.fy

@@ -169,14 +169,8 @@ class Capture:
 def hold_out(capture: Capture, every: int) -> Capture:
     """Move every Nth training photo, in the order of the names from the first on, to the test split.
 
-    A capture with test photos, or with fewer than `every` training photos, is returned unchanged.
-
-    Args:
-        capture: The capture.
-        every: 2 or more (8 is LLFF's convention), or 0 for none.
-
-    Raises:
-        BadRequest: `every` is 1 or negative.
+    A capture with test photos, or with fewer than `every` training photos, is returned unchanged, as for 0. LLFF's
+    convention is 8. Raises BadRequest if `every` is 1 or negative.
     """
     check_holdout(every)
     names = sorted(view.name for view in capture.split("train"))
@@ -243,12 +237,7 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
 
 
 def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
-    """Convert a capture to its canonical JSON, which `capture_from_json` reads without loss.
-
-    Args:
-        capture: The capture.
-        folder: Folder of the JSON, for relative paths; None for absolute paths only.
-    """
+    """Convert a capture to its canonical JSON, with paths relative to `folder` besides the absolute ones."""
     return {
         "schema": _schema_of(capture),
         "source": str(capture.source),
@@ -284,11 +273,7 @@ def _schema_of(capture: Capture) -> str:
 
 
 def capture_from_json(content: Any, path: Path) -> Capture:
-    """Read a capture from its canonical JSON.
-
-    Args:
-        content: The JSON value.
-        path: Its file, for messages and relative paths.
+    """Read a capture from its canonical JSON; `path` is its file.
 
     Raises:
         DataError: The content is damaged or has an unknown schema, an invalid name or an impossible camera.

@@ -11,14 +11,11 @@ from .capture import Capture, View
 
 
 def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
-    """Select views of a capture or a camera file.
+    """Return the wanted views, and whether they belong to the capture.
 
     Args:
         capture: The capture.
         wanted: `train`, `test`, `val`, `all`, comma-separated names, or the path of a CAMERAS.json.
-
-    Returns:
-        The views, and whether they belong to the capture.
 
     Raises:
         DataError: A name is unknown or a split is empty.

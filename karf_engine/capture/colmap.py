@@ -34,16 +34,10 @@ def is_colmap(path: Path) -> bool:
 
 
 def read_colmap(path: Path, photos: bool) -> Capture:
-    """Read a sparse model with its points, views sorted by photo name.
+    """Read a sparse model (a folder that is or contains one, or a file of one), views sorted by photo name.
 
-    The largest of several models is read. Missing photos, and photos without a pose, are skipped with a remark.
-
-    Args:
-        path: A folder that is or contains a sparse model, or a file of one.
-        photos: Whether to search for the photos.
-
-    Raises:
-        DataError: A file is missing or damaged, or no photo is found.
+    The largest of several models is read. With `photos`, missing photos, and photos without a pose, are skipped with a
+    remark. Raises DataError if a file is missing or damaged, or no photo is found.
     """
     model, remarks = _choose_model(path)
     suffix = _suffix(model)
@@ -244,7 +238,7 @@ def _by_file_name(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | N
 def _by_order(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | None]:
     """Guess: pair the n-th photo with the n-th image name, both sorted, if their numbers agree.
 
-    For photos that were renamed when they were downsampled, as in LLFF's captures; only in folders named images*.
+    For photos renamed by downsampling, as in LLFF's captures; only in folders named images*.
     """
     photos = photos_in(folder) if folder.name.startswith("images") else []
     return list(photos) if len(photos) == len(paths) else [None] * len(paths)
@@ -270,9 +264,9 @@ def _stem(name: str) -> str:
 
 # --------------------------------------------------------------------------------------------------------------- points
 def _sparse_points(points: Points, images: list[Image], scales: list[tuple[float, float]]) -> SparsePoints | None:
-    """Return the points with their observations in these images; None if there are no points.
+    """Return the points with their observations in these images; None without points.
 
-    Observations are scaled to the photos' sizes; those of points that were removed from the model are dropped.
+    Observations are scaled to the photos' sizes; those of removed points are dropped.
     """
     if not len(points.ids):
         return None

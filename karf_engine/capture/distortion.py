@@ -20,14 +20,9 @@ TOLERANCE = 1e-4  # final residual of the inversion, pixels
 
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Map undistorted pixels to the photo as stored.
+    """Map undistorted pixels [..., 2] to pixels of the photo as stored, float64.
 
-    Args:
-        camera: A camera with distortion.
-        pixels: Undistorted pixels, [..., 2].
-
-    Returns:
-        Distorted pixels, [..., 2] float64; nan where the distorted radius decreases, that is, the image folds over.
+    The result is nan where the distorted radius decreases, that is, the image folds over.
     """
     if camera.is_pinhole:
         return np.asarray(pixels, np.float64)
@@ -38,14 +33,9 @@ def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
 
 
 def straighten(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Map pixels of the photo as stored to undistorted pixels: the inverse of `distort`, by Newton's method.
+    """Map pixels [n, 2] of the photo as stored to undistorted pixels, float64: the inverse of `distort`.
 
-    Args:
-        camera: A camera with distortion.
-        pixels: Distorted pixels, [n, 2].
-
-    Returns:
-        Undistorted pixels, [n, 2] float64; nan where there is no inverse.
+    Uses Newton's method; the result is nan where it does not converge.
     """
     pixels = np.asarray(pixels, np.float64)
     if camera.is_pinhole:

@@ -18,13 +18,7 @@ USABLE = Limits(LARGEST_SIDE, MOST_PIXELS, (1e-3, 1e6), 1e3, 1e6, LARGEST_POSITI
 def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:
     """Return a camera if its parameters are within the limits.
 
-    Args:
-        camera: The camera.
-        label: Subject of the message "`label` has ...".
-        hint: Remedy.
-
-    Raises:
-        DataError: Size, lens or pose is out of range.
+    Raises DataError "`label` has ..." with the remedy `hint` if they are not.
     """
     wrong = impossible(camera, USABLE)
     if wrong:
@@ -33,16 +27,7 @@ def check_camera(camera: Camera, label: str, hint: str = "Export the cameras aga
 
 
 def read_camera(label: str, hint: str = "Export the cameras again.", **numbers: Any) -> Camera:
-    """Make a camera from the numbers of a file; arguments and errors as `check_camera`.
-
-    Args:
-        label: Subject of the message "`label` has ...".
-        hint: Remedy.
-        **numbers: The attributes of `Camera`.
-
-    Raises:
-        DataError: Size, lens or pose is out of range.
-    """
+    """Make a camera from the attributes of `Camera`. Raises DataError as `check_camera`."""
     try:
         camera = Camera(**numbers)
     except BadRequest as error:

@@ -31,17 +31,10 @@ def is_llff(path: Path) -> bool:
 
 
 def read_llff(path: Path, photos: bool) -> Capture:
-    """Read an LLFF capture; depth bounds are in world units.
+    """Read an LLFF capture (its folder, or poses_bounds.npy); depth bounds are in world units.
 
-    Photos come from the `images*` folder with one photo per pose, the one with the largest photos. Without photos, views
-    are named by row.
-
-    Args:
-        path: A poses_bounds.npy, or its folder.
-        photos: Whether to search for the photos.
-
-    Raises:
-        DataError: A file is missing or damaged.
+    Photos come from the `images*` folder with one photo per pose, the one with the largest photos. Without `photos`,
+    views are named by row. Raises DataError if a file is missing or damaged.
     """
     file = path if path.is_file() else path / POSES
     table = _table(file)

@@ -138,14 +138,7 @@ def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
 def make_views(
     cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]
 ) -> list[View]:
-    """Make views with names that are unique and valid file names.
-
-    Args:
-        cameras: Camera of each view.
-        images: Photo of each view; None for bare cameras.
-        stems: Source of the names.
-        splits: `train`, `val` or `test` of each view.
-    """
+    """Make views with unique, valid file names, derived from the stems; bare cameras have None for an image."""
     stems, splits = list(map(file_name, stems)), list(splits)
     names = unique_names(list(zip(splits, stems, strict=True)))
     return [

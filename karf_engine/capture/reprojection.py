@@ -34,18 +34,11 @@ class ErrorSummary:
 
 
 def reprojection_errors(capture: Capture, view_number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return observed and projected pixels of the sparse points of a view.
-
-    Args:
-        capture: A capture with sparse points.
-        view_number: Index of the view.
+    """Return observed and projected pixels of the sparse points of a view. Raises DataError if the capture has none.
 
     Returns:
         Observed [m, 2] and projected [m, 2] float64, in pixels of the photo as stored and in the order of the
         observations; nan for points behind the camera or outside the valid radius of its lens.
-
-    Raises:
-        DataError: The capture has no sparse points.
     """
     camera, points = capture.views[view_number].camera, _points(capture)
     pixels, depth = camera.project(observed_points(capture, view_number))
@@ -54,11 +47,7 @@ def reprojection_errors(capture: Capture, view_number: int) -> tuple[np.ndarray,
 
 
 def observed_points(capture: Capture, view_number: int) -> np.ndarray:
-    """Return the world positions [m, 3] float64 of the sparse points that a view observed.
-
-    Raises:
-        DataError: The capture has no sparse points.
-    """
+    """Return the world positions [m, 3] float64 of the points that a view observed. Raises DataError without points."""
     points = _points(capture)
     return points.positions[points.point[points.view == view_number]]
 
@@ -78,15 +67,9 @@ def summarize(observed: np.ndarray, projected: np.ndarray) -> ErrorSummary:
 
 
 def undistorted_near(camera: Camera, pixels: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """Map pixels of the photo as stored to undistorted pixels near a guess: the inverse of `distort`, by Newton steps.
+    """Map pixels [m, 2] of the photo as stored to undistorted pixels, float64, from the guess `near` [m, 2].
 
-    Args:
-        camera: A camera with distortion.
-        pixels: Distorted pixels, [m, 2].
-        near: Guess of the undistorted pixels, [m, 2].
-
-    Returns:
-        Undistorted pixels, [m, 2] float64.
+    Takes a fixed number of Newton steps, unlike `straighten`.
     """
     if camera.is_pinhole:
         return np.asarray(pixels, np.float64)

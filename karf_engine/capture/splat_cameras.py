@@ -33,11 +33,7 @@ def cameras_beside(splat: Path) -> list[Path]:
 
 
 def read_splat_cameras(path: Path) -> list[Camera]:
-    """Read the cameras of a cameras.json, centered pinholes.
-
-    Raises:
-        DataError: The file or an entry is damaged.
-    """
+    """Read the cameras of a cameras.json, centered pinholes. Raises DataError if the file or an entry is damaged."""
     content = read_json(path, "cameras")
     if not isinstance(content, list) or not content:
         raise DataError(f"{path} holds no list of cameras.", "Give the cameras.json that was written with the splat.")

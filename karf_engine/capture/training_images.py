@@ -136,11 +136,7 @@ def image_of(view: View) -> Path:
 
 
 def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
-    """Undistort an image; focal lengths, principal point and size stay.
-
-    Args:
-        image: Float [H, W, C] with C of 1, 3 or 4, the channels that OpenCV interpolates exactly.
-        camera: A camera with distortion.
+    """Undistort an image, float [H, W, 1, 3 or 4]; focal lengths, principal point and size stay.
 
     Returns:
         The image (float32), its pinhole camera, and a mask of the pixels inside the photo, bool [H, W].
@@ -208,16 +204,10 @@ def _background_of(photo: np.ndarray) -> str:
 
 
 def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
-    """Return the pixels that are certainly opaque in front of a uniform background.
+    """Return the pixels of colors [H, W, 3] in [0, 1] that are certainly opaque, bool [H, W].
 
-    These differ from the background nearly as much as their neighbors, unlike mixed pixels at edges.
-
-    Args:
-        color: [H, W, 3] in [0, 1].
-        kind: Background, `black` or `white`.
-
-    Returns:
-        bool [H, W].
+    These differ from the background `kind`, `black` or `white`, nearly as much as their neighbors, unlike mixed pixels
+    at edges.
     """
     difference = color.max(-1) if kind == "black" else 1 - color.min(-1)
     return (difference > SOLID_DIFFERENCE) & (difference > 0.8 * maximum_filter(difference, 3))

@@ -47,11 +47,7 @@ class Frame:
 
 
 def read_frames(file: Path, split: str) -> list[Frame]:
-    """Read all frames of a file.
-
-    Args:
-        file: A transforms file.
-        split: Split of all frames; empty if the file declares them.
+    """Read all frames of a transforms file; an empty `split` means those that the file declares.
 
     Raises:
         DataError: The file is not a JSON object with a list of frames, or a frame has no file_path.
@@ -83,11 +79,7 @@ def _frame(file: Path, index: int, entry: Any, shared: dict[str, Any], split: st
 
 # -------------------------------------------------------------------------------------------------------------- cameras
 def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
-    """Return the camera of a frame at its photo's size, and notes on changes.
-
-    Args:
-        frame: The frame.
-        image: Its photo; None for a bare camera, whose size must be in the file.
+    """Return the camera of a frame at its photo's size (without one, the declared size), and notes on changes.
 
     Raises:
         DataError: A number is missing, out of range or of another type, or the camera model is unknown.
@@ -118,15 +110,7 @@ def camera_of(frame: Frame, image: Path | None) -> tuple[Camera, list[str]]:
 
 
 def camera_from_json(fields: Any, source: str) -> Camera:
-    """Read a bare camera from a frame of a transforms file, which must declare the size.
-
-    Args:
-        fields: The frame.
-        source: Name of the source in messages.
-
-    Raises:
-        DataError: See `camera_of`.
-    """
+    """Read a bare camera from a frame with a size; `source` names it in messages. Raises DataError as `camera_of`."""
     if not isinstance(fields, dict):
         raise DataError(f"{source} has a JSON {type(fields).__name__} for a camera.", "Give an object.")
     return camera_of(Frame(Path(source), 0, (), {"file_path": "camera", **fields}, ""), None)[0]

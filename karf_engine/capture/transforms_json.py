@@ -44,12 +44,7 @@ def is_transforms(path: Path) -> bool:
 def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
     """Read all splits of a NeRF-synthetic folder; only the given file if `path` is one and `photos` is False.
 
-    Args:
-        path: The folder, or one of its split files.
-        photos: Whether to search for the photos.
-
-    Raises:
-        DataError: A file is missing or damaged.
+    Raises DataError if a file is missing or damaged.
     """
     if path.is_file() and not photos:
         return read_transforms(path, photos)
@@ -59,27 +54,19 @@ def read_nerf_synthetic(path: Path, photos: bool) -> Capture:
 
 
 def read_transforms(path: Path, photos: bool) -> Capture:
-    """Read one transforms file, or the transforms.json of a folder.
+    """Read a transforms file, or the transforms.json of a folder.
 
-    Args:
-        path: The file, or its folder.
-        photos: Whether to search for the photos. If True, frames without one are skipped with a remark, and sizes are
-            those of the photos; else the file must declare sizes.
-
-    Raises:
-        DataError: The file is damaged, or no photo is found.
+    With `photos`, frames without one are skipped with a remark, and sizes are those of the photos; else the file must
+    declare sizes. Raises DataError if the file is damaged, or no photo is found.
     """
     file = path if path.is_file() else path / "transforms.json"
     return _read(path, "transforms", [(file, SYNTHETIC_FILES.get(file.name, ""))], photos)
 
 
 def write_capture(path: Path, capture: Capture, folder: Path) -> None:
-    """Write a capture's views, photos and splats as an instant-ngp style file, without its sparse points.
+    """Write the views, photos and splats of a capture as an instant-ngp style file, without its sparse points.
 
-    Args:
-        path: The file.
-        capture: A capture with photos.
-        folder: Final folder of the file. Files now beside `path` will be moved there with it.
+    The file, and all files beside it, will be moved to `folder`.
     """
 
     def relative(file: Path) -> str:

@@ -11,14 +11,9 @@ ROWS = 16  # rows computed at a time, so that intermediate results fit the CPU c
 
 
 def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
-    """Undistort a photo with bilinear interpolation, to the pixels of `training_images.undistort`.
+    """Undistort a photo as stored, float32 [H, W, C], with bilinear interpolation; black outside the photo.
 
-    Args:
-        photo: The photo as stored, float32 [H, W, C], of the camera's size.
-        camera: A camera with distortion.
-
-    Returns:
-        float32 [H, W, C]; black outside the photo.
+    The pixels are those of `training_images.undistort`.
     """
     photo = np.ascontiguousarray(photo)
     result = np.empty_like(photo)

@@ -1,4 +1,4 @@
-"""Numba's cache on disk, with a checksum that is verified before unpickling."""
+"""Numba's cache on disk, verified by checksum before unpickling."""
 
 from __future__ import annotations
 

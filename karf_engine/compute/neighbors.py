@@ -10,13 +10,9 @@ from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def tree_of(positions: np.ndarray, **options: bool) -> cKDTree:
-    """Build a k-d tree with denormal numbers enabled.
+    """Build a k-d tree of finite positions [n, D] with denormal numbers enabled; options are those of `cKDTree`.
 
     SciPy may split at the denormal number next to a coordinate of 0; flushed to zero, the split recurses endlessly.
-
-    Args:
-        positions: [n, D], finite.
-        **options: Options of `scipy.spatial.cKDTree`.
 
     Examples:
         >>> tree = tree_of(np.array([[0.0, 0.0], [3.0, 4.0]]))

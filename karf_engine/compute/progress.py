@@ -32,15 +32,7 @@ class Progress:
         self._start = time.monotonic()
 
     def step(self, count: int = 1, **metrics: float) -> None:
-        """Count finished steps.
-
-        Args:
-            count: Number of steps; 0 only checks for cancellation.
-            **metrics: Current values, such as the loss.
-
-        Raises:
-            Cancelled: The job was cancelled.
-        """
+        """Count finished steps, 0 to check for cancellation only, with current metrics. Raises Cancelled."""
         if self._should_stop():
             raise Cancelled(
                 "The {stage} stage was cancelled.",

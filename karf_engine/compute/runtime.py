@@ -46,10 +46,7 @@ def default_threads() -> int:
 
 
 def find_device(name: str | None) -> torch.device:
-    """Return a device that works.
-
-    Args:
-        name: `cpu`, `cuda` or `cuda:<number>`; None for CUDA if available, else the CPU.
+    """Return the device `cpu`, `cuda` or `cuda:<number>`; None for CUDA if available, else the CPU.
 
     Raises:
         BadRequest: The name is unknown, or the device is missing or does not respond.
@@ -77,13 +74,7 @@ def find_device(name: str | None) -> torch.device:
 def start_runtime(seed: int = 0, threads: int | None = None, device: str | None = None) -> Runtime:
     """Set up torch for this process, with global side effects: threads, seed, flushing of denormals.
 
-    Args:
-        seed: Seed of all random numbers.
-        threads: CPU cores to use; None for `default_threads`.
-        device: See `find_device`.
-
-    Raises:
-        BadRequest: See `find_device`.
+    `threads` defaults to `default_threads`; `device`, and the BadRequest raised for it, are those of `find_device`.
     """
     found = find_device(device)
     cores.use(threads or default_threads())

@@ -14,16 +14,9 @@ TOLERANCE = 1e-3  # residual relative to the right-hand side; coverage is stored
 def solve(
     system: sparse.csr_array, right_hand_side: np.ndarray, start: np.ndarray, iterations: int | None = None
 ) -> np.ndarray:
-    """Solve by conjugate gradients with a Jacobi preconditioner; warns if they do not converge.
+    """Solve a system [n, n] by conjugate gradients with a Jacobi preconditioner, from an initial guess [n].
 
-    Args:
-        system: [n, n].
-        right_hand_side: [n].
-        start: Initial guess, [n].
-        iterations: Limit; by default SciPy's 10 n.
-
-    Returns:
-        [n].
+    Warns if they do not converge within `iterations`, by default SciPy's 10 n.
     """
     precondition = sparse.diags_array(1 / system.diagonal())
     solved, unconverged = cg(system, right_hand_side, x0=start, rtol=TOLERANCE, maxiter=iterations, M=precondition)

@@ -64,15 +64,7 @@ def check_fields(record: Any) -> None:
 def check_type(what: str, name: str, value: Any, kind: Any) -> None:
     """Check a value against an annotation.
 
-    Args:
-        what: Name of the function or class, for the message.
-        name: Name of the argument.
-        value: The argument.
-        kind: The annotation.
-
-    Raises:
-        TypeError: The value has another type.
-        BadRequest: The value is a path that is empty or contains a NUL character.
+    Raises TypeError, or BadRequest for a path that is empty or has a NUL character.
     """
     if not _fits(value, kind):
         raise TypeError(f"{what} takes {_name_of(kind)} as {name}, not {quoted(value)}.")
@@ -95,12 +87,7 @@ def check_number(name: str, value: float, lowest: float, highest: float | None =
 
 
 def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
-    """Check that an array is numeric and has a shape.
-
-    Args:
-        name: Name of the argument, for the message.
-        array: The argument.
-        shape: Size of each axis; a string, such as "n", allows any size.
+    """Check that an array is numeric and has a shape; a string such as "n" allows any size.
 
     Raises:
         TypeError: The argument is not an array.

@@ -26,14 +26,7 @@ DAMAGE = (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError,
 
 
 def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: dict[str, Any]) -> None:
-    """Write tensors and metadata atomically; equal content gives equal bytes.
-
-    Args:
-        path: The file.
-        tensors: Tensors by name, on any device.
-        schema: Kind and version of the file.
-        metadata: JSON values.
-    """
+    """Write tensors, JSON metadata and a schema (kind and version) atomically; equal content gives equal bytes."""
     # one entry, because safetensors writes several in any order
     header = {"karf": json.dumps({"schema": schema, "facts": metadata})}
     stored = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
@@ -48,12 +41,7 @@ def save_tensors(path: Path, tensors: dict[str, Tensor], schema: str, metadata: 
 def load_tensors(
     path: Path, schema: str | tuple[str, ...], device: torch.device | str = "cpu"
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
-    """Read tensors and metadata.
-
-    Args:
-        path: The file.
-        schema: Accepted schema, or several.
-        device: Device of the returned tensors.
+    """Read tensors, on a device, and metadata of a file with one of the accepted schemas.
 
     Raises:
         DataError: The file is missing, damaged or of another schema, or a tensor is not finite or of a type that cannot

@@ -52,7 +52,7 @@ class ColorSpace:
 
 
 def color_space(name: str, config: str | None = None) -> ColorSpace:
-    """Look a color space up.
+    """Find a color space in a configuration.
 
     Args:
         name: Name or alias.

@@ -16,11 +16,7 @@ JUNCTION = 0xA0000003  # Windows: IO_REPARSE_TAG_MOUNT_POINT
 
 
 def inside(root: Path, *names: str) -> Path:
-    """Join path parts to a folder and check every link on the way.
-
-    Args:
-        root: The folder, which need not exist.
-        *names: Path parts below it, which need not exist.
+    """Join path parts to a folder and check every link on the way; the path need not exist.
 
     Raises:
         DataError: A link leads out of the folder or is circular.

@@ -170,15 +170,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def read_json(path: Path, what: str) -> Any:
-    """Read a JSON file.
-
-    Args:
-        path: The file.
-        what: Name of its content, for messages.
-
-    Raises:
-        DataError: The file is missing, too large or not JSON.
-    """
+    """Read a JSON file, called `what` in messages. Raises DataError if it is missing, too large or not JSON."""
     check_file(path, MOST_JSON, f"{path} ({what})")
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))

@@ -146,10 +146,6 @@ def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
 def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
     """Read the linear light of an EXR file on its display window.
 
-    Args:
-        path: The file.
-        header: Its header.
-
     Returns:
         Premultiplied light [H, W, 1, 3 or 4] at its stored depth, and the name of its layer, for example `RGBA`.
 
@@ -225,15 +221,9 @@ def full_value(pixels: np.ndarray) -> int:
 
 
 def write_png(path: Path, array: np.ndarray) -> None:
-    """Write a PNG atomically.
+    """Write an array [H, W] or [H, W, 1, 3 or 4] as PNG, atomically. Raises TypeError for other arrays.
 
-    Args:
-        path: The file.
-        array: [H, W] or [H, W, 1, 3 or 4]. Floats in [0, 1] are clipped and rounded to 8 bits, bool becomes 0 and 255;
-            uint8 and uint16 [H, W] are written unchanged.
-
-    Raises:
-        TypeError: The array is of another kind.
+    Floats in [0, 1] are clipped and rounded to 8 bits, bool becomes 0 and 255; uint8 and uint16 [H, W] are unchanged.
     """
     if np.issubdtype(array.dtype, np.floating):
         array = to_bytes(array)
@@ -247,15 +237,9 @@ def write_png(path: Path, array: np.ndarray) -> None:
 
 
 def encoded(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> memoryview:
-    """Encode pixels [H, W, 3 or 4] as an image file, by OpenCV.
+    """Encode RGB or RGBA pixels as an image file, by OpenCV, with its flags, each followed by its value.
 
-    Args:
-        suffix: File format, such as `.png`.
-        pixels: RGB or RGBA.
-        options: OpenCV's flags, each followed by its value.
-
-    Raises:
-        OSError: The format cannot hold these pixels.
+    Raises OSError if the format cannot hold these pixels.
     """
     order = cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR
     done, content = cv2.imencode(suffix, cv2.cvtColor(pixels, order), options)
@@ -265,18 +249,9 @@ def encoded(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> mem
 
 
 def read_mask(path: Path) -> np.ndarray:
-    """Read a mask by thresholding alpha at one half where it varies, else the brightest channel.
+    """Read a mask by thresholding alpha at one half where it varies, else the brightest channel; bool [H, W].
 
-    A file with the values 0 and 1 (of 255) only is a label image: 1 is inside.
-
-    Args:
-        path: The file, of any kind that `read_photo` reads.
-
-    Returns:
-        bool [H, W], True inside.
-
-    Raises:
-        DataError: As `read_photo`.
+    A file with the values 0 and 1 (of 255) only is a label image: 1 is inside. Raises DataError as `read_photo`.
     """
     pixels, _ = read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)
     pixels = np.atleast_3d(pixels)  # kept as integers to save memory
@@ -292,15 +267,7 @@ def read_mask(path: Path) -> np.ndarray:
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Resize by exact area averaging along axes that shrink and linear interpolation along axes that grow.
-
-    Args:
-        image: Float [H, W] or [H, W, C].
-        width: Pixels.
-        height: Pixels.
-
-    Returns:
-        float32 [height, width] or [height, width, C].
+    """Resize [H, W, ...] by exact area averaging along axes that shrink and linear interpolation along axes that grow.
 
     Examples:
         >>> resize(np.array([[0.0, 1.0, 3.0, 4.0]]), 2, 1).tolist()

@@ -12,15 +12,10 @@ MOST_BYTES = 8 << 30  # bytes of a file that is read whole
 
 
 def check_file(path: Path, most: int = MOST_BYTES, label: str = "") -> int:
-    """Return the size in bytes of a regular file; links are followed.
-
-    Args:
-        path: The file.
-        most: Largest allowed size in bytes.
-        label: Name of the file in messages, by default its path.
+    """Return the size in bytes of a regular file, called `label` in messages; links are followed.
 
     Raises:
-        DataError: The file is missing, not a regular file, or too large.
+        DataError: The file is missing, not a regular file, or larger than `most`.
     """
     label = label or str(path)
     try:

@@ -14,15 +14,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def library_path(path: Path) -> Iterator[str]:
-    """Yield a UTF-8 path to a file, whatever the bytes of its name and folders.
+    """Yield a UTF-8 path to a file, which may be missing if its own name is UTF-8.
 
-    On Linux, names that are not UTF-8 are opened here and passed as /dev/fd.
-
-    Args:
-        path: The file; it may be missing if its own name is UTF-8.
-
-    Raises:
-        OSError: The folder, or a file whose own name is not UTF-8, cannot be opened.
+    On Linux, names that are not UTF-8 are opened here and passed as /dev/fd. Raises OSError if that fails.
     """
     if _is_utf8(str(path)):
         yield str(path)

@@ -36,16 +36,9 @@ AGAIN = "Export or copy the file again."
 def run_limited(
     work: Callable[..., Mapping[str, np.ndarray]], path: Path, names: Sequence[str], *more: str
 ) -> list[np.ndarray]:
-    """Call `work(path, *more)` in a child process that ends with this one.
+    """Call `work(path, *more)` in a child process that ends with this one, and return its arrays of these names.
 
-    Args:
-        work: A module-level function of this package that returns arrays by name.
-        path: The file that it reads.
-        names: Names of the arrays to return.
-        *more: Further arguments.
-
-    Returns:
-        The arrays, in the order of the names.
+    `work` is a module-level function of this package that returns arrays by name.
 
     Raises:
         DataError: The file is missing, or the child crashed or exceeded a limit.

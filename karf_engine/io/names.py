@@ -59,16 +59,7 @@ def is_file_name(value: Any) -> bool:
 
 
 def check_name(value: Any, path: Path, what: str) -> str:
-    """Return a value if it is a valid file name.
-
-    Args:
-        value: As read.
-        path: File that contains it, for messages.
-        what: Named thing, for messages, such as `an object`.
-
-    Raises:
-        DataError: The value is not a valid file name.
-    """
+    """Return a value if it is a valid file name, else raise DataError "`path` has `what` named ..."."""
     if not is_file_name(value):
         excerpt = repr(value) if len(repr(value)) < LONGEST else f"{repr(value)[:LONGEST]}.."
         raise DataError(

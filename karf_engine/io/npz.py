@@ -19,16 +19,7 @@ MOST_PER_BYTE = 200
 
 
 def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[np.ndarray]:
-    """Read arrays of an npz file.
-
-    Args:
-        path: The file.
-        names: Names of the arrays.
-        what: Content of the file, for messages.
-        hint: Remedy for a damaged file.
-
-    Returns:
-        The arrays, in the order of the names.
+    """Read arrays of an npz file, in the order of the names; `what` and `hint` are content and remedy, for messages.
 
     Raises:
         DataError: The file is missing or damaged, lacks an array, or claims too many bytes.

@@ -17,15 +17,7 @@ def plugin_names(group: str) -> list[str]:
 
 
 def load_plugin(group: str, name: str) -> Any:
-    """Load a plugin.
-
-    Args:
-        group: One of `GROUPS`.
-        name: One of `plugin_names`.
-
-    Raises:
-        MissingDependency: The plugin cannot be imported.
-    """
+    """Load one of `plugin_names`. Raises MissingDependency if it cannot be imported."""
     entry = _entries(group)[name]
     try:
         return entry.load()

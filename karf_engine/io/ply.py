@@ -68,11 +68,7 @@ class Header:
 
 
 def read_header(data: bytes) -> Header:
-    """Parse the header at the start of a PLY file.
-
-    Raises:
-        ValueError: The header is damaged.
-    """
+    """Parse the header at the start of a PLY file. Raises ValueError if the header is damaged."""
     end = END.search(data[:MOST_HEADER])
     if end is None:
         raise ValueError("it has no line end_header")
@@ -112,18 +108,9 @@ def _dtype(fields: list[list[str]], order: str) -> np.dtype | None:
 
 
 def read_rows(data: bytes, header: Header, name: str) -> np.ndarray:
-    """Return the rows of one element.
+    """Return the rows [count] of one element; neither it nor those before it may have lists.
 
-    Args:
-        data: The whole file.
-        header: Its header.
-        name: Name of the element; neither it nor those before it may have lists.
-
-    Returns:
-        [count] of the element's dtype; a view of binary data.
-
-    Raises:
-        ValueError: The file is cut off, or its text is not numeric.
+    Binary data are not copied. Raises ValueError if the file is cut off, or its text is not numeric.
     """
     element, start = locate(header, name)
     dtype = element.dtype
@@ -206,12 +193,7 @@ def properties(dtype: np.dtype) -> list[str]:
 
 
 def vertex_file(table: np.ndarray, comments: tuple[str, ...] = ()) -> bytes:
-    """Encode a binary little-endian PLY file of vertices.
-
-    Args:
-        table: [n] of a little-endian dtype with PLY types.
-        comments: Comments of the header.
-    """
+    """Encode a binary little-endian PLY file of vertices, [n] of a little-endian dtype with PLY types."""
     notes = [f"comment {comment}" for comment in comments]
     start = ["ply", "format binary_little_endian 1.0", *notes, f"element vertex {len(table)}"]
     return "\n".join([*start, *properties(table.dtype), "end_header", ""]).encode() + table.tobytes()

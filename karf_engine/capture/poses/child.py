@@ -25,15 +25,8 @@ SILENCE: Message = ("", None)  # sent ten times a second between messages, so th
 def child_messages(name: str, work: Callable[[Callable[[str, Any], None], Any], Any], task: Any) -> Iterator[Iterator]:
     """Run `work(send, task)` in a new process and yield its messages (kind, value), the last one ("result", value).
 
-    The child is killed at the end of the block, and ends if this process dies.
-
-    Args:
-        name: Name of the library, for errors.
-        work: A module-level function.
-        task: Its second argument, picklable.
-
-    Raises:
-        KarfError: The child fails or dies.
+    The child is killed at the end of the block, and ends if this process dies. `work` is a module-level function,
+    `task` is picklable, and `name` is that of the library, for errors. Raises KarfError if the child fails or dies.
     """
     context = get_context("spawn")  # a fork would share torch's threads
     receiver, sender = context.Pipe(duplex=False)

@@ -39,12 +39,7 @@ class _Task:
 
 
 def triangulate(training_images: list[TrainingImage], threads: int, progress: Progress) -> SparsePoints:
-    """Triangulate the points that at least two images share.
-
-    Args:
-        training_images: The images.
-        threads: Number of threads.
-        progress: Counts one step per image.
+    """Triangulate the points that at least two images share; `progress` counts the images.
 
     Returns:
         Points whose `view` is an index of the images; pixels and errors are in their pixels.

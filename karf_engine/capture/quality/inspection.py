@@ -81,11 +81,7 @@ class Inspection:
 
 
 def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
-    """Inspect the training photos of a capture.
-
-    Args:
-        capture: A capture with photos.
-        masks: A folder of rough masks, MASKS/<object>/<photo stem>.png.
+    """Inspect the training photos of a capture, and rough masks in MASKS/<object>/<photo stem>.png.
 
     Raises:
         DataError: There are too few photos, or one is missing or damaged.

@@ -46,13 +46,7 @@ class Matches:
 def match_neighbors(
     pictures: Sequence[np.ndarray], cameras: Sequence[Camera], pairs: Sequence[tuple[int, int]]
 ) -> Matches:
-    """Match the features of each pair.
-
-    Args:
-        pictures: Photos, uint8 [H, W, 3] each.
-        cameras: Pinhole cameras of these sizes.
-        pairs: Indices of photos.
-    """
+    """Match the features of each pair of photos, uint8 [H, W, 3] of pinhole cameras."""
     features = [_features(picture) for picture in pictures]
     matched = [_match_pair(*((pictures[n], cameras[n], *features[n]) for n in pair)) for pair in pairs]
     points, errors, tried, stops = zip(*matched, strict=True) if matched else ((), (), (), ())
@@ -123,12 +117,7 @@ def _stops(light_a: np.ndarray, light_b: np.ndarray) -> np.ndarray:
 
 
 def exposures(count: int, pairs: Sequence[tuple[int, int]], stops: np.ndarray) -> np.ndarray:
-    """Estimate each photo's exposure in stops with mean 0, [n, 3], by least squares over the pairs' differences.
-
-    Args:
-        count: Number of photos, n.
-        pairs: Indices of photos.
-        stops: See `Matches`.
+    """Estimate the exposures in stops with mean 0, [count, 3], by least squares over the pairs' differences `stops`.
 
     Examples:
         >>> exposures(3, [(0, 1), (1, 2)], np.array([[1.0] * 3, [-1.0] * 3]))[:, 0].round(2).tolist()

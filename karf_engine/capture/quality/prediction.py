@@ -18,12 +18,7 @@ NEAR_ANGLE = 4.0  # degrees; nearer photos gain nothing
 
 
 def predict_psnr(agreed: float, plainness: float, is_matte: bool) -> float:
-    """Predict the PSNR of held-out views, dB.
-
-    Args:
-        agreed: Share of the matches that agree with the cameras, in [0, 1].
-        plainness: See `photos.plainness`, dB.
-        is_matte: Whether the photos have a matte.
+    """Predict the PSNR of held-out views, dB, from the figures of an `Inspection`.
 
     Examples:
         >>> predict_psnr(0.8, 32.0, False), predict_psnr(0.8, 25.0, False)
