@@ -40,6 +40,11 @@ class Palette:
 
     Raises:
         BadRequest: The colors have the wrong shape, are not finite or are out of range, or the name is empty.
+
+    Examples:
+        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
+        >>> [rgb_to_hex(color) for color in pot.colors]
+        ['#000000', '#804000']
     """
 
     name: str
