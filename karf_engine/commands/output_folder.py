@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import BadRequest
+from ..io.files import remove_temporaries, temporary_folder
 
 
 @contextmanager
@@ -16,15 +18,17 @@ def new_folder(out: Path) -> Iterator[Path]:
     Raises:
         BadRequest: `out` exists and is not empty.
     """
-    from ..capture.poses.work_folder import work_folder  # needs filelock
-
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")
     out.parent.mkdir(parents=True, exist_ok=True)
-    with work_folder(out.parent, f".{out.name[:100]}-") as work:
-        folder = work / "capture"
+    remove_temporaries(out.parent)
+    work = temporary_folder(out.parent)
+    try:
+        folder = work / "new"
         folder.mkdir()
         yield folder
         if out.exists():
             out.rmdir()  # it is empty
         folder.replace(out)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)

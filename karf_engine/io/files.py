@@ -57,7 +57,7 @@ def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         # a separate folder, because libraries create temporary files beside their output
-        folder = Path(tempfile.mkdtemp(prefix=f".karf-{HOST}-{os.getpid()}-", dir=target.parent))
+        folder = temporary_folder(target.parent)
         temporary = folder / f"new{path.suffix}"  # image and npz writers derive the format from the suffix
         write(temporary)
         with temporary.open("rb+") as stream:
@@ -74,6 +74,11 @@ def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
     finally:
         if folder:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def temporary_folder(parent: Path) -> Path:
+    """Create a folder that `remove_temporaries` removes once this process has ended."""
+    return Path(tempfile.mkdtemp(prefix=f".karf-{HOST}-{os.getpid()}-", dir=parent))
 
 
 def copy_file(source: Path, target: Path) -> None:
