@@ -24,6 +24,7 @@ from .color_spaces import ColorSpace
 from .failures import is_out_of_memory
 from .files import atomic_write
 from .image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
+from .library_paths import library_path
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # fewer, because floats are copied several times
 ROWS = 256  # rows converted at a time
@@ -153,13 +154,16 @@ def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
         DataError: The file claims too many pixels.
         ValueError: The file has no colors.
     """
-    for part in OpenEXR.File(str(path), header_only=True).parts:
+    with library_path(path) as readable:
+        parts = OpenEXR.File(readable, header_only=True).parts
+    for part in parts:
         first, last = part.header["dataWindow"]
         width, height = (last.astype(int) - first + 1).tolist()
         layers = math.ceil(len(part.header["channels"]) / 4)
         for size in ((width, height * layers), header.stored):
             check_pixels(path, *size, MOST_PIXELS_OF_SMALL_EXR)
-    file = OpenEXR.File(str(path))
+    with library_path(path) as readable:
+        file = OpenEXR.File(readable)
     channels = {name: channel.pixels for name, channel in file.channels().items()}
     layers = [name for name, pixels in channels.items() if pixels.ndim == 3]
     name = next((name for name in ("RGBA", "RGB", "Y", *layers) if name in channels), None)

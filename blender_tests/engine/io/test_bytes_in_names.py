@@ -60,6 +60,7 @@ def frame(path):
     write_frame(path, COLOR, "exr32")
     with library_path(path) as readable:
         assert OpenEXR.File(readable).channels()["RGB"].pixels.shape == (8, 8, 3)
+    assert read_photo(path).shape == (8, 8, 3)
 
 
 def film(path):
