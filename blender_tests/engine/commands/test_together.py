@@ -34,7 +34,7 @@ needs_gloo = pytest.mark.skipif(
 
 def in_turn(training_state, step, iteration, parts):
     """`_gradients` of both processes of a process group, one after the other in this one."""
-    generator = training_state._random
+    generator = training_state.generator
     before = generator.get_state()
     for rank in range(2):
         generator.set_state(before)

@@ -89,7 +89,7 @@ def computers(tmp_path):
 
 
 @pytest.fixture
-def local_path(computers, still_life, learned):
+def shared(computers, still_life, learned):
     """The computers with the still life's capture, masks and learned project on the share."""
     shutil.copytree(still_life.capture, computers.server / "capture")
     shutil.copytree(still_life.masks, computers.server / "masks")
