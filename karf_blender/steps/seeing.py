@@ -8,10 +8,10 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import Message, Request, inside
+from ..engine_api import Message, Request
 from ..marking import asking
 from ..pictures import editors
-from ..project import contents
+from ..project import contents, folders
 from ..swatches import drawn_over, shown
 from ..tasks import queries
 from ..tasks.ownership import Owner
@@ -36,9 +36,11 @@ def show_masks(scene: bpy.types.Scene) -> None:
 
 
 def _take_masks(mark: str, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
-    folder = contents.seen_folder(scene).with_name(mark)  # of what was learned when they were asked for
+    project = folders.project_of(scene)
     for name, file in values["masks"].items():
-        target = inside(folder, "masks", name, f"{view}.png")
+        target = project.path(
+            "seen", mark, "masks", name, f"{view}.png"
+        )  # of what was learned when they were asked for
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
     shown.of(scene).load_masks()
