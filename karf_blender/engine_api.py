@@ -5,8 +5,8 @@ from pathlib import Path
 from .. import karf_engine
 from ..karf_engine.api import render_bundle
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
-from ..karf_engine.capture.camera import Camera, wrong_size
-from ..karf_engine.capture.capture import ALIKE, Capture, SparsePoints, View
+from ..karf_engine.capture.camera import Camera, wrong_size_error
+from ..karf_engine.capture.capture import UNIT_GAINS, Capture, SparsePoints, View
 from ..karf_engine.capture.distortion import distort
 from ..karf_engine.capture.mask_names import masks_of_view
 from ..karf_engine.capture.reprojection import (
@@ -14,7 +14,7 @@ from ..karf_engine.capture.reprojection import (
     observed_points,
     reprojection_errors,
     summarize,
-    undistorted_near,
+    undistort_points_near,
 )
 from ..karf_engine.capture.transforms_json import camera_to_json
 from ..karf_engine.capture.undistortion import undistorted
@@ -31,44 +31,51 @@ from ..karf_engine.errors import (
 from ..karf_engine.export.layer_names import ObjectLayers, read_layer_names
 from ..karf_engine.export.scene_points import ScenePoints, read_points, write_points
 from ..karf_engine.io.color import ciede2000, lab_chroma, lab_hue, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from ..karf_engine.io.containment import inside
+from ..karf_engine.io.containment import checked_path
 from ..karf_engine.io.files import atomic_write, checksum, read_json, write_json
 from ..karf_engine.io.image_size import find_header
 from ..karf_engine.io.inputs import check_file
-from ..karf_engine.io.names import file_name, is_file_name, known_as, same_but_for_case
+from ..karf_engine.io.names import file_name, find_normalized, first_case_collision, is_file_name
 from ..karf_engine.io.options import Options, bounds_of
-from ..karf_engine.palettes.added import palettes_with, pigment_of_swatch, proposed, solve_set, spread, spread_objects
+from ..karf_engine.palettes.added import (
+    extended_palettes,
+    match_added_color,
+    pigment_of_swatch,
+    propose_added_color,
+    split_weights,
+    split_weights_of_objects,
+)
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
 from ..karf_engine.palettes.color_chart import ChartFit, fit_photo
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
-from ..karf_engine.palettes.colorways.planned import PlannedColorway, plan_colorways
-from ..karf_engine.palettes.colorways.reached import dominant_color, reached_by, reached_color
-from ..karf_engine.palettes.colorways.reached import shown as shown_colors
+from ..karf_engine.palettes.colorways.planning import PlannedColorway, plan_colorways
+from ..karf_engine.palettes.colorways.prediction import dominant_color, evaluate_edit, reached_color
+from ..karf_engine.palettes.colorways.prediction import edited_colors as shown_colors
 from ..karf_engine.palettes.compositing import Planes, planes_made_from, read_planes, stack_palettes
-from ..karf_engine.palettes.edge_planes import ObjectEdge, reshaped
-from ..karf_engine.palettes.edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
+from ..karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
+from ..karf_engine.palettes.edge_shape import MAX_CHOKE, MAX_FEATHER, EdgeShape
 from ..karf_engine.palettes.edges_in_space import Borders
 from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
-from ..karf_engine.palettes.exposure import as_exposed, exposed_alike
+from ..karf_engine.palettes.exposure import to_mean_exposure, to_photo_exposure
 from ..karf_engine.palettes.matching.becomes import (
+    add_fixed_paints,
     match_becomes,
     match_dragged,
     match_fewest,
     mean_weights,
     nearest_weights,
-    with_held,
 )
-from ..karf_engine.palettes.matching.left import left_of_object
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
-from ..karf_engine.palettes.matching.surface import MOST_BRIGHTNESS, MOST_FACTOR, Surface, match_surface
+from ..karf_engine.palettes.matching.residual import residual_delta_e
+from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
-    BRIGHTEST,
     COMPOSITING_MODES,
-    MOST_ADDED,
-    MOST_PROTECT,
-    MOST_REACH,
+    MAX_ADDED,
+    MAX_PROTECT,
+    MAX_REACH,
+    MAX_SRGB,
     PROTECT,
     REACH,
     AddedColor,
@@ -81,11 +88,11 @@ from ..karf_engine.palettes.palette import (
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
 from ..karf_engine.palettes.reference_light import ReferenceLight
-from ..karf_engine.palettes.swatch_picture import Part, SwatchPicture, palette_only, photo_plus_change
+from ..karf_engine.palettes.swatch_picture import ObjectPlanes, SwatchPicture, delta_picture, paper_picture
 from ..karf_engine.project import Project
 from ..karf_engine.project.jobs import new_job
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
-from ..karf_engine.project.state import stage_mark
+from ..karf_engine.project.state import result_fingerprint
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
 from ..karf_engine.worker.findings import ERROR, OK, VERDICT, WARNING, Finding
 from ..karf_engine.worker.protocol import (
@@ -108,9 +115,7 @@ ENGINE_FOLDER = Path(karf_engine.__file__).parent
 VERSION = karf_engine.__version__
 
 __all__ = [
-    "ALIKE",
     "BOOK_SUFFIXES",
-    "BRIGHTEST",
     "CANCEL",
     "CAPTURE_MARKS",
     "COMPOSITING_MODES",
@@ -118,19 +123,21 @@ __all__ = [
     "ENGINE_FOLDER",
     "ERROR",
     "LOG_FILE",
-    "MOST_ADDED",
-    "MOST_BRIGHTNESS",
-    "MOST_CHOKE",
-    "MOST_FACTOR",
-    "MOST_FEATHER",
-    "MOST_PROTECT",
-    "MOST_REACH",
+    "MAX_ADDED",
+    "MAX_BRIGHTNESS",
+    "MAX_CHOKE",
+    "MAX_FACTOR",
+    "MAX_FEATHER",
+    "MAX_PROTECT",
+    "MAX_REACH",
+    "MAX_SRGB",
     "OK",
     "PRESETS",
     "PROTECT",
     "REACH",
     "REQUEST_FILE",
     "REQUIRED",
+    "UNIT_GAINS",
     "VERDICT",
     "VERSION",
     "WARM",
@@ -158,9 +165,9 @@ __all__ = [
     "ObjectEdge",
     "ObjectLayers",
     "ObjectMatch",
+    "ObjectPlanes",
     "Options",
     "Palette",
-    "Part",
     "Planes",
     "PlannedColorway",
     "PointsOptions",
@@ -174,35 +181,39 @@ __all__ = [
     "SwatchPicture",
     "View",
     "Volume",
-    "as_exposed",
+    "add_fixed_paints",
+    "apply_edges_to_planes",
     "atomic_write",
     "bounds_of",
     "camera_to_json",
     "check_file",
+    "checked_path",
     "checksum",
     "ciede2000",
     "color_to_text",
     "colors_of_text",
+    "delta_picture",
     "distort",
     "dominant_color",
     "edit_from_json",
     "edit_to_json",
     "error_from_code",
-    "exposed_alike",
+    "evaluate_edit",
+    "extended_palettes",
     "file_name",
     "find_header",
+    "find_normalized",
+    "first_case_collision",
     "fit_photo",
     "folder_line",
     "hex_to_rgb",
     "hold_out",
-    "inside",
     "is_file_name",
-    "known_as",
     "lab_chroma",
     "lab_hue",
-    "left_of_object",
     "linear_to_srgb",
     "masks_of_view",
+    "match_added_color",
     "match_becomes",
     "match_dragged",
     "match_fewest",
@@ -214,14 +225,11 @@ __all__ = [
     "new_job",
     "observed_points",
     "open_capture",
-    "palette_only",
-    "palettes_with",
-    "photo_plus_change",
+    "paper_picture",
     "pigment_of_swatch",
     "plan_colorways",
     "planes_made_from",
-    "proposed",
-    "reached_by",
+    "propose_added_color",
     "reached_color",
     "read_color_book",
     "read_edit_file",
@@ -234,27 +242,26 @@ __all__ = [
     "read_volumes",
     "render_bundle",
     "reprojection_errors",
-    "reshaped",
+    "residual_delta_e",
+    "result_fingerprint",
     "rgb_to_hex",
-    "same_but_for_case",
     "seconds_of_stages",
     "shown_colors",
-    "solve_set",
-    "spread",
-    "spread_objects",
+    "split_weights",
+    "split_weights_of_objects",
     "srgb_to_lab",
     "srgb_to_linear",
     "stack_palettes",
-    "stage_mark",
     "summarize",
+    "to_mean_exposure",
+    "to_photo_exposure",
+    "undistort_points_near",
     "undistorted",
-    "undistorted_near",
-    "with_held",
     "write_cameras",
     "write_edit",
     "write_edit_file",
     "write_json",
     "write_points",
     "write_volumes",
-    "wrong_size",
+    "wrong_size_error",
 ]

@@ -55,8 +55,8 @@ from .compute.progress import Emit, TerminalEmit
 from .compute.torch_state import preserved_torch_state
 from .errors import missing_package
 from .io.arguments import check_type
-from .io.failures import translated
-from .io.options import Options, listed
+from .io.failures import translate_errors
+from .io.options import Options, fields_in_help_order
 from .project.settings import Level
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def _takes(
     def documented(function: Function) -> Function:
         signature = inspect.signature(function)
         own = [each for each in signature.parameters.values() if each.kind is not each.VAR_KEYWORD]
-        more = [item for item in listed(kind) if item.name not in {*signature.parameters, *hidden}]
+        more = [item for item in fields_in_help_order(kind) if item.name not in {*signature.parameters, *hidden}]
         defaults = {item.name: inspect.Parameter.empty if item.default is MISSING else item.default for item in more}
         defaults |= dict.fromkeys(LISTENERS) if listens else {}
         keywords = [
@@ -107,7 +107,11 @@ def _takes(
         function.__signature__ = signature.replace(parameters=[*own, *keywords])
         function.options = kind
         text = inspect.cleandoc(function.__doc__ or "")
-        lines = [f"    {item.name}: {item.metadata['help']}." for item in listed(kind) if f" {item.name}:" not in text]
+        lines = [
+            f"    {item.name}: {item.metadata['help']}."
+            for item in fields_in_help_order(kind)
+            if f" {item.name}:" not in text
+        ]
         function.__doc__ = "\n".join([text, "", "Options:", *lines])
         return function
 
@@ -284,7 +288,7 @@ def load(project: PathLike, device: torch.device | str | None = None) -> Model:
         from .recolor.model import Model
     except ModuleNotFoundError as error:
         raise missing_package(str(error.name)) from error
-    with translated(), preserved_torch_state():
+    with translate_errors(), preserved_torch_state():
         return Model.load(project, name)
 
 
@@ -410,13 +414,13 @@ def _run(kind: type[Options], **given: Any) -> None:
     for name, listener in listeners.items():
         check_type(kind.command, name, listener, Callable | None)
     emit = listeners["emit"] or _emit_to(listeners["progress"])
-    with translated(), preserved_torch_state(), stop_on_interrupt(listeners["should_stop"]) as should_stop:
+    with translate_errors(), preserved_torch_state(), stop_on_interrupt(listeners["should_stop"]) as should_stop:
         _carry_out(kind, given, emit, should_stop)
 
 
 def _answer(kind: type[Options], **given: Any) -> Any:
     """Run a command that takes seconds and return its result."""
-    with translated():
+    with translate_errors():
         return _carry_out(kind, given, _emit_to(None), lambda: False)
 
 

@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 INSTALL_NAMES = {"PIL": "pillow", "cv2": "opencv-python-headless"}  # pip names that differ from import names
-LONGEST = 1500  # characters of a message, or of one value in it
+MAX_MESSAGE_LENGTH = 1500  # characters of a message, or of one value in it
 PLACE = re.compile(r"\{(\w+)((?:![rs])?)((?::[^{}]*)?)\}")  # placeholder in a template: name, conversion, format
 # torch on the CPU, OpenCV and C++ libraries raise generic classes when memory runs out
 MEMORY_MESSAGES = (
@@ -80,7 +80,7 @@ def _formatted(place: re.Match[str], values: dict[str, Any]) -> list[tuple[str, 
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+    return text if len(text) <= MAX_MESSAGE_LENGTH else f"{text[:MAX_MESSAGE_LENGTH]} ..."
 
 
 class KarfError(Exception):

@@ -26,7 +26,7 @@ from karf_engine.errors import BadRequest, DataError
 from karf_engine.fields.nerf.field import NerfNetwork
 from karf_engine.fields.nerf.files import MOST_BYTES, STATE_NAMES, network_of_state
 from karf_engine.fields.nerf.pickles import check_pickle
-from karf_engine.io.failures import first_line, is_out_of_memory, known_failure
+from karf_engine.io.failures import first_line, is_out_of_memory, translate_error
 from karf_engine.io.files import atomic_write
 from karf_engine.io.inputs import check_file
 
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         convert(options.model, options.out)
     except Exception as raised:
-        if (error := known_failure(raised)) is None:
+        if (error := translate_error(raised)) is None:
             raise
         print(f"error: {error.sentence}\n       {error.hint}".rstrip(), file=sys.stderr)
         return error.exit_code

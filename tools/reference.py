@@ -18,7 +18,7 @@ from typing import Any
 import karf_engine
 from karf_engine import api
 from karf_engine.commands.options import COMMANDS
-from karf_engine.io.options import Options, alternatives, flag_of, listed, types_of
+from karf_engine.io.options import Options, fields_in_help_order, flag_of, types_of, union_members
 from karf_engine.project.settings import describe
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -132,14 +132,14 @@ def command_line() -> str:
 
 
 def _section(kind: type[Options]) -> str:
-    own = [item for item in listed(kind) if item.name not in Options.__dataclass_fields__]
+    own = [item for item in fields_in_help_order(kind) if item.name not in Options.__dataclass_fields__]
     head = f"## {kind.command}\n{kind.__doc__}\n"
     return "\n".join([head, "| command line | job, library | type | default | what |", "| --- | --- | --- | --- | --- |",
                       *(_row(kind, item) for item in own), ""])  # fmt: skip
 
 
 def _common() -> str:
-    rows = [_row(Options, item) for item in listed(Options)]
+    rows = [_row(Options, item) for item in fields_in_help_order(Options)]
     head = "## Options of every command\n\n| command line | job, library | type | default | what |"
     return "\n".join([head, "| --- | --- | --- | --- | --- |", *rows, ""])
 
@@ -175,7 +175,7 @@ def _type(kind: Any, item: Field) -> str:
 
 
 def _names(kind: Any) -> Iterator[str]:
-    for part in alternatives(kind):
+    for part in union_members(kind):
         if typing.get_origin(part) is not tuple:
             yield NAMES[part]
             continue
@@ -208,8 +208,8 @@ def _typed(name: str, function: Any) -> str:
 def _keyword_types(kind: type[Options]) -> dict[str, str]:
     """The types of a command's options as the library takes them, by name."""
     found = {}
-    for item in listed(kind):
-        own = alternatives(types_of(kind)[item.name])
+    for item in fields_in_help_order(kind):
+        own = union_members(types_of(kind)[item.name])
         extra = f" | {api.OBJECTS[item.name]}" if item.name in api.OBJECTS else ""
         if item.metadata["choices"]:
             text = f"Literal[{', '.join(map(_literal, item.metadata['choices']))}]"

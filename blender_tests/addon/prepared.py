@@ -2,11 +2,11 @@
 
 from karf_engine.palettes.compositing import write_planes
 from karf_engine.project import Project
-from karf_engine.project.state import stage_mark
+from karf_engine.project.state import result_fingerprint
 
 
 def write_current_planes(addon, scene, planes):
     """Write edit planes of the scene's active view."""
     project = Project(addon.folders.project_of(scene).folder)
-    made_from = stage_mark(project.state(), "recoloring")
+    made_from = result_fingerprint(project.state(), "recoloring")
     write_planes(project.planes_file(scene.karf.active_view), planes, made_from)

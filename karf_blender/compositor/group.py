@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..engine_api import ALIKE, ObjectLayers
+from ..engine_api import UNIT_GAINS, ObjectLayers
 from ..host import compat
 from ..nodes.sockets import scene_linear, swatch_socket
 
@@ -29,7 +29,7 @@ def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
         color = source.outputs[swatch_socket(each.name, index)]
         color = _convert(tree, color, to_display=True, place=(1, number + 1))
         change = _math(tree, "SUBTRACT", color, (*map(float, each.colors[index]), 1.0), (2, number + 1))
-        if each.gains != ALIKE:
+        if each.gains != UNIT_GAINS:
             change = _math(tree, "MULTIPLY", change, (*each.gains, 1.0), (2.5, number + 1))
         weighted = _math(tree, "MULTIPLY", change, source.outputs[each.weights[index]], (3, number + 1))
         total = _math(tree, "ADD", total, weighted, (4 + number, 0), clips=number == len(swatches) - 1)

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import atomic_write, inside
+from ..engine_api import atomic_write, checked_path
 
 Files = Mapping[Path, bytes | None]  # contents; None: there is no such file
 
@@ -119,7 +119,7 @@ def _write(files: Files) -> None:
 def _check(path: Path) -> None:
     """Raise DataError where a link on the way from a root to a file leads out of the root."""
     root = next((root for root in _Memory.roots if path.is_relative_to(root)), path.parent)
-    inside(root, *path.relative_to(root).parts)
+    checked_path(root, *path.relative_to(root).parts)
 
 
 def _remove(path: Path) -> None:

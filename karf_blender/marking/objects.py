@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..engine_api import file_name, known_as, masks_of_view, same_but_for_case
+from ..engine_api import file_name, find_normalized, first_case_collision, masks_of_view
 from ..pictures.tints import tints_of
 from ..project import captures, folders
 from ..swatches import object_masks
@@ -51,7 +51,7 @@ def sync(scene: bpy.types.Scene) -> None:
     folder = masks_folder(scene)
     found = sorted(path.name for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
     for name in [*found, *scene.karf.objects.keys()]:
-        if known_as(name, marking.objects.keys()) not in marking.objects and not name.startswith("."):
+        if find_normalized(name, marking.objects.keys()) not in marking.objects and not name.startswith("."):
             _append(scene, name)
 
 
@@ -96,7 +96,7 @@ def usable_name(name: str, others: list[str]) -> str:
     if name.startswith(".") or name.casefold() == BACKGROUND:
         name = f"_{name}"
     made, number = name, 1
-    while same_but_for_case([*others, made]) or made in others:
+    while first_case_collision([*others, made]) or made in others:
         number += 1
         made = f"{name} {number}"
     return made

@@ -78,7 +78,7 @@ class KARF_OT_pick_chart(SwatchStep, bpy.types.Operator):
         self.report(
             {"INFO"},
             translate_report(
-                "The chart's patches are off by CIEDE2000 {left} in the mean", left=f"{fit.mean_left:.1f}"
+                "The chart's patches are off by CIEDE2000 {left} in the mean", left=f"{fit.mean_residual:.1f}"
             ),
         )
         return {"FINISHED"}

@@ -131,7 +131,7 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         # untouched, a project that is learned keeps what it was learned without
         holdout = self.holdout if self.properties.is_property_set("holdout") else None
         capture = steps.import_capture(context.scene, path, project, holdout, self.rig_options())
-        for remark in capture.remarks:  # a report of it would lie over the window until it is clicked away
+        for remark in capture.warnings:  # a report of it would lie over the window until it is clicked away
             progress.warn(remark)
         view_from_camera(context.area, colored_points=self.points and capture.points is not None)
         steps.check_unasked(context.scene)

@@ -106,7 +106,7 @@ def show_predictions(context, sheet):
     shown = context.window_manager.karf_colorways
     shown.colors.clear()
     for plan in planned:
-        for prediction in (each.under(reference.light(context.scene)) for each in plan.predictions):
+        for prediction in (each.under_light(reference.light(context.scene)) for each in plan.predictions):
             item = shown.colors.add()
             item.colorway, item.object = plan.colorway.name, prediction.target_color.name
             item.wanted, item.reached = prediction.target, prediction.reached

@@ -56,7 +56,7 @@ class KARF_OT_match_picture(PreparedStep, bpy.types.Operator):
     def execute(self, context):
         file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
         found = steps.match_picture(context.scene, file)
-        left = ", ".join(f"{each.name} {each.before:.1f} before, {each.left:.1f} now" for each in found)
+        left = ", ".join(f"{each.name} {each.before:.1f} before, {each.after:.1f} now" for each in found)
         self.report({"INFO"}, translate_report("Difference to the picture: {left}", left=left))
         return {"FINISHED"}
 

@@ -5,7 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..engine_api import Camera, DataError, View, find_header, inside, linear_to_srgb, undistorted, wrong_size
+from ..engine_api import (
+    Camera,
+    DataError,
+    View,
+    checked_path,
+    find_header,
+    linear_to_srgb,
+    undistorted,
+    wrong_size_error,
+)
 from . import images
 
 SHOWN_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full photo would block Blender for seconds
@@ -75,7 +84,7 @@ def straightened(view: View, folder: Path) -> Path:
 def _copy(view: View, folder: Path, purpose: object) -> Path:
     """The name of a copy of the photo as it is now, for a purpose."""
     made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
-    return inside(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
+    return checked_path(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
 
 
 def _shown(camera: Camera) -> Camera:
@@ -90,7 +99,7 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
     with images.opened(view.image) as image:
         width, height = reversed(image.size) if is_turned else image.size
         if (width, height) != (view.camera.width, view.camera.height):
-            raise wrong_size(view.image, width, height, view.camera)
+            raise wrong_size_error(view.image, width, height, view.camera)
         size = (camera.height, camera.width) if is_turned else (camera.width, camera.height)
         images.fit(image, *size)
         return _taken(view, images.colors_of(image))
@@ -107,7 +116,7 @@ def _taken(view: View, picture: np.ndarray) -> np.ndarray:
 def _orientation(view: View) -> int:
     """The Exif orientation (1..8) to apply: the photo's own, or 1 where its camera is that of the pixels as stored."""
     header = _header(view)
-    is_upright = header is not None and header.shown == (view.camera.width, view.camera.height)
+    is_upright = header is not None and header.display_size == (view.camera.width, view.camera.height)
     return header.orientation if is_upright else 1
 
 

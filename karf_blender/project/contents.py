@@ -14,7 +14,7 @@ from typing import Any
 
 import bpy
 
-from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, stage_mark
+from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, result_fingerprint
 from . import folders
 
 GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
@@ -139,7 +139,7 @@ def is_current(project: Project, view: str) -> bool:
     """True if the view has planes, and these were made from what is learned now."""
     try:
         file = project.planes_file(view)
-        return _planes_made_from(file, *_key_of(file)) == stage_mark(_state_of(project), "recoloring")
+        return _planes_made_from(file, *_key_of(file)) == result_fingerprint(_state_of(project), "recoloring")
     except (OSError, KarfError):
         return False
 
@@ -155,7 +155,7 @@ def seen_folder(scene: bpy.types.Scene) -> Path:
     Named by what is learned: what was rendered before is in other folders.
     """
     project = folders.project_of(scene)
-    return project.path("seen", stage_mark(_state_of(project), "segmentation"))
+    return project.path("seen", result_fingerprint(_state_of(project), "segmentation"))
 
 
 def seen_rendering(scene: bpy.types.Scene) -> Path | None:

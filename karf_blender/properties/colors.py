@@ -2,7 +2,7 @@
 
 from bpy.props import FloatProperty, FloatVectorProperty
 
-from ..engine_api import MOST_PROTECT, MOST_REACH, REACH
+from ..engine_api import MAX_PROTECT, MAX_REACH, REACH
 
 
 def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
@@ -13,7 +13,7 @@ def srgb(name: str, default: float = 0.0, highest: float = 1.0, **options):
 
 def pigment_reach(**options):
     """A property for how far an added color reaches."""
-    limits = {"default": REACH, "min": 0.05, "max": MOST_REACH, "soft_max": 2.0}
+    limits = {"default": REACH, "min": 0.05, "max": MAX_REACH, "soft_max": 2.0}
     return FloatProperty(
         name="Reach",
         description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
@@ -30,7 +30,7 @@ def protected_neutrals(**options):
         "pigment's are not of it. 0: its hue alone decides",
         default=0.0,
         min=0.0,
-        max=MOST_PROTECT,
+        max=MAX_PROTECT,
         subtype="FACTOR",
         **options,
     )

@@ -13,7 +13,7 @@ from bpy.props import (
 )
 
 from .. import progress
-from ..engine_api import ALIKE, BRIGHTEST, MOST_BRIGHTNESS, MOST_CHOKE, MOST_FACTOR, MOST_FEATHER, KarfError
+from ..engine_api import MAX_BRIGHTNESS, MAX_CHOKE, MAX_FACTOR, MAX_FEATHER, MAX_SRGB, UNIT_GAINS, KarfError
 from ..swatches import becomes, edits, groups, material, shown
 from .colors import pigment_reach, protected_neutrals, srgb
 
@@ -21,8 +21,8 @@ RULE_ITEMS = [
     ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
     ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
 ]
-FACTOR = {"default": 1.0, "min": 0.0, "max": MOST_FACTOR, "soft_max": 2.0, "step": 5}
-STOPS = {"min": -MOST_BRIGHTNESS, "max": MOST_BRIGHTNESS, "soft_min": -1.0, "soft_max": 1.0, "step": 5}
+FACTOR = {"default": 1.0, "min": 0.0, "max": MAX_FACTOR, "soft_max": 2.0, "step": 5}
+STOPS = {"min": -MAX_BRIGHTNESS, "max": MAX_BRIGHTNESS, "soft_min": -1.0, "soft_max": 1.0, "step": 5}
 
 
 def edit_changed(self, context):
@@ -86,7 +86,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     learned: srgb("Learned", description="The color that was found in the photos")
     color: srgb(
         "Color",
-        highest=BRIGHTEST,
+        highest=MAX_SRGB,
         description="The color it shall have; it may be brighter than white, which bright paint can need. With Material "
         "the other colors of its paint follow, and highlights keep the light's color",
         update=_color_changed,
@@ -116,11 +116,11 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
     reach: pigment_reach(options=set(), update=_reach_changed)
     protect: protected_neutrals(options=set(), update=_reach_changed)
-    last: srgb("Last", highest=BRIGHTEST, description="The color as of its last change")
-    began: srgb("Began", highest=BRIGHTEST, description="The color when a swatch of the object began to be dragged")
-    given: srgb("Given", highest=BRIGHTEST, description="The color when that one was dragged last")
-    before: srgb("Before", highest=BRIGHTEST, description="The color when the source was picked")
-    after: srgb("After", highest=BRIGHTEST, description="The color that Becomes gave it last")
+    last: srgb("Last", highest=MAX_SRGB, description="The color as of its last change")
+    began: srgb("Began", highest=MAX_SRGB, description="The color when a swatch of the object began to be dragged")
+    given: srgb("Given", highest=MAX_SRGB, description="The color when that one was dragged last")
+    before: srgb("Before", highest=MAX_SRGB, description="The color when the source was picked")
+    after: srgb("After", highest=MAX_SRGB, description="The color that Becomes gave it last")
 
 
 class KARF_PG_object(bpy.types.PropertyGroup):
@@ -134,7 +134,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         update=_source_picked,
     )
     gains: FloatVectorProperty(
-        size=3, default=ALIKE, description="How the photo is exposed in which the source was picked"
+        size=3, default=UNIT_GAINS, description="How the photo is exposed in which the source was picked"
     )
     target: srgb("Target", 0.5, description="The color that the source shall become", update=_target_changed)
     dragged: IntProperty(description="The number of the swatch that was dragged last; 0: none")
@@ -153,8 +153,8 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     choke: FloatProperty(
         name="Choke",
         subtype="PIXEL",
-        min=-MOST_CHOKE,
-        max=MOST_CHOKE,
+        min=-MAX_CHOKE,
+        max=MAX_CHOKE,
         step=10,
         precision=1,
         description="How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond",
@@ -164,7 +164,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         name="Feather",
         subtype="PIXEL",
         min=0.0,
-        max=MOST_FEATHER,
+        max=MAX_FEATHER,
         step=10,
         precision=1,
         description="Over how many pixels of the photo the paint fades, half of them on either side of its edge",

@@ -20,7 +20,7 @@ from ..engine_api import (
     observed_points,
     reprojection_errors,
     summarize,
-    undistorted_near,
+    undistort_points_near,
 )
 from ..host import compat, windows
 from ..project import captures
@@ -77,7 +77,7 @@ def check(path: Path, capture: Capture, name: str) -> Check:
     points = observed_points(capture, number)
     camera = view.camera
     shown, depth = camera.project(points)
-    origins, directions = camera.rays(undistorted_near(camera, observed, shown))
+    origins, directions = camera.rays(undistort_points_near(camera, observed, shown))
     seen = origins + depth[:, None] * directions
     usable = np.isfinite(projected).all(-1) & np.isfinite(seen).all(-1)
     errors = np.linalg.norm(observed - projected, axis=-1)[usable]

@@ -37,7 +37,7 @@ def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence
     photo = linear_to_srgb(pixels) if image.is_float else pixels
     across, up = np.transpose(corners)
     fit = fit_photo(np.clip(photo, 0, 1), np.stack([across * image.size[0], (1 - up) * image.size[1]], axis=-1))
-    reference.set_chart(scene, fit.light.matrix, fit.mean_left)
+    reference.set_chart(scene, fit.light.matrix, fit.mean_residual)
     return fit
 
 

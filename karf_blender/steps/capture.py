@@ -58,7 +58,7 @@ def import_capture(
     try:  # from here on a project that is not there is missing
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        capture = replace(capture, remarks=(*capture.remarks, f"{project} cannot be made: {error.strerror}."))
+        capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
     cube = factory.find_cube(scene)
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, replace(rig, **options))
     if cube is not None:  # it would stand amid what was captured
@@ -83,7 +83,7 @@ def import_capture(
     try:
         view.show_camera(scene, capture, first)
     except DataError as error:  # the rig is built; one unreadable photo must not remove it
-        capture = replace(capture, remarks=(*capture.remarks, error.sentence))
+        capture = replace(capture, warnings=(*capture.warnings, error.sentence))
     return capture
 
 

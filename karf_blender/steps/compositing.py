@@ -80,7 +80,7 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
     if driven:
         following.follow(scene, node, known)
     following.say_others(scene, objects, "layers")
-    _say_differences(scene, node, find_header(path).shown)
+    _say_differences(scene, node, find_header(path).display_size)
     return node
 
 

@@ -67,7 +67,7 @@ def match_picture(
     scene.karf.match.left.clear()
     for each in found:
         left = scene.karf.match.left.add()
-        left.name, left.before, left.left = each.name, each.before, each.left
+        left.name, left.before, left.left = each.name, each.before, each.after
     return found
 
 

@@ -109,7 +109,7 @@ def pictures(
 def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
     """The job that writes how the active view is seen: what is learned, rendered, the objects' masks, and where these are
     unsure."""
-    is_known = folders.project_of(scene).doubts_file.is_file()  # earlier versions kept no doubts
+    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions kept no doubts
     return _render(scene.karf.active_view, out=str(out), size="learned", unsure=is_known)
 
 

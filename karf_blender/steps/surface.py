@@ -6,7 +6,7 @@ from pathlib import Path
 
 import bpy
 
-from ..engine_api import BadRequest, Message, Palette, Request, palettes_with, read_points
+from ..engine_api import BadRequest, Message, Palette, Request, extended_palettes, read_points
 from ..host import windows
 from ..project import folders
 from ..surface import export, placing
@@ -69,7 +69,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     ours = {each.name for each in following.known_of(scene, palettes)}
     added = {name: own for name, own in colors.added_by_object(scene).items() if name in ours}
     points = points.with_edges(palettes, {name: own for name, own in colors.edges(scene).items() if name in ours})
-    points, palettes = points.with_added(palettes, added), palettes_with(palettes, added)
+    points, palettes = points.with_added(palettes, added), extended_palettes(palettes, added)
     known = following.known_of(scene, palettes)
     is_first = placing.find(scene) is None
     karf.surface.item, node = placing.build(

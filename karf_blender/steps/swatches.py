@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import (
-    MOST_ADDED,
+    MAX_ADDED,
     PROTECT,
     AddedColor,
     BadRequest,
@@ -15,7 +15,7 @@ from ..engine_api import (
     ciede2000,
     hex_to_rgb,
     pigment_of_swatch,
-    proposed,
+    propose_added_color,
     rgb_to_hex,
     srgb_to_lab,
 )
@@ -224,14 +224,14 @@ def add_color(
         DataError: The project's histogram of the object's colors is damaged.
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
-    if len(colors.added(item)) >= MOST_ADDED:
+    if len(colors.added(item)) >= MAX_ADDED:
         raise BadRequest(
             "{count} colors were added to {name!r}.",
             "Remove one of them in its menu.",
-            count=MOST_ADDED,
+            count=MAX_ADDED,
             name=object_name,
         )
-    likely = proposed(shown.of(scene).learned_histogram(object_name), picked)
+    likely = propose_added_color(shown.of(scene).learned_histogram(object_name), picked)
     added = AddedColor(picked, likely.reach if reach is None else reach, likely.protect if protect is None else protect)
     found = groups.begun_set(item, added)
     with shown.batched(scene), groups.apart():

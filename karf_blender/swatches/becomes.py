@@ -10,14 +10,14 @@ from ..engine_api import (
     ColorHistogram,
     Edit,
     Palette,
+    add_fixed_paints,
+    evaluate_edit,
     match_becomes,
     match_fewest,
     nearest_weights,
-    reached_by,
     rgb_to_hex,
     shown_colors,
     srgb_to_lab,
-    with_held,
 )
 from . import colors, edits, groups, shown
 
@@ -67,12 +67,12 @@ def apply(
     if rule == "fewest":
         edited = match_fewest(nearest_weights(visible, weights, source), start, target, locked, shown=source)
     else:
-        pairs = with_held(visible, source, target, held)
+        pairs = add_fixed_paints(visible, source, target, held)
         edited = match_becomes(visible, seen.counts, weights, start, *pairs, locked, item.is_metal)
     edit = Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
     edits.apply_edit(scene, edit)
     before = ColorHistogram(visible, seen.counts, weights)
-    reached, _, reason = reached_by(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
+    reached, _, reason = evaluate_edit(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
     return reason and f"{name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."
 
 

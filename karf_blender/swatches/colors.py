@@ -11,19 +11,19 @@ import bpy
 import numpy as np
 
 from ..engine_api import (
-    BRIGHTEST,
+    MAX_SRGB,
     AddedColor,
     ColorHistogram,
     EdgeShape,
     Palette,
     ciede2000,
-    exposed_alike,
     hex_to_rgb,
-    left_of_object,
     reached_color,
+    residual_delta_e,
     shown_colors,
-    spread,
+    split_weights,
     srgb_to_lab,
+    to_mean_exposure,
 )
 
 FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
@@ -44,7 +44,7 @@ def chosen(item: bpy.types.PropertyGroup) -> np.ndarray:
 
 def edited(item: bpy.types.PropertyGroup) -> np.ndarray:
     """An object's palette as edited, [M, 3] float32: the chosen colors with what surfaces add; black stays black."""
-    return np.clip(chosen(item) + stored(item, "shift"), 0, BRIGHTEST)
+    return np.clip(chosen(item) + stored(item, "shift"), 0, MAX_SRGB)
 
 
 def stored(item: bpy.types.PropertyGroup, name: str) -> np.ndarray:
@@ -113,7 +113,7 @@ def painted_by(item: bpy.types.PropertyGroup, index: int) -> slice:
 
 def with_added(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> ColorHistogram:
     """An object's colors in the photos with weights that are spread over the sets of its added colors."""
-    weights = spread(histogram.palette_weights.T, palette(item).colors, added(item)).T
+    weights = split_weights(histogram.palette_weights.T, palette(item).colors, added(item)).T
     return histogram._replace(palette_weights=weights)
 
 
@@ -124,7 +124,7 @@ def color_pair(item: bpy.types.PropertyGroup) -> tuple[tuple[float, ...], tuple[
 
 def source(item: bpy.types.PropertyGroup) -> np.ndarray:
     """An object's source color, sRGB [3], as it is in the mean exposure of all photos, which palettes have."""
-    return exposed_alike(np.array(item.source, np.float32), item.gains)
+    return to_mean_exposure(np.array(item.source, np.float32), item.gains)
 
 
 def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
@@ -153,7 +153,7 @@ def left_to_target(item: bpy.types.PropertyGroup, histogram: ColorHistogram) -> 
     if item.rule == "fewest":
         reached = reached_color(before, after, picked, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(target)))
-    return left_of_object(before, after, histogram.counts, picked, target, held(item), item.is_metal)
+    return residual_delta_e(before, after, histogram.counts, picked, target, held(item), item.is_metal)
 
 
 def held(item: bpy.types.PropertyGroup) -> list[np.ndarray]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import bpy
 import numpy as np
 
-from ..engine_api import EdgeShape, KarfError, ObjectEdge, Part, Planes, exposed_alike, reshaped
+from ..engine_api import EdgeShape, KarfError, ObjectEdge, ObjectPlanes, Planes, apply_edges_to_planes, to_mean_exposure
 from ..project import captures
 from . import colors
 
@@ -16,9 +16,9 @@ class MovableObject:
 
     def __init__(self, scene: bpy.types.Scene, planes: Planes, k: int) -> None:
         self._planes, self._k, self._scale = planes, k, scale_of(scene, planes)
-        self._known: tuple[str, ObjectEdge, Part] | None = None
+        self._known: tuple[str, ObjectEdge, ObjectPlanes] | None = None
 
-    def shaped(self, item: bpy.types.PropertyGroup, shape: EdgeShape) -> tuple[Part, np.ndarray, np.ndarray]:
+    def shaped(self, item: bpy.types.PropertyGroup, shape: EdgeShape) -> tuple[ObjectPlanes, np.ndarray, np.ndarray]:
         """The part with an edge of this shape, its weights spread over the sets of the object's added colors.
 
         Returns:
@@ -28,7 +28,7 @@ class MovableObject:
         key = repr(colors.keys(colors.added(item)))
         if self._known is None or self._known[0] != key:
             edge = self._edge(item)
-            self._known = key, edge, Part(*((each.start, each.stop) for each in edge.place), edge.weights)
+            self._known = key, edge, ObjectPlanes(*((each.start, each.stop) for each in edge.place), edge.weights)
         _, edge, part = self._known
         return part, *edge.shaped(shape)[1:]
 
@@ -38,7 +38,7 @@ class MovableObject:
         probabilities = planes.probabilities.astype(np.float32)
         room = 1 - (probabilities.sum(axis=0) - probabilities[k])
         palette = colors.palette(item).colors
-        base = exposed_alike(planes.base, planes.gains)
+        base = to_mean_exposure(planes.base, planes.gains)
         shown = base, planes.palette_weights[k, : len(palette)], probabilities[k]
         return ObjectEdge(*shown, room, palette, self._scale, colors.added(item))
 
@@ -47,8 +47,8 @@ def ended(scene: bpy.types.Scene, planes: Planes, edges: Mapping[str, EdgeShape]
     """Planes of objects that end where these edges do."""
     palettes = {palette.name: palette for palette in colors.palettes(scene)}
     ordered = [palettes[name] for name in planes.objects]
-    shown = exposed_alike(planes.base, planes.gains), planes.palette_weights, planes.probabilities
-    weights, probabilities = reshaped(*shown, ordered, edges, scale_of(scene, planes))
+    shown = to_mean_exposure(planes.base, planes.gains), planes.palette_weights, planes.probabilities
+    weights, probabilities = apply_edges_to_planes(*shown, ordered, edges, scale_of(scene, planes))
     return dataclasses.replace(planes, palette_weights=weights, probabilities=probabilities)
 
 

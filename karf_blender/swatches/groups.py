@@ -14,7 +14,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from .. import progress
-from ..engine_api import BRIGHTEST, AddedColor, BadRequest, KarfError, mean_weights, solve_set
+from ..engine_api import MAX_SRGB, AddedColor, BadRequest, KarfError, match_added_color, mean_weights
 from ..host import handlers, rendering
 from . import colors, keyframes, shown, surfaces
 
@@ -100,7 +100,7 @@ def _object_of(swatch: bpy.types.PropertyGroup) -> bpy.types.PropertyGroup:
 
 def _moved_with(leader: bpy.types.PropertyGroup, swatch: bpy.types.PropertyGroup) -> np.ndarray:
     """The color of a swatch that has changed by as much as the one that moves it."""
-    return np.clip(np.add(swatch.learned, np.subtract(leader.color, leader.learned)), 0, BRIGHTEST)
+    return np.clip(np.add(swatch.learned, np.subtract(leader.color, leader.learned)), 0, MAX_SRGB)
 
 
 def link(swatch: bpy.types.PropertyGroup, other: bpy.types.PropertyGroup) -> None:
@@ -182,7 +182,7 @@ def solved_set(item: bpy.types.PropertyGroup, color: AddedColor, wanted: np.ndar
         KarfError: There is no project, or it is damaged or has no such object.
     """
     histogram = shown.of(item.id_data).learned_histogram(item.name)
-    return solve_set(histogram, colors.palette(item).colors, color, wanted)
+    return match_added_color(histogram, colors.palette(item).colors, color, wanted)
 
 
 def solve_added(swatch: bpy.types.PropertyGroup) -> None:

@@ -10,10 +10,10 @@ from ..engine_api import (
     Edit,
     ObjectMatch,
     Palette,
-    exposed_alike,
     find_header,
     linear_to_srgb,
     match_picture,
+    to_mean_exposure,
 )
 from ..pictures import images
 from . import colors, edits, groups, shown
@@ -99,7 +99,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     found = match_picture(
         [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
         view.probabilities,
-        *(exposed_alike(each, view.gains) for each in pictures),
+        *(to_mean_exposure(each, view.gains) for each in pictures),
         [Palette(item.name, colors.learned(item)) for item in ordered],
         {item.name: colors.edited(item) for item in ordered},
         {item.name: groups.held(item) for item in ordered},

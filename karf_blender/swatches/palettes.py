@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import progress
 from ..engine_api import (
-    ALIKE,
+    UNIT_GAINS,
     AddedColor,
     DataError,
     Edit,
@@ -149,7 +149,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         swatch.learned = swatch.color = swatch.last = color
         swatch.locked = index == 0
     item.source = item.target = _mostly(scene, palette)
-    item.gains = ALIKE
+    item.gains = UNIT_GAINS
     if before is None:
         return
     for name, value in before.own.items():
@@ -302,7 +302,7 @@ def import_learned(scene: bpy.types.Scene) -> None:
             scene.karf.masks = folders.stored(project.masks_folder)
         if not project.palette_file.exists():  # nothing was learned yet
             return
-        palettes = read_palettes(project.checked(project.palette_file))
+        palettes = read_palettes(project.verified(project.palette_file))
         if [_key(palette) for palette in palettes] != [_key(palette) for palette in colors.palettes(scene)]:
             shown.forget(scene)
             load_palettes(scene, palettes)

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..engine_api import ALIKE, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
+from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import handlers, rendering
 from ..pictures import images, settling
 from ..project import contents, folders
@@ -145,7 +145,7 @@ class ShownScene:
         try:
             return self.prepared_view().planes.gains
         except (KarfError, OSError):
-            return ALIKE
+            return UNIT_GAINS
 
     def load_masks(self) -> None:
         """Read the masks of the active view, where they are looked at and not the ones in memory; never raises."""
@@ -184,7 +184,7 @@ class ShownScene:
         file = project.object_colors_file
         key = file, file.stat().st_mtime_ns if file.exists() else 0, name
         if key not in self.histograms:
-            self.histograms[key] = read_object_colors(project.checked(file), name)
+            self.histograms[key] = read_object_colors(project.verified(file), name)
         return self.histograms[key]
 
     def histogram(self, item: bpy.types.PropertyGroup) -> ColorHistogram:

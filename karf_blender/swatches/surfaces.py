@@ -10,7 +10,7 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..engine_api import BRIGHTEST, ColorHistogram, KarfError, Palette, Surface, match_surface, shown_colors
+from ..engine_api import MAX_SRGB, ColorHistogram, KarfError, Palette, Surface, match_surface, shown_colors
 from . import colors
 
 NUMBERS = ("saturation", "brightness", "gloss")
@@ -69,7 +69,7 @@ def solved(item: bpy.types.PropertyGroup, histogram_of: Histogram) -> np.ndarray
     """As `colors.edited`, with what surfaces add found anew and not kept: while Blender renders nothing can be put into the
     scene, and keyframed numbers move on. Where nobody has counted the object's colors, as they were kept."""
     try:
-        return np.clip(colors.chosen(item) + _solved(item, histogram_of), 0, BRIGHTEST)
+        return np.clip(colors.chosen(item) + _solved(item, histogram_of), 0, MAX_SRGB)
     except (KarfError, OSError):
         return colors.edited(item)
 

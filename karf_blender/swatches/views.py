@@ -17,16 +17,16 @@ from ..engine_api import (
     DataError,
     EdgeShape,
     KarfError,
-    Part,
+    ObjectPlanes,
     Planes,
     SwatchPicture,
-    as_exposed,
     ciede2000,
-    palette_only,
-    photo_plus_change,
-    spread_objects,
+    delta_picture,
+    paper_picture,
+    split_weights_of_objects,
     srgb_to_lab,
     stack_palettes,
+    to_photo_exposure,
 )
 from ..pictures import images, photos
 from ..project import captures, contents, folders
@@ -69,7 +69,7 @@ class ShownView:
     masks: ObjectMasks | None = None
     pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
     movable: dict[int, edges.MovableObject] = field(default_factory=dict)
-    moved: dict[int, Part] = field(default_factory=dict)
+    moved: dict[int, ObjectPlanes] = field(default_factory=dict)
     edges: dict[str, EdgeShape] = field(default_factory=dict)
     with_edges: dict[str, "ShownView"] = field(default_factory=dict)
     with_sets: dict[str, "ShownView"] = field(default_factory=dict)
@@ -95,7 +95,7 @@ class ShownView:
             self._move_edges(scene, view)
             factors -= stack_palettes(objects, {name: colors.learned(item) for name, item in items.items()})
         picture, buffer = view._picture(compositing)
-        picture.paint(as_exposed(factors, self.planes.gains))
+        picture.paint(to_photo_exposure(factors, self.planes.gains))
         return buffer
 
     def spread(self, scene: bpy.types.Scene) -> "ShownView":
@@ -119,7 +119,7 @@ class ShownView:
             return self
         key = repr([(name, colors.keys(own)) for name, own in added.items()])
         if key not in self.with_sets:
-            weights = spread_objects(self.planes.palette_weights, [learned[name] for name in objects], added)
+            weights = split_weights_of_objects(self.planes.palette_weights, [learned[name] for name in objects], added)
             planes = dataclasses.replace(self.planes, palette_weights=weights)
             self.with_sets.clear()
             self.with_sets[key] = ShownView(self.file, self.written, planes)
@@ -160,7 +160,7 @@ class ShownView:
         if compositing not in self.pictures:
             height, width = self.planes.base.shape[:2]
             buffer = images.blank(width, height)
-            follow = palette_only if compositing == "paper" else photo_plus_change
+            follow = paper_picture if compositing == "paper" else delta_picture
             self.pictures[compositing] = follow(self.planes, images.upright(buffer)), buffer
         return self.pictures[compositing]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import BadRequest, DataError
-from ..io.arguments import checked
+from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera
 from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out, in_space
@@ -54,7 +54,7 @@ class Format:
     read: Callable[[Path, bool], Capture]
 
 
-@checked
+@check_arguments
 def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Capture:
     """Read a capture of any known format.
 
@@ -93,10 +93,10 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
     if path.is_file() or not others:
         return capture
     ignored = " or ".join(known.marker for known in others)
-    return replace(capture, remarks=(*capture.remarks, f"{best.marker} was read, not {ignored}: {best.reason}."))
+    return replace(capture, warnings=(*capture.warnings, f"{best.marker} was read, not {ignored}: {best.reason}."))
 
 
-@checked
+@check_arguments
 def register_format(added: Format) -> None:
     """Add a capture format, with precedence over all known ones. Raises BadRequest if another format has its name."""
     known = {each.name: each for each in FORMATS}

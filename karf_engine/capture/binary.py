@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
-from .reading import read_bytes
+from .reader_utils import read_bytes
 
 
 class BinaryFile:

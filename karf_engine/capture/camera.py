@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import BadRequest, DataError
-from ..io.arguments import check_array, check_fields, check_number, checked
+from ..io.arguments import check_arguments, check_array, check_fields, check_number
 
 POSE_TOLERANCE = 1e-3  # deviation of a rotation matrix from orthonormal
 
@@ -87,7 +87,7 @@ class Camera:
     def __post_init__(self) -> None:
         check_fields(self)
         check_array("camera_to_world", self.camera_to_world, (4, 4))
-        wrong = impossible(self, FINITE)
+        wrong = find_invalid_parameter(self, FINITE)
         if wrong:
             raise BadRequest("The camera has {wrong}, which cannot be.", "Correct it.", wrong=wrong)
 
@@ -121,7 +121,7 @@ class Camera:
         """Return the pinhole camera with the same size, focal lengths, principal point and pose."""
         return replace(self, distortion=(), fisheye=False)
 
-    @checked
+    @check_arguments
     def scaled(self, width: int, height: int) -> Camera:
         """Return the camera for another image size, scaling the intrinsics of each axis. Raises BadRequest below 1."""
         check_number("width", width, 1)
@@ -131,7 +131,7 @@ class Camera:
             self, width=width, height=height, fx=self.fx * sx, fy=self.fy * sy, cx=self.cx * sx, cy=self.cy * sy
         )
 
-    @checked
+    @check_arguments
     def reduced(self, long_side: int) -> Camera:
         """Return the camera scaled down to at most `long_side` pixels a side. Raises BadRequest below 1."""
         check_number("long_side", long_side, 1)
@@ -170,7 +170,7 @@ class Camera:
         return np.stack([u.ravel() + 0.5, v.ravel() + 0.5], -1)
 
 
-def impossible(camera: Camera, limits: Limits) -> str:
+def find_invalid_parameter(camera: Camera, limits: Limits) -> str:
     """Describe the first parameter outside its limits; empty if all are inside. Comparisons fail for nan."""
     width, height, side = camera.width, camera.height, max(camera.width, camera.height)
     size = f"{width}x{height} pixels"
@@ -206,7 +206,7 @@ def is_rigid(pose: np.ndarray, tolerance: float = POSE_TOLERANCE) -> bool:
     return bool(np.linalg.det(rotation) > 0 and np.abs(pose[3] - [0, 0, 0, 1]).max() <= tolerance)
 
 
-def wrong_size(photo: Path, width: int, height: int, camera: Camera) -> DataError:
+def wrong_size_error(photo: Path, width: int, height: int, camera: Camera) -> DataError:
     """Return the error for a photo whose size is not its camera's."""
     return DataError(
         "{path} is {width}x{height} pixels where its camera has {expected_width}x{expected_height}.",

@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import BadRequest, DataError
-from ..io.arguments import check_choice, check_fields, checked
+from ..io.arguments import check_arguments, check_choice, check_fields
 from ..io.color_spaces import ColorSpace
-from ..io.names import check_name, check_names, folded
+from ..io.names import case_folded, check_name, check_names
 from .camera import Camera
 from .limits import LARGEST_POSITION, check_camera, read_camera
 
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # adds `splats`, which older readers would ignore
 WITH_SPACES = "karf-capture/3"  # adds `color_space`, which older readers would ignore
-ALIKE = (1.0, 1.0, 1.0)  # gains of a photo with the mean exposure
+UNIT_GAINS = (1.0, 1.0, 1.0)  # gains of a photo with the mean exposure
 SPLITS = ("train", "val", "test")
 
 
@@ -55,7 +55,7 @@ class View:
     split: str
     depth_bounds: tuple[float, float] | None = None
     space: ColorSpace | None = field(default=None, kw_only=True)
-    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
+    gains: tuple[float, float, float] = field(default=UNIT_GAINS, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -124,7 +124,7 @@ class Capture:
         source: Absolute path of the file or folder read.
         format: Name of its format (see `karf_engine.capture.Format`).
         views: Views in file order.
-        remarks: Sentences for the user about skipped or guessed data.
+        warnings: Sentences for the user about skipped or guessed data.
         points: Sparse points if the format has them; not in the canonical JSON.
         holdout: N if every Nth photo was held out (see `hold_out`), else 0; not in the canonical JSON.
         splats: Splats of another program, which replace training them.
@@ -137,7 +137,7 @@ class Capture:
     source: Path
     format: str
     views: tuple[View, ...]
-    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     points: SparsePoints | None = None
     holdout: int = 0
     splats: CapturedSplats | None = None
@@ -150,13 +150,13 @@ class Capture:
         counts = [f"{len(self.split(name))} {name}" for name in SPLITS if self.split(name)]
         return f"Capture({self.source}, {self.format}: {', '.join(counts) or 'no views'})"
 
-    @checked
+    @check_arguments
     def split(self, name: str) -> tuple[View, ...]:
         """Return the views of a split (`train`, `val`, `test`) or of `all`. Raises BadRequest for other names."""
         check_choice("split", name, ("all", *SPLITS))
         return self.views if name == "all" else tuple(view for view in self.views if view.split == name)
 
-    @checked
+    @check_arguments
     def view(self, name: str) -> View:
         """Return the view with this name. Raises DataError if there is none."""
         for view in self.views:
@@ -224,14 +224,14 @@ def unique_names(stems: list[tuple[str, str]]) -> list[str]:
     """
     count: dict[str, int] = {}
     for _, stem in stems:
-        count[folded(stem)] = count.get(folded(stem), 0) + 1
+        count[case_folded(stem)] = count.get(case_folded(stem), 0) + 1
     names, taken, numbers = [], set(), {}
     for split, stem in stems:
-        name = base = stem if count[folded(stem)] == 1 else f"{split}_{stem}"
-        while folded(name) in taken:
+        name = base = stem if count[case_folded(stem)] == 1 else f"{split}_{stem}"
+        while case_folded(name) in taken:
             numbers[base] = numbers.get(base, 1) + 1
             name = f"{base}_{numbers[base]}"
-        taken.add(folded(name))
+        taken.add(case_folded(name))
         names.append(name)
     return names
 
@@ -242,7 +242,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
         "schema": _schema_of(capture),
         "source": str(capture.source),
         "format": capture.format,
-        "remarks": list(capture.remarks),
+        "remarks": list(capture.warnings),
         **_splats_to_json(capture.splats, folder),
         "views": [
             {
@@ -258,7 +258,7 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
                 "camera_to_world": view.camera.camera_to_world.tolist(),
                 "depth_bounds": view.depth_bounds,
                 **({} if view.space is None else {"color_space": asdict(view.space)}),
-                **({} if view.gains == ALIKE else {"gains": list(view.gains)}),
+                **({} if view.gains == UNIT_GAINS else {"gains": list(view.gains)}),
             }
             for view in capture.views
         ],
@@ -325,7 +325,7 @@ def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
 
 
 def _gains_from_json(entry: dict[str, Any]) -> tuple[float, float, float]:
-    red, green, blue = (float(gain) for gain in entry.get("gains", ALIKE))
+    red, green, blue = (float(gain) for gain in entry.get("gains", UNIT_GAINS))
     if not all(0 < gain < math.inf for gain in (red, green, blue)):
         raise ValueError(f"its gains are {(red, green, blue)}")
     return red, green, blue

@@ -30,14 +30,14 @@ def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
     return [capture.view(name.strip()) for name in wanted.split(",")], True
 
 
-def part_of(views: Sequence, first: int | None, last: int | None, count: int | None) -> slice:
+def slice_of_views(views: Sequence, first: int | None, last: int | None, count: int | None) -> slice:
     """Return the slice of views from number `first` to `last` (from 1, both included), at most `count` of them.
 
     Raises:
         BadRequest: The slice is empty.
 
     Examples:
-        >>> "abcdefgh"[part_of("abcdefgh", 4, 8, 3)]
+        >>> "abcdefgh"[slice_of_views("abcdefgh", 4, 8, 3)]
         'def'
     """
     start = (1 if first is None else first) - 1

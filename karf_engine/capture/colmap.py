@@ -17,7 +17,16 @@ from .camera import Camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
 from .limits import LARGEST_POSITION, read_camera
-from .reading import PHOTO_SUFFIXES, at_size, exists, make_views, merge_notes, opencv_distortion, photo_size, photos_in
+from .reader_utils import (
+    PHOTO_SUFFIXES,
+    at_size,
+    exists,
+    make_views,
+    merge_notes,
+    opencv_distortion,
+    photo_size,
+    photos_in,
+)
 
 MODEL_FOLDERS = ("sparse", "colmap/sparse", "dense/sparse", ".", "colmap", "dense")
 PHOTO_FOLDERS = ("images", "input", "images_*", "rgb", "photos")

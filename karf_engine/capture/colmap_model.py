@@ -18,7 +18,7 @@ from ..errors import DataError
 from ..io.inputs import check_file
 from .binary import BinaryFile
 from .limits import LARGEST_POSITION
-from .reading import read_text
+from .reader_utils import read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
 MODELS = {  # id: (camera model, parameters in file order)

@@ -32,7 +32,7 @@ def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     return center + focal * distorted
 
 
-def straighten(camera: Camera, pixels: np.ndarray) -> np.ndarray:
+def undistort_points(camera: Camera, pixels: np.ndarray) -> np.ndarray:
     """Map pixels [n, 2] of the photo as stored to undistorted pixels, float64: the inverse of `distort`.
 
     Uses Newton's method; the result is nan where it does not converge.

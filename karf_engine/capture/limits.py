@@ -6,7 +6,7 @@ from typing import Any
 
 from ..errors import BadRequest, DataError
 from ..io.image_size import MOST_PIXELS
-from .camera import POSE_TOLERANCE, Camera, Limits, impossible
+from .camera import POSE_TOLERANCE, Camera, Limits, find_invalid_parameter
 
 LARGEST_POSITION = 1e12  # its square fits single precision
 LARGEST_SIDE = 10**6  # pixels
@@ -20,7 +20,7 @@ def check_camera(camera: Camera, label: str, hint: str = "Export the cameras aga
 
     Raises DataError "`label` has ..." with the remedy `hint` if they are not.
     """
-    wrong = impossible(camera, USABLE)
+    wrong = find_invalid_parameter(camera, USABLE)
     if wrong:
         raise DataError(f"{label} has {wrong}, which cannot be.", hint)
     return camera

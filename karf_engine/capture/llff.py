@@ -19,7 +19,7 @@ from ..io.image_size import image_size
 from .camera import Camera
 from .capture import Capture
 from .limits import LARGEST_POSITION, read_camera
-from .reading import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
+from .reader_utils import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
 
 POSES = "poses_bounds.npy"
 SHARED_INTRINSICS = "hwf_cxcy.npy"

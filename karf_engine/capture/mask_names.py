@@ -20,7 +20,7 @@ def mask_files(folder: Path) -> list[Path]:
     return sorted(path for path in found if path.suffix.lower() in SUFFIXES)
 
 
-def fits_view(below: Path, view: View) -> bool:
+def matches_view(below: Path, view: View) -> bool:
     """Test whether a mask, by its path below the object's folder, can belong to a view."""
     stem = file_name(below.stem)
     if len(below.parts) == 1:
@@ -31,5 +31,5 @@ def fits_view(below: Path, view: View) -> bool:
 
 def masks_of_view(folder: Path, view: View) -> list[Path]:
     """Return the masks of an object that can belong to a view; several if stems repeat, exact names first."""
-    masks = [path for path in mask_files(folder) if fits_view(path.relative_to(folder), view)]
+    masks = [path for path in mask_files(folder) if matches_view(path.relative_to(folder), view)]
     return sorted(masks, key=lambda path: file_name(path.stem) != view.name)

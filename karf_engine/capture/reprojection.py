@@ -66,10 +66,10 @@ def summarize(observed: np.ndarray, projected: np.ndarray) -> ErrorSummary:
     return ErrorSummary(len(errors), float(np.median(errors)), float(errors.max()))
 
 
-def undistorted_near(camera: Camera, pixels: np.ndarray, near: np.ndarray) -> np.ndarray:
+def undistort_points_near(camera: Camera, pixels: np.ndarray, near: np.ndarray) -> np.ndarray:
     """Map pixels [m, 2] of the photo as stored to undistorted pixels, float64, from the guess `near` [m, 2].
 
-    Takes a fixed number of Newton steps, unlike `straighten`.
+    Takes a fixed number of Newton steps, unlike `undistort_points`.
     """
     if camera.is_pinhole:
         return np.asarray(pixels, np.float64)

@@ -16,7 +16,7 @@ from ..errors import BadRequest, DataError
 from ..io.files import read_json
 from .camera import Camera
 from .limits import check_camera
-from .reading import rigid_pose
+from .reader_utils import rigid_pose
 
 NAME = "cameras.json"
 LEVELS = 3  # the reference implementation writes splats to MODEL/point_cloud/iteration_30000

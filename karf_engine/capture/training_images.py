@@ -12,8 +12,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from ..errors import BadRequest, DataError
-from ..io.images import over, read_photo, resize, straight
-from .camera import Camera, wrong_size
+from ..io.images import alpha_composite, read_photo, resize, unpremultiply
+from .camera import Camera, wrong_size_error
 from .capture import View
 from .distortion import distort
 
@@ -55,7 +55,7 @@ def load_views(views: Sequence[View], long_side: int) -> list[TrainingImage]:
 
 
 def _load_view(view: View, long_side: int) -> TrainingImage:
-    photo = photo_of(view)
+    photo = read_photo_of_view(view)
     camera = view.camera
     small = camera.reduced(long_side)
     width, height = small.width, small.height
@@ -76,13 +76,13 @@ def _load_view(view: View, long_side: int) -> TrainingImage:
     return TrainingImage(
         view,
         pinhole.scaled(width, height),
-        photo if opaque else straight(photo),
+        photo if opaque else unpremultiply(photo),
         None if opaque else photo[..., 3],
         None if valid.all() else valid,
     )
 
 
-def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
+def load_target_image(view: View, picture: Path, long_side: int) -> np.ndarray:
     """Read a painted or graded image of a view at the size of its training image, undistorted.
 
     Args:
@@ -101,23 +101,23 @@ def load_wanted(view: View, picture: Path, long_side: int) -> np.ndarray:
     height, width = pixels.shape[:2]
     if (width, height) == (view.camera.width, view.camera.height):
         training_image = _load_view(replace(view, image=picture), long_side)
-        return over(training_image.color, training_image.alpha)
+        return alpha_composite(training_image.color, training_image.alpha)
     if abs(width * camera.height / (height * camera.width) - 1) > ASPECT_TOLERANCE:
         raise BadRequest(
             f"{picture} has {width}x{height} pixels, the view {view.name!r} {view.camera.width}x{view.camera.height}.",
             "Give a picture of the whole view, of any size.",
         )
     alpha = pixels[..., 3] if pixels.shape[-1] == 4 else None
-    return resize(over(pixels[..., :3], alpha), camera.width, camera.height)
+    return resize(alpha_composite(pixels[..., :3], alpha), camera.width, camera.height)
 
 
-def photo_of(view: View) -> np.ndarray:
+def read_photo_of_view(view: View) -> np.ndarray:
     """Read a view's photo in its camera's orientation, sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha.
 
     Raises:
         DataError: The photo is missing, damaged or of another size than its camera.
     """
-    path = image_of(view)
+    path = photo_path(view)
     size, shape = (view.camera.height, view.camera.width), ()
     for upright in (True, False):
         photo = read_photo(path, upright, view.space)
@@ -125,10 +125,10 @@ def photo_of(view: View) -> np.ndarray:
             return photo
         shape = photo.shape
         del photo  # before the next one is read, to save memory
-    raise wrong_size(path, shape[1], shape[0], view.camera)
+    raise wrong_size_error(path, shape[1], shape[0], view.camera)
 
 
-def image_of(view: View) -> Path:
+def photo_path(view: View) -> Path:
     """Return the path of a view's photo. Raises DataError if it has none."""
     if view.image is None:
         raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")

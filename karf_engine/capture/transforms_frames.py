@@ -16,7 +16,7 @@ from ..io.files import read_json
 from .camera import Camera
 from .capture import SPLITS
 from .limits import LARGEST_SIDE, check_camera, read_camera
-from .reading import LENS_KEYS, at_size, opencv_distortion, photo_size, rigid_pose
+from .reader_utils import LENS_KEYS, at_size, opencv_distortion, photo_size, rigid_pose
 
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE")

@@ -21,8 +21,8 @@ from ..errors import DataError
 from ..io.files import write_json
 from .camera import Camera
 from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View
-from .ply import read_points
-from .reading import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
+from .reader_utils import FISHEYE_KEYS, LENS_KEYS, PHOTO_SUFFIXES, exists, make_views, merge_notes
+from .sparse_point_files import read_points
 from .transforms_frames import Frame, camera_of, read_frames
 
 SYNTHETIC_FILES = {f"transforms_{split}.json": split for split in SPLITS}

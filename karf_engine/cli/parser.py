@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..commands.options import COMMANDS
-from ..io.options import Options, alternatives, flag_of, listed, types_of, unknown
+from ..io.options import Options, fields_in_help_order, flag_of, types_of, union_members, unknown_option_error
 from ..version import __version__
 from . import verbs
 
@@ -37,15 +37,15 @@ def make_parser() -> argparse.ArgumentParser:
 def check_known(arguments: argparse.Namespace, others: Sequence[str]) -> None:
     """Raise BadRequest for arguments that the verb does not know."""
     if others:
-        known = [flag for item in listed(getattr(arguments, "kind", Options)) if (flag := flag_of(item))]
-        raise unknown(others[0], known)
+        known = [flag for item in fields_in_help_order(getattr(arguments, "kind", Options)) if (flag := flag_of(item))]
+        raise unknown_option_error(others[0], known)
 
 
 def _add_command(commands: Subparsers, kind: type[Options]) -> argparse.ArgumentParser:
     text = (kind.__doc__ or "").partition(".")[0]
     verb = commands.add_parser(kind.command, help=text[0].lower() + text[1:], description=kind.__doc__)
     verb.set_defaults(action=verbs.ACTIONS.get(kind.command, verbs.run_command_line), kind=kind)
-    for item in listed(kind):
+    for item in fields_in_help_order(kind):
         if item.metadata["flag"] is not None:
             _add_argument(verb, item, types_of(kind)[item.name])
     return verb
@@ -61,7 +61,7 @@ def _add_argument(verb: argparse.ArgumentParser, item: dataclasses.Field, kind: 
         verb.add_argument(item.name, **facts)
         return
     facts |= {"dest": item.name, "default": None, "required": item.default is dataclasses.MISSING}
-    part = alternatives(kind)[0]
+    part = union_members(kind)[0]
     if part is bool:
         facts["action"] = "store_true"
     elif part is int:

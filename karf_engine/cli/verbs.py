@@ -71,7 +71,7 @@ def extract_palettes(arguments: argparse.Namespace) -> int:
         raise BadRequest("The palette verb was given an edit and no file to write.", "Add --out FILE.")
     from ..palettes.project_edit import edit_of
 
-    edit_of(project, arguments.edit).save(project.contained(arguments.out))
+    edit_of(project, arguments.edit).save(project.check_inside(arguments.out))
     return 0
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.images import read_photo
-from ..palettes.color_chart import MOST_CONDITION, ChartFit, fit_photo
+from ..palettes.color_chart import MAX_CONDITION, ChartFit, fit_photo
 from ..palettes.project_edit import as_color
 from ..palettes.reference_light import ReferenceLight
 from ..recolor.chart_detection import find_corners
 from .options import CalibrationOptions
 
 
-def light_of(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
+def reference_light(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
     """Return the light of target colors; None where they are colors of the photos.
 
     Raises:
@@ -25,19 +25,19 @@ def light_of(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
     """
     if options.light is not None:
         matrix = np.reshape(options.light, (3, 3))
-        if not np.linalg.cond(matrix) < MOST_CONDITION:
+        if not np.linalg.cond(matrix) < MAX_CONDITION:
             raise BadRequest("The light's matrix cannot be undone.", "Give that of a color chart or a gray card.")
         return ReferenceLight(matrix)
     if options.card is not None:
         return ReferenceLight.of_card(as_color(options.card))
     if options.chart is None:
         return None
-    fit = read_chart(options.chart, options.corners)
+    fit = fit_chart(options.chart, options.corners)
     emit("stage", name="chart", text=str(fit))
     return fit.light
 
 
-def read_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
+def fit_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
     """Measure a chart in a photo; corners: u and v of all four, None to detect them."""
     photo = read_photo(path)[..., :3]
     found = find_corners(photo) if corners is None else np.reshape(corners, (4, 2))

@@ -20,20 +20,20 @@ from ..capture.capture import View
 from ..capture.chosen_views import choose_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.colorway_pictures import Probes, pictures_of
+from ..export.colorway_pictures import ColorProbe, pictures_of
 from ..export.colorway_table import Reached, write_table, write_view_table
 from ..export.contact_sheet import Line, Row, write_contact_sheet
-from ..export.finished_frames import FinishedFrames, frame_mark, model_mark, view_mark
-from ..palettes.colorways.planned import PlannedColorway, plan_colorways
-from ..palettes.colorways.reached import Prediction
+from ..export.finished_frames import FinishedFrames, frame_fingerprint, model_fingerprint, view_fingerprint
+from ..palettes.colorways.planning import PlannedColorway, plan_colorways
+from ..palettes.colorways.prediction import Prediction
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import read_palettes, rgb_to_hex
 from ..palettes.palette_files import read_edit_file
 from ..palettes.reference_light import ReferenceLight
 from ..project import Project
-from ..project.locking import consistent, opened
+from ..project.locking import open_project, read_lock
 from ..recolor.model import Model
-from .calibration import light_of
+from .calibration import reference_light
 from .disputes import warn_of_disputes
 from .job import Job, open_job
 from .options import ColorwaysOptions
@@ -45,15 +45,15 @@ MAX_WARNINGS = 5
 
 def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Report the predicted colors of each colorway, then render all views. Raises DataError for a wrong row of the sheet."""
-    project = opened(options.project)
-    light = light_of(options, emit)
+    project = open_project(options.project)
+    light = reference_light(options, emit)
     edges = _read_edges(project, options.edges)
     planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
     _report(planned, light, emit)
     write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
         project.require("recoloring")
-        with consistent(project):
+        with read_lock(project):
             job = open_job(options, emit, should_stop)
             renderer = _Renderer(job, Model(project, job.runtime.device), planned, options, light)
         renderer.run()
@@ -76,13 +76,13 @@ def _read_edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
     if file is None:
         return {}
     project.require("palette")
-    return read_edit_file(file, read_palettes(project.checked(project.palette_file))).edges
+    return read_edit_file(file, read_palettes(project.verified(project.palette_file))).edges
 
 
 def _report(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:
     """Warn of colors that cannot be reached."""
     emit("stage", name="colorways", text=f"{len(planned)} colorways")
-    missed = [(plan.colorway.name, p.under(light)) for plan in planned for p in plan.predictions if p.reason]
+    missed = [(plan.colorway.name, p.under_light(light)) for plan in planned for p in plan.predictions if p.reason]
     for name, prediction in missed[:MAX_WARNINGS]:
         sentence = f"{name}, {prediction.target_color.name}: cannot be reached, because {prediction.reason}."
         emit("warning", code="colorway", sentence=f"{sentence} CIEDE2000 {prediction.ciede2000:.1f}.")
@@ -104,7 +104,7 @@ class _Renderer:
         self._job, self._model, self._planned, self._out, self._light = job, model, planned, options.out, light
         self._views, self._captured = choose_views(job.capture(), options.views)
         self._finished = FinishedFrames.read(options.out)
-        self._mark, self._size = model_mark(job.project, job.settings), options.size
+        self._mark, self._size = model_fingerprint(job.project, job.settings), options.size
 
     def run(self) -> None:
         """Write the unfinished pictures, then the tables and the contact sheet."""
@@ -116,7 +116,7 @@ class _Renderer:
             progress.step(0)
             pictures = pictures_of(self._model, view, self._size, self._captured)
             disputed[view.name] = pictures.disputed
-            probes = Probes(pictures)
+            probes = ColorProbe(pictures)
             plans = [plan for plan in self._planned if plan.colorway.name in marks]
             for plan, picture in zip(plans, pictures.recolored([plan.edit for plan in plans]), strict=True):
                 path = self._out / plan.colorway.folder / f"{view.name}{pictures.suffix}"
@@ -124,7 +124,7 @@ class _Renderer:
                 found = {p.target_color.name: probes.measure(picture, p) for p in plan.predictions}
                 measured = {name: values for name, values in found.items() if values is not None}
                 name = self._name(plan.colorway.name, view.name)
-                self._finished.note(name, marks[plan.colorway.name], [path], reached=measured)
+                self._finished.record(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
         warn_of_disputes(disputed, self._job.emit)
         self._finished = FinishedFrames.read(self._out)
@@ -135,8 +135,8 @@ class _Renderer:
 
     def _unfinished(self, view: View) -> dict[str, str]:
         """Return the fingerprints of the unfinished pictures of a view, by colorway."""
-        own = view_mark(self._mark, view, VERSION, self._size)
-        marks = {plan.colorway.name: frame_mark(own, plan.edit) for plan in self._planned}
+        own = view_fingerprint(self._mark, view, VERSION, self._size)
+        marks = {plan.colorway.name: frame_fingerprint(own, plan.edit) for plan in self._planned}
         return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view.name), mark)}
 
     def _name(self, colorway: str, view: str) -> str:
@@ -179,7 +179,7 @@ class _Renderer:
 
 def _label(plan: PlannedColorway, light: ReferenceLight | None) -> tuple[Line, ...]:
     """Return a colorway's name, and for each object the target and the predicted color."""
-    predictions = [prediction.under(light) for prediction in plan.predictions]
+    predictions = [prediction.under_light(light) for prediction in plan.predictions]
     colors = [
         Line(f"{p.target_color.name}  {rgb_to_hex(p.reached)}  {p.ciede2000:.1f}", (p.target, p.reached))
         for p in predictions

@@ -37,7 +37,7 @@ def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], *
             raise missing_package(str(error.name)) from error
         project, out = (getattr(stage, name, None) for name in ("project", "out"))
         if project and out:
-            Project(project).contained(out)
+            Project(project).check_inside(out)
         result = module.run(stage, emit, should_stop, **in_memory)
         in_memory = {}
     return result

@@ -14,16 +14,16 @@ import numpy as np
 
 from ..compute.progress import Emit
 from ..errors import BadRequest, DataError, missing_package
-from ..palettes.colorways.planned import plan_colorways
+from ..palettes.colorways.planning import plan_colorways
 from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
-from ..project.locking import consistent, opened
+from ..project.locking import open_project, read_lock
 from ..recolor.model import Model
 from ..recolor.splat_colors import WEIGHT, columns_of
 from ..splats.formats import ply
 from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile
-from ..splats.similarity import moved
+from ..splats.similarity import transform_gaussians
 from .job import Job, open_job
 from .options import ExportSplatOptions
 
@@ -34,11 +34,11 @@ def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     """Write the splats. Raises BadRequest where none are learned, or the format cannot store the request."""
     if options.attributes and end_of(options.out) != ".ply":
         raise BadRequest(f"{options.out} holds no attributes.", "Give a .ply to write.")
-    project = opened(options.project)
+    project = open_project(options.project)
     project.require("splats")
     if options.edit or options.sheet or options.objects or options.attributes:
         project.require("recoloring")
-    with consistent(project):
+    with read_lock(project):
         job = open_job(options, emit, should_stop)
         settings = replace(job.settings, render=replace(job.settings.render, source="splats"))
         model = Model(project, job.runtime.device, settings)
@@ -85,7 +85,7 @@ class _Exporter:
         if is_whole and self._original is not None and not self._original.is_text:
             ply.rewrite(self._original, path, gaussians.table, self._attributes)
             return
-        table = np.ascontiguousarray(moved(gaussians, self._matrix).table[self._rows])
+        table = np.ascontiguousarray(transform_gaussians(gaussians, self._matrix).table[self._rows])
         columns = {**self._foreign_columns, **self._attributes}
         chosen = {name: column[self._rows] for name, column in columns.items()}
         is_antialiased = self._source is None or self._source.is_antialiased
@@ -121,7 +121,7 @@ class _Exporter:
         """Return the mask of the Gaussians to write, bool [n]."""
         splats = self._splats
         if not self._options.objects:
-            return np.arange(len(splats)) < (splats.n_solid if self._options.solid else len(splats))
+            return np.arange(len(splats)) < (splats.n_foreground if self._options.solid else len(splats))
         unknown = sorted(set(self._options.objects) - set(self._model.objects))
         if unknown:
             raise BadRequest(

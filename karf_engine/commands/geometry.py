@@ -16,19 +16,19 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..capture import hold_out, in_space, open_capture
-from ..capture.capture import ALIKE, Capture, SparsePoints, capture_to_json, with_gains, with_split
+from ..capture.capture import UNIT_GAINS, Capture, SparsePoints, capture_to_json, with_gains, with_split
 from ..capture.poses.triangulation import triangulate
-from ..capture.reading import read_bytes
+from ..capture.reader_utils import read_bytes
 from ..capture.training_images import TrainingImage
 from ..compute import cores
 from ..compute.kernels import has_kernels
-from ..compute.process_group import ProcessGroup, joined
+from ..compute.process_group import ProcessGroup, current_group
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import Cancelled, DataError, KarfError
-from ..fields.detail import kept_psnr, typical_pixels_per_voxel
+from ..fields.detail import psnr_without_detail, typical_pixels_per_voxel
 from ..fields.exposures import PARAMETERS as EXPOSURES
-from ..fields.exposures import gains_beside
+from ..fields.exposures import gains_from_render
 from ..fields.files import save_scene
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
@@ -36,17 +36,17 @@ from ..fields.nerf.importing import import_nerf
 from ..fields.registry import field_kind
 from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
-from ..fields.task import background_of, build_pixel_dataset, task_of
+from ..fields.task import background_kind_of, build_pixel_dataset, make_fit_task
 from ..io.color_spaces import ColorSpace, color_space
 from ..io.files import write_json
 from ..io.fingerprints import file_digest
-from ..io.images import over, write_png
+from ..io.images import alpha_composite, write_png
 from ..project import Project
 from ..project import settings as settings_module
-from ..project.locking import opened
+from ..project.locking import open_project
 from ..segmentation.coarse_masks import find_masks, marked_views
-from ..splats.depths import points_seen
-from ..splats.importing import captured_gaussians
+from ..splats.depths import sample_surface_points
+from ..splats.importing import read_captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options import GeometryOptions
 
@@ -75,11 +75,11 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     nerf = options.nerf
     networks = None if nerf is None else read_nerf(nerf)
     capture = capture or open_capture(options.capture)
-    for remark in capture.remarks:
+    for remark in capture.warnings:
         emit("warning", code="capture", sentence=remark)
     if options.masks is not None:
         find_masks(options.masks, capture)  # refuse masks without a photo before learning
-    project = opened(options.project)
+    project = open_project(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
     capture = in_space(capture, space or _previous_space(project))
@@ -91,7 +91,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         run.summary["holdout"] = capture.holdout
         if capture.views[0].space is not None:
             run.summary["color_space"] = asdict(capture.views[0].space)
-        capture = with_marked(project, capture, options.masks)
+        capture = with_marked_in_training(project, capture, options.masks)
         n_photos = len(capture.split("train"))
         if n_photos < 3:
             raise DataError(
@@ -116,7 +116,7 @@ def _previous_space(project: Project) -> ColorSpace | None:
     return None if known is None else ColorSpace(**known)
 
 
-def with_marked(project: Project, capture: Capture, masks: Path | None) -> Capture:
+def with_marked_in_training(project: Project, capture: Capture, masks: Path | None) -> Capture:
     """Return the capture with all marked photos in the training split. Not part of the fingerprint.
 
     Args:
@@ -126,7 +126,7 @@ def with_marked(project: Project, capture: Capture, masks: Path | None) -> Captu
     """
     folders = [folder for folder in (project.masks_folder, project.corrections_folder, masks) if folder is not None]
     return with_split(
-        capture, set().union(*(marked_views(project.contained(folder), capture) for folder in folders)), "train"
+        capture, set().union(*(marked_views(project.check_inside(folder), capture) for folder in folders)), "train"
     )
 
 
@@ -148,16 +148,16 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
     wait_until_ready = field_kind(settings.field).prepare(settings, job.runtime.device)
     views = list(capture.split("train"))
     training_images = job.training_images(views)
-    kind = background_of(training_images)
+    kind = background_kind_of(training_images)
     points = training_points(job, capture, training_images, kind)
-    task = task_of(views, training_images, kind, points, settings, job.settings.seed, job.runtime.device)
+    task = make_fit_task(views, training_images, kind, points, settings, job.settings.seed, job.runtime.device)
     job.emit("stage", name="geometry", text=f"{task.space}, {0 if points is None else len(points)} sparse points")
     wait_until_ready(job.emit, job.should_stop)
-    process_group = joined()
+    process_group = current_group()
     process_group.share(task)
     fit = task.start(replace(job.runtime, process_group=process_group))
     progress = job.progress("geometry", fit.iterations)
-    run.checkpoint.follow(fit, progress)
+    run.checkpoint.attach(fit, progress)
     process_group.share(fit.state() if fit.done else None)
     held_out, scores = validation_pixels(job, capture), run.checkpoint.notes.setdefault("held_out", [])
     for scene in fit.scenes(progress, run.checkpoint):
@@ -170,7 +170,7 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
         run.summary["pixels_per_voxel"] = round(pixels, 2)
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
         gains = {view.name: tuple(own) for view, own in zip(views, cast("VoxelFit", fit).gains, strict=True)}
-        if any(own != ALIKE for own in gains.values()):
+        if any(own != UNIT_GAINS for own in gains.values()):
             gains |= gains_of_other_views(job, capture, scene)
         capture = with_gains(capture, gains)
     return scene, capture
@@ -180,7 +180,7 @@ def gains_of_other_views(job: Job, capture: Capture, scene: Scene) -> dict[str, 
     """Estimate the exposures of photos outside the training split, by view; they are recolored too."""
     others = [view for view in capture.views if view.split != "train" and view.image is not None]
     return {
-        image.view.name: gains_beside(scene, image.camera, image.color)
+        image.view.name: gains_from_render(scene, image.camera, image.color)
         for image in job.training_images(others, EXPOSURES.long_side)
     }
 
@@ -204,7 +204,7 @@ def import_scene(
     training_images = job.training_images(
         views[:: max(1, len(views) // COMPARED_VIEWS)][:COMPARED_VIEWS], COMPARED_LONG_SIDE
     )
-    kind = background_of(training_images)
+    kind = background_kind_of(training_images)
     grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
     device = job.runtime.device
     datasets = {
@@ -259,7 +259,7 @@ def validate(job: Job, scene: Scene, held_out: PixelDataset, scores: list[list[f
 def warn_of_lost_detail(job: Job, pixels: float, training_images: list[TrainingImage], space: str) -> None:
     """Warn where voxels that span this many pixels lose most of the photos' detail, and name a sufficient resolution."""
     some = training_images[:: max(1, len(training_images) // DETAIL_PHOTOS)]
-    kept = float(np.mean(kept_psnr([image.color for image in some], pixels)))
+    kept = float(np.mean(psnr_without_detail([image.color for image in some], pixels)))
     if kept >= MIN_KEPT_PSNR:
         return
     settings = job.settings.geometry
@@ -282,8 +282,8 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
         return None
     if capture.splats is not None and has_kernels():
         cameras = [training_image.camera for training_image in training_images]
-        gaussians = captured_gaussians(capture.splats, cameras)
-        return points_seen(gaussians, cameras, job.progress("points", len(cameras)).step)
+        gaussians = read_captured_gaussians(capture.splats, cameras)
+        return sample_surface_points(gaussians, cameras, job.progress("points", len(cameras)).step)
     if capture.points is not None and len(capture.points.view):
         return capture.points.seen_by([n for n, view in enumerate(capture.views) if view.split == "train"])
     if find_spec("pycolmap") is None:
@@ -295,7 +295,7 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
         )
         return None
     try:
-        return triangulate(training_images, cores.count(), job.progress("points", len(training_images)))
+        return triangulate(training_images, cores.core_count(), job.progress("points", len(training_images)))
     except Cancelled:
         raise
     except KarfError as error:
@@ -305,4 +305,4 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
 
 def _over_gray(training_image: TrainingImage, gray: float) -> TrainingImage:
     """Composite a training image over a gray and drop its matte."""
-    return replace(training_image, color=over(training_image.color, training_image.alpha, gray), alpha=None)
+    return replace(training_image, color=alpha_composite(training_image.color, training_image.alpha, gray), alpha=None)

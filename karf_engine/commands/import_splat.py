@@ -20,18 +20,18 @@ from ..capture.capture import Capture, CapturedSplats, View
 from ..capture.splat_cameras import cameras_beside, folders_around, read_splat_cameras
 from ..capture.training_images import load_views
 from ..capture.transforms_json import write_capture
-from ..compute.cores import take_from_torch
+from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
 from ..io.files import copy_file, read_json
-from ..io.images import straight, write_png
+from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
-from ..splats.importing import gaussians_before
+from ..splats.importing import imported_gaussians
 from .options import ImportSplatOptions
 from .output_folder import new_folder
 
@@ -55,7 +55,7 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     if not has_kernels():
         raise missing_package("numba")
     start_runtime(0, options.threads, options.device)
-    take_from_torch()
+    limit_torch_threads()
     out = options.out.absolute()
     with new_folder(out) as folder:
         emit("stage", name="import_splat", text=f"reading {options.splat.name}")
@@ -69,7 +69,7 @@ def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
             _suggest_photos(options.splat, emit)
             views = _write_views(options, found.table, splats.is_antialiased, folder / "images", emit, should_stop)
             capture = Capture(folder, "transforms", tuple(views), splats=splats)
-        for remark in capture.remarks:
+        for remark in capture.warnings:
             emit("warning", code="capture", sentence=remark)
         write_capture(folder / "transforms.json", capture, out)
     emit("artifact", kind="capture", path=str(out))
@@ -123,9 +123,9 @@ def _write_views(
     should_stop: Callable[[], bool],
 ) -> list[View]:
     """Choose cameras and write their renderings into the folder; return the views."""
-    everything = gaussians_before(table, is_antialiased, ())
+    everything = imported_gaussians(table, is_antialiased, ())
     cameras = _cameras(options, everything, emit, Progress(emit, should_stop, "import_splat", 1))
-    gaussians = gaussians_before(table, is_antialiased, cameras)
+    gaussians = imported_gaussians(table, is_antialiased, cameras)
     has_alpha = _has_empty_background(gaussians, cameras)
     progress = Progress(emit, should_stop, "import_splat", len(cameras))
     folder.mkdir()
@@ -163,11 +163,13 @@ def _known_cameras(options: ImportSplatOptions, emit: Emit) -> list[Camera]:
 
 
 def _chosen_cameras(options: ImportSplatOptions, gaussians: Gaussians, emit: Emit, progress: Progress) -> list[Camera]:
-    from ..splats.viewpoints import cameras_around, target_of
+    from ..splats.viewpoints import cameras_around, estimate_target
 
     emit("stage", name="import_splat", text="choosing cameras")
     up = None if options.up == "auto" else AXES[options.up]
-    return cameras_around(gaussians, target_of(gaussians, up), options.views, options.size, lambda: progress.step(0))
+    return cameras_around(
+        gaussians, estimate_target(gaussians, up), options.views, options.size, lambda: progress.step(0)
+    )
 
 
 def _read_cameras(path: Path) -> list[Camera]:
@@ -178,20 +180,20 @@ def _read_cameras(path: Path) -> list[Camera]:
 
 
 def _has_empty_background(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
-    from ..splats.rasterizer import splatted
+    from ..splats.rasterizer import rasterize
 
     small = (camera.reduced(THUMBNAIL) for camera in cameras)
-    return float(np.mean([(splatted(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > MAX_EMPTY
+    return float(np.mean([(rasterize(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > MAX_EMPTY
 
 
 def _render(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:
     """Render a camera to sRGB [H, W, 3], or [H, W, 4] with straight alpha."""
-    from ..splats.rasterizer import splatted
+    from ..splats.rasterizer import rasterize
 
-    image = splatted(gaussians, camera).image
+    image = rasterize(gaussians, camera).image
     image[..., 3] = 1 - image[..., 3]
     image = image.clip(0, 1)
-    return np.dstack([straight(image), image[..., 3]]) if has_alpha else image[..., :3]
+    return np.dstack([unpremultiply(image), image[..., 3]]) if has_alpha else image[..., :3]
 
 
 # --------------------------------------------------------------------------------------------------------- with photos
@@ -205,7 +207,7 @@ def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: Capture
     views = capture.views[:: max(1, len(capture.views) // COMPARED_VIEWS)][:COMPARED_VIEWS]
     cameras = [view.camera for view in capture.views]
     photos = [Photo.of(image) for image in load_views(views, COMPARED_LONG_SIDE)]
-    scores = [psnr(gaussians_before(table, is_antialiased, cameras), photos) for is_antialiased in (False, True)]
+    scores = [psnr(imported_gaussians(table, is_antialiased, cameras), photos) for is_antialiased in (False, True)]
     best = int(np.argmax(scores)) if abs(scores[1] - scores[0]) > MIN_FILTER_GAIN else int(splats.is_antialiased)
     if scores[best] < MIN_PSNR:
         raise DataError(

@@ -18,8 +18,8 @@ from ..fields.training.checkpoint import Checkpoint
 from ..io.fingerprints import fingerprint
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module
-from ..project.contents import capture_of, settings_for
-from ..project.locking import consistent, opened, writing
+from ..project.contents import read_capture, settings_for
+from ..project.locking import open_project, read_lock, write_lock
 from ..project.settings import Settings
 
 
@@ -52,7 +52,7 @@ class Job:
 
     def capture(self) -> Capture:
         """Read the project's capture. Raises DataError where it is damaged."""
-        return capture_of(self.project)
+        return read_capture(self.project)
 
     def training_images(self, views: Sequence[View], long_side: int | None = None) -> list[TrainingImage]:
         """Load the photos of these views at the working size, or at a smaller `long_side`."""
@@ -84,7 +84,7 @@ class StageRun:
 
 def open_job(options: ProjectOptions, emit: Emit, should_stop: Callable[[], bool]) -> Job:
     """Open the project of a command's options, with learned geometry, and the settings for the command."""
-    project = opened(options.project)
+    project = open_project(options.project)
     return make_job(project, options, settings_for(project, options.command), emit, should_stop)
 
 
@@ -119,7 +119,7 @@ def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
         BadRequest: Another job is writing to the project.
     """
     project = job.project
-    with writing(project):
+    with write_lock(project):
         own = stage_fingerprint(job, stage, *inputs)
         done = project.finished(stage)
         if done is not None and done["fingerprint"] == own and project.is_intact(stage):
@@ -132,11 +132,11 @@ def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
         try:
             yield run
             cost = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
-            with consistent(project):
+            with read_lock(project):
                 project.commit(stage, own, settings_module.to_dict(job.settings), **cost, **run.summary)
-            run.checkpoint.remove()
+            run.checkpoint.delete()
         except Diverged:
-            run.checkpoint.remove()  # resuming would diverge again
+            run.checkpoint.delete()  # resuming would diverge again
             raise
         finally:
             project.remove_leftovers()

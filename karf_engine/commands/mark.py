@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..compute.progress import Emit
 from ..segmentation.marking.prompts import Prompts
-from ..segmentation.marking.views import marker_of, write_mask
+from ..segmentation.marking.views import make_marker, write_mask
 from .options import MarkOptions
 
 
@@ -15,7 +15,7 @@ def run(options: MarkOptions, emit: Emit, should_stop: Callable[[], bool]) -> Pa
     """Write the mask and return its file. Raises KarfError for an unknown view, or without prompts."""
     del should_stop  # seconds at most
     prompts = Prompts.from_json({"box": options.box, "points": options.points, "lasso": options.lasso})
-    marker = marker_of(options.capture, options.view, options.weights)
+    marker = make_marker(options.capture, options.view, options.weights)
     path = write_mask(marker, prompts, options.masks, options.object_name, options.view)
     emit("artifact", kind="mask", path=str(path))
     return path

@@ -10,22 +10,22 @@ import numpy as np
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.color import srgb_to_lab
-from ..palettes.colorways.reached import reached_by
+from ..palettes.colorways.prediction import evaluate_edit
 from ..palettes.matching.paints import pigment_gate
 from ..palettes.object_colors import read_object_colors
 from ..palettes.palette import rgb_to_hex
 from ..palettes.project_edit import ProjectEdit, as_color, edit_of
 from ..palettes.reference_light import ReferenceLight
 from ..project import Project
-from ..project.locking import consistent, opened
-from .calibration import light_of
+from ..project.locking import open_project, read_lock
+from .calibration import reference_light
 from .options import MatchOptions
 
 
 def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Solve the edit and write it; other objects keep their part of `options.edit`."""
     del should_stop  # seconds at most
-    project = opened(options.project)
+    project = open_project(options.project)
     project.require("palette")
     edit = edit_of(project, options.edit)
     edit = (_match_picture if options.is_of_picture else _match_colors)(project, options, edit, emit)
@@ -36,7 +36,7 @@ def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
 def _match_colors(project: Project, options: MatchOptions, edit: ProjectEdit, emit: Emit) -> ProjectEdit:
     """Return the edit that turns the source colors of an object into the target colors."""
     assert options.object and options.source and options.target  # `MatchOptions` requires them
-    light = light_of(options, emit)
+    light = reference_light(options, emit)
     given = [(options.source, options.target), *options.also]
     pairs = [(source, _as_photographed(target, light)) for source, target in given]
     if options.rule == "added":
@@ -56,10 +56,10 @@ def _as_photographed(target: str, light: ReferenceLight | None) -> str:
 def _report(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:
     """Emit the share of an object that the edit repaints, and warn of missed colors."""
     palette = next(each for each in edit.palettes if each.name == name)
-    seen = read_object_colors(edit.project.checked(edit.project.object_colors_file), name)
+    seen = read_object_colors(edit.project.verified(edit.project.object_colors_file), name)
     sources = [as_color(source) for source, _ in pairs]
     for source, (before, after) in zip(sources, pairs, strict=True):
-        reached, left, reason = reached_by(edit.colors[name], palette, seen, source, srgb_to_lab(as_color(after)))
+        reached, left, reason = evaluate_edit(edit.colors[name], palette, seen, source, srgb_to_lab(as_color(after)))
         if reason:
             sentence = (
                 f"{name}: {before} becomes {rgb_to_hex(reached)}, not {after} (CIEDE2000 {left:.0f}), because {reason}."
@@ -78,7 +78,7 @@ def _match_picture(project: Project, options: MatchOptions, edit: ProjectEdit, e
     assert options.view and options.picture  # `MatchOptions` requires them
     project.require("recoloring")
     runtime = start_runtime(0, options.threads, options.device)
-    with consistent(project):
+    with read_lock(project):
         model = Model(project, runtime.device)
     matches = model.match(model.capture.view(options.view), options.picture, edit)
     if not matches:
@@ -87,6 +87,6 @@ def _match_picture(project: Project, options: MatchOptions, edit: ProjectEdit, e
             "Paint on the objects, or give a picture of another view.",
         )
     for match in matches:
-        left = f"CIEDE2000 to the picture {match.before:.1f} before, {match.left:.1f} now"
+        left = f"CIEDE2000 to the picture {match.before:.1f} before, {match.after:.1f} now"
         emit("stage", name="match", text=f"{match.name}: {left}, {100 * match.painted:.0f} % of it painted")
     return replace(edit, colors=edit.colors | {match.name: match.colors for match in matches})

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from ..compute.progress import Emit
 from ..heads.files import load_surface
-from ..heads.object_surface import object_pixels, scarce_objects
+from ..heads.object_surface import object_pixels, objects_with_few_pixels
 from ..palettes.extraction.extraction import color_histograms, extract_palettes
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import write_palettes
@@ -20,8 +20,8 @@ def run(options: PaletteOptions, emit: Emit, should_stop: Callable[[], bool]) ->
     with run_stage(job, "palette") as run:
         if run is None:
             return
-        surface, objects = load_surface(job.project.checked(job.project.surface_file))
-        for name, count in scarce_objects(surface, objects).items():
+        surface, objects = load_surface(job.project.verified(job.project.surface_file))
+        for name, count in objects_with_few_pixels(surface, objects).items():
             sentence = (
                 f"{name!r} shows only {count} pixels in all views, too few for a palette: mark it more generously."
             )

@@ -19,10 +19,10 @@ from PIL import Image, ImageOps
 from ..capture.poses.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct
 from ..capture.poses.video import write_sharpest_frames
 from ..capture.poses.work_folder import work_folder
-from ..capture.reading import photos_in
+from ..capture.reader_utils import photos_in
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
-from ..io.files import copy_file, naming
+from ..io.files import copy_file, errors_naming_path
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
 from .options import PosesOptions
@@ -49,7 +49,7 @@ def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
             names=names,
             work=work,
             model=capture / "sparse" / "0",
-            one_lens=len({image_header(capture / "images" / name).stored for name in names}) == 1,
+            single_camera=len({image_header(capture / "images" / name).stored_size for name in names}) == 1,
             sequential=options.matching == "sequential" or (options.matching == "auto" and len(names) > MAX_EXHAUSTIVE),
             threads=options.threads or -1,
         )
@@ -92,7 +92,7 @@ def _add_photo(photo: Path, folder: Path) -> str:
             copy_file(photo, folder / photo.name)
         return photo.name
     if header.kind == "jpeg":  # keeps the Exif focal length, COLMAP's initial guess
-        with naming(folder / photo.name), Image.open(photo) as picture:
+        with errors_naming_path(folder / photo.name), Image.open(photo) as picture:
             upright = ImageOps.exif_transpose(picture)
             upright.save(folder / photo.name, quality=95, exif=upright.getexif())
         return photo.name

@@ -24,7 +24,7 @@ from ..palettes.extraction.extraction import color_histograms
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import Palette, read_palettes, write_palettes
 from ..segmentation.coarse_masks import find_masks
-from ..segmentation.interior import whole_surface
+from ..segmentation.object_rays import whole_surface
 from ..segmentation.report import SegmentationReport
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from .job import Job, StageRun, open_job, run_stage
@@ -38,15 +38,15 @@ def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool])
         if run is None:
             return
         project, device, settings = job.project, job.runtime.device, job.settings.recoloring
-        field = load_scene(project.checked(project.geometry_file), device).field
-        segmentation, objects = load_segmentation(project.checked(project.segmentation_file), field.n_features, device)
-        initial = read_palettes(project.checked(project.palette_file), "initial", objects)
+        field = load_scene(project.verified(project.geometry_file), device).field
+        segmentation, objects = load_segmentation(project.verified(project.segmentation_file), field.n_features, device)
+        initial = read_palettes(project.verified(project.palette_file), "initial", objects)
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
         bounds = segmentation.bounds
         assert isinstance(bounds, Tensor)
         karf = RecoloringField(bounds, field.n_features, sizes, settings).to(device)
-        surface, _ = load_surface(project.checked(project.surface_file), device)
+        surface, _ = load_surface(project.verified(project.surface_file), device)
         if settings.background == "black":
             everything, opacity = whole_scene(job, field, segmentation)
             rays = rays_of(job, field, everything, blocks, opacity)
@@ -83,8 +83,8 @@ def whole_scene(job: Job, field: Field, segmentation: SegmentationField) -> tupl
 
 def _recompute_cache(job: Job, field: Field) -> CachedViews:
     capture, settings = job.capture(), job.settings.segmentation
-    report = SegmentationReport.read(job.project.checked(job.project.segmentation_report))
-    masks = find_masks(job.project.contained(job.project.masks_folder), capture)
+    report = SegmentationReport.read(job.project.verified(job.project.segmentation_report))
+    masks = find_masks(job.project.check_inside(job.project.masks_folder), capture)
     views = [capture.view(name) for name in report.views]
     masked = load_masked_views(masks, views, job.settings.geometry.long_side, settings, report.objects)
     if masked.names != report.views:
@@ -108,7 +108,7 @@ def rays_of(
     masked_views: list[int] = []
     cameras: list[Camera] = []
     if settings.supervision == "reference" or settings.targets == "loco":
-        path = job.project.checked(job.project.segmentation_report)
+        path = job.project.verified(job.project.segmentation_report)
         report = SegmentationReport.read(path)
         masked_views = [number for number, name in enumerate(report.views) if name in report.masked_views]
         if max(surface.view.tolist(), default=0) >= len(report.views):

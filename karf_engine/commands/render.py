@@ -24,16 +24,16 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..capture.capture import View
-from ..capture.chosen_views import choose_views, part_of
+from ..capture.chosen_views import choose_views, slice_of_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.finished_frames import ModelMark, model_mark, pending_frames
+from ..export.finished_frames import ModelFingerprint, model_fingerprint, pending_frames
 from ..export.frame_files import write_view
 from ..export.frame_options import RenderOptions
 from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
-from ..project.locking import consistent, opened, writing
+from ..project.locking import open_project, read_lock, write_lock
 from ..project.settings import with_overrides
 from ..recolor.model import Model
 from .disputes import warn_of_disputes
@@ -46,23 +46,23 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     if options.layer_space is not None:
         color_space(options.layer_space, options.ocio)  # refuse an unknown one before rendering
-    project = opened(options.project)
+    project = open_project(options.project)
     project.require("geometry")
-    with writing(project) if options.planes else nullcontext():
-        with consistent(project):
+    with write_lock(project) if options.planes else nullcontext():
+        with read_lock(project):
             job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
-            model, learned = Model(project, job.runtime.device, job.settings), model_mark(project, job.settings)
+            model, learned = Model(project, job.runtime.device, job.settings), model_fingerprint(project, job.settings)
         _render(job, model, learned, options)
 
 
-def _render(job: Job, model: Model, learned: ModelMark, options: RenderOptions) -> None:
-    """Render the unfinished frames. learned: `model_mark` of the model."""
+def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOptions) -> None:
+    """Render the unfinished frames. learned: `model_fingerprint` of the model."""
     if options.unsure:
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
         job.project.require("recoloring")
     views, captured = choose_views(job.capture(), options.views)
-    part = part_of(views, options.first, options.last, options.count)
+    part = slice_of_views(views, options.first, options.last, options.count)
     edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
     frames = pending_frames(options, learned, views[part], edits)
     job.emit("stage", name="render", text=f"{len(edits)} views")

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from ..capture.capture import ALIKE
-from ..capture.reading import read_bytes
+from ..capture.capture import UNIT_GAINS
+from ..capture.reader_utils import read_bytes
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.protocol import Field
@@ -22,13 +22,13 @@ from ..io.color import to_bytes
 from ..io.fingerprints import file_digest
 from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
-from ..segmentation.constraints import SeenPoints
+from ..segmentation.constraints import ViewObserver
 from ..segmentation.corrections import find_corrections
-from ..segmentation.doubts import SurfaceDoubts
+from ..segmentation.doubts import SurfaceUncertainty
 from ..segmentation.field_fit import fit_to_labels, fit_to_masks
-from ..segmentation.interior import object_surface
 from ..segmentation.label_solvers import solve_labels
 from ..segmentation.labels import LabelledSurface, LabelProblem
+from ..segmentation.object_rays import object_surface
 from ..segmentation.report import report_of
 from ..segmentation.surface_points import surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
@@ -47,10 +47,10 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
     job = open_job(options, emit, should_stop)
     job.project.require("geometry")
     capture = job.capture()
-    folder = job.project.contained(options.masks or job.project.masks_folder)
+    folder = job.project.check_inside(options.masks or job.project.masks_folder)
     masks = find_masks(folder, capture)
     corrections = find_corrections(
-        job.project.contained(options.corrections or job.project.corrections_folder), capture
+        job.project.check_inside(options.corrections or job.project.corrections_folder), capture
     )
     volumes_file = options.volumes or job.project.volumes_file
     volumes = read_volumes(volumes_file)
@@ -58,12 +58,12 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
     inputs = [_digests(marks) for marks in (masks, corrections) if marks]
     inputs += [file_digest(volumes_file), WITHIN] if volumes else []
     inputs += [ALL_RAYS] if job.settings.segmentation.labels == "masks" else []
-    inputs += [EXPOSED_ALIKE] if any(view.gains != ALIKE for view in capture.views) else []
+    inputs += [EXPOSED_ALIKE] if any(view.gains != UNIT_GAINS for view in capture.views) else []
     with run_stage(job, "segmentation", *inputs) as run:
         if run is None:
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
-        field = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device).field
+        field = load_scene(job.project.verified(job.project.geometry_file), job.runtime.device).field
         marked = {mask.view.name for mask in masks}
         learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
         views = load_masked_views(masks, learned_from, long_side, settings, {c.object_name for c in corrections})
@@ -72,7 +72,10 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
         surface = _label(job, field, cached, votes, corrections, volumes)
         karf = _fit(job, field, cached, votes, surface, run.checkpoint)
         if volumes:  # the labels are bounded by them, but F_s extrapolates smoothly
-            karf.volumes, karf.space = Volumes.of(volumes, surface.objects).to(job.runtime.device), field.space
+            karf.volumes, karf.space = (
+                Volumes.from_objects(volumes, surface.objects).to(job.runtime.device),
+                field.space,
+            )
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
             copy_masks(masks, run.output(job.project.masks_folder))
@@ -92,7 +95,7 @@ def _label(
     volumes: dict[str, list[Volume]],
 ) -> LabelledSurface:
     points, objects = surface_points(cached, field.voxel), cached.views.objects
-    seen = SeenPoints(field, points, job.settings.geometry.long_side)
+    seen = ViewObserver(field, points, job.settings.geometry.long_side)
     constraints = seen.constraints(corrections, objects)
     settings, random = job.settings.segmentation, np.random.default_rng(job.settings.seed)
     problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
@@ -119,7 +122,7 @@ def _write(
     save_segmentation(run.output(job.project.segmentation_file), karf, objects, settings)
     save_surface(run.output(job.project.surface_file), object_surface(cached, probabilities), objects, settings)
     world = field.space.to_world(torch.from_numpy(surface.points.positions).float().to(job.runtime.device))
-    doubts = SurfaceDoubts(objects, world.float().cpu().numpy(), to_bytes(surface.labels.doubt))
-    doubts.write(run.output(job.project.doubts_file))
+    doubts = SurfaceUncertainty(objects, world.float().cpu().numpy(), to_bytes(surface.labels.doubt))
+    doubts.write(run.output(job.project.uncertainty_file))
     report_of(cached, surface.points, surface.labels, probabilities).write(run.output(job.project.segmentation_report))
     run.summary["objects"] = objects

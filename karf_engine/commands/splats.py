@@ -10,19 +10,19 @@ import numpy as np
 
 from ..capture.capture import Capture, CapturedSplats, View
 from ..capture.training_images import load_views
-from ..compute.cores import take_from_torch
+from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..fields.files import load_scene
-from ..fields.scene_surface import NothingSolid
+from ..fields.scene_surface import NoSurface
 from ..io.fingerprints import file_digest
 from ..project.settings import to_dict, with_overrides
-from ..splats.exposures import between
+from ..splats.exposures import interpolate_gains
 from ..splats.files import save_gaussians
 from ..splats.gaussians import Gaussians
-from ..splats.importing import captured_gaussians
-from ..splats.start import gaussians_of, surface_views
+from ..splats.importing import read_captured_gaussians
+from ..splats.start import initial_gaussians, surface_views
 from .job import Job, open_job, run_stage
 from .options import SplatsOptions
 
@@ -55,7 +55,7 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         return
     try:
         _learn(job)
-    except NothingSolid as error:  # photos can be recolored without splats
+    except NoSurface as error:  # photos can be recolored without splats
         emit("warning", code="splats", sentence=f"{error.sentence} There are no splats of it.")
 
 
@@ -64,16 +64,16 @@ def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
     with run_stage(job, "splats", file_digest(splats.path)) as run:
         if run is None:
             return
-        gaussians = captured_gaussians(splats, [view.camera for view in capture.views])
+        gaussians = read_captured_gaussians(splats, [view.camera for view in capture.views])
         run.summary["gaussians"] = len(gaussians)
         save_gaussians(gaussians, run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
 
 def _learn(job: Job) -> None:
-    from ..splats.between import cameras_between, pictures_of  # need numba
     from ..splats.fit import SplatFit
-    from ..splats.looks import looks_at
+    from ..splats.pseudo_views import pseudo_cameras, render_pseudo_photos  # need numba
+    from ..splats.visibility import visibility_in_photos
 
     settings = job.settings.splats
     with run_stage(job, "splats") as run:
@@ -82,23 +82,23 @@ def _learn(job: Job) -> None:
             return
         capture = job.capture()
         views, test = capture.split("train"), capture.split("test")
-        scene = load_scene(job.project.checked(job.project.geometry_file), job.runtime.device)
+        scene = load_scene(job.project.verified(job.project.geometry_file), job.runtime.device)
         photos, seed = _photos(views, settings.long_side), job.settings.seed
-        cameras = cameras_between(scene, [photo.camera for photo in photos], seed)
+        cameras = pseudo_cameras(scene, [photo.camera for photo in photos], seed)
         steps = len(surface_views(views)) + len(cameras) + settings.iterations + len(photos)
         progress = job.progress("splats", steps)
-        start = gaussians_of(scene, views, settings.count, settings.degree, progress.step)
-        between = pictures_of(scene, cameras, progress.step)
-        take_from_torch()
-        fit = SplatFit(start, photos, settings.iterations, seed, between=between)
-        run.checkpoint.follow(fit, progress)
+        start = initial_gaussians(scene, views, settings.count, settings.degree, progress.step)
+        between = render_pseudo_photos(scene, cameras, progress.step)
+        limit_torch_threads()
+        fit = SplatFit(start, photos, settings.iterations, seed, pseudo_photos=between)
+        run.checkpoint.attach(fit, progress)
         fit.run(progress, run.checkpoint)
         run.summary["gaussians"] = len(start)
         judged = test[:: max(1, len(test) // VALIDATION_VIEWS)]
         if judged:
             held_out, gains = _photos(judged, settings.long_side), _gains_of(judged, capture, fit.gains)
             run.summary["held_out"] = [_held_out(job, each, held_out, gains) for each in (start, fit.gaussians)]
-        looks = looks_at(fit.gaussians, [photo.camera for photo in photos], progress.step)
+        looks = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
         save_gaussians(replace(fit.gaussians, looks=looks), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
@@ -123,7 +123,7 @@ def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> 
     place = {name: number for number, name in enumerate(sorted(view.name for view in capture.views))}
     learned = [place[view.name] for view in capture.split("train")]
     order = np.argsort(learned)
-    return [between(gains[order], sorted(learned), place[view.name]) for view in held_out]
+    return [interpolate_gains(gains[order], sorted(learned), place[view.name]) for view in held_out]
 
 
 def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:

@@ -30,25 +30,25 @@ class _Thread(threading.local):
 _thread = _Thread()
 
 
-def use(count: int) -> None:
+def set_core_count(count: int) -> None:
     """Give torch this many cores."""
     _Cores.count, _Cores.has_pool = count, False
     torch.set_num_threads(count)
 
 
-def count() -> int:
+def core_count() -> int:
     """Return the number of cores that this process uses."""
     return _Cores.count or torch.get_num_threads()
 
 
-def take_from_torch() -> None:
-    """Limit torch to one core and run `share` on all cores, until the next `use`."""
-    _Cores.count, _Cores.has_pool = count(), True
+def limit_torch_threads() -> None:
+    """Limit torch to one core and run `parallel_for` on all cores, until the next `set_core_count`."""
+    _Cores.count, _Cores.has_pool = core_count(), True
     torch.set_num_threads(1)
 
 
-def share(function: Callable[..., None], n: int, *arguments: Any) -> None:
-    """Call `function(first, last, *arguments)` for parts of `range(n)`, in parallel after `take_from_torch`.
+def parallel_for(function: Callable[..., None], n: int, *arguments: Any) -> None:
+    """Call `function(first, last, *arguments)` for parts of `range(n)`, in parallel after `limit_torch_threads`.
 
     The parts must be independent and run without gradients.
 
@@ -56,11 +56,11 @@ def share(function: Callable[..., None], n: int, *arguments: Any) -> None:
         >>> squares = [0] * 5
         >>> def fill(first, last, out):
         ...     out[first:last] = [number**2 for number in range(first, last)]
-        >>> share(fill, 5, squares)
+        >>> parallel_for(fill, 5, squares)
         >>> squares
         [0, 1, 4, 9, 16]
     """
-    threads = count() if _Cores.has_pool and not _thread.is_worker else 1
+    threads = core_count() if _Cores.has_pool and not _thread.is_worker else 1
     if threads == 1 or n <= 1:
         with torch.no_grad():
             function(0, n, *arguments)

@@ -71,7 +71,7 @@ class ProcessGroup:
                 self.mean(parameter.grad)
 
     @contextmanager
-    def own_numbers(self, generator: torch.Generator) -> Iterator[None]:
+    def rank_random(self, generator: torch.Generator) -> Iterator[None]:
         """Draw different random numbers in each process in the block; afterwards all generators agree again."""
         if self.size == 1:
             yield
@@ -109,6 +109,6 @@ def leave() -> None:
     distributed.destroy_process_group()
 
 
-def joined() -> ProcessGroup:
+def current_group() -> ProcessGroup:
     """Return the process group of this process, of size 1 unless it has joined one."""
     return _joined

@@ -77,7 +77,7 @@ def start_runtime(seed: int = 0, threads: int | None = None, device: str | None 
     `threads` defaults to `default_threads`; `device`, and the BadRequest raised for it, are those of `find_device`.
     """
     found = find_device(device)
-    cores.use(threads or default_threads())
+    cores.set_core_count(threads or default_threads())
     torch.set_flush_denormal(True)  # denormal Adam moments would slow every step down
     torch.manual_seed(seed)
     return Runtime(found, torch.Generator(device=found).manual_seed(seed))

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..capture.capture import View
 from ..io.images import write_png
-from ..palettes.colorways.reached import Prediction, reached_color
-from ..palettes.exposure import exposed_alike
-from ..palettes.matching.becomes import near
+from ..palettes.colorways.prediction import Prediction, reached_color
+from ..palettes.exposure import to_mean_exposure
+from ..palettes.matching.becomes import is_near
 from ..palettes.palette import Edit
 from ..recolor.frames import Frame
 from ..recolor.model import Model
@@ -23,7 +23,7 @@ MAX_PROBES = 50_000  # pixels per object and view
 Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
 
 
-class Pictures(Protocol):
+class RecolorableView(Protocol):
     """A view that can be recolored. suffix: of its files; disputed: see `Frame.disputed`."""
 
     suffix: str
@@ -45,7 +45,7 @@ class Pictures(Protocol):
         ...
 
 
-def pictures_of(model: Model, view: View, size: str | int, captured: bool) -> Pictures:
+def pictures_of(model: Model, view: View, size: str | int, captured: bool) -> RecolorableView:
     """Prepare a captured view at a size (`photo`, `learned`, or pixels), or the view of any camera."""
     if not captured:
         return FramePictures(model, model.render(view.camera, model.settings.render.supersampling))
@@ -62,14 +62,14 @@ class PhotoPictures:
         self.suffix, self.disputed = suffix_for(self._view.photo), self._view.disputed
 
     def recolored(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
-        return self._view.recolored_by(edits)
+        return self._view.recolor_all(edits)
 
     def write(self, path: Path, picture: StoredPhoto) -> None:
         write_photo(path, picture)
 
     def colors(self, pixels: Pixels, picture: StoredPhoto | None = None) -> np.ndarray:
         rows, columns = (numbers[:, None] for numbers in pixels)
-        return exposed_alike((picture or self._view.photo).colors(rows, columns)[:, 0], self._view.gains)
+        return to_mean_exposure((picture or self._view.photo).colors(rows, columns)[:, 0], self._view.gains)
 
     def covered(self, name: str) -> Pixels:
         matte = self._view.mattes[list(self._view.objects).index(name)]
@@ -92,17 +92,17 @@ class FramePictures:
         write_png(path, picture)
 
     def colors(self, pixels: Pixels, picture: np.ndarray | None = None) -> np.ndarray:
-        return exposed_alike((self._frame.base if picture is None else picture)[pixels], self._frame.gains)
+        return to_mean_exposure((self._frame.base if picture is None else picture)[pixels], self._frame.gains)
 
     def covered(self, name: str) -> Pixels:
         rows, columns = np.nonzero(self._frame.probabilities[self._model.objects.index(name)] > SURE)
         return rows, columns
 
 
-class Probes:
+class ColorProbe:
     """Color measurements in the pixels of a view that are surely an object's, near a source color."""
 
-    def __init__(self, pictures: Pictures) -> None:
+    def __init__(self, pictures: RecolorableView) -> None:
         self._pictures = pictures
         self._known: dict[tuple[str, bytes], tuple[Pixels, np.ndarray]] = {}
 
@@ -122,6 +122,6 @@ class Probes:
             step = len(rows) // MAX_PROBES + 1
             rows, columns = rows[::step], columns[::step]
             before = self._pictures.colors((rows, columns))
-            is_near = near(before, source, or_nearest=False)
-            self._known[key] = (rows[is_near], columns[is_near]), before[is_near]
+            nearby = is_near(before, source, or_nearest=False)
+            self._known[key] = (rows[nearby], columns[nearby]), before[nearby]
         return self._known[key]

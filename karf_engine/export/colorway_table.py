@@ -15,8 +15,8 @@ import numpy as np
 
 from ..io.color import ciede2000, srgb_to_lab
 from ..io.files import atomic_write
-from ..palettes.colorways.planned import PlannedColorway
-from ..palettes.colorways.reached import Prediction, reason_in_view
+from ..palettes.colorways.planning import PlannedColorway
+from ..palettes.colorways.prediction import Prediction, reason_in_view
 from ..palettes.palette import rgb_to_hex
 from ..palettes.reference_light import ReferenceLight
 
@@ -88,7 +88,7 @@ def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) ->
 
 
 def _view_cells(prediction: Prediction, view: str, found: Reached | None, light: ReferenceLight | None) -> list[str]:
-    name, wanted = prediction.target_color.name, _wanted(prediction.under(light))
+    name, wanted = prediction.target_color.name, _wanted(prediction.under_light(light))
     if found is None:
         return [name, view, *wanted, "", "", "0", f"this view surely shows no pixel of {name} in this color"]
     color, difference, pixels, _ = _measured(prediction, found, light)
@@ -96,7 +96,7 @@ def _view_cells(prediction: Prediction, view: str, found: Reached | None, light:
 
 
 def _cells(plan: PlannedColorway, prediction: Prediction, light: ReferenceLight | None) -> list[str]:
-    lit = prediction.under(light)
+    lit = prediction.under_light(light)
     return [
         prediction.target_color.name,
         plan.colorway.folder,
@@ -114,6 +114,6 @@ def _wanted(prediction: Prediction) -> tuple[str, str]:
 def _measured(prediction: Prediction, found: Reached | None, light: ReferenceLight | None) -> list[str]:
     if found is None:
         return [""] * 4
-    lit = replace(prediction, reached=found.color).under(light)
+    lit = replace(prediction, reached=found.color).under_light(light)
     difference = float(ciede2000(srgb_to_lab(lit.reached), lit.target_color.lab))
     return [rgb_to_hex(lit.reached), f"{difference:.2f}", str(found.pixels), str(found.views)]

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..io.color import to_bytes
 from ..io.color_spaces import ColorSpace
-from ..io.images import over, read_photo, resize, write_png
+from ..io.images import alpha_composite, read_photo, resize, write_png
 
 THUMBNAIL = 192  # pixels, long side
 LABEL, LINE, CHIP, GAP = 260, 18, 12, 6  # pixels: label width, line height, chip side, gaps
@@ -61,7 +61,7 @@ def _thumbnail(path: Path, space: ColorSpace | None) -> np.ndarray:
     """Read a picture as a thumbnail over white, uint8 [h, w, 3]."""
     picture = read_photo(path, space=space)
     if picture.shape[-1] == 4:
-        picture = over(picture[..., :3], picture[..., 3])
+        picture = alpha_composite(picture[..., :3], picture[..., 3])
     factor = THUMBNAIL / max(picture.shape[:2])
     return to_bytes(resize(picture, *(max(1, round(side * factor)) for side in picture.shape[1::-1])))
 

@@ -14,17 +14,17 @@ from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json
 from ..capture.mask_names import mask_files
-from ..io.files import naming
+from ..io.files import errors_naming_path
 from ..io.fingerprints import file_digest, fingerprint
 from ..io.inputs import check_file
-from ..palettes.edge_shape import shaped_edges
+from ..palettes.edge_shape import active_edges
 from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import RenderOptions
 
 VERSION = 4  # raise it when the same inputs give other pictures
-NOTE = "finished.jsonl"
+RECORD_NAME = "finished.jsonl"
 # options that do not change a frame's content
 NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
 
@@ -43,7 +43,7 @@ class FinishedFrames:
         Raises:
             DataError: The record is a folder, a pipe or a device.
         """
-        path, frames = folder / NOTE, {}
+        path, frames = folder / RECORD_NAME, {}
         if not path.exists():
             return cls(folder)
         check_file(path)
@@ -63,11 +63,14 @@ class FinishedFrames:
         sizes = {name: _size(self.folder / name) for name in entry["files"]}
         return bool(sizes) and sizes == entry["files"]
 
-    def note(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
+    def record(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
         """Append an entry for a written frame, with measurements; `frames` does not change."""
         sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
-        with naming(self.folder / NOTE), (self.folder / NOTE).open("a", encoding="utf-8") as stream:
+        with (
+            errors_naming_path(self.folder / RECORD_NAME),
+            (self.folder / RECORD_NAME).open("a", encoding="utf-8") as stream,
+        ):
             stream.write(f"\n{json.dumps(entry)}\n")  # after an incomplete line
 
 
@@ -77,37 +80,37 @@ def _size(path: Path) -> int:
 
 
 @dataclass(frozen=True)
-class ModelMark:
+class ModelFingerprint:
     """Fingerprints of what a project has learned with its settings of rendering, and of its rough masks."""
 
     learned: str
     masks: str
 
 
-def model_mark(project: Project, settings: Settings) -> ModelMark:
+def model_fingerprint(project: Project, settings: Settings) -> ModelFingerprint:
     """Return the current fingerprints of a project."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
-    folder = project.contained(project.masks_folder)
+    folder = project.check_inside(project.masks_folder)
     masks = {path.relative_to(folder).as_posix(): file_digest(path) for path in mask_files(folder)}
-    return ModelMark(fingerprint(VERSION, learned, to_dict(settings.render)), fingerprint(masks))
+    return ModelFingerprint(fingerprint(VERSION, learned, to_dict(settings.render)), fingerprint(masks))
 
 
-def view_mark(model: ModelMark, view: View, *options: Any) -> str:
-    """Return a fingerprint of a rendered view by `model_mark`, camera, photo and options (JSON values)."""
+def view_fingerprint(model: ModelFingerprint, view: View, *options: Any) -> str:
+    """Return a fingerprint of a rendered view by `model_fingerprint`, camera, photo and options (JSON values)."""
     camera = capture_to_json(Capture(Path(), "", (replace(view, image=None),)))["views"]  # without the photo's path
     photo = [file_digest(view.image), model.masks] if view.image and view.image.is_file() else None
     return fingerprint(model.learned, camera, photo, *options)
 
 
-def frame_mark(view: str, edit: Edit | None) -> str:
-    """Return a fingerprint of a frame by its `view_mark` and its edit."""
+def frame_fingerprint(view: str, edit: Edit | None) -> str:
+    """Return a fingerprint of a frame by its `view_fingerprint` and its edit."""
     if edit is None:
         return view
     added = {name: [_mark_of(each) for each in own] for name, own in edit.added.items()}
     options = [{name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing]
     options += [added] if added else []
-    edges = {name: asdict(shape) for name, shape in shaped_edges(edit.edges).items()}
+    edges = {name: asdict(shape) for name, shape in active_edges(edit.edges).items()}
     return fingerprint(view, *options, {"edges": edges}) if edges else fingerprint(view, *options)
 
 
@@ -129,15 +132,15 @@ class PendingFrames:
     def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
         """Record a frame as finished, if there is an output folder."""
         if self.finished is not None:
-            self.finished.note(frame, made_from, files)
+            self.finished.record(frame, made_from, files)
 
 
 def pending_frames(
-    options: RenderOptions, learned: ModelMark, views: Sequence[View], edits: Sequence[Edit | None]
+    options: RenderOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
 ) -> PendingFrames:
     """Return all frames of a command; with `skip_existing` only missing ones and those made from other inputs.
 
-    learned: `model_mark` at the time the model was loaded.
+    learned: `model_fingerprint` at the time the model was loaded.
     """
     if options.out is None:
         return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
@@ -145,7 +148,8 @@ def pending_frames(
     own = {name: value for name, value in values.items() if name not in NOT_OF_A_FRAME and value}
     finished = FinishedFrames.read(options.out)
     frames = [
-        (view, edit, frame_mark(view_mark(learned, view, own), edit)) for view, edit in zip(views, edits, strict=True)
+        (view, edit, frame_fingerprint(view_fingerprint(learned, view, own), edit))
+        for view, edit in zip(views, edits, strict=True)
     ]
     if options.skip_existing:
         frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]

@@ -13,12 +13,12 @@ from ..capture.capture import View
 from ..io.color_spaces import ColorSpace, color_space
 from ..io.files import atomic_write
 from ..io.images import write_png
-from ..palettes.added import palettes_with, spread_objects
+from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import write_planes
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import AddedColor, Edit
-from ..project.state import stage_mark
-from ..recolor.frames import Frame, planes_of, with_alpha
+from ..project.state import result_fingerprint
+from ..recolor.frames import Frame, edit_planes, remove_background
 from ..recolor.full_resolution import PhotoView
 from ..recolor.layers import Layers
 from ..recolor.model import Model
@@ -86,7 +86,7 @@ class _Files:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
         frame = self.model.render(camera, self.model.settings.render.supersampling)
         if self.options.out:
-            behind = self.model.behind(camera) if self.options.alpha else None
+            behind = self.model.render_background(camera) if self.options.alpha else None
             self._scene(camera.without_distortion(), frame, behind)
             self._frame(frame, behind)
         if self.options.planes:
@@ -95,8 +95,8 @@ class _Files:
     def write_photo(self) -> None:
         if self.options.out:
             pinhole = self.model.working_camera(self.view).without_distortion()
-            behind = self.model.behind(pinhole) if self.options.alpha else None
-            self._scene(pinhole, self.model.look(pinhole), behind)
+            behind = self.model.render_background(pinhole) if self.options.alpha else None
+            self._scene(pinhole, self.model.render_field(pinhole), behind)
             if self.options.size == "learned":
                 self._frame(self.model.preview(self.view, self.model.settings.geometry.long_side), None)
             else:
@@ -110,7 +110,7 @@ class _Files:
         if self.options.depth:
             atomic_write(self._path("depth", ".npy"), lambda temporary: np.save(temporary, frame.depth))
         if self.options.unsure:
-            for name, plane in zip(self.model.objects, self.model.unsure(pinhole, frame), strict=True):
+            for name, plane in zip(self.model.objects, self.model.label_uncertainty(pinhole, frame), strict=True):
                 write_png(self._path(f"unsure/{name}", ".png"), plane)
 
     def _frame(self, frame: Frame, behind: np.ndarray | None) -> None:
@@ -125,8 +125,8 @@ class _Files:
         if self.options.layers:
             frame = self.model.with_edges(frame, self.edges)
             assert frame.palette_weights is not None
-            palettes = palettes_with(self.model.palettes, self.added)
-            weights = spread_objects(frame.palette_weights, self.model.palettes, self.added)
+            palettes = extended_palettes(self.model.palettes, self.added)
+            weights = split_weights_of_objects(frame.palette_weights, self.model.palettes, self.added)
             layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth, frame.gains)
             write_layers(self._path("layers", ".exr"), layers, self._layer_space)
 
@@ -137,18 +137,18 @@ class _Files:
             write_mask(self._path(f"masks/{name}", ".png"), mask, finished.photo.header.orientation)
         if self.edit is not None:
             suffix = suffix_for(finished.photo, self.options.jpeg)
-            write_photo(self._path("recolor", suffix), finished.recolored(self.edit))
+            write_photo(self._path("recolor", suffix), finished.recolor(self.edit))
         if self.options.layers:
-            depth = self.model.look(self.model.working_camera(self.view)).depth
+            depth = self.model.render_field(self.model.working_camera(self.view)).depth
             layers = finished.layers(depth, self.added, self.edges)
             write_layers(self._path("layers", ".exr"), layers, self._layer_space)
 
     def _planes(self, frame: Frame) -> None:
         self.disputed.update(frame.disputed)
-        planes = planes_of(frame, self.model.objects)
+        planes = edit_planes(frame, self.model.objects)
         if self.captured:
             own = self.model.project.planes_file(self.view.name)
-            write_planes(own, planes, stage_mark(self.model.project.state(), "recoloring"))
+            write_planes(own, planes, result_fingerprint(self.model.project.state(), "recoloring"))
             self.artifact("planes", own)
         if self.options.out:
             write_planes(self._path("planes", ".npz"), planes)
@@ -160,4 +160,4 @@ class _Files:
 
 
 def _cut_out(color: np.ndarray, frame: Frame, behind: np.ndarray | None) -> np.ndarray:
-    return color if behind is None else with_alpha(color, frame.opacity, behind)
+    return color if behind is None else remove_background(color, frame.opacity, behind)

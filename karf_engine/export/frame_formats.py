@@ -9,7 +9,7 @@ import OpenEXR
 
 from ..io.color import srgb_to_linear, to_bytes
 from ..io.files import atomic_write
-from ..io.images import encoded
+from ..io.images import encode_image
 from ..io.library_paths import save_exr
 
 
@@ -26,9 +26,9 @@ def write_frame(path: Path, color: np.ndarray, kind: str) -> None:
 
 def _write(path: Path, color: np.ndarray, kind: str) -> None:
     if kind == "png8":
-        path.write_bytes(encoded(".png", to_bytes(color)))
+        path.write_bytes(encode_image(".png", to_bytes(color)))
     elif kind == "png16":
-        path.write_bytes(encoded(".png", np.rint(np.clip(color, 0, 1) * 65535).astype(np.uint16)))
+        path.write_bytes(encode_image(".png", np.rint(np.clip(color, 0, 1) * 65535).astype(np.uint16)))
     else:
         pixels = _scene_linear(color).astype({"exr16": np.float16, "exr32": np.float32}[kind])
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

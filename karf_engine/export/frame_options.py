@@ -54,7 +54,7 @@ class FrameOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "size", size_of(self.size))
+        object.__setattr__(self, "size", parse_size(self.size))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +80,11 @@ class RenderOptions(FrameOptions):
     )
 
 
-def size_of(wanted: str | int) -> str | int:
+def parse_size(wanted: str | int) -> str | int:
     """Parse the size of recolored photos: `photo`, `learned`, or pixels. Raises BadRequest for others.
 
     Examples:
-        >>> size_of("800")
+        >>> parse_size("800")
         800
     """
     if wanted in ("photo", "learned"):

@@ -19,15 +19,15 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..capture.capture import ALIKE
+from ..capture.capture import UNIT_GAINS
 from ..errors import DataError
 from ..io.inputs import check_file
 from ..io.names import is_file_name
-from ..palettes.palette import MOST_ADDED, MOST_COLORS, MOST_OBJECTS, Palette
+from ..palettes.palette import MAX_ADDED, MAX_COLORS, MAX_OBJECTS, Palette
 
 LAYERS_SCHEMA = "karf-layers/1"
 ATTRIBUTE = "karf"  # of the header
-MAX_LAYERS = MOST_COLORS * (1 + MOST_ADDED)  # per object
+MAX_LAYERS = MAX_COLORS * (1 + MAX_ADDED)  # per object
 MAX_NAME_BYTES = 40  # of an object in a layer's name: Blender cuts names at 63
 MAX_HEADER_BYTES = 16 << 20  # 4/3 of what the most objects and colors need
 EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -55,10 +55,12 @@ class ObjectLayers:
     coverage: str
     weights: tuple[str, ...]
     colors: np.ndarray
-    gains: tuple[float, float, float] = ALIKE
+    gains: tuple[float, float, float] = UNIT_GAINS
 
 
-def name_layers(palettes: Sequence[Palette], gains: tuple[float, float, float] = ALIKE) -> tuple[ObjectLayers, ...]:
+def name_layers(
+    palettes: Sequence[Palette], gains: tuple[float, float, float] = UNIT_GAINS
+) -> tuple[ObjectLayers, ...]:
     """Name the layers of objects with these learned palettes, in a picture with these gains.
 
     Programs split a layer's name at points and some at blanks, so both become `_`; duplicates get a number.
@@ -94,7 +96,7 @@ def describe_layers(objects: Sequence[ObjectLayers]) -> str:
             "coverage": each.coverage,
             "weights": list(each.weights),
             "colors": [[float(str(value)) for value in color] for color in np.asarray(each.colors, np.float32)],
-            **({} if each.gains == ALIKE else {"gains": list(each.gains)}),
+            **({} if each.gains == UNIT_GAINS else {"gains": list(each.gains)}),
         }
         for each in objects
     ]
@@ -129,7 +131,7 @@ def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
         raise DataError(f"{path} holds no layers of KaRF.", "Give a file that `render --layers` has written.")
     try:
         content = json.loads(text)
-        if content["schema"] != LAYERS_SCHEMA or not 0 < len(content["objects"]) <= MOST_OBJECTS:
+        if content["schema"] != LAYERS_SCHEMA or not 0 < len(content["objects"]) <= MAX_OBJECTS:
             raise ValueError("it has another schema")
         return tuple(_object(entry) for entry in content["objects"])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
@@ -145,7 +147,7 @@ def _object(entry: dict[str, Any]) -> ObjectLayers:
     names = (entry["name"], entry["coverage"], *weights)
     if not all(is_file_name(name) for name in names):
         raise ValueError("names do not fit")
-    red, green, blue = (float(gain) for gain in entry.get("gains", ALIKE))
+    red, green, blue = (float(gain) for gain in entry.get("gains", UNIT_GAINS))
     if not all(0 < gain < math.inf for gain in (red, green, blue)):
         raise ValueError("gains cannot be")
     return ObjectLayers(entry["name"], entry["coverage"], weights, colors, (red, green, blue))

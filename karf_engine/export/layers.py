@@ -22,11 +22,11 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from ..capture.capture import ALIKE
+from ..capture.capture import UNIT_GAINS
 from ..io.color import srgb_to_linear
 from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
-from ..io.images import full_value
+from ..io.images import white_level
 from ..io.library_paths import save_exr
 from ..recolor.layers import Layers
 from . import cryptomatte
@@ -65,7 +65,7 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        **_color_facts(space, "weight" if layers.gains == ALIKE else "weight * gains"),
+        **_color_facts(space, "weight" if layers.gains == UNIT_GAINS else "weight * gains"),
         ATTRIBUTE: describe_layers(objects),
         **cryptomatte.header(names),
     }
@@ -86,7 +86,7 @@ def _planes(objects: tuple[ObjectLayers, ...], layers: Layers, space: ColorSpace
     if space is None:
         planes = {letter: _linear(layers.base[..., channel]) for channel, letter in enumerate("RGB")}
     else:
-        base = space.from_srgb(layers.base / full_value(layers.base))
+        base = space.from_srgb(layers.base / white_level(layers.base))
         planes = {letter: np.ascontiguousarray(base[..., channel]) for channel, letter in enumerate("RGB")}
     for k, each in enumerate(objects):
         planes[f"{each.coverage}.V"] = np.ascontiguousarray(layers.coverage[k], np.float16)

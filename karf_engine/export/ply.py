@@ -8,7 +8,7 @@ import numpy as np
 
 from ..io.color import to_bytes
 from ..io.files import atomic_write
-from ..io.ply import vertex_file
+from ..io.ply import encode_vertices
 
 VERTEX = np.dtype(
     [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(c, "u1") for c in ("red", "green", "blue")]
@@ -32,4 +32,4 @@ def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np
     for names, values in (("x y z", positions), ("nx ny nz", normals), ("red green blue", to_bytes(colors))):
         for name, column in zip(names.split(), values.T, strict=True):
             table[name] = column
-    atomic_write(path, lambda temporary: temporary.write_bytes(vertex_file(table)))
+    atomic_write(path, lambda temporary: temporary.write_bytes(encode_vertices(table)))

@@ -14,7 +14,7 @@ from ..fields.rendering.surface_cache import SurfaceCache
 from ..fields.scene_surface import SurfacePoints, surface_points
 from ..heads.rendering import object_samples, weigh_cache
 from ..io.color import to_bytes
-from ..recolor.borders import borders_of
+from ..recolor.borders import measure_borders
 from ..recolor.model import Model
 from ..segmentation.views import farthest_point_views
 from .scene_points import ScenePoints
@@ -66,12 +66,12 @@ def _described(model: Model, points: SurfacePoints) -> ScenePoints:
     shares = samples.rendered[:, 1:].cpu().numpy()
     return ScenePoints(
         tuple(model.objects),
-        points.world,
+        points.world_positions,
         points.normals,
         points.spacing,
         to_bytes(points.colors),
         shares.astype(np.float16),
         weights.half().cpu().numpy(),
         model.learned_colors,
-        borders_of(points.world, shares, np.ones(n, bool), model.capture.views),
+        measure_borders(points.world_positions, shares, np.ones(n, bool), model.capture.views),
     )

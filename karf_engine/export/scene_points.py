@@ -12,12 +12,12 @@ from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.names import check_names
 from ..io.npz import has_arrays, read_arrays
-from ..palettes.added import palettes_with, spread_objects
+from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import delta_composite, stack_palettes
-from ..palettes.edge_shape import EdgeShape, shaped_edges
-from ..palettes.edges_in_space import Borders, shares_with_edges
+from ..palettes.edge_shape import EdgeShape, active_edges
+from ..palettes.edges_in_space import Borders, apply_edges_to_points
 from ..palettes.palette import AddedColor, Palette
-from ..palettes.star import plain_hull, star_of, weights_in
+from ..palettes.star import plain_hull, star_of, star_weights_in
 
 NUMBERS = ("positions", "normals", "sizes", "colors", "probabilities", "palette_weights", "learned")
 BORDERS = ("distances", "spacings", "pixels")  # in files prefixed with "border_"
@@ -55,8 +55,8 @@ class ScenePoints:
 
     def with_added(self, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> ScenePoints:
         """Spread the weights over added colors, see `palettes.added`. palettes: of the K objects as learned."""
-        weights = spread_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
-        learned = {each.name: each.colors for each in palettes_with(palettes, added)}
+        weights = split_weights_of_objects(self.palette_weights.transpose(1, 2, 0), palettes, added).transpose(2, 0, 1)
+        learned = {each.name: each.colors for each in extended_palettes(palettes, added)}
         return replace(self, palette_weights=weights, learned=stack_palettes(self.objects, learned))
 
     def with_edges(self, palettes: Sequence[Palette], edges: Mapping[str, EdgeShape]) -> ScenePoints:
@@ -71,19 +71,19 @@ class ScenePoints:
         Raises:
             DataError: The points have no borders.
         """
-        edges = shaped_edges(edges)
+        edges = active_edges(edges)
         if not edges:
             return self
         if self.borders is None:
             raise DataError("These surface points do not say how far they are from the objects' borders.", AGAIN)
-        shares = shares_with_edges(self.probabilities, self.borders, self.objects, edges)
+        shares = apply_edges_to_points(self.probabilities, self.borders, self.objects, edges)
         weights = self.palette_weights.astype(np.float32)
         for k, palette in enumerate(palettes):
             if palette.name in edges:
                 before, after, count = self.probabilities[:, k].astype(np.float32), shares[:, k], len(palette.colors)
                 kept = np.divide(np.minimum(before, after), before, out=np.ones_like(before), where=before > 0)
                 weights[:, k] *= kept[:, None]
-                own = weights_in(star_of(palette.colors, plain_hull), self.colors / np.float32(255), count)
+                own = star_weights_in(star_of(palette.colors, plain_hull), self.colors / np.float32(255), count)
                 weights[:, k, :count] += np.maximum(after - before, 0)[:, None] * own
         return replace(self, probabilities=shares.astype(np.float16), palette_weights=weights.astype(np.float16))
 

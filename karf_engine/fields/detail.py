@@ -13,7 +13,7 @@ from ..capture.capture import SparsePoints, View
 from ..io.images import resize
 from .extent import focus_point
 from .rendering.space import Space
-from .rendering.space_values import space_on
+from .rendering.space_io import space_to_device
 
 STEP = 0.5  # of central differences, pixels
 
@@ -33,7 +33,7 @@ def pixels_per_voxel(space: Space, voxel: float, positions: np.ndarray, camera: 
         >>> pixels_per_voxel(Box(), 0.1, np.array([[0.0, 0.0, -5.0]]), camera).round(3).tolist()
         [2.0]
     """
-    space = space_on(space, "cpu")
+    space = space_to_device(space, "cpu")
     _, depth = camera.project(positions)
     depth = np.where(depth > 0, depth, np.nan)
     steps = []
@@ -64,13 +64,13 @@ def typical_pixels_per_voxel(space: Space, voxel: float, views: Sequence[View], 
     return float(np.nanmedian(np.concatenate(sizes)))
 
 
-def without_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
+def remove_detail(photo: np.ndarray, pixels: float) -> np.ndarray:
     """Average a float photo [H, W, 3] over voxels of `pixels` >= 1, and interpolate linearly."""
     height, width = photo.shape[:2]
     reduced = resize(photo, max(1, round(width / max(pixels, 1))), max(1, round(height / max(pixels, 1))))
     return resize(reduced, width, height)
 
 
-def kept_psnr(photos: Sequence[np.ndarray], pixels: float) -> list[float]:
+def psnr_without_detail(photos: Sequence[np.ndarray], pixels: float) -> list[float]:
     """Return the PSNR in dB of each photo without detail of this many pixels, about what such voxels can reach."""
-    return [cv2.PSNR(without_detail(photo, pixels).astype(float), photo.astype(float), 1.0) for photo in photos]
+    return [cv2.PSNR(remove_detail(photo, pixels).astype(float), photo.astype(float), 1.0) for photo in photos]

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ..capture.camera import Camera
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from ..io.images import resize
 from .extent import focus_point
 from .rendering.rays import PixelDataset
@@ -46,7 +46,7 @@ ITERATIONS = 10  # of reweighted least squares
 EPSILON = 1e-9
 
 
-def photo_gains(scene: Scene, dataset: PixelDataset) -> np.ndarray:
+def estimate_photo_gains(scene: Scene, dataset: PixelDataset) -> np.ndarray:
     """Estimate the gain of each photo of the dataset from the geometry of a partly learned scene.
 
     Returns:
@@ -62,7 +62,7 @@ def photo_gains(scene: Scene, dataset: PixelDataset) -> np.ndarray:
     return shrunk_gains(medians, half, other)
 
 
-def gains_beside(scene: Scene, camera: Camera, photo: np.ndarray) -> tuple[float, float, float]:
+def gains_from_render(scene: Scene, camera: Camera, photo: np.ndarray) -> tuple[float, float, float]:
     """Estimate the gains of a photo that the scene was not learned from, by comparison with a render.
 
     Args:
@@ -130,7 +130,7 @@ def _sample_view(scene: Scene, dataset: PixelDataset, number: int) -> _ViewSampl
     origins, directions = camera.rays(camera.pixel_centers())
     steps = picture.depth.cpu().numpy().reshape(-1, 1) * directions
     is_solid = picture.opacity.cpu().numpy().ravel() > PARAMETERS.min_opacity
-    photo = resize(dataset.picture(number), camera.width, camera.height)
+    photo = resize(dataset.image(number), camera.width, camera.height)
     return _ViewSample(camera, photo, origins + steps, np.where(is_solid, np.linalg.norm(steps, axis=1), 0))
 
 
@@ -142,7 +142,7 @@ def _pairs(samples: Sequence[_ViewSample]) -> Iterator[_Pair]:
     low, high = np.quantile(points, np.array([0.02, 0.98]), axis=0)
     cell = (high - low).max() / PARAMETERS.cells
     positions = np.stack([sample.camera.position for sample in samples])
-    _, nearest = tree_of(positions).query(positions, min(PARAMETERS.neighbors + 1, len(samples)))
+    _, nearest = build_kd_tree(positions).query(positions, min(PARAMETERS.neighbors + 1, len(samples)))
     for number, sample in enumerate(samples):
         half = np.floor((sample.points - low) / max(cell, EPSILON)).sum(1) % 2 == 1
         for other in nearest[number]:

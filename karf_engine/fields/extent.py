@@ -16,7 +16,7 @@ RELIABLE_ERROR = 1.5  # pixels of reprojection error above the median; points be
 FEWEST_VIEWS = 3  # views that must observe a reliable point: two may agree on a mismatch
 
 
-def looks_one_way(cameras: list[Camera]) -> bool:
+def is_forward_facing(cameras: list[Camera]) -> bool:
     """Return whether cameras are forward-facing: all optical axes are near their mean."""
     axes = np.stack([-camera.camera_to_world[:3, 2] for camera in cameras])
     mean = axes.mean(0)
@@ -34,7 +34,7 @@ def focus_point(cameras: list[Camera]) -> Tensor:
     return torch.linalg.solve(projectors.sum(0) + pull, right)
 
 
-def box_round_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]:
+def box_around_focus(cameras: list[Camera], reach: float) -> tuple[Tensor, float]:
     """Return a cube around the focus point: center [3] float64 and half-width, world units.
 
     `reach` is its half-width in median half-widths of the visible area at the focus point.
@@ -55,7 +55,7 @@ def upright_axes(cameras: list[Camera]) -> np.ndarray:
     return axes
 
 
-def middle_pose(cameras: list[Camera]) -> np.ndarray:
+def mean_pose(cameras: list[Camera]) -> np.ndarray:
     """Return the mean camera-to-world pose [4, 4] (LLFF's recentering)."""
     poses = np.stack([camera.camera_to_world for camera in cameras])
     back = poses[:, :3, 2].mean(0)
@@ -68,14 +68,14 @@ def middle_pose(cameras: list[Camera]) -> np.ndarray:
     return middle
 
 
-def nearest_depth(views: list[View], points: SparsePoints | None) -> float | None:
+def min_depth(views: list[View], points: SparsePoints | None) -> float | None:
     """Return the smallest depth in any view, world units: as declared, else from sparse points, else None."""
     declared = [view.depth_bounds[0] for view in views if view.depth_bounds]
     return min(declared or _point_depths(views, points, NEAREST), default=None)
 
 
-def farthest_depth(views: list[View], points: SparsePoints | None) -> float | None:
-    """Return the largest depth in any view, world units, as `nearest_depth` does."""
+def max_depth(views: list[View], points: SparsePoints | None) -> float | None:
+    """Return the largest depth in any view, world units, as `min_depth` does."""
     declared = [view.depth_bounds[1] for view in views if view.depth_bounds]
     return max(declared or _point_depths(views, points, FARTHEST), default=None)
 

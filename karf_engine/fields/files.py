@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..errors import DataError
-from ..io.checkpoints import load_tensors, restoring, save_tensors
+from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from .background import Background
 from .registry import field_kind, field_kinds
 from .scene import Scene
@@ -34,7 +34,7 @@ def load_scene(path: Path, device: torch.device | str = "cpu") -> Scene:
         DataError: The file is missing or damaged, or its kind of field is not registered.
     """
     tensors, config = load_tensors(path, SCHEMA, device)
-    with restoring(path):
+    with damage_as_data_error(path):
         kind = config.get("kind", "voxels")
         if kind not in field_kinds():
             raise DataError(

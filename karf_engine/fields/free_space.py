@@ -13,7 +13,7 @@ from ..capture.capture import SparsePoints, View
 from .extent import reliable_points
 
 FREE_SHARE = 0.85  # free depth of a view, share of its smallest depth
-ROUND_CAMERA = 0.5  # free radius around a camera, share of the distance to its nearest point
+CLEAR_SHARE = 0.5  # free radius around a camera, share of the distance to its nearest point
 FEWEST_POINTS = 50  # points needed to estimate a smallest depth
 OUTLIERS = 0.005  # share of these points that are nearer by mistake
 POSITIONS_PER_CHUNK = 1 << 16
@@ -34,7 +34,9 @@ class FreeSpace:
     balls: Tensor  # [V, 4] float32, centers and radii, world units
 
     @classmethod
-    def of(cls, views: list[View], points: SparsePoints | None, device: torch.device | str = "cpu") -> FreeSpace:
+    def from_views(
+        cls, views: list[View], points: SparsePoints | None, device: torch.device | str = "cpu"
+    ) -> FreeSpace:
         """Build the free space of views without lens distortion and of their sparse points."""
         cameras = [view.camera for view in views]
         projections = [
@@ -46,7 +48,7 @@ class FreeSpace:
             *(torch.tensor(np.array(rows), dtype=torch.float32, device=device) for rows in (projections, limits, balls))
         )
 
-    def holds(self, positions: Tensor) -> Tensor:
+    def contains(self, positions: Tensor) -> Tensor:
         """Return whether positions [n, 3] float32, world units, are free, [n] bool."""
         return torch.cat([self._contains(some) for some in positions.split(POSITIONS_PER_CHUNK)])
 
@@ -88,7 +90,7 @@ def clear_radii(cameras: list[Camera], points: SparsePoints | None) -> list[floa
         return [0.0] * len(cameras)
     nearest = int(OUTLIERS * len(positions))
     distances = (np.linalg.norm(positions - camera.position, axis=1) for camera in cameras)
-    return [ROUND_CAMERA * float(np.partition(each, nearest)[nearest]) for each in distances]
+    return [CLEAR_SHARE * float(np.partition(each, nearest)[nearest]) for each in distances]
 
 
 def _reliable_positions(points: SparsePoints | None) -> np.ndarray:

@@ -39,7 +39,7 @@ def _sectors(x: Tensor, y: Tensor) -> Tensor:
     return ((torch.atan2(y, x) / (2 * math.pi) + 0.5) * SECTORS).long().clamp_max(SECTORS - 1)
 
 
-def horizon_of(cameras: list[Camera], points: SparsePoints | None, center: Tensor, radius: float) -> Horizon:
+def estimate_horizon(cameras: list[Camera], points: SparsePoints | None, center: Tensor, radius: float) -> Horizon:
     """Compute the largest elevation of points outside a ball in each sector and its neighbors, at least 0.
 
     Args:

@@ -15,15 +15,15 @@ from torch import Tensor
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..io.arguments import checked
+from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import FIELD_KINDS, GeometrySettings
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
 from .nerf.start import start_nerf_fit
 from .protocol import Field
-from .voxels.choice import prepare_kernels
 from .voxels.field import VoxelField
+from .voxels.renderers import prepare_kernels
 from .voxels.start import start_voxel_fit
 
 Wait = Callable[[Emit, Callable[[], bool]], None]  # waits; receives `emit` and `should_stop`
@@ -50,7 +50,7 @@ PLUGINS = "karf.fields"
 _KINDS: dict[str, FieldKind] = {}
 
 
-@checked
+@check_arguments
 def register_field(kind: FieldKind) -> None:
     """Register a kind of field for the setting `geometry.field` and for `load_scene`.
 

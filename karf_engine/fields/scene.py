@@ -11,11 +11,11 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..compute.cores import share
+from ..compute.cores import parallel_for
 from .background import Background
 from .protocol import Field
 from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance
-from .rendering.surface_cache import SurfaceCache, join_caches, quantile_samples
+from .rendering.surface_cache import SurfaceCache, concatenate_caches, quantile_samples
 from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
 CPU_RAYS_PER_CHUNK = 2048  # samples fit the cache
@@ -42,7 +42,7 @@ class Scene:
     background_kind: str  # alpha, black, white or opaque; the background of the photos
     step: float  # stride in voxels, for fields that march
 
-    def behind(self, viewdirs: Tensor) -> Tensor:
+    def background_color(self, viewdirs: Tensor) -> Tensor:
         """Return the background colors [n, 3] of directions; white for mattes, as in NeRF's benchmarks."""
         if self.background is not None:
             return self.background(viewdirs)
@@ -64,7 +64,7 @@ class Scene:
             torch.cat(colors).clamp(0, 1).view(*shape, 3),
             torch.cat(opacities).view(shape),
             (torch.cat(distances) * factor).view(shape),
-            join_caches(list(caches)),
+            concatenate_caches(list(caches)),
         )
 
     @torch.no_grad()
@@ -82,7 +82,7 @@ class Scene:
             for start in starts[first:last]:
                 parts[start] = self._render_chunk(rays[start : start + chunk], start, n_quantiles)
 
-        share(render, len(starts))
+        parallel_for(render, len(starts))
         return tuple(zip(*(parts[start] for start in starts), strict=True))
 
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
@@ -96,22 +96,25 @@ class Scene:
         distances = torch.linalg.norm(surface - rays.origins[ray_indices], dim=1, keepdim=True)
         sums = accumulate(ray_weights[seen], torch.cat([color, distances], 1), ray_indices, len(rays))
         opacity = 1 - final_transmittance
-        color = sums[:, :3] + final_transmittance[:, None] * self.behind(rays.viewdirs)
+        color = sums[:, :3] + final_transmittance[:, None] * self.background_color(rays.viewdirs)
         distance = sums[:, 3] / opacity.clamp_min(torch.finfo(opacity.dtype).tiny)  # not 0 / 0 for empty rays
         return color, opacity, distance, quantile_samples(rays, samples, ray_weights, n_quantiles, first)
 
 
 def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS, seed: int = 0) -> list[float]:
     """Return the PSNR of each training image over random pixels, dB, at most 100. The seed determines the pixels."""
-    errors = [((shown - photo) ** 2).mean() for shown, photo in compared_pixels(scene, dataset, n_pixels, seed)]
+    errors = [
+        ((shown - photo) ** 2).mean()
+        for shown, photo in rendered_and_photographed_pixels(scene, dataset, n_pixels, seed)
+    ]
     return [-10 * math.log10(float(error) + 1e-10) for error in errors]
 
 
-def compared_pixels(
+def rendered_and_photographed_pixels(
     scene: Scene, dataset: PixelDataset, n_pixels: int, seed: int = 0
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield rendered and photographed colors [n, 3] at random pixels of each training image."""
     random = torch.Generator().manual_seed(seed)
-    for first, last in itertools.pairwise(dataset.first.tolist()):
+    for first, last in itertools.pairwise(dataset.offsets.tolist()):
         index = torch.randint(first, last, (n_pixels,), generator=random).to(dataset.color.device)
         yield scene.colors(dataset.rays(index)), dataset.color[index].float() / 255

@@ -16,7 +16,7 @@ import torch
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from ..errors import DataError
 from .protocol import Field
 from .scene import Scene
@@ -32,7 +32,7 @@ NEAREST = 4  # neighbors whose mean distance is the spacing
 OUTLIER_DISTANCE = 3.0  # cells to the sixth neighbor; farther points are floaters
 
 
-class NothingSolid(DataError):
+class NoSurface(DataError):
     """The scene is fog without a surface."""
 
 
@@ -41,7 +41,7 @@ class SurfacePoints:
     """N points on a scene's surface."""
 
     positions: np.ndarray  # [N, 3] float32, grid coordinates of the scene's field
-    world: np.ndarray  # [N, 3] float32, world coordinates
+    world_positions: np.ndarray  # [N, 3] float32, world coordinates
     normals: np.ndarray  # [N, 3] float32, unit normals in the world, facing the cameras
     spacing: np.ndarray  # [N] float32, local distance between points, world units
     colors: np.ndarray  # [N, 3] float32 sRGB in [0, 1], mean over the views that see the point
@@ -73,10 +73,10 @@ def surface_points(
     if kept.sum() <= 0.85 * count:  # compensate for dropped points
         merged, kept = _fuse(scene.field, ends, traces, min(1.3 * count, len(ends.weights) / 2))
     if not kept.any():
-        raise NothingSolid("The learned scene shows nothing solid.", "Learn it again, with other settings.")
+        raise NoSurface("The learned scene shows nothing solid.", "Learn it again, with other settings.")
     points = merged.part(kept)
     world = _to_world(scene.field, points.positions)
-    distances, neighbors = tree_of(world).query(world, min(NEIGHBORS, len(world)))
+    distances, neighbors = build_kd_tree(world).query(world, min(NEIGHBORS, len(world)))
     spacing = distances[:, 1 : NEAREST + 1].mean(1).astype(np.float32)
     normals = _normals(scene.field, points, world, neighbors)
     return SurfacePoints(points.positions, world.astype(np.float32), normals, spacing, points.colors, points.viewdirs)
@@ -111,7 +111,7 @@ def _fuse(field: Field, ends: _Ends, traces: Sequence[_ViewEnds], count: float) 
         return ends, np.zeros(0, bool)
     merged, cell = _average_in_cells(ends, field.voxel, count)
     world = _to_world(field, merged.positions)
-    distances, _ = tree_of(merged.positions).query(merged.positions, [7])  # to the sixth neighbor
+    distances, _ = build_kd_tree(merged.positions).query(merged.positions, [7])  # to the sixth neighbor
     is_isolated = distances[:, 0] > OUTLIER_DISTANCE * cell
     return merged, _is_seen(world, _voxel_sizes(field, merged.positions), traces) & ~is_isolated
 

@@ -11,10 +11,10 @@ from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 from ..errors import BadRequest
 from ..project.settings import GeometrySettings, OpenSettings
-from .extent import box_round_focus, looks_one_way, middle_pose, nearest_depth
+from .extent import box_around_focus, is_forward_facing, mean_pose, min_depth
 from .rendering.space import Contraction, Frustum, Similarity
 
-OPAQUE_REACH = 1.2  # half-width of the box before a real background, as `reach` of `box_round_focus`
+OPAQUE_REACH = 1.2  # half-width of the box before a real background, as `reach` of `box_around_focus`
 IN_BOX = 0.98  # smallest share of sparse points inside that box for the box to suit the scene
 FRUSTUM_DEPTH = 0.5  # half the frustum's grid depth, in half image widths
 NEAR_SHARE = 0.75  # near plane of a frustum, share of the smallest depth
@@ -28,37 +28,37 @@ def choose_space(kind: str, views: list[View], points: SparsePoints | None, sett
     if kind != "opaque":
         return "box"
     cameras = [view.camera for view in views]
-    if looks_one_way(cameras) and nearest_depth(views, points) is not None:
+    if is_forward_facing(cameras) and min_depth(views, points) is not None:
         return "frustum"
     if points is None or not len(points):
         return "box"  # free space is unknown
-    center, half_width = box_round_focus(cameras, OPAQUE_REACH)
+    center, half_width = box_around_focus(cameras, OPAQUE_REACH)
     inside = np.abs(points.positions - center.numpy()).max(1) < half_width
     return "box" if inside.mean() >= IN_BOX else "contraction"
 
 
-def contraction_round_focus(cameras: list[Camera], recipe: OpenSettings) -> Contraction:
+def contraction_around_focus(cameras: list[Camera], recipe: OpenSettings) -> Contraction:
     """Return the contraction whose inner ball covers what the cameras see around their focus point."""
-    center, radius = box_round_focus(cameras, recipe.radius)
+    center, radius = box_around_focus(cameras, recipe.radius)
     distance = float(np.mean([np.linalg.norm(camera.position - center.numpy()) for camera in cameras]))
     return Contraction(center.float(), radius, recipe.room, NEAR * distance)
 
 
-def middle_frustum(views: list[View], points: SparsePoints | None) -> Frustum:
+def mean_frustum(views: list[View], points: SparsePoints | None) -> Frustum:
     """Return the frustum of the mean camera pose.
 
     Raises:
         BadRequest: The depth of the scene is unknown.
     """
     cameras = [view.camera for view in views]
-    near = nearest_depth(views, points)
+    near = min_depth(views, points)
     if near is None:
         raise BadRequest(
             "A frustum needs to know how near the scene is.",
             "Use geometry.space=contraction, or a capture with points.",
         )
     focal = 2 * np.mean([[camera.fx, camera.fy] for camera in cameras], 0) / np.mean([c.width for c in cameras])
-    world_to_camera = torch.from_numpy(np.linalg.inv(middle_pose(cameras))).float()
+    world_to_camera = torch.from_numpy(np.linalg.inv(mean_pose(cameras))).float()
     return Frustum(world_to_camera, torch.from_numpy(focal).float(), NEAR_SHARE * near, FRUSTUM_DEPTH)
 
 
@@ -70,7 +70,7 @@ def similarity(scale: float, world_to_grid: np.ndarray, center: np.ndarray) -> S
     return Similarity(torch.from_numpy(matrix).float())
 
 
-def ndc(frustum: Frustum, views: list[View]) -> Frustum:
+def to_ndc(frustum: Frustum, views: list[View]) -> Frustum:
     """Return the frustum in NeRF's NDC: image edges, near plane and infinity at +-1."""
     aspect = np.mean([view.camera.width / view.camera.height for view in views])
     return replace(frustum, focal=frustum.focal * torch.tensor([1.0, aspect], dtype=torch.float32), depth_scale=1.0)

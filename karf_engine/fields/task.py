@@ -38,7 +38,7 @@ class FitTask:
         return start_fit(FitInputs(dataset, self.kind, self.space, self.views, self.points, self.settings, runtime))
 
 
-def task_of(
+def make_fit_task(
     views: list[View],
     training_images: list[TrainingImage],
     kind: str,
@@ -50,10 +50,10 @@ def task_of(
     """Build the task of fitting these views, in the space that suits them, with this process's threads."""
     views = [replace(view, camera=image.camera) for view, image in zip(views, training_images, strict=True)]
     space = choose_space(kind, views, points, settings)
-    return FitTask(training_images, kind, space, views, points, settings, seed, cores.count(), device.type)
+    return FitTask(training_images, kind, space, views, points, settings, seed, cores.core_count(), device.type)
 
 
-def background_of(training_images: list[TrainingImage]) -> str:
+def background_kind_of(training_images: list[TrainingImage]) -> str:
     """Return the background of the training images: alpha, black, white or opaque."""
     return background_kind(
         [image.color if image.alpha is None else np.dstack([image.color, image.alpha]) for image in training_images]

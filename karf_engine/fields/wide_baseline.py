@@ -32,7 +32,7 @@ class WideBaselineParameters:
 PARAMETERS = WideBaselineParameters()
 
 
-def is_wide(cameras: list[Camera], center: Tensor) -> bool:
+def is_wide_baseline(cameras: list[Camera], center: Tensor) -> bool:
     """Return whether a capture is wide. center: the focus [3] of the cameras, world units."""
     if len(cameras) < 3:
         return False
@@ -43,7 +43,7 @@ def is_wide(cameras: list[Camera], center: Tensor) -> bool:
     return bool(np.degrees(np.median(second_nearest)) > PARAMETERS.angle)
 
 
-def could_be_solid(dataset: PixelDataset, points: Tensor, voxel: float) -> Tensor:
+def is_photo_consistent(dataset: PixelDataset, points: Tensor, voxel: float) -> Tensor:
     """Find the photo-consistent cells: most photos that see them agree on their color.
 
     Args:
@@ -67,7 +67,7 @@ def could_be_solid(dataset: PixelDataset, points: Tensor, voxel: float) -> Tenso
 def _project(dataset: PixelDataset, number: int, points: Tensor, voxel: float) -> tuple[Tensor, Tensor]:
     """Return a photo's colors at points, sRGB [n, 3], and whether the points are in its image, [n] bool."""
     camera = dataset.cameras[number]
-    first, last = int(dataset.first[number]), int(dataset.first[number + 1])
+    first, last = int(dataset.offsets[number]), int(dataset.offsets[number + 1])
     photo = dataset.color[first:last].float().view(1, camera.height, camera.width, 3).permute(0, 3, 1, 2) / 255
     world_to_camera = torch.from_numpy(camera.world_to_camera).to(points)
     local = points @ world_to_camera[:3, :3].T + world_to_camera[:3, 3]
@@ -83,13 +83,13 @@ def _project(dataset: PixelDataset, number: int, points: Tensor, voxel: float) -
     return photo[0, :, rows, columns].T, is_seen
 
 
-def turned(viewdirs: Tensor, axes: Tensor, turns: Tensor) -> Tensor:
+def rotate_about_vertical(viewdirs: Tensor, axes: Tensor, turns: Tensor) -> Tensor:
     """Rotate directions [n, 3] about the vertical axis by shares of a full turn [n] in [0, 1].
 
     The rows of `axes` [3, 3] are two horizontal directions and up.
 
     Examples:
-        >>> turned(torch.tensor([[1.0, 0.0, 0.5]]), torch.eye(3), torch.tensor([0.5]))
+        >>> rotate_about_vertical(torch.tensor([[1.0, 0.0, 0.5]]), torch.eye(3), torch.tensor([0.5]))
         tensor([[-1.0000e+00, -8.7423e-08,  5.0000e-01]])
     """
     x, y, z = (viewdirs @ axes.T).unbind(1)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..fields.rendering.space import Space
-from ..io.checkpoints import load_tensors, restoring, save_tensors
+from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from ..io.names import check_names
 from ..palettes.palette import Palette
 from ..project.settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
@@ -55,7 +55,7 @@ def load_segmentation(
         DataError: the file is damaged or belongs to another field.
     """
     tensors, facts = load_tensors(path, SEGMENTATION_SCHEMA, device)
-    with restoring(path):
+    with damage_as_data_error(path):
         objects = check_names(facts["objects"], path, "an object")
         if tensors["boxes"].shape != (len(objects), 2, 3):
             raise ValueError(f"{len(objects)} objects, boxes {tuple(tensors['boxes'].shape)}")
@@ -100,7 +100,7 @@ def load_recoloring(
         DataError: the file is damaged or belongs to other palettes.
     """
     tensors, facts = load_tensors(path, RECOLORING_SCHEMA, device)
-    with restoring(path):
+    with damage_as_data_error(path):
         sizes, own = facts["sizes"], [len(palette.colors) for palette in palettes]
         if sizes != own and sizes * len(own) != own:  # a single block serves all objects
             raise ValueError(f"palettes of {sizes} colors instead of {own}")
@@ -119,7 +119,7 @@ def save_surface(path: Path, surface: ObjectSurface, objects: list[str], setting
 def load_surface(path: Path, device: torch.device | str = "cpu") -> tuple[ObjectSurface, list[str]]:
     """Return the objects' rays and names. Raises DataError where the file is damaged."""
     tensors, facts = load_tensors(path, SURFACE_SCHEMA, device)
-    with restoring(path):
+    with damage_as_data_error(path):
         objects = check_names(facts["objects"], path, "an object")
         n_rays = len(tensors["object"])
         for name, kind, n_dimensions in SURFACE.values():

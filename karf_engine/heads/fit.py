@@ -215,7 +215,7 @@ def _train(
     training_state = TrainingState(settings.iterations, optimizer, learned_state, runtime)
     schedule = constant if settings.schedule == "constant" else cosine_with_warmup(WARMUP, floor)
     if checkpoint is not None:
-        checkpoint.follow(training_state, progress)
+        checkpoint.attach(training_state, progress)
     train(training_state, settings.iterations, step, schedule, progress, checkpoint)
 
 

@@ -36,11 +36,11 @@ class ObjectSurface:
 def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.ndarray]]:
     """Return the interior photo colors of each object, one array [n, 3] float32 sRGB in [0, 1] per view.
 
-    An object with too few pixels for a palette (`scarce_objects`) has their mean only, or gray without pixels.
+    An object with too few pixels for a palette (`objects_with_few_pixels`) has their mean only, or gray without pixels.
     """
     colors = surface.colors.cpu().numpy().astype(np.float32) / 255
     owner, view, interior = (values.cpu().numpy() for values in (surface.object, surface.view, surface.interior))
-    scarce, pixels = scarce_objects(surface, objects), []
+    scarce, pixels = objects_with_few_pixels(surface, objects), []
     for k, name in enumerate(objects):
         chosen = (owner == k) & interior
         if name in scarce:
@@ -50,7 +50,7 @@ def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.nd
     return pixels
 
 
-def scarce_objects(surface: ObjectSurface, objects: list[str]) -> dict[str, int]:
+def objects_with_few_pixels(surface: ObjectSurface, objects: list[str]) -> dict[str, int]:
     """Return the number of interior pixels of each object that has too few for a palette, by name."""
     counts = np.bincount(surface.object[surface.interior].cpu().numpy(), minlength=len(objects)).tolist()
     return {name: count for name, count in zip(objects, counts, strict=True) if count < MIN_INTERIOR_PIXELS}

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import BadRequest
-from ..io.arguments import checked
+from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from ..kan.gated_block import GatedBlock, count_parameters
 from ..kan.mlp import MLPHead
@@ -60,7 +60,7 @@ PLUGINS = "karf.heads"
 HEADS: dict[str, HeadBuilder] = {}
 
 
-@checked
+@check_arguments
 def register_head(name: str, build: HeadBuilder) -> None:
     """Add a kind of head for the settings `segmentation.head` and `recoloring.head`.
 

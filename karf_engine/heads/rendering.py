@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..compute.cores import share
+from ..compute.cores import parallel_for
 from ..fields.protocol import Field
 from ..fields.rendering.surface_cache import SurfaceCache
 from .fields import RecoloringField, SegmentationField
@@ -85,7 +85,7 @@ def _for_each_chunk(
         for number in range(first, last):
             use(number, _evaluate(segmentation, scene_field, cache, chunks[number]))
 
-    share(evaluate, len(chunks))
+    parallel_for(evaluate, len(chunks))
 
 
 def _evaluate(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Chunk:

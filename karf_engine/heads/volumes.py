@@ -35,7 +35,7 @@ class Volumes(nn.Module):
         self.register_buffer("rules", rules)
 
     @classmethod
-    def of(cls, volumes: Mapping[str, Sequence[Volume]], objects: Sequence[str]) -> Volumes:
+    def from_objects(cls, volumes: Mapping[str, Sequence[Volume]], objects: Sequence[str]) -> Volumes:
         """Collect the volumes of these objects; a mesh is replaced by its convex hull. Raises DataError for a flat mesh."""
         chosen = [(k, each) for k, name in enumerate(objects) for each in volumes.get(name, ())]
         faces = [_faces_of(each, objects[k]) for k, each in chosen]

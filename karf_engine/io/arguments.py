@@ -30,7 +30,7 @@ NAMES = {
 LONGEST = 80  # characters of a value quoted in a message
 
 
-def checked(function: Function) -> Function:
+def check_arguments(function: Function) -> Function:
     """Decorate a function so that arguments of other types than annotated raise TypeError.
 
     Examples:
@@ -67,7 +67,7 @@ def check_type(what: str, name: str, value: Any, kind: Any) -> None:
     Raises TypeError, or BadRequest for a path that is empty or has a NUL character.
     """
     if not _fits(value, kind):
-        raise TypeError(f"{what} takes {_name_of(kind)} as {name}, not {quoted(value)}.")
+        raise TypeError(f"{what} takes {_name_of(kind)} as {name}, not {format_value(value)}.")
     if isinstance(value, str) and Path in typing.get_args(kind) and (not value or "\0" in value):
         raise BadRequest(f"{name} = {value!r:.200} is no path.", "Give the path of a file or folder.")
 
@@ -106,21 +106,21 @@ def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> N
         isinstance(wanted, str) or size == wanted for size, wanted in zip(array.shape, shape, strict=True)
     )
     if not fits or array.dtype.kind not in "biuf":
-        raise BadRequest(f"{name} is {quoted(array)}.", f"Give numbers [{', '.join(map(str, shape))}].")
+        raise BadRequest(f"{name} is {format_value(array)}.", f"Give numbers [{', '.join(map(str, shape))}].")
 
 
 def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
     """Raise BadRequest if a value is not one of the choices."""
     if value not in choices:
-        raise BadRequest(f"{name} = {quoted(value)} is unknown.", f"Use one of: {', '.join(choices)}.")
+        raise BadRequest(f"{name} = {format_value(value)} is unknown.", f"Use one of: {', '.join(choices)}.")
 
 
-def quoted(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Format a value for a message: the repr if short, otherwise its type; arrays by their shape.
 
     Examples:
         >>> import numpy as np
-        >>> quoted(np.zeros((2, 3))), quoted("r_003")
+        >>> format_value(np.zeros((2, 3))), format_value("r_003")
         ('an array of shape (2, 3)', "'r_003'")
     """
     if type(value).__name__ == "ndarray":

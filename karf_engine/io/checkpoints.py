@@ -76,7 +76,7 @@ def load_tensors(
 
 
 @contextmanager
-def restoring(path: Path) -> Iterator[None]:
+def damage_as_data_error(path: Path) -> Iterator[None]:
     """Raise DataError for any error of the block that a damaged file can cause; out-of-memory errors pass."""
     try:
         yield

@@ -76,10 +76,10 @@ def _check(space: ColorSpace) -> None:
     if not space.config or "://" in space.config:
         _require(space)
     else:
-        run_limited(try_configuration, Path(space.config), (), space.name)
+        run_limited(load_configuration, Path(space.config), (), space.name)
 
 
-def try_configuration(path: Path, name: str) -> dict[str, np.ndarray]:
+def load_configuration(path: Path, name: str) -> dict[str, np.ndarray]:
     """Read a configuration and build the conversions of a space, in a child process. Raises what `color_space` raises."""
     _require(ColorSpace(name, str(path)))
     return {}

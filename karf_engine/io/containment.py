@@ -15,7 +15,7 @@ from ..errors import DataError
 JUNCTION = 0xA0000003  # Windows: IO_REPARSE_TAG_MOUNT_POINT
 
 
-def inside(root: Path, *names: str) -> Path:
+def checked_path(root: Path, *names: str) -> Path:
     """Join path parts to a folder and check every link on the way; the path need not exist.
 
     Raises:
@@ -37,7 +37,7 @@ def check_tree(root: Path, folder: Path) -> Path:
     Raises:
         DataError: A link leads out of `root` or is circular.
     """
-    inside(root, *folder.relative_to(root).parts)
+    checked_path(root, *folder.relative_to(root).parts)
     for place, folders, files in os.walk(folder):  # follows no links
         for path in (Path(place, name) for name in (*folders, *files)):
             if is_link(path) and (path.exists() or not path.name.startswith(".")):

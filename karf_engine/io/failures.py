@@ -48,11 +48,11 @@ def first_line(error: BaseException) -> str:
     return str(error).strip().split("\n")[0].rstrip(".:") or type(error).__name__
 
 
-def known_failure(error: BaseException) -> KarfError | None:
+def translate_error(error: BaseException) -> KarfError | None:
     """Translate an error into one that a user can act on; None for a bug.
 
     Examples:
-        >>> str(known_failure(FileNotFoundError(2, "No such file", "/films/a.png")))
+        >>> str(translate_error(FileNotFoundError(2, "No such file", "/films/a.png")))
         '/films/a.png is not there, or no longer. Put it back, or check the path; then start again.'
     """
     if isinstance(error, KarfError):
@@ -61,7 +61,7 @@ def known_failure(error: BaseException) -> KarfError | None:
         return OutOfMemory("The computer ran out of memory.", "Lower geometry.long_side, or close other programs.")
     if isinstance(error, UnicodeEncodeError):  # only file names can hold characters that cannot be encoded
         return DataError(f"{error.object!r:.400} holds bytes that are not UTF-8.", "Rename that file or folder.")
-    number = system_number(error)
+    number = errno_of(error)
     if number is None:
         return None
     file = getattr(error, "filename", None) or "a file"
@@ -76,18 +76,18 @@ def known_failure(error: BaseException) -> KarfError | None:
 
 
 @contextmanager
-def translated() -> Iterator[None]:
-    """Translate errors of the block by `known_failure`; bugs pass unchanged."""
+def translate_errors() -> Iterator[None]:
+    """Translate errors of the block by `translate_error`; bugs pass unchanged."""
     try:
         yield
     except Exception as error:
-        known = known_failure(error)
+        known = translate_error(error)
         if known is None or known is error:
             raise
         raise known from error
 
 
-def system_number(error: BaseException) -> int | None:
+def errno_of(error: BaseException) -> int | None:
     """Return the errno of a failed system call, from the message if the error has no other; None if there is none."""
     is_windows = os.name == "nt"
     if isinstance(error, OSError) and error.errno:

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DataError, KarfError
-from .failures import system_number
-from .inputs import MOST_JSON, check_file
+from .failures import errno_of
+from .inputs import MAX_JSON_BYTES, check_file
 from .processes import host_name, is_running
 
 HOST = hashlib.sha256(host_name().encode()).hexdigest()[:8]
@@ -87,14 +87,14 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
+def errors_naming_path(path: Path) -> Iterator[None]:
     """Raise failed writes of the block as OSError that names this file or folder, unless the error names a file itself."""
     try:
         yield
     except Exception as error:
         if isinstance(error, KarfError) and error.code != KarfError.code:
             raise
-        number = system_number(error) or _probe(path if path.is_dir() else path.parent)
+        number = errno_of(error) or _probe(path if path.is_dir() else path.parent)
         if number is None or getattr(error, "filename", None):
             raise
         raise OSError(number, getattr(error, "strerror", None) or os.strerror(number), str(path)) from error
@@ -148,7 +148,7 @@ def _umask() -> int:
 
 def _write_failure(error: Exception, parent: Path, folder: Path | None) -> int | None:
     """Return the errno of a failed write; None if something else failed, such as reading a source."""
-    number = system_number(error)
+    number = errno_of(error)
     if number is None:
         return _probe(folder) if folder else None
     if number in NO_ROOM or not isinstance(error, OSError) or error.filename is None:
@@ -176,7 +176,7 @@ def write_json(path: Path, content: Any) -> None:
 
 def read_json(path: Path, what: str) -> Any:
     """Read a JSON file, called `what` in messages. Raises DataError if it is missing, too large or not JSON."""
-    check_file(path, MOST_JSON, f"{path} ({what})")
+    check_file(path, MAX_JSON_BYTES, f"{path} ({what})")
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except json.JSONDecodeError as error:

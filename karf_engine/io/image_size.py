@@ -55,19 +55,19 @@ class ImageHeader:
         return self.orientation >= 5
 
     @property
-    def stored(self) -> tuple[int, int]:
+    def stored_size(self) -> tuple[int, int]:
         """Width and height as stored."""
         return self.width, self.height
 
     @property
-    def shown(self) -> tuple[int, int]:
+    def display_size(self) -> tuple[int, int]:
         """Width and height for display."""
-        return (self.height, self.width) if self.swaps_sides else self.stored
+        return (self.height, self.width) if self.swaps_sides else self.stored_size
 
 
 def image_size(path: Path) -> tuple[int, int]:
     """Return width and height for display. Raises what `image_header` raises."""
-    return image_header(path).shown
+    return image_header(path).display_size
 
 
 def image_header(path: Path) -> ImageHeader:
@@ -83,8 +83,8 @@ def image_header(path: Path) -> ImageHeader:
             "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
         ) from error
     if header is None:
-        raise unreadable(path, f"it has no complete {KINDS} header")
-    check_pixels(path, *header.stored)
+        raise unreadable_image_error(path, f"it has no complete {KINDS} header")
+    check_pixels(path, *header.stored_size)
     return header
 
 
@@ -93,10 +93,12 @@ def webp_size(data: bytes) -> tuple[int, int]:
     header = _webp_header(data[:32]) if data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 32 else None
     if header is None:
         raise ValueError("it has a picture that is no WebP")
-    return header.stored
+    return header.stored_size
 
 
-def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXELS_OF_SMALL, depth: int = 1) -> None:
+def check_pixels(
+    path: Path, width: int, height: int, min_pixel_limit: int = MOST_PIXELS_OF_SMALL, depth: int = 1
+) -> None:
     """Refuse an image file that claims too many pixels for its length.
 
     Args:
@@ -110,7 +112,7 @@ def check_pixels(path: Path, width: int, height: int, of_small: int = MOST_PIXEL
         DataError: The limit is exceeded.
     """
     length = path.stat().st_size
-    most = min(MOST_PIXELS, max(of_small, MOST_PIXELS_PER_BYTE * length)) * 2 // max(2, depth)
+    most = min(MOST_PIXELS, max(min_pixel_limit, MOST_PIXELS_PER_BYTE * length)) * 2 // max(2, depth)
     if width * height > most:
         raise DataError(
             f"{path} has {width}x{height} pixels in {length:,} bytes; at most {most // 10**6} million are read of that.",
@@ -131,10 +133,10 @@ def find_header(path: Path) -> ImageHeader | None:
             header = _header(stream.read(32), stream)
         except struct.error:
             return None
-    return header if header and min(header.stored) >= 1 else None
+    return header if header and min(header.stored_size) >= 1 else None
 
 
-def unreadable(path: Path, reason: str) -> DataError:
+def unreadable_image_error(path: Path, reason: str) -> DataError:
     """Return the error for an image that cannot be read; common kinds of damage replace the reason."""
     with path.open("rb") as stream:
         head = stream.read(32)

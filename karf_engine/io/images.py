@@ -23,12 +23,19 @@ from .color import linear_to_srgb, to_bytes
 from .color_spaces import ColorSpace
 from .failures import is_out_of_memory
 from .files import atomic_write
-from .image_size import MOST_PIXELS, MOST_PIXELS_OF_SMALL, ImageHeader, check_pixels, find_header, unreadable
+from .image_size import (
+    MOST_PIXELS,
+    MOST_PIXELS_OF_SMALL,
+    ImageHeader,
+    check_pixels,
+    find_header,
+    unreadable_image_error,
+)
 from .library_paths import library_path
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # fewer, because floats are copied several times
 ROWS = 256  # rows converted at a time
-BACK = {6: 8, 8: 6}  # inverse Exif orientations; all others are their own inverse
+INVERSE_EXIF_ORIENTATION = {6: 8, 8: 6}  # inverse Exif orientations; all others are their own inverse
 MOST_PIXELS_OF_SMALL_MASK = 100_000_000  # more, because drawings compress well
 
 Image.MAX_IMAGE_PIXELS = MOST_PIXELS  # `check_pixels` comes first
@@ -57,19 +64,19 @@ def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None
     colors = _as_colors(pixels)
     is_premultiplied = header.premultiplied and header.kind == "tiff" and header.deep  # Pillow unpremultiplies itself
     if is_premultiplied and colors.shape[-1] == 4:
-        colors[..., :3] = straight(colors)
+        colors[..., :3] = unpremultiply(colors)
     if space is not None and header.kind != "exr":  # EXR colors are converted already
-        colors[..., :3] = in_srgb(colors[..., :3], space)
+        colors[..., :3] = convert_to_srgb(colors[..., :3], space)
     return colors
 
 
-def in_srgb(colors: np.ndarray, space: ColorSpace) -> np.ndarray:
+def convert_to_srgb(colors: np.ndarray, space: ColorSpace) -> np.ndarray:
     """Convert colors of a space to sRGB clipped to [0, 1]."""
     return np.clip(space.to_srgb(colors), 0, 1)
 
 
 def read_pixels(
-    path: Path, upright: bool, of_small: int = MOST_PIXELS_OF_SMALL, space: ColorSpace | None = None
+    path: Path, upright: bool, min_pixel_limit: int = MOST_PIXELS_OF_SMALL, space: ColorSpace | None = None
 ) -> tuple[np.ndarray, ImageHeader]:
     """Read pixels at their stored depth; EXR files as display colors.
 
@@ -87,15 +94,15 @@ def read_pixels(
     """
     with decoding(path):
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
-        check_pixels(path, *header.stored, of_small, header.depth)
+        check_pixels(path, *header.stored_size, min_pixel_limit, header.depth)
         if header.kind == "exr":
             return display_colors(read_light(path, header)[0].astype(np.float32, copy=False), space), header
-        pixels = _read_deep(path) if header.deep else _read_plain(path, upright, of_small)
+        pixels = _read_deep(path) if header.deep else _read_plain(path, upright, min_pixel_limit)
     if header.kind == "tiff":  # decoders apply its orientation always
-        orientation = 1 if upright else BACK.get(header.orientation, header.orientation)
+        orientation = 1 if upright else INVERSE_EXIF_ORIENTATION.get(header.orientation, header.orientation)
     else:
         orientation = header.orientation if header.deep and upright else 1
-    return oriented(pixels, orientation), header
+    return apply_exif_orientation_copy(pixels, orientation), header
 
 
 @contextmanager
@@ -106,14 +113,14 @@ def decoding(path: Path) -> Iterator[None]:
     except Exception as error:  # decoders raise nearly anything for damaged files
         if isinstance(error, KarfError | PermissionError) or is_out_of_memory(error):
             raise
-        raise unreadable(path, str(error) or type(error).__name__) from error
+        raise unreadable_image_error(path, str(error) or type(error).__name__) from error
 
 
-def _read_plain(path: Path, upright: bool, of_small: int) -> np.ndarray:
+def _read_plain(path: Path, upright: bool, min_pixel_limit: int) -> np.ndarray:
     with iio.imopen(path.read_bytes(), "r", plugin="pillow") as file:
         stored = file.metadata(index=0)
         width, height = stored["shape"]
-        check_pixels(path, width, height, of_small)
+        check_pixels(path, width, height, min_pixel_limit)
         return cast(Any, file).read(index=0, mode=_mode_to_read(stored), rotate=upright)
 
 
@@ -128,12 +135,12 @@ def _read_deep(path: Path) -> np.ndarray:
     return pixels
 
 
-def oriented(pixels: np.ndarray, orientation: int) -> np.ndarray:
+def apply_exif_orientation_copy(pixels: np.ndarray, orientation: int) -> np.ndarray:
     """Apply an Exif orientation to pixels [H, W, ...]."""
-    return np.ascontiguousarray(turned(pixels, orientation))
+    return np.ascontiguousarray(apply_exif_orientation(pixels, orientation))
 
 
-def turned(pixels: np.ndarray, orientation: int) -> np.ndarray:
+def apply_exif_orientation(pixels: np.ndarray, orientation: int) -> np.ndarray:
     """Apply an Exif orientation as a view of the same memory."""
     if orientation >= 5:
         pixels = pixels.swapaxes(0, 1)
@@ -160,7 +167,7 @@ def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
         first, last = part.header["dataWindow"]
         width, height = (last.astype(int) - first + 1).tolist()
         layers = math.ceil(len(part.header["channels"]) / 4)
-        for size in ((width, height * layers), header.stored):
+        for size in ((width, height * layers), header.stored_size):
             check_pixels(path, *size, MOST_PIXELS_OF_SMALL_EXR)
     with library_path(path) as readable:
         file = OpenEXR.File(readable)
@@ -189,9 +196,9 @@ def display_colors(light: np.ndarray, space: ColorSpace | None = None) -> np.nda
 def _display_colors(light: np.ndarray, space: ColorSpace | None) -> np.ndarray:
     light = np.nan_to_num(light, posinf=float(np.finfo(np.float32).max))
     if light.shape[-1] == 4:
-        light[..., :3] = straight(light)
+        light[..., :3] = unpremultiply(light)
     colors = light[..., :3] if light.shape[-1] > 1 else np.repeat(light, 3, -1)
-    colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1) if space is None else in_srgb(colors, space)
+    colors = np.clip(linear_to_srgb(np.clip(colors, 0, 1)), 0, 1) if space is None else convert_to_srgb(colors, space)
     return np.concatenate([colors, np.clip(light[..., 3:], 0, 1)], -1)
 
 
@@ -214,12 +221,12 @@ def _mode_to_read(stored: dict[str, Any]) -> str | None:
 
 def _as_colors(pixels: np.ndarray) -> np.ndarray:
     colors = pixels.astype(np.float32, copy=not pixels.flags.writeable)
-    colors /= full_value(pixels)
+    colors /= white_level(pixels)
     np.clip(colors, 0, 1, out=colors)
     return colors if colors.ndim == 3 else np.repeat(colors[..., None], 3, axis=-1)
 
 
-def full_value(pixels: np.ndarray) -> int:
+def white_level(pixels: np.ndarray) -> int:
     """Return the stored value of full brightness."""
     return 255 if pixels.dtype == np.uint8 else 65535 if pixels.dtype.kind in "ui" else 1
 
@@ -240,7 +247,7 @@ def write_png(path: Path, array: np.ndarray) -> None:
     atomic_write(path, lambda file: iio.imwrite(file, array, plugin="pillow", extension=".png", is_batch=False))
 
 
-def encoded(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> memoryview:
+def encode_image(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> memoryview:
     """Encode RGB or RGBA pixels as an image file, by OpenCV, with its flags, each followed by its value.
 
     Raises OSError if the format cannot hold these pixels.
@@ -259,7 +266,7 @@ def read_mask(path: Path) -> np.ndarray:
     """
     pixels, _ = read_pixels(path, True, MOST_PIXELS_OF_SMALL_MASK)
     pixels = np.atleast_3d(pixels)  # kept as integers to save memory
-    full = full_value(pixels)
+    full = white_level(pixels)
     color = pixels[..., :3].max(-1)
     brightest = color.max()
     inside = color > (full / 2 if brightest > 1.5 / 255 * full else brightest / 2)
@@ -285,17 +292,17 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
     return resized.reshape(height, width, *image.shape[2:])
 
 
-def over(colors: np.ndarray, alpha: np.ndarray | None, gray: float = 1.0) -> np.ndarray:
+def alpha_composite(colors: np.ndarray, alpha: np.ndarray | None, gray: float = 1.0) -> np.ndarray:
     """Composite straight colors [H, W, 3] with alpha [H, W] over a gray; unchanged if alpha is None.
 
     Examples:
-        >>> over(np.array([[[1.0, 0.0, 0.0]]]), np.array([[0.5]])).tolist()
+        >>> alpha_composite(np.array([[[1.0, 0.0, 0.0]]]), np.array([[0.5]])).tolist()
         [[[1.0, 0.5, 0.5]]]
     """
     return colors if alpha is None else colors * alpha[..., None] + gray * (1 - alpha[..., None])
 
 
-def straight(photo: np.ndarray) -> np.ndarray:
+def unpremultiply(photo: np.ndarray) -> np.ndarray:
     """Unpremultiply [H, W, 4] to straight colors [H, W, 3], all in [0, 1]; black where alpha is 0."""
     alpha = photo[..., 3:]
     color = np.divide(photo[..., :3], alpha, out=np.zeros_like(photo[..., :3]), where=alpha > 0)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..errors import DataError
 
-MOST_JSON = 32 << 20  # bytes; parsed objects take up to thirty times as much
+MAX_JSON_BYTES = 32 << 20  # bytes; parsed objects take up to thirty times as much
 MOST_BYTES = 8 << 30  # bytes of a file that is read whole
 
 

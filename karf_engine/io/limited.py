@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError, KarfError, Message, error_from_code
-from .failures import first_line, is_out_of_memory, known_failure
+from .failures import first_line, is_out_of_memory, translate_error
 from .files import read_json
 from .inputs import check_file
 from .npz import read_arrays
@@ -84,7 +84,7 @@ def main(module: str, name: str, path: str, folder: str, n_bytes: str, seconds: 
         if is_out_of_memory(error):
             known: KarfError = _refused(path, f"it takes more than {int(n_bytes):,} bytes of memory")
         else:
-            known = known_failure(error) or _refused(path, first_line(error))
+            known = translate_error(error) or _refused(path, first_line(error))
         content = {"code": known.code, "sentence": known.sentence.to_json(), "hint": known.hint.to_json()}
         (Path(folder) / FAILURE).write_text(json.dumps(content), encoding="utf-8")
 

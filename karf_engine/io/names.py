@@ -24,31 +24,31 @@ def file_name(text: str) -> str:
         >>> file_name("IMG_0001"), file_name("a/b?"), file_name("NUL.png")
         ('IMG_0001', 'a_b_', '_NUL.png')
     """
-    name = FORBIDDEN.sub("_", one_form(text))
+    name = FORBIDDEN.sub("_", normalize_unicode(text))
     name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
     if name.rstrip(". ") != name:  # Windows drops them
         name = name.rstrip(". ") + "_"
     return f"_{name}" if RESERVED.fullmatch(name) or not name else name
 
 
-def one_form(name: str) -> str:
+def normalize_unicode(name: str) -> str:
     """Normalize a name to NFC; macOS may decompose accents.
 
     Examples:
-        >>> one_form("cafe\\u0301") == "caf\\u00e9"
+        >>> normalize_unicode("cafe\\u0301") == "caf\\u00e9"
         True
     """
     return unicodedata.normalize("NFC", name)
 
 
-def folded(name: str) -> str:
+def case_folded(name: str) -> str:
     """Return a key that is equal for names that Windows or macOS consider the same."""
-    return unicodedata.normalize("NFC", one_form(name).casefold())
+    return unicodedata.normalize("NFC", normalize_unicode(name).casefold())
 
 
-def known_as(name: str, names: Iterable[str]) -> str:
+def find_normalized(name: str, names: Iterable[str]) -> str:
     """Return the one of `names` that equals `name` up to Unicode form, else `name`."""
-    return next((known for known in names if one_form(known) == one_form(name)), name)
+    return next((known for known in names if normalize_unicode(known) == normalize_unicode(name)), name)
 
 
 def is_file_name(value: Any) -> bool:
@@ -78,20 +78,20 @@ def check_names(values: Any, path: Path, what: str) -> list[str]:
     if not isinstance(values, Iterable) or isinstance(values, str | dict):
         raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")
     names = [check_name(value, path, what) for value in values]
-    if len(set(map(one_form, names))) < len(names):
+    if len(set(map(normalize_unicode, names))) < len(names):
         raise DataError(f"{path} has {what} twice by one name.", "Run the stage that writes it again.")
     return names
 
 
-def same_but_for_case(names: Iterable[str]) -> tuple[str, str] | None:
+def first_case_collision(names: Iterable[str]) -> tuple[str, str] | None:
     """Return the first two names that differ in case or Unicode form only; None if there are none.
 
     Examples:
-        >>> same_but_for_case(["pot", "mug", "Pot"])
+        >>> first_case_collision(["pot", "mug", "Pot"])
         ('pot', 'Pot')
     """
     first: dict[str, str] = {}
     for name in names:
-        if first.setdefault(folded(name), name) != name:
-            return first[folded(name)], name
+        if first.setdefault(case_folded(name), name) != name:
+            return first[case_folded(name)], name
     return None

@@ -87,7 +87,7 @@ class Options:
         known = {item.name: item for item in fields(cls)}
         for name in values:
             if name not in known:
-                raise unknown(name, known)
+                raise unknown_option_error(name, known)
         missing = [name for name, item in known.items() if item.default is MISSING and values.get(name) is None]
         if missing:
             raise BadRequest(f"The {cls.command} command was given no {missing[0]}.", f"Give {' and '.join(missing)}.")
@@ -106,7 +106,7 @@ class Options:
             if getattr(self, item.name) != item.default
         }
 
-    def narrowed(self, kind: type[Kind]) -> Kind:
+    def subset(self, kind: type[Kind]) -> Kind:
         """Return options of another command with the values of the fields that both have."""
         own = {item.name for item in fields(self)}
         return kind(**{item.name: getattr(self, item.name) for item in fields(kind) if item.name in own})
@@ -116,7 +116,7 @@ class Options:
         return [part for item in fields(self) for part in _arguments(item, getattr(self, item.name))]
 
 
-def unknown(name: str, known: Iterable[str]) -> BadRequest:
+def unknown_option_error(name: str, known: Iterable[str]) -> BadRequest:
     """Return the error for an unknown option, with the nearest known name."""
     known = list(known)
     nearest = difflib.get_close_matches(name, known, 1)
@@ -124,7 +124,7 @@ def unknown(name: str, known: Iterable[str]) -> BadRequest:
     return BadRequest(f"Unknown option {name:.200}.", hint)
 
 
-def listed(kind: type[Options]) -> list[dataclasses.Field]:
+def fields_in_help_order(kind: type[Options]) -> list[dataclasses.Field]:
     """Return the fields of a class in the order of the help: common fields last."""
     common = {item.name for item in fields(Options)}
     return sorted(fields(kind), key=lambda item: item.name in common and kind is not Options)
@@ -154,11 +154,11 @@ def bounds_of(kind: type[Options], name: str) -> dict[str, Any]:
     return {key: value for key, value in bounds.items() if value not in (None, MISSING)}
 
 
-def alternatives(kind: Any) -> tuple[Any, ...]:
+def union_members(kind: Any) -> tuple[Any, ...]:
     """Return the members of a union without None, or the one type.
 
     Examples:
-        >>> alternatives(int | None)
+        >>> union_members(int | None)
         (<class 'int'>,)
     """
     parts = typing.get_args(kind) if typing.get_origin(kind) in (Union, types.UnionType) else (kind,)
@@ -169,11 +169,11 @@ def _coerce_field(name: str, kind: Any, value: Any) -> Any:
     """Coerce a value to the type of its field. Raises BadRequest if it has another type."""
     if value is None and type(None) in typing.get_args(kind):
         return None
-    for part in alternatives(kind):
+    for part in union_members(kind):
         coerced = _coerce(part, value)
         if coerced is not MISSING:
             return coerced
-    wanted = " or ".join(_name_of(part) for part in alternatives(kind))
+    wanted = " or ".join(_name_of(part) for part in union_members(kind))
     raise BadRequest(f"The option {name} = {value!r:.200} is not {wanted}.", "Correct it.")
 
 

@@ -112,7 +112,7 @@ def read_rows(data: bytes, header: Header, name: str) -> np.ndarray:
 
     Binary data are not copied. Raises ValueError if the file is cut off, or its text is not numeric.
     """
-    element, start = locate(header, name)
+    element, start = find_element(header, name)
     dtype = element.dtype
     assert dtype is not None
     if header.encoding == "ascii":
@@ -123,7 +123,7 @@ def read_rows(data: bytes, header: Header, name: str) -> np.ndarray:
     return np.frombuffer(data, dtype, element.count, header.size + start)
 
 
-def locate(header: Header, name: str) -> tuple[Element, int]:
+def find_element(header: Header, name: str) -> tuple[Element, int]:
     """Return an element without lists, and its offset behind the header: bytes, or numbers in a text file.
 
     Raises:
@@ -175,14 +175,14 @@ def _numbers(words: list[bytes]) -> np.ndarray:
         raise ValueError("its rows are not numbers") from error
 
 
-def properties(dtype: np.dtype) -> list[str]:
+def property_lines(dtype: np.dtype) -> list[str]:
     """Return the property lines of a dtype's fields.
 
     Raises:
         ValueError: A field's type is not a PLY type.
 
     Examples:
-        >>> properties(np.dtype([("x", "<f4"), ("red", "u1")]))
+        >>> property_lines(np.dtype([("x", "<f4"), ("red", "u1")]))
         ['property float x', 'property uchar red']
     """
     kinds = {name: dtype[name].str[1:] for name in dtype.names or ()}
@@ -192,8 +192,8 @@ def properties(dtype: np.dtype) -> list[str]:
     return [f"property {WORDS[kind]} {name}" for name, kind in kinds.items()]
 
 
-def vertex_file(table: np.ndarray, comments: tuple[str, ...] = ()) -> bytes:
+def encode_vertices(table: np.ndarray, comments: tuple[str, ...] = ()) -> bytes:
     """Encode a binary little-endian PLY file of vertices, [n] of a little-endian dtype with PLY types."""
     notes = [f"comment {comment}" for comment in comments]
     start = ["ply", "format binary_little_endian 1.0", *notes, f"element vertex {len(table)}"]
-    return "\n".join([*start, *properties(table.dtype), "end_header", ""]).encode() + table.tobytes()
+    return "\n".join([*start, *property_lines(table.dtype), "end_header", ""]).encode() + table.tobytes()

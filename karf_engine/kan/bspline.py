@@ -12,14 +12,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..io.arguments import check_number, checked
+from ..io.arguments import check_arguments, check_number
 from .checks import check_rows, check_vectors
 
 GRID_LIMIT = 2.0
 INITIAL_SPLINE_STD = 0.02
 
 
-@checked
+@check_arguments
 def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
     """Return the values of the B-splines, differentiable in u for `order` >= 1.
 
@@ -74,7 +74,7 @@ class BSplineLayer(nn.Module):
         torch.Size([5, 2])
     """
 
-    @checked
+    @check_arguments
     def __init__(self, n_in: int, n_out: int, grid: int = 5, order: int = 3, layer_norm: bool = True):
         super().__init__()
         check_number("n_in", n_in, 1)

@@ -17,7 +17,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..io.arguments import check_choice, checked
+from ..io.arguments import check_arguments, check_choice
 from .checks import check_encodings, head_widths
 from .encoding import join_inputs
 from .layers import LayerOptions, build_layer
@@ -50,7 +50,7 @@ class GatedBlock(nn.Module):
         torch.Size([5, 2])
     """
 
-    @checked
+    @check_arguments
     def __init__(
         self,
         n_position: int,
@@ -109,7 +109,7 @@ class GatedBlock(nn.Module):
         return torch.sigmoid(self.alpha) * shallow + adapted
 
 
-@checked
+@check_arguments
 def count_parameters(module: nn.Module) -> int:
     """Return the number of parameters of a module. Raises TypeError for anything else.
 

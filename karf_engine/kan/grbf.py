@@ -25,10 +25,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from ..compute.cores import share
+from ..compute.cores import parallel_for
 from ..compute.kernels import has_kernels
 from ..errors import BadRequest
-from ..io.arguments import check_number, checked
+from ..io.arguments import check_arguments, check_number
 from .checks import check_alike, check_rows
 
 GRID_LIMIT = 2.0
@@ -47,7 +47,7 @@ _ACCELERATOR_ROWS_PER_CHUNK = 8192
 _MAX_PARTIAL_SUMS = 4
 
 
-@checked
+@check_arguments
 def grid_spacing(n_centers: int) -> float:
     """Return the distance between neighboring centers on [-2, 2]. Raises BadRequest for fewer than two centers.
 
@@ -63,7 +63,7 @@ def _spacing(n_centers: int) -> float:
     return 2 * GRID_LIMIT / (n_centers - 1)
 
 
-@checked
+@check_arguments
 def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     """Return h of Eq. 5 in units of the normalized input.
 
@@ -91,7 +91,7 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     return h
 
 
-@checked
+@check_arguments
 def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
     """Compute `grbf` by the plain formula, with all bases in memory and gradients of any order by autograd.
 
@@ -210,7 +210,7 @@ class _GRBF(torch.autograd.Function):
         ctx.save_for_backward(x, u, weight, bandwidth)
         ctx.recurrence = recurrence
         output, scaled = x.new_empty(x.shape[0], weight.shape[0]), weight.T * recurrence.scale
-        share(_fill_outputs, len(_chunks(u)), x, u, scaled, bias, recurrence, output)
+        parallel_for(_fill_outputs, len(_chunks(u)), x, u, scaled, bias, recurrence, output)
         return output
 
     @staticmethod
@@ -230,7 +230,9 @@ class _Gradients(torch.autograd.Function):
         grad_x, grad_u = torch.empty_like(x), torch.empty_like(u)
         n_sums = max(1, min(_MAX_PARTIAL_SUMS, len(_chunks(u)))) if u.device.type == "cpu" else 1
         grad_weights, quadratics = weight.new_zeros(n_sums, *weight.shape), u.new_zeros(n_sums)
-        share(_fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics)
+        parallel_for(
+            _fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics
+        )
         grad_u.mul_(scale * kappa / recurrence.spacing)
         grad_weight, quadratic = grad_weights.sum(0).mul_(scale), quadratics.double().sum()
         # dL/dkappa = -1/2 sum (w - j)^2 E_j. The part in j^2 needs no bases: summed over rows, E_j is W dL/dW. Both parts
@@ -355,7 +357,7 @@ class GRBFLayer(nn.Module):
         (torch.Size([4, 2]), tensor(1.))
     """
 
-    @checked
+    @check_arguments
     def __init__(
         self,
         n_in: int,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from torch import nn
 
 from ..errors import BadRequest
-from ..io.arguments import check_choice, check_fields, check_number, checked
+from ..io.arguments import check_arguments, check_choice, check_fields, check_number
 from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import LAYER_KINDS
 from .bspline import BSplineLayer
@@ -45,7 +45,7 @@ PLUGINS = "karf.layers"
 LAYERS: dict[str, LayerBuilder] = {}
 
 
-@checked
+@check_arguments
 def register_layer(name: str, build: LayerBuilder) -> None:
     """Add a kind of layer for `GatedBlock` and the settings `segmentation.layer` and `recoloring.layer`.
 

@@ -2,7 +2,7 @@
 
 from torch import Tensor, nn
 
-from ..io.arguments import check_number, checked
+from ..io.arguments import check_arguments, check_number
 from .checks import check_encodings, check_rows, head_widths
 from .encoding import join_inputs
 
@@ -21,7 +21,7 @@ class MLPLayer(nn.Module):
         True
     """
 
-    @checked
+    @check_arguments
     def __init__(self, n_in: int, n_out: int, is_output: bool = False):
         super().__init__()
         check_number("n_in", n_in, 1)
@@ -51,7 +51,7 @@ class MLPHead(nn.Module):
         torch.Size([5, 2])
     """
 
-    @checked
+    @check_arguments
     def __init__(self, n_position: int, n_direction: int, n_features: int, n_out: int, width: int = 64):
         super().__init__()
         self._widths = head_widths(n_position, n_direction, n_features, n_out, width)

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import BadRequest, DataError
-from ..io.arguments import check_number, checked
+from ..io.arguments import check_arguments, check_number
 from .checks import check_rows
 
 # A channel with a smaller deviation, relative to its mean, is rounding noise: it becomes zero.
@@ -29,7 +29,7 @@ class Standardizer(nn.Module):
     mean: Tensor
     std: Tensor
 
-    @checked
+    @check_arguments
     def __init__(self, n_features: int):
         super().__init__()
         check_number("n_features", n_features, 0)

@@ -1,6 +1,6 @@
 """View consistency: compare the colors of the same surface in two views.
 
-Pixels are matched by depth and cameras (`correspond`), or by optical flow (`flow_rmse`), which needs only pictures.
+Pixels are matched by depth and cameras (`match_by_depth`), or by optical flow (`flow_rmse`), which needs only pictures.
 Pictures are [H, W, 3] in [0, 1], depth [H, W] along the optical axis (0 where empty), masks bool [H, W], flow [H, W, 2] to
 the right and down, pixel positions as in `capture/camera.py`.
 """
@@ -40,11 +40,11 @@ class Correspondence:
         """Return the RMSE of two pictures over points and channels; NaN without points."""
         if not len(self.pixels):
             return float("nan")
-        difference = picture.reshape(-1, 3)[self.pixels] - sampled(other, self.positions)
+        difference = picture.reshape(-1, 3)[self.pixels] - sample_bilinear(other, self.positions)
         return float(np.sqrt(np.mean(difference**2)))
 
 
-def correspond(view: DepthView, other: DepthView) -> Correspondence:
+def match_by_depth(view: DepthView, other: DepthView) -> Correspondence:
     """Return the points of `view`'s mask that are visible in `other`, inside its mask."""
     camera = view.camera
     pixels = np.flatnonzero(view.mask.ravel() & (view.depth.ravel() > 0))
@@ -53,8 +53,8 @@ def correspond(view: DepthView, other: DepthView) -> Correspondence:
     positions, depth = other.camera.project(points)
     inside = (positions >= 0.5).all(1) & (positions <= np.array([other.camera.width, other.camera.height]) - 0.5).all(1)
     pixels, positions, depth = (values[inside & (depth > 0)] for values in (pixels, positions, depth))
-    hit = np.abs(sampled(other.depth[..., None], positions)[:, 0] - depth) < DEPTH_TOLERANCE * depth
-    counts = sampled(other.mask[..., None].astype(np.float64), positions)[:, 0] > 0.999
+    hit = np.abs(sample_bilinear(other.depth[..., None], positions)[:, 0] - depth) < DEPTH_TOLERANCE * depth
+    counts = sample_bilinear(other.mask[..., None].astype(np.float64), positions)[:, 0] > 0.999
     return Correspondence(pixels[hit & counts], positions[hit & counts])
 
 
@@ -74,11 +74,11 @@ def flicker(before: Correspondence, after: Correspondence, pictures: Sequence[np
         return float("nan")
     first, middle, last = pictures
     middle = middle.reshape(-1, 3)[before.pixels[of_before]]
-    beside = sampled(first, before.positions[of_before]) + sampled(last, after.positions[of_after])
+    beside = sample_bilinear(first, before.positions[of_before]) + sample_bilinear(last, after.positions[of_after])
     return float(np.sqrt(np.mean((beside - 2 * middle) ** 2) / 6))
 
 
-def sampled(picture: np.ndarray, positions: np.ndarray) -> np.ndarray:
+def sample_bilinear(picture: np.ndarray, positions: np.ndarray) -> np.ndarray:
     """Return bilinear samples [n, C] of a picture [H, W, C] at pixel positions [n, 2]."""
     coordinates = positions[:, ::-1].T - 0.5
     channels = [map_coordinates(picture[..., c], coordinates, order=1, mode="nearest") for c in range(picture.shape[2])]
@@ -92,7 +92,7 @@ def flow_rmse(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: n
     without hidden pixels and motion boundaries, but with OpenCV's DIS flow instead of a network.
     """
     forward, backward = optical_flow(first, second), optical_flow(second, first)
-    warped = sampled(other, moved_pixels(forward)).reshape(other.shape)
+    warped = sample_bilinear(other, warp_positions(forward)).reshape(other.shape)
     visible = visible_by_flow(forward, backward)
     difference = shown[visible] - warped[visible]
     return float(np.sqrt(np.mean(difference**2))) if visible.any() else float("nan")
@@ -107,10 +107,12 @@ def optical_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def visible_by_flow(forward: np.ndarray, backward: np.ndarray) -> np.ndarray:
     """Return True for pixels that both flows bring back to their start, where the flow is smooth, bool [H, W]."""
-    return cancel(forward, sampled(backward, moved_pixels(forward)).reshape(forward.shape))
+    return forward_backward_consistent(
+        forward, sample_bilinear(backward, warp_positions(forward)).reshape(forward.shape)
+    )
 
 
-def cancel(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
+def forward_backward_consistent(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
     """Return True where the flow and the `back` flow at its target cancel and the flow is smooth, bool [H, W].
 
     The thresholds are those of Lai et al. 2018, after Sundaram et al. 2010.
@@ -121,7 +123,7 @@ def cancel(flow: np.ndarray, back: np.ndarray) -> np.ndarray:
     return returned & (bend <= 0.01 * squared + 0.002)
 
 
-def moved_pixels(flow: np.ndarray) -> np.ndarray:
+def warp_positions(flow: np.ndarray) -> np.ndarray:
     """Return the pixel positions [H * W, 2] after the flow."""
     height, width = flow.shape[:2]
     v, u = np.mgrid[:height, :width]

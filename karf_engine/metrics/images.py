@@ -22,7 +22,7 @@ def psnr(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None = None) 
         return float(peak_signal_noise_ratio(first, second, data_range=1))
 
 
-def color_corrected(shown: np.ndarray, photo: np.ndarray) -> np.ndarray:
+def color_correct(shown: np.ndarray, photo: np.ndarray) -> np.ndarray:
     """Return a rendered picture with the exposure and white balance of its photo, [H, W, 3] float64 in [0, 1].
 
     Each channel is a least-squares fit of the photo on quadratic polynomials of the picture, over pixels that are not
@@ -44,7 +44,7 @@ def color_corrected(shown: np.ndarray, photo: np.ndarray) -> np.ndarray:
 
 def cc_psnr(shown: np.ndarray, photo: np.ndarray) -> float:
     """Return the PSNR in dB of a rendered picture [H, W, 3], color-corrected, against its photo."""
-    return psnr(color_corrected(shown, photo), photo)
+    return psnr(color_correct(shown, photo), photo)
 
 
 def mse_outside(first: np.ndarray, second: np.ndarray, mask: np.ndarray) -> float:

@@ -28,7 +28,7 @@ SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
 GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
 
 
-def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
+def propose_added_color(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
     """Propose an added color for a picked color, sRGB [3], with the reach and protection that suit the object's colors.
 
     The reach ends at a gap in the object's hues, before the next pigment. Neutrals are protected if much of the object
@@ -39,7 +39,7 @@ def proposed(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
 
         >>> red, silver, orange = [0.7, 0.1, 0.1], [0.6, 0.6, 0.62], [0.8, 0.4, 0.1]
         >>> for other in (silver, orange):
-        ...     color = proposed(ColorHistogram(np.array([red, other]), np.array([9, 9]), np.eye(2)), np.array(red))
+        ...     color = propose_added_color(ColorHistogram(np.array([red, other]), np.array([9, 9]), np.eye(2)), np.array(red))
         ...     print(round(color.reach, 2), color.protect)
         0.75 0.1
         0.38 0.0
@@ -72,19 +72,19 @@ def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
     return np.average(seen.colors, axis=0, weights=weights if weights.any() else None)
 
 
-def with_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
+def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
     """Append the sets of added colors to a learned palette [M, 3]: [M (1 + A), 3] float32.
 
     Examples:
         >>> palette = np.array([[0, 0, 0], [1, 0.5, 0]])
-        >>> with_sets(palette, [AddedColor(np.array([0.5, 0.25, 0]))]).tolist()
+        >>> append_added_sets(palette, [AddedColor(np.array([0.5, 0.25, 0]))]).tolist()
         [[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [0.5, 0.25, 0.0], [1.0, 0.5, 0.0]]
     """
     sets = [[each.picked, *palette[1:]] for each in added]
     return np.array([*palette, *(color for one in sets for color in one)], np.float32)
 
 
-def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
+def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
     """Distribute an object's palette weights over the sets of its added colors; later colors take precedence.
 
     Args:
@@ -101,7 +101,7 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
 
         >>> palette = np.array([[0, 0, 0], [0.8, 0.1, 0.1], [0.1, 0.1, 0.8]])
         >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
-        >>> spread(np.array([[0, 0], [1.0, 0], [0, 1.0]]), palette, [blue]).round(2).tolist()[1:]
+        >>> split_weights(np.array([[0, 0], [1.0, 0], [0, 1.0]]), palette, [blue]).round(2).tolist()[1:]
         [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]
     """
     if not added:
@@ -125,21 +125,21 @@ def spread(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]
     return result
 
 
-def spread_objects(
+def split_weights_of_objects(
     weights: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> np.ndarray:
-    """Apply `spread` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A).
+    """Apply `split_weights` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A).
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
         >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
-        >>> spread_objects(np.array([[[0.5], [0.5]]]), [pot], {"pot": [blue]})[0, :, 0].round(2).tolist()
+        >>> split_weights_of_objects(np.array([[[0.5], [0.5]]]), [pot], {"pot": [blue]})[0, :, 0].round(2).tolist()
         [0.5, 0.0, 0.0, 0.5]
     """
     if not any(added.get(palette.name) for palette in palettes):
         return weights
     parts = [
-        spread(planes[: len(palette.colors)], palette.colors, added.get(palette.name, ()))
+        split_weights(planes[: len(palette.colors)], palette.colors, added.get(palette.name, ()))
         for planes, palette in zip(weights, palettes, strict=True)
     ]
     result = np.zeros((len(parts), max(map(len, parts)), *weights.shape[2:]), weights.dtype)
@@ -148,19 +148,19 @@ def spread_objects(
     return result
 
 
-def palettes_with(palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> tuple[Palette, ...]:
+def extended_palettes(palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> tuple[Palette, ...]:
     """Append the sets of added colors, given by object name, to learned palettes.
 
     Examples:
         >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
-        >>> (longer,) = palettes_with([pot], {"pot": [AddedColor(np.array([0.1, 0.1, 0.7]))]})
+        >>> (longer,) = extended_palettes([pot], {"pot": [AddedColor(np.array([0.1, 0.1, 0.7]))]})
         >>> longer.colors.shape
         (4, 3)
     """
-    return tuple(Palette(each.name, with_sets(each.colors, added.get(each.name, ()))) for each in palettes)
+    return tuple(Palette(each.name, append_added_sets(each.colors, added.get(each.name, ()))) for each in palettes)
 
 
-def solve_set(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, wanted: np.ndarray) -> np.ndarray:
+def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, wanted: np.ndarray) -> np.ndarray:
     """Solve for the set of an added color that gives its pigment the wanted color and keeps shading and gloss.
 
     Args:
@@ -175,7 +175,7 @@ def solve_set(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, want
     Examples:
         >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
         >>> seen = ColorHistogram(np.array([[0.7, 0.1, 0.1]]), np.array([9]), np.array([[0.0, 1.0]]))
-        >>> print(solve_set(seen, palette, AddedColor(palette[1]), np.array([0.1, 0.2, 0.7])).round(2))
+        >>> print(match_added_color(seen, palette, AddedColor(palette[1]), np.array([0.1, 0.2, 0.7])).round(2))
         [[0.1 0.2 0.7]
          [0.1 0.2 0.7]]
     """

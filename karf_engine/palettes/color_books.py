@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import BadRequest, DataError
-from ..io.arguments import check_array, check_fields, check_number, checked
+from ..io.arguments import check_arguments, check_array, check_fields, check_number
 from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
 from .color_rows import color_of_row, csv_rows
 from .named_colors import READERS, read_named_colors
@@ -66,7 +66,7 @@ class ColorBook:
     def __getitem__(self, name: str) -> np.ndarray:
         return np.clip(lab_to_srgb(self.lab_of(name)), 0, 1).astype(np.float32)
 
-    @checked
+    @check_arguments
     def lab_of(self, name: str) -> np.ndarray:
         """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut.
 
@@ -97,7 +97,7 @@ class NamedDifference(NamedTuple):
     ciede2000: float
 
 
-@checked
+@check_arguments
 def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
     """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first.
 
@@ -116,7 +116,7 @@ def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[Na
     return [NamedDifference(book.names[n], each, float(difference[n])) for n, each in zip(nearest, shown, strict=True)]
 
 
-@checked
+@check_arguments
 def read_color_book(path: Path | str) -> ColorBook:
     """Read a book; its name is that of the file.
 

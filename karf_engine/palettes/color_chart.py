@@ -47,7 +47,7 @@ PITCH, PATCH = 1.1, 1.0  # distance between patches, and their side
 INNER, SAMPLES = 0.5, 24  # sampled share of a patch's side, as photos blur the borders, and points along it
 MIN_PATCHES = 12  # usable ones
 MAX_RESIDUAL = 10.0  # mean CIEDE2000 beyond which the picture is not a chart
-MOST_CONDITION = 1e3  # of the matrix
+MAX_CONDITION = 1e3  # of the matrix
 EVEN = 0.1  # added to a patch's light when its error is weighted by 1 / light, so that dark patches do not dominate
 
 
@@ -61,18 +61,18 @@ class ChartFit:
     """
 
     light: ReferenceLight
-    left: np.ndarray
+    residuals: np.ndarray
 
     @property
-    def mean_left(self) -> float:
+    def mean_residual(self) -> float:
         """Mean CIEDE2000 of the usable patches."""
-        return float(np.nanmean(self.left))
+        return float(np.nanmean(self.residuals))
 
     def __str__(self) -> str:
-        worst = int(np.nanargmax(self.left))
+        worst = int(np.nanargmax(self.residuals))
         return (
-            f"color chart: CIEDE2000 {self.mean_left:.1f} left in the mean of {int(np.isfinite(self.left).sum())} patches, "
-            f"{self.left[worst]:.1f} at most ({PATCHES[worst][0]})"
+            f"color chart: CIEDE2000 {self.mean_residual:.1f} left in the mean of {int(np.isfinite(self.residuals).sum())} patches, "
+            f"{self.residuals[worst]:.1f} at most ({PATCHES[worst][0]})"
         )
 
 
@@ -168,7 +168,7 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
     to_reference = np.linalg.lstsq(photographed * weights, wanted * weights, rcond=None)[0].T
     left = np.full(len(known), np.nan)
     left[counts] = ciede2000(srgb_to_lab(linear_to_srgb(photographed @ to_reference.T)), srgb_to_lab(known[counts]))
-    if left[counts].mean() > MAX_RESIDUAL or np.linalg.cond(to_reference) > MOST_CONDITION:
+    if left[counts].mean() > MAX_RESIDUAL or np.linalg.cond(to_reference) > MAX_CONDITION:
         raise BadRequest(
             f"This does not look like a color chart: CIEDE2000 {left[counts].mean():.0f} is left in the mean.",
             "Begin at the brown patch's corner, then bluish green, black and white.",

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.color import srgb_to_lab
-from ..io.inputs import MOST_JSON, check_file
+from ..io.inputs import MAX_JSON_BYTES, check_file
 from .palette import hex_to_rgb
 
 RANGES = {  # of the three numbers
@@ -44,7 +44,7 @@ def csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
         ...     [row for row, _ in csv_rows(path)]
         [{'name': 'Traffic red', 'hex': '#bb1f11'}]
     """
-    check_file(path, MOST_JSON)
+    check_file(path, MAX_JSON_BYTES)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except ValueError as error:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .palette import BRIGHTEST, hex_to_rgb, rgb_to_hex
+from .palette import MAX_SRGB, hex_to_rgb, rgb_to_hex
 
 # CSS Color Module Level 4, 10.2; # is optional, as in color lists of web addresses
 PATTERN = re.compile(r"color\(\s*srgb((?:\s+\d*\.?\d+){3})\s*\)|(?<![0-9a-z])#?([0-9a-f]{6})(?![0-9a-z])", re.I)
@@ -33,4 +33,4 @@ def colors_of_text(text: str) -> np.ndarray:
         [[1.5, 0.25, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     found = [np.array(wide.split(), np.float32) if wide else hex_to_rgb(short) for wide, short in PATTERN.findall(text)]
-    return np.clip(np.array(found, np.float32).reshape(-1, 3), 0, BRIGHTEST)
+    return np.clip(np.array(found, np.float32).reshape(-1, 3), 0, MAX_SRGB)

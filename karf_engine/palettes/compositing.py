@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capture.capture import ALIKE
+from ..capture.capture import UNIT_GAINS
 from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.names import check_names
@@ -26,7 +26,7 @@ from ..io.npz import has_arrays, read_arrays
 
 # pixels per block of rows, so that a block's working set stays in a core's cache
 BLOCK_PIXELS = 16384
-AGAIN = "Run the render stage again, with planes."
+RENDER_AGAIN_HINT = "Run the render stage again, with planes."
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Planes:
     palette_weights: np.ndarray
     probabilities: np.ndarray
     base: np.ndarray
-    gains: tuple[float, float, float] = ALIKE
+    gains: tuple[float, float, float] = UNIT_GAINS
 
 
 def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
@@ -65,7 +65,7 @@ def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
         "probabilities": planes.probabilities.astype(np.float16),
         "base": planes.base,
     }
-    if planes.gains != ALIKE:
+    if planes.gains != UNIT_GAINS:
         arrays["gains"] = np.array(planes.gains)
     if made_from:
         arrays["made_from"] = np.array(made_from)
@@ -85,8 +85,8 @@ def read_planes(path: Path) -> Planes:
         (('pot',), dtype('float16'), (1, 2, 4, 3))
     """
     parts = ("objects", "palette_weights", "probabilities", "base")
-    objects, weights, probabilities, base = read_arrays(path, parts, "edit planes", AGAIN)
-    gains = _gains(path) if has_arrays(path, ("gains",)) else ALIKE
+    objects, weights, probabilities, base = read_arrays(path, parts, "edit planes", RENDER_AGAIN_HINT)
+    gains = _gains(path) if has_arrays(path, ("gains",)) else UNIT_GAINS
     names = check_names(np.atleast_1d(objects).tolist(), path, "an object")
     planes = Planes(tuple(names), weights, probabilities, base, gains)
     _check(path, planes)
@@ -105,16 +105,16 @@ def planes_made_from(path: Path) -> str:
         '5d41402abc4b2a76'
     """
     try:
-        (made_from,) = read_arrays(path, ("made_from",), "edit planes", AGAIN)
+        (made_from,) = read_arrays(path, ("made_from",), "edit planes", RENDER_AGAIN_HINT)
     except DataError:
         return ""
     return str(made_from)
 
 
 def _gains(path: Path) -> tuple[float, float, float]:
-    (gains,) = read_arrays(path, ("gains",), "edit planes", AGAIN)
+    (gains,) = read_arrays(path, ("gains",), "edit planes", RENDER_AGAIN_HINT)
     if gains.shape != (3,) or gains.dtype.kind != "f" or not (np.isfinite(gains) & (gains > 0)).all():
-        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", AGAIN)
+        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", RENDER_AGAIN_HINT)
     return tuple(gains.tolist())
 
 
@@ -127,7 +127,7 @@ def _check(path: Path, planes: Planes) -> None:
     if not (fits and is_float) or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
         raise DataError(
             f"{path} (edit planes) has weights {weights}, probabilities {probabilities} and base {planes.base.shape}.",
-            AGAIN,
+            RENDER_AGAIN_HINT,
         )
 
 

@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from .added import spread
-from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, box_of, faded, grown_box, moved, shaped_edges
+from .added import split_weights
+from .edge_shape import MAX_CHOKE, MAX_FEATHER, EdgeShape, active_edges, bounding_box, dilate_bbox, erode, feather
 from .palette import AddedColor, Palette
-from .star import plain_hull, star_of, weights_in
+from .star import plain_hull, star_of, star_weights_in
 
 FULL = 1 - 1 / 64  # coverage above which nothing remains to cover
 
@@ -50,9 +50,9 @@ class ObjectEdge:
         added: Sequence[AddedColor] = (),
     ) -> None:
         coverage = np.asarray(coverage, np.float32)
-        margin = EdgeShape(-MOST_CHOKE, MOST_FEATHER).reach(scale)
-        box = box_of(coverage > 0)
-        self.place = grown_box(box, margin, coverage.shape) if box else (slice(0, 0), slice(0, 0))
+        margin = EdgeShape(-MAX_CHOKE, MAX_FEATHER).reach(scale)
+        box = bounding_box(coverage > 0)
+        self.place = dilate_bbox(box, margin, coverage.shape) if box else (slice(0, 0), slice(0, 0))
         self._base, self._scale = base[self.place].reshape(-1, 3), scale
         self._before = np.ascontiguousarray(coverage[self.place])
         self._limit = np.maximum(self._before, room[self.place])
@@ -61,7 +61,7 @@ class ObjectEdge:
         self._palette, self._added = np.asarray(palette, np.float32), added
         self._star = star_of(self._palette, plain_hull)
         self._learned = weights[:, *self.place].astype(np.float32)
-        self.weights = spread(self._learned, self._palette, added).copy()
+        self.weights = split_weights(self._learned, self._palette, added).copy()
         # [h w, N], contiguous per pixel: its weights; if uncovered, those that full coverage would have
         self._whole = self.weights.reshape(len(self.weights), -1).T.copy()
         self._is_known = self._before.ravel() > 0
@@ -74,8 +74,8 @@ class ObjectEdge:
             call, and their weights [N, n].
         """
         if self._choked[0] != shape.choke:
-            self._choked = shape.choke, moved(self._before, shape.choke * self._scale)
-        after = np.minimum(faded(self._choked[1], shape.feather * self._scale), self._limit)
+            self._choked = shape.choke, erode(self._before, shape.choke * self._scale)
+        after = np.minimum(feather(self._choked[1], shape.feather * self._scale), self._limit)
         pixels = np.flatnonzero(after != self._after)
         self._after = after
         old, new = self._before.ravel()[pixels], after.ravel()[pixels]
@@ -94,14 +94,14 @@ class ObjectEdge:
         return colors / np.float32(255) if colors.dtype == np.uint8 else colors
 
     def _weights_of(self, colors: np.ndarray) -> np.ndarray:
-        return weights_in(self._star, colors, len(self._palette)).T
+        return star_weights_in(self._star, colors, len(self._palette)).T
 
     def _compute_uncovered(self, pixels: np.ndarray) -> None:
         """Compute the weights of uncovered pixels, once each."""
         unknown = pixels[~self._is_known[pixels]]
         if len(unknown):
             beside = self._weights_of(self._colors(unknown))
-            self._whole[unknown] = spread(beside, self._palette, self._added).T
+            self._whole[unknown] = split_weights(beside, self._palette, self._added).T
             self._is_known[unknown] = True
 
     @cached_property
@@ -119,7 +119,7 @@ class ObjectEdge:
         chosen = np.searchsorted(self._mixed.pixels, pixels)
         grown = self._mixed.own[chosen] + (after - before)[:, None] * self._mixed.beside[chosen]
         now = after * self._weights_of(grown / after[:, None])
-        return spread(np.maximum(self._mixed.residual[:, chosen] + now, 0), self._palette, self._added)
+        return split_weights(np.maximum(self._mixed.residual[:, chosen] + now, 0), self._palette, self._added)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class _MixedPixels:
     residual: np.ndarray
 
 
-def reshaped(
+def apply_edges_to_planes(
     base: np.ndarray,
     weights: np.ndarray,
     probabilities: np.ndarray,
@@ -164,11 +164,11 @@ def reshaped(
         >>> coverage = np.array([[[0, 0, 1, 1]]], np.float32)
         >>> base = np.array([[[255, 0, 0]] * 4], np.uint8)
         >>> weights = np.stack([0 * coverage, coverage], axis=1)
-        >>> weights, coverage = reshaped(base, weights, coverage, [pot], {"pot": EdgeShape(choke=-1)}, 1.0)
+        >>> weights, coverage = apply_edges_to_planes(base, weights, coverage, [pot], {"pot": EdgeShape(choke=-1)}, 1.0)
         >>> weights[0, :, 0].tolist()
         [[0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0]]
     """
-    edges = shaped_edges(edges)
+    edges = active_edges(edges)
     if not edges:
         return weights, probabilities
     result, coverages, total = weights.copy(), probabilities.copy(), probabilities.sum(axis=0, dtype=np.float32)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..io.arguments import check_fields, check_number
 
-MOST_CHOKE, MOST_FEATHER = 16.0, 64.0
+MAX_CHOKE, MAX_FEATHER = 16.0, 64.0
 DIRECTIONS = 16  # of exact erosion; between them the distance is 2 % off at most
 CHUNK = 512  # rim evaluations at a time, and
 BLOCK = 256  # side of the blocks in pixels: both keep the working set in a core's cache
@@ -26,8 +26,8 @@ class EdgeShape:
     """Edge of an object, moved and faded.
 
     Attributes:
-        choke: Inward shift of the edge in pixels, -MOST_CHOKE to MOST_CHOKE; negative values grow the object.
-        feather: Width in pixels of the fade, centered on the moved edge, 0 to MOST_FEATHER.
+        choke: Inward shift of the edge in pixels, -MAX_CHOKE to MAX_CHOKE; negative values grow the object.
+        feather: Width in pixels of the fade, centered on the moved edge, 0 to MAX_FEATHER.
 
     Raises:
         BadRequest: A number is out of range.
@@ -38,8 +38,8 @@ class EdgeShape:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        check_number("choke", self.choke, -MOST_CHOKE, MOST_CHOKE)
-        check_number("feather", self.feather, 0, MOST_FEATHER)
+        check_number("choke", self.choke, -MAX_CHOKE, MAX_CHOKE)
+        check_number("feather", self.feather, 0, MAX_FEATHER)
 
     @property
     def is_neutral(self) -> bool:
@@ -50,17 +50,19 @@ class EdgeShape:
         return ceil(scale * (max(0.0, -self.choke) + self.feather / 2)) + 1
 
 
-def shaped_edges(edges: Mapping[str, EdgeShape]) -> dict[str, EdgeShape]:
+def active_edges(edges: Mapping[str, EdgeShape]) -> dict[str, EdgeShape]:
     """Return the edges that are not neutral.
 
     Examples:
-        >>> shaped_edges({"pot": EdgeShape(), "mug": EdgeShape(1.0)})
+        >>> active_edges({"pot": EdgeShape(), "mug": EdgeShape(1.0)})
         {'mug': EdgeShape(choke=1.0, feather=0.0)}
     """
     return {name: shape for name, shape in edges.items() if not shape.is_neutral}
 
 
-def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.ndarray | None = None) -> np.ndarray:
+def apply_edge_shape(
+    coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.ndarray | None = None
+) -> np.ndarray:
     """Return a coverage with its edge moved, then faded.
 
     Moving is gray-scale erosion (or dilation) by a disk, which preserves the softness of the edge. Fading applies two
@@ -77,13 +79,13 @@ def shaped(coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.
 
     Examples:
         >>> row = np.array([[0, 0, 0, 1, 1, 1, 1, 1]])
-        >>> shaped(row, EdgeShape(choke=2))[0].tolist()
+        >>> apply_edge_shape(row, EdgeShape(choke=2))[0].tolist()
         [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
-        >>> print(shaped(row, EdgeShape(feather=4))[0].round(2))
+        >>> print(apply_edge_shape(row, EdgeShape(feather=4))[0].round(2))
         [0.   0.03 0.25 0.75 0.97 1.   1.   1.  ]
     """
     before = np.asarray(coverage, np.float32)
-    after = faded(moved(before, shape.choke * scale), shape.feather * scale)
+    after = feather(erode(before, shape.choke * scale), shape.feather * scale)
     if room is not None:
         after = np.minimum(after, np.maximum(before, room))
     return before.copy() if after is before else after
@@ -97,8 +99,8 @@ def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndar
     result = coverage.copy()
     for top in range(0, coverage.shape[0], BLOCK):
         for left in range(0, coverage.shape[1], BLOCK):
-            block = grown_box((slice(top, top + BLOCK), slice(left, left + BLOCK)), 0, coverage.shape)
-            around = grown_box(block, reach, coverage.shape)
+            block = dilate_bbox((slice(top, top + BLOCK), slice(left, left + BLOCK)), 0, coverage.shape)
+            around = dilate_bbox(block, reach, coverage.shape)
             changing = _changing(coverage[around])
             if changing is None:
                 continue
@@ -114,10 +116,10 @@ def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndar
 def _changing(values: np.ndarray) -> tuple[slice, slice] | None:
     """Return the box, with a margin of one, outside which [H, W] equals its nearest corners; None if it is constant."""
     first, last = values[0, 0], values[-1, -1]
-    box = box_of(values != first)
+    box = bounding_box(values != first)
     if box is None:
         return None
-    ends = box if first == last else box_of(values != last)
+    ends = box if first == last else bounding_box(values != last)
     assert ends is not None  # the values are not constant
     rows, columns = (slice(each.start - 1, end.stop + 1) for each, end in zip(box, ends, strict=True))
     return rows, columns
@@ -125,7 +127,7 @@ def _changing(values: np.ndarray) -> tuple[slice, slice] | None:
 
 def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) -> np.ndarray:
     """Return a part of [H, W] with a margin on each side, extended by replication."""
-    inside = grown_box(place, margin, values.shape)
+    inside = dilate_bbox(place, margin, values.shape)
     beyond = [
         (each.start - own.start + margin, own.stop + margin - each.stop)
         for each, own in zip(inside, place, strict=True)
@@ -133,13 +135,13 @@ def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) ->
     return np.pad(values[inside], beyond, mode="edge") if any(map(any, beyond)) else values[inside]
 
 
-def moved(coverage: np.ndarray, distance: float) -> np.ndarray:
+def erode(coverage: np.ndarray, distance: float) -> np.ndarray:
     """Erode a coverage by a disk of radius `distance` in pixels, or dilate it if negative.
 
     The disk is its pixels and DIRECTIONS interpolated points of its rim.
 
     Examples:
-        >>> moved(np.array([[0, 0, 1, 1, 1, 1]], np.float32), 1.5)[0].tolist()
+        >>> erode(np.array([[0, 0, 1, 1, 1, 1]], np.float32), 1.5)[0].tolist()
         [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]
     """
     if not distance:
@@ -203,11 +205,11 @@ def _interpolated(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> n
     return result
 
 
-def faded(coverage: np.ndarray, width: float) -> np.ndarray:
+def feather(coverage: np.ndarray, width: float) -> np.ndarray:
     """Fade the edges of a coverage [H, W] over a width in pixels.
 
     Examples:
-        >>> print(faded(np.array([[0, 0, 0, 1, 1, 1]], np.float32), 4)[0].round(2))
+        >>> print(feather(np.array([[0, 0, 0, 1, 1, 1]], np.float32), 4)[0].round(2))
         [0.   0.03 0.25 0.75 0.97 1.  ]
     """
     if not width:
@@ -259,11 +261,11 @@ def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
     return total
 
 
-def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
+def bounding_box(covered: np.ndarray) -> tuple[slice, slice] | None:
     """Return rows and columns of the bounding box of True in [H, W], or None if there is none.
 
     Examples:
-        >>> box_of(np.array([[False, False, False], [False, True, True]]))
+        >>> bounding_box(np.array([[False, False, False], [False, True, True]]))
         (slice(1, 2, None), slice(1, 3, None))
     """
     ends = []
@@ -275,11 +277,11 @@ def box_of(covered: np.ndarray) -> tuple[slice, slice] | None:
     return ends[0], ends[1]
 
 
-def grown_box(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
+def dilate_bbox(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
     """Dilate a box by a number of pixels, clipped to a picture of this shape.
 
     Examples:
-        >>> grown_box((slice(1, 2), slice(1, 3)), 2, (9, 4))
+        >>> dilate_bbox((slice(1, 2), slice(1, 3)), 2, (9, 4))
         (slice(0, 4, None), slice(0, 4, None))
     """
     rows, columns = (

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape
+from .edge_shape import MAX_CHOKE, MAX_FEATHER, EdgeShape
 
-MOST_REACH = MOST_CHOKE + MOST_FEATHER / 2  # pixels that an edge can extend beyond an object
+MAX_EDGE_REACH = MAX_CHOKE + MAX_FEATHER / 2  # pixels that an edge can extend beyond an object
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Borders:
     pixels: np.ndarray
 
 
-def shares_with_edges(
+def apply_edges_to_points(
     shares: np.ndarray, borders: Borders, objects: Sequence[str], edges: Mapping[str, EdgeShape]
 ) -> np.ndarray:
     """Return the objects' shares of points after moving and fading edges.
@@ -53,7 +53,7 @@ def shares_with_edges(
         >>> shares, distances = np.array([[0.0], [0], [1], [1]]), np.array([[-1.5], [-0.5], [0.5], [1.5]])
         >>> borders = Borders(distances, np.ones(1), np.ones(1))
         >>> for shape in (EdgeShape(choke=1), EdgeShape(choke=-1), EdgeShape(feather=4)):
-        ...     print(shares_with_edges(shares, borders, ["pot"], {"pot": shape})[:, 0].round(2))
+        ...     print(apply_edges_to_points(shares, borders, ["pot"], {"pot": shape})[:, 0].round(2))
         [0. 0. 0. 1.]
         [0. 1. 1. 1.]
         [0.03 0.28 0.72 0.97]
@@ -79,6 +79,6 @@ def _shaped(share: np.ndarray, distance: np.ndarray, shape: EdgeShape, pixel: fl
 
 
 def _profile(place: np.ndarray) -> np.ndarray:
-    """Return the coverage across a fading edge of width 1: two boxes, as in `edge_shape.faded`."""
+    """Return the coverage across a fading edge of width 1: two boxes, as in `edge_shape.feather`."""
     place = np.clip(place, -0.5, 0.5)
     return np.where(place < 0, 2 * (place + 0.5) ** 2, 1 - 2 * (0.5 - place) ** 2).astype(np.float32)

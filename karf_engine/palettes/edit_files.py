@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..io.arguments import check_choice, checked
+from ..io.arguments import check_arguments, check_choice
 from ..io.files import write_json
-from ..io.names import known_as
-from .edge_shape import MOST_CHOKE, MOST_FEATHER, EdgeShape, shaped_edges
+from ..io.names import find_normalized
+from .edge_shape import MAX_CHOKE, MAX_FEATHER, EdgeShape, active_edges
 from .palette import (
-    BRIGHTEST,
     COMPOSITING_MODES,
-    MOST_ADDED,
-    MOST_COLORS,
-    MOST_PROTECT,
-    MOST_REACH,
+    MAX_ADDED,
+    MAX_COLORS,
+    MAX_PROTECT,
+    MAX_REACH,
+    MAX_SRGB,
     REACH,
     AddedColor,
     Edit,
@@ -35,7 +35,7 @@ from .palette import (
 EDIT_SCHEMA = "karf-edit/1"
 
 
-@checked
+@check_arguments
 def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read edit.json; null entries and missing objects stay as learned.
 
@@ -83,11 +83,11 @@ def edit_from_json(
         raise DataError(f"{path}: 'objects' is not a table of objects.", 'Write {"name": {"colors": [...]}}.')
     colors, added, edges = {palette.name: palette.colors.copy() for palette in palettes}, {}, {}
     for written, entry in objects.items():
-        name = known_as(written, colors)
+        name = find_normalized(written, colors)
         if name not in colors:
             raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
         where = f"{path}: edit of {name!r}"
-        entries = list_of(entry.get("colors") if isinstance(entry, dict) else None, where, MOST_COLORS)
+        entries = list_of(entry.get("colors") if isinstance(entry, dict) else None, where, MAX_COLORS)
         if len(entries) != len(colors[name]):
             raise DataError(
                 f"{where} has {len(entries)} colors, its palette has {len(colors[name])}.",
@@ -95,18 +95,18 @@ def edit_from_json(
             )
         for index, value in enumerate(entries):
             if value is not None:
-                colors[name][index] = color_of(value, where, BRIGHTEST)
+                colors[name][index] = color_of(value, where, MAX_SRGB)
         if colors[name][0].any():
             raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
         if "added" in entry:
             sets = [
-                _added(each, where, len(entries)) for each in list_of(entry["added"], f"{where}: 'added'", MOST_ADDED)
+                _added(each, where, len(entries)) for each in list_of(entry["added"], f"{where}: 'added'", MAX_ADDED)
             ]
             added[name] = tuple(each for each, _ in sets)
             colors[name] = np.concatenate([colors[name], *(own for _, own in sets)])
         if "edges" in entry:
             edges[name] = _edge(entry["edges"], where)
-    return Edit(colors, compositing, added, shaped_edges(edges))
+    return Edit(colors, compositing, added, active_edges(edges))
 
 
 def _edge(entry: Any, where: str) -> EdgeShape:
@@ -114,7 +114,7 @@ def _edge(entry: Any, where: str) -> EdgeShape:
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the edges {entry!r:.200}.", 'Write {"choke": pixels, "feather": pixels}.')
     values = {}
-    for key, low, high in (("choke", -MOST_CHOKE, MOST_CHOKE), ("feather", 0.0, MOST_FEATHER)):
+    for key, low, high in (("choke", -MAX_CHOKE, MAX_CHOKE), ("feather", 0.0, MAX_FEATHER)):
         value = entry.get(key, 0.0)
         if not is_number(value) or not low <= value <= high:
             raise DataError(f"{where} has the {key} {value!r:.200}.", f"Write pixels from {low:g} to {high:g}.")
@@ -127,11 +127,11 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
     reach, protect = entry.get("reach", REACH), entry.get("protect", 0.0)
-    colors = list_of(entry.get("colors"), f"{where}: an added color", MOST_COLORS)
-    if not is_number(reach) or not 0 < reach <= MOST_REACH:
-        raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MOST_REACH:g}.")
-    if not is_number(protect) or not 0 <= protect <= MOST_PROTECT:
-        raise DataError(f"{where} protects {protect!r:.200}.", f"Write a number from 0 to {MOST_PROTECT:g}.")
+    colors = list_of(entry.get("colors"), f"{where}: an added color", MAX_COLORS)
+    if not is_number(reach) or not 0 < reach <= MAX_REACH:
+        raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MAX_REACH:g}.")
+    if not is_number(protect) or not 0 <= protect <= MAX_PROTECT:
+        raise DataError(f"{where} protects {protect!r:.200}.", f"Write a number from 0 to {MAX_PROTECT:g}.")
     if len(colors) != size:
         raise DataError(
             f"{where} has an added color of {len(colors)} colors, its palette has {size}.",
@@ -139,11 +139,11 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
         )
     picked = color_of(entry.get("picked"), where, 1)
     return AddedColor(picked, float(reach), float(protect)), np.stack(
-        [color_of(value, where, BRIGHTEST) for value in colors]
+        [color_of(value, where, MAX_SRGB) for value in colors]
     )
 
 
-@checked
+@check_arguments
 def write_edit(path: Path | str, edit: Edit) -> None:
     """Write edit.json atomically, with exact sRGB numbers; raise BadRequest for another suffix.
 
@@ -176,7 +176,7 @@ def edit_to_json(edit: Edit) -> dict[str, Any]:
         objects[name] = {"colors": rows_of(palette)}
         if added:
             objects[name]["added"] = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
-    for name, shape in shaped_edges(edit.edges).items():
+    for name, shape in active_edges(edit.edges).items():
         objects[name]["edges"] = asdict(shape)
     return {"schema": EDIT_SCHEMA, "compositing": edit.compositing, "objects": objects}
 

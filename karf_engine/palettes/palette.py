@@ -23,11 +23,11 @@ from .edge_shape import EdgeShape
 
 PALETTE_SCHEMA = "karf-palette/1"
 COMPOSITING_MODES = ("delta", "paper")
-MOST_OBJECTS, MOST_COLORS = 255, 64
-MOST_ADDED = 16  # per object
-REACH, MOST_REACH = 0.5, 4.0  # of an added color: default and maximum
-PROTECT, MOST_PROTECT = 0.1, 0.5  # less recolors reflections, more leaves rims of the old color
-BRIGHTEST = 2.0  # highest sRGB value of an edited color: swatches may exceed white, mixtures are clipped
+MAX_OBJECTS, MAX_COLORS = 255, 64
+MAX_ADDED = 16  # per object
+REACH, MAX_REACH = 0.5, 4.0  # of an added color: default and maximum
+PROTECT, MAX_PROTECT = 0.1, 0.5  # less recolors reflections, more leaves rims of the old color
+MAX_SRGB = 2.0  # highest sRGB value of an edited color: swatches may exceed white, mixtures are clipped
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class AddedColor:
 
     Attributes:
         picked: The pigment's color as learned, sRGB [3] in [0, 1]; not black.
-        reach: Width of the hue gate around it, in (0, MOST_REACH]; 1 is the width that *Becomes* uses.
-        protect: Share of its saturation below which colors are neutral and excluded, in [0, MOST_PROTECT]; see
+        reach: Width of the hue gate around it, in (0, MAX_REACH]; 1 is the width that *Becomes* uses.
+        protect: Share of its saturation below which colors are neutral and excluded, in [0, MAX_PROTECT]; see
             `matching.paints.pigment_gate`.
     """
 
@@ -105,7 +105,7 @@ class Edit:
         check_fields(self)
         check_choice("compositing", self.compositing, COMPOSITING_MODES)
         for name, colors in self.colors.items():
-            _check_colors(name, colors, BRIGHTEST)
+            _check_colors(name, colors, MAX_SRGB)
 
     def __repr__(self) -> str:
         objects = ", ".join(_brief(name, colors) for name, colors in self.colors.items())
@@ -197,10 +197,10 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
     """
     content = read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
-    for entry in list_of(content.get("objects"), f"{path}: 'objects'", MOST_OBJECTS):
+    for entry in list_of(content.get("objects"), f"{path}: 'objects'", MAX_OBJECTS):
         name = check_name(entry.get("name") if isinstance(entry, dict) else None, path, "an object")
         where = f"{path}: palette of {name!r}"
-        colors = np.stack([color_of(c, where, 1) for c in list_of(entry.get(which), where, MOST_COLORS)])
+        colors = np.stack([color_of(c, where, 1) for c in list_of(entry.get(which), where, MAX_COLORS)])
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import BadRequest
-from ..io.arguments import checked
+from ..io.arguments import check_arguments
 from ..project.folder import Project
 from ..project.settings import from_dict
-from .added import palettes_with, solve_set, spread
-from .colorways.reached import shown
-from .edge_shape import EdgeShape, shaped_edges
+from .added import extended_palettes, match_added_color, split_weights
+from .colorways.prediction import edited_colors
+from .edge_shape import EdgeShape, active_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .matching.surface import Surface, match_surface
 from .object_colors import read_object_colors
 from .palette import (
-    BRIGHTEST,
-    MOST_ADDED,
-    MOST_PROTECT,
-    MOST_REACH,
+    MAX_ADDED,
+    MAX_PROTECT,
+    MAX_REACH,
+    MAX_SRGB,
     REACH,
     AddedColor,
     Edit,
@@ -54,7 +54,7 @@ class ProjectEdit(Edit):
     project: Project = field(kw_only=True, repr=False, compare=False)
     palettes: tuple[Palette, ...] = field(kw_only=True, repr=False, compare=False)
 
-    @checked
+    @check_arguments
     def becomes(
         self,
         name: str,
@@ -86,7 +86,7 @@ class ProjectEdit(Edit):
         sets = self.colors[name][len(colors) :]
         return replace(self, colors=self.colors | {name: np.concatenate([colors, sets])})
 
-    @checked
+    @check_arguments
     def add_color(
         self, name: str, picked: Color, wanted: Color, reach: float = REACH, protect: float = 0.0
     ) -> ProjectEdit:
@@ -106,22 +106,22 @@ class ProjectEdit(Edit):
             DataError: A color is invalid, or the project's color histogram is damaged.
         """
         palette, before = self._palette(name), self.added.get(name, ())
-        if not 0 < reach <= MOST_REACH:
-            raise BadRequest(f"{reach!r} is not a reach.", f"Give a number above 0, up to {MOST_REACH:g}.")
-        if not 0 <= protect <= MOST_PROTECT:
-            raise BadRequest(f"{protect!r} cannot be protected.", f"Give a number from 0 to {MOST_PROTECT:g}.")
-        if len(before) == MOST_ADDED:
-            raise BadRequest(f"{name!r} has {MOST_ADDED} added colors.", "Leave one of them out.")
+        if not 0 < reach <= MAX_REACH:
+            raise BadRequest(f"{reach!r} is not a reach.", f"Give a number above 0, up to {MAX_REACH:g}.")
+        if not 0 <= protect <= MAX_PROTECT:
+            raise BadRequest(f"{protect!r} cannot be protected.", f"Give a number from 0 to {MAX_PROTECT:g}.")
+        if len(before) == MAX_ADDED:
+            raise BadRequest(f"{name!r} has {MAX_ADDED} added colors.", "Leave one of them out.")
         added = AddedColor(as_color(picked), float(reach), float(protect))
-        seen = read_object_colors(self.project.checked(self.project.object_colors_file), name)
-        colors = solve_set(seen, palette.colors, added, as_color(wanted, BRIGHTEST))
+        seen = read_object_colors(self.project.verified(self.project.object_colors_file), name)
+        colors = match_added_color(seen, palette.colors, added, as_color(wanted, MAX_SRGB))
         return replace(
             self,
             colors=self.colors | {name: np.concatenate([self.colors[name], colors])},
             added=self.added | {name: (*before, added)},
         )
 
-    @checked
+    @check_arguments
     def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
         """Set one swatch of an object.
 
@@ -136,10 +136,10 @@ class ProjectEdit(Edit):
         """
         self._check_swatch(self._palette(name), index)
         colors = self.colors[name].copy()
-        colors[index] = as_color(color, BRIGHTEST)
+        colors[index] = as_color(color, MAX_SRGB)
         return replace(self, colors=self.colors | {name: colors})
 
-    @checked
+    @check_arguments
     def edge(self, name: str, choke: float = 0.0, feather: float = 0.0) -> ProjectEdit:
         """Move and fade an object's edge, in pixels of the full-size photos.
 
@@ -154,9 +154,9 @@ class ProjectEdit(Edit):
             BadRequest: The object is unknown, or a number is out of range.
         """
         shape = EdgeShape(float(choke), float(feather))
-        return replace(self, edges=shaped_edges(self.edges | {self._palette(name).name: shape}))
+        return replace(self, edges=active_edges(self.edges | {self._palette(name).name: shape}))
 
-    @checked
+    @check_arguments
     def surface(
         self, name: str, index: int, saturation: float = 1.0, brightness: float = 0.0, gloss: float = 1.0
     ) -> ProjectEdit:
@@ -175,16 +175,16 @@ class ProjectEdit(Edit):
         """
         surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name), self.colors[name]
         self._check_swatch(palette, index)
-        (whole,), added = palettes_with([palette], self.added), self.added.get(name, ())
-        seen = read_object_colors(self.project.checked(self.project.object_colors_file), name)
-        seen = seen._replace(palette_weights=spread(seen.palette_weights.T, palette.colors, added).T)
+        (whole,), added = extended_palettes([palette], self.added), self.added.get(name, ())
+        seen = read_object_colors(self.project.verified(self.project.object_colors_file), name)
+        seen = seen._replace(palette_weights=split_weights(seen.palette_weights.T, palette.colors, added).T)
         sets = range(len(palette.colors), len(edited))
         colors = match_surface(
-            shown(seen, whole, edited), seen.counts, seen.palette_weights, edited, {index: surface}, sets
+            edited_colors(seen, whole, edited), seen.counts, seen.palette_weights, edited, {index: surface}, sets
         )
         return replace(self, colors=self.colors | {name: colors})
 
-    @checked
+    @check_arguments
     def save(self, path: Path | str) -> None:
         """Write the edit atomically, as JSON or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
@@ -209,7 +209,7 @@ def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
         DataError: The palettes' file is damaged, or the edit's file is not an edit of them.
     """
     project.require("palette")
-    palettes = read_palettes(project.checked(project.palette_file))
+    palettes = read_palettes(project.verified(project.palette_file))
     compositing = from_dict(project.state()["settings"]).compositing
     edit = Edit({palette.name: palette.colors for palette in palettes}, compositing)
     if path is not None:
@@ -228,7 +228,7 @@ def solve(
     """
     if rule not in RULES:
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")
-    colors, counts, weights = read_object_colors(project.checked(project.object_colors_file), palette.name)
+    colors, counts, weights = read_object_colors(project.verified(project.object_colors_file), palette.name)
     if rule == "becomes":
         return match_becomes(colors, counts, weights, palette.colors, source, target, is_metal=is_metal)
     if len(source) > 1:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import BadRequest
 from ..io.color import lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from .palette import BRIGHTEST
+from .palette import MAX_SRGB
 
 CARD_LIGHTNESS = 50.0  # L* of an 18 % gray card
 DARKEST, CLIPPED = 0.02, 0.995  # range of usable sRGB values
@@ -53,7 +53,7 @@ class ReferenceLight:
 
     def photographed(self, color: np.ndarray) -> np.ndarray:
         """Convert colors under the reference light, sRGB [..., 3] in [0, 1], to the photos, in [0, BRIGHTEST]."""
-        return np.minimum(_transformed(self.matrix, color), BRIGHTEST)
+        return np.minimum(_transformed(self.matrix, color), MAX_SRGB)
 
     def reference(self, color: np.ndarray) -> np.ndarray:
         """Convert colors of the photos to the reference light, both sRGB [..., 3] in [0, BRIGHTEST].
@@ -63,7 +63,7 @@ class ReferenceLight:
             >>> light.reference(light.photographed(np.array([0.2, 0.4, 0.6]))).round(3).tolist()
             [0.2, 0.4, 0.6]
         """
-        return np.minimum(_transformed(np.linalg.inv(self.matrix), color), BRIGHTEST)
+        return np.minimum(_transformed(np.linalg.inv(self.matrix), color), MAX_SRGB)
 
     def lab_photographed(self, lab: np.ndarray) -> np.ndarray:
         """Convert colors under the reference light, CIE L*a*b* [..., 3], to the photos, without clipping."""

@@ -103,12 +103,12 @@ def plain_hull(points: np.ndarray) -> Hull:
     return facets[is_facet], normals[is_facet] * sign[:, None], offsets[is_facet] * sign
 
 
-def weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.ndarray:
+def star_weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.ndarray:
     """Return the weights [n, M] float32 of colors [n, 3] in a star of `count` = M entries; None weighs all as black.
 
     Examples:
         >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
-        >>> weights_in(star, np.array([[0.5, 0.25, 0.0]]), 3).tolist()
+        >>> star_weights_in(star, np.array([[0.5, 0.25, 0.0]]), 3).tolist()
         [[0.25, 0.5, 0.25]]
     """
     colors = np.asarray(colors)

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .compositing import BLOCK_PIXELS, Planes, hard_masks
-from .edge_shape import box_of
+from .edge_shape import bounding_box
 
 Entry = tuple[int, int]  # object and palette entry
 
 
 @dataclass(frozen=True)
-class Part:
+class ObjectPlanes:
     """Planes of one object within its bounding box.
 
     Attributes:
@@ -41,11 +41,11 @@ class SwatchPicture:
         out: float32 [H, W, 3], written by `paint` only; possibly a view such as rgba[..., :3].
     """
 
-    def __init__(self, start: np.ndarray, parts: Sequence[Part], out: np.ndarray) -> None:
+    def __init__(self, start: np.ndarray, parts: Sequence[ObjectPlanes], out: np.ndarray) -> None:
         # contiguous channels: interleaved pixels are several times slower
         self._start = np.ascontiguousarray(start.transpose(2, 0, 1))
         self._parts, self._out = list(parts), out
-        self._replaced: list[Part] = []
+        self._replaced: list[ObjectPlanes] = []
         self._reshaped: set[int] = set()
         self._retouched: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._factors = np.zeros((len(parts), max((len(part.planes) for part in parts), default=0), 3), np.float32)
@@ -76,7 +76,7 @@ class SwatchPicture:
         self._replaced.clear()
         return self._out
 
-    def reshape(self, k: int, part: Part) -> None:
+    def reshape(self, k: int, part: ObjectPlanes) -> None:
         """Replace an object's planes, keeping their number, as of the next `paint`."""
         self._replaced.append(self._parts[k])
         self._reshaped.add(k)
@@ -120,7 +120,7 @@ class SwatchPicture:
         planes = np.stack([part.planes[j][place] for j in entries])
         colors[:, inside] += self._factors[k, entries].T @ planes
 
-    def _is_in_box(self, parts: Sequence[Part]) -> bool:
+    def _is_in_box(self, parts: Sequence[ObjectPlanes]) -> bool:
         """Return whether parts are within the box of the moving planes."""
         return all(
             box[0] <= own[0] and own[1] <= box[1]
@@ -128,7 +128,7 @@ class SwatchPicture:
             for own, box in ((part.rows, self._rows), (part.columns, self._columns))
         )
 
-    def _sum_static(self, moving: list[Entry], parts: Sequence[Part]) -> None:
+    def _sum_static(self, moving: list[Entry], parts: Sequence[ObjectPlanes]) -> None:
         """Sum up the static planes within the box of the moving ones, old and new."""
         self._moving = moving
         self._rows = min(part.rows[0] for part in parts), max(part.rows[1] for part in parts)
@@ -172,7 +172,7 @@ class SwatchPicture:
                     channel[place] += product
 
 
-def photo_plus_change(planes: Planes, out: np.ndarray) -> SwatchPicture:
+def delta_picture(planes: Planes, out: np.ndarray) -> SwatchPicture:
     """Return the picture of `delta_composite`; its factors are edited - learned.
 
     Examples:
@@ -180,7 +180,7 @@ def photo_plus_change(planes: Planes, out: np.ndarray) -> SwatchPicture:
 
         >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
         >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
-        >>> picture = photo_plus_change(planes, np.empty((1, 1, 3), np.float32))
+        >>> picture = delta_picture(planes, np.empty((1, 1, 3), np.float32))
         >>> print(picture.paint(np.array([[[0, 0, 0], [-0.2, 0.4, 0]]]))[0, 0].round(3))
         [0.3 0.6 0.4]
     """
@@ -188,7 +188,7 @@ def photo_plus_change(planes: Planes, out: np.ndarray) -> SwatchPicture:
     return SwatchPicture(_base(planes), parts, out)
 
 
-def palette_only(planes: Planes, out: np.ndarray) -> SwatchPicture:
+def paper_picture(planes: Planes, out: np.ndarray) -> SwatchPicture:
     """Return the picture of `paper_composite`; its factors are the edited palettes.
 
     Examples:
@@ -196,7 +196,7 @@ def palette_only(planes: Planes, out: np.ndarray) -> SwatchPicture:
 
         >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
         >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
-        >>> picture = palette_only(planes, np.empty((1, 1, 3), np.float32))
+        >>> picture = paper_picture(planes, np.empty((1, 1, 3), np.float32))
         >>> print(picture.paint(np.array([[[0, 0, 0], [0.2, 0.8, 0]]]))[0, 0].round(3))
         [0.1 0.4 0. ]
     """
@@ -214,11 +214,11 @@ def _base(planes: Planes) -> np.ndarray:
     return planes.base.astype(np.float32) / np.float32(255)
 
 
-def _part(planes: np.ndarray) -> Part:
+def _part(planes: np.ndarray) -> ObjectPlanes:
     """Crop an object's planes [M, H, W] to the bounding box of nonzero values."""
-    rows, columns = box_of(np.any(planes, axis=0)) or (slice(0, 0), slice(0, 0))
+    rows, columns = bounding_box(np.any(planes, axis=0)) or (slice(0, 0), slice(0, 0))
     cropped = np.ascontiguousarray(planes[:, rows, columns], np.float32)
-    return Part((rows.start, rows.stop), (columns.start, columns.stop), cropped)
+    return ObjectPlanes((rows.start, rows.stop), (columns.start, columns.stop), cropped)
 
 
 def _within(first_row: int, first_column: int, top: int, bottom: int, left: int, right: int) -> tuple[slice, slice]:

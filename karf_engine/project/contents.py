@@ -13,9 +13,9 @@ from .settings import Settings
 from .state import STAGE_ORDER
 
 
-def capture_of(project: Project) -> Capture:
+def read_capture(project: Project) -> Capture:
     """Return the capture that the project was learned from. Raises DataError where its file is damaged."""
-    path = project.checked(project.capture_file)
+    path = project.verified(project.capture_file)
     return capture_from_json(read_json(path, "capture"), path)
 
 

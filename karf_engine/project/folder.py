@@ -37,7 +37,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError
-from ..io.containment import check_tree, inside, is_link
+from ..io.containment import check_tree, checked_path, is_link
 from ..io.files import checksum, remove_temporaries, replace
 from ..io.names import check_name
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
@@ -72,7 +72,7 @@ class Project:
         Raises:
             DataError: A link in the path leads out of the project; see `io.containment`.
         """
-        return inside(self.folder, *names)
+        return checked_path(self.folder, *names)
 
     state_file = _Inside("project.json")
     capture_file = _Inside("capture.json")
@@ -83,14 +83,14 @@ class Project:
     segmentation_file = _Inside("segmentation.safetensors")
     segmentation_report = _Inside("segmentation.json")
     surface_file = _Inside("surface.safetensors")
-    doubts_file = _Inside("doubts.npz")
+    uncertainty_file = _Inside("doubts.npz")
     palette_file = _Inside("palette.json")
     object_colors_file = _Inside("object_colors.npz")
     recoloring_file = _Inside("recoloring.safetensors")
     splats_file = _Inside("splats.safetensors")
     points_file = _Inside("points.npz")
     planes_folder = _Inside("planes")
-    looks_folder = _Inside("looks")
+    render_cache_folder = _Inside("looks")
     photos_folder = _Inside("photos")
     outputs_folder = _Inside(".outputs")
 
@@ -114,7 +114,7 @@ class Project:
                 continue
         raise DataError(f"{self.folder / 'jobs'} is full of jobs of this second.", "Try again.")
 
-    def contained(self, path: Path | str) -> Path:
+    def check_inside(self, path: Path | str) -> Path:
         """Return a path as absolute; if it is in the project, refuse links in or below it that lead out.
 
         Args:
@@ -253,7 +253,7 @@ class Project:
         replace(self._commit_file, self.state_file)
 
     # --- checks ----------------------------------------------------------------------------------------------------
-    def checked(self, path: Path) -> Path:
+    def verified(self, path: Path) -> Path:
         """Return the path of a stage's output after verifying its checksum; files without a checksum are not verified.
 
         Raises:
@@ -274,7 +274,7 @@ class Project:
         """Return whether the checksums of all outputs of a finished stage match."""
         try:
             for name in self.require(stage).get("files", {}):
-                self.checked(self.path(check_name(name, self.state_file, "a file")))
+                self.verified(self.path(check_name(name, self.state_file, "a file")))
         except DataError:
             return False
         return True
@@ -294,7 +294,7 @@ class Project:
             shutil.rmtree(self.outputs_folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder, self.photos_folder):
             remove_temporaries(folder)
-        for folder in (self.masks_folder, self.corrections_folder, self.looks_folder):
+        for folder in (self.masks_folder, self.corrections_folder, self.render_cache_folder):
             for path in folder.glob("*/"):
                 if not is_link(path):
                     remove_temporaries(path)

@@ -19,7 +19,7 @@ COMMIT_SECONDS = 60.0  # a commit renames a few files, which may take a while on
 
 
 @contextmanager
-def writing(project: Project) -> Iterator[None]:
+def write_lock(project: Project) -> Iterator[None]:
     """Hold the lock for writing, and first delete the leftovers of killed jobs.
 
     Raises:
@@ -46,7 +46,7 @@ def writing(project: Project) -> Iterator[None]:
         lock.release()
 
 
-def opened(folder: Path | str) -> Project:
+def open_project(folder: Path | str) -> Project:
     """Open the project in a folder and complete an interrupted commit.
 
     Raises:
@@ -54,13 +54,13 @@ def opened(folder: Path | str) -> Project:
     """
     project = Project(folder)
     if project.is_interrupted:
-        with writing(project), consistent(project):
+        with write_lock(project), read_lock(project):
             project.recover()
     return project
 
 
 @contextmanager
-def consistent(project: Project) -> Iterator[None]:
+def read_lock(project: Project) -> Iterator[None]:
     """Keep a project's outputs unchanged while several are read or replaced.
 
     A read-only disk takes no lock and needs none.

@@ -86,7 +86,7 @@ def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
     return state | {"stages": {name: summary for name, summary in state["stages"].items() if name not in outdated}}
 
 
-def stage_mark(state: Mapping[str, Any], stage: str) -> str:
+def result_fingerprint(state: Mapping[str, Any], stage: str) -> str:
     """Return a fingerprint of the results of a stage and the stages that it builds on.
 
     Args:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..capture.capture import View
-from ..compute.neighbors import tree_of
-from ..palettes.edge_shape import EdgeShape, shaped_edges
-from ..palettes.edges_in_space import MOST_REACH, Borders, shares_with_edges
+from ..compute.neighbors import build_kd_tree
+from ..palettes.edge_shape import EdgeShape, active_edges
+from ..palettes.edges_in_space import MAX_EDGE_REACH, Borders, apply_edges_to_points
 from ..palettes.palette import AddedColor, Palette
 from ..splats.gaussians import Gaussians
 from .splat_colors import NEGLIGIBLE, ObjectSplats, splats_of_objects
@@ -23,7 +23,7 @@ MIN_LOGIT = -2.0  # of the opacity of Gaussians that form a border: 12 %
 MAX_SAMPLES = 5000  # points per object that the spacing is measured at
 
 
-def borders_of(positions: np.ndarray, shares: np.ndarray, counts: np.ndarray, views: Sequence[View]) -> Borders:
+def measure_borders(positions: np.ndarray, shares: np.ndarray, counts: np.ndarray, views: Sequence[View]) -> Borders:
     """Measure the distance of points to the objects' borders.
 
     Args:
@@ -50,7 +50,7 @@ def _signed_distances(positions: np.ndarray, is_own: np.ndarray, counts: np.ndar
         if len(others) < NEIGHBORS:
             result[side] = sign * np.inf
             continue
-        found, _ = tree_of(others).query(positions[side], [NEIGHBORS])
+        found, _ = build_kd_tree(others).query(positions[side], [NEIGHBORS])
         result[side] = sign * np.maximum(found[:, 0] - EXCESS * spacing, spacing / 4)
     return result
 
@@ -58,7 +58,7 @@ def _signed_distances(positions: np.ndarray, is_own: np.ndarray, counts: np.ndar
 def _spacing(positions: np.ndarray) -> float:
     """Return the median distance of points [n, 3] to their nearest neighbor."""
     samples = positions[:: len(positions) // MAX_SAMPLES + 1]
-    found, _ = tree_of(positions).query(samples, [2])
+    found, _ = build_kd_tree(positions).query(samples, [2])
     return max(float(np.median(found)), float(np.finfo(np.float32).tiny))
 
 
@@ -80,8 +80,8 @@ class EdgedSplats:
     ) -> None:
         self._gaussians, self._shares, self._palettes = gaussians, shares, palettes
         self._names = [palette.name for palette in palettes]
-        solid = gaussians.table[: gaussians.n_solid]
-        near = borders_of(solid[:, :3], shares[: len(solid)], solid[:, OPACITY] > MIN_LOGIT, views)
+        solid = gaussians.table[: gaussians.n_foreground]
+        near = measure_borders(solid[:, :3], shares[: len(solid)], solid[:, OPACITY] > MIN_LOGIT, views)
         distances = np.full(shares.shape, -np.inf, np.float32)
         distances[: len(solid)] = near.distances
         self._borders = replace(near, distances=distances)
@@ -93,16 +93,16 @@ class EdgedSplats:
         self, edges: Mapping[str, EdgeShape], added: Mapping[str, Sequence[AddedColor]]
     ) -> tuple[ObjectSplats, ...]:
         """Return the Gaussians of each object with these edges and added colors, both by object."""
-        key = repr(shaped_edges(edges)), repr(added)
+        key = repr(active_edges(edges)), repr(added)
         if self._shaped[0] != key:
-            shares = shares_with_edges(self._shares, self._borders, self._names, edges)
+            shares = apply_edges_to_points(self._shares, self._borders, self._names, edges)
             self._shaped = key, tuple(_within(own, shares[:, k]) for k, own in enumerate(self._reachable(added)))
         return self._shaped[1]
 
     def _reachable(self, added: Mapping[str, Sequence[AddedColor]]) -> tuple[ObjectSplats, ...]:
         """Return the Gaussians that each object could cover with any edge."""
         if not self._widest[1] or self._widest[0] != repr(added):
-            is_near = self._borders.distances > -MOST_REACH * self._borders.pixels
+            is_near = self._borders.distances > -MAX_EDGE_REACH * self._borders.pixels
             reached = np.maximum(self._shares, np.where(is_near, 2 * NEGLIGIBLE, 0))
             self._widest = repr(added), splats_of_objects(self._gaussians, reached, self._palettes, added)
         return self._widest[1]

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 
 from ..capture.camera import Camera
-from ..capture.capture import ALIKE
-from ..capture.distortion import straighten
+from ..capture.capture import UNIT_GAINS
+from ..capture.distortion import undistort_points
 from ..capture.training_images import TrainingImage
 from ..errors import BadRequest
 from ..fields.rendering.rays import camera_rays
@@ -18,8 +18,8 @@ from ..fields.scene import Picture
 from ..heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from ..io.arguments import check_array
 from ..io.color import to_bytes
-from ..io.images import over
-from .frames import BAND_RAYS, Frame, averaged, bands_of, joined
+from ..io.images import alpha_composite
+from .frames import BAND_RAYS, Frame, downsample, split_bands, stack_bands
 from .full_resolution import dense_weights
 from .learned import Learned
 
@@ -28,8 +28,8 @@ MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples per ray, for classes and
 
 def in_bands(render: Callable[[Camera], Frame], pinhole: Camera, supersampling: int) -> Frame:
     """Render a supersampled pinhole in bands of rows that fit in memory."""
-    frames = [averaged(render(band), supersampling) for band in bands_of(pinhole, supersampling)]
-    return frames[0] if len(frames) == 1 else joined(frames)
+    frames = [downsample(render(band), supersampling) for band in split_bands(pinhole, supersampling)]
+    return frames[0] if len(frames) == 1 else stack_bands(frames)
 
 
 def field_frame(learned: Learned, pinhole: Camera) -> Frame:
@@ -46,7 +46,7 @@ def photo_frame(learned: Learned, training_image: TrainingImage, weights_from: s
     """
     from_field = learned.recoloring is not None and weights_from == "field"
     picture = learned.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
-    base = over(training_image.color, training_image.alpha)  # over the background of renderings
+    base = alpha_composite(training_image.color, training_image.alpha)  # over the background of renderings
     return frame_of(learned, picture, base, from_field, gains=training_image.view.gains)
 
 
@@ -55,13 +55,18 @@ def segmented_frame(learned: Learned, camera: Camera) -> Frame:
     picture = learned.scene.render(camera, MASK_SAMPLES)
     frame = Frame(picture, probabilities_of(learned, picture), None, picture.color.cpu().numpy())
     if not camera.is_pinhole:  # pixels that the distortion model cannot invert have no ray
-        beyond = np.isnan(straighten(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
+        beyond = np.isnan(undistort_points(camera, camera.pixel_centers())).any(1).reshape(frame.depth.shape)
         frame.probabilities[:, beyond] = 0
     return frame
 
 
 def frame_of(
-    learned: Learned, picture: Picture, base: np.ndarray, from_field: bool, *, gains: tuple[float, float, float] = ALIKE
+    learned: Learned,
+    picture: Picture,
+    base: np.ndarray,
+    from_field: bool,
+    *,
+    gains: tuple[float, float, float] = UNIT_GAINS,
 ) -> Frame:
     """Add probabilities and palette weights to a picture that the scene has rendered.
 
@@ -100,7 +105,7 @@ def probabilities_of(learned: Learned, picture: Picture, samples: ObjectSamples 
 
 
 def weights_of_colors(
-    learned: Learned, base: np.ndarray, probabilities: np.ndarray, *, gains: tuple[float, float, float] = ALIKE
+    learned: Learned, base: np.ndarray, probabilities: np.ndarray, *, gains: tuple[float, float, float] = UNIT_GAINS
 ) -> np.ndarray:
     """Return palette weights [K, M, H, W] by the colors of a picture [H, W, 3], times probabilities [K, H, W]."""
     return dense_weights([to_bytes(base)] * len(learned.objects), learned.palettes, probabilities, gains)
@@ -122,7 +127,7 @@ def weights_of_field(learned: Learned, picture: Picture, samples: ObjectSamples 
 def background(learned: Learned, pinhole: Camera) -> np.ndarray:
     """Render what is behind the field, [H, W, 3] float32 sRGB."""
     rays = camera_rays(pinhole, learned.device)
-    colors = [learned.scene.behind(some) for some in rays.viewdirs.split(BAND_RAYS)]
+    colors = [learned.scene.background_color(some) for some in rays.viewdirs.split(BAND_RAYS)]
     return torch.cat(colors).cpu().numpy().reshape(pinhole.height, pinhole.width, 3)
 
 

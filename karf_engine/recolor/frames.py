@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from ..capture.camera import Camera
-from ..capture.capture import ALIKE
+from ..capture.capture import UNIT_GAINS
 from ..fields.scene import Picture
 from ..io.arguments import check_array, check_fields
 from ..io.color import to_bytes
@@ -52,8 +52,8 @@ class Frame:
     camera: Camera | None = field(default=None, kw_only=True)
     supersampling: int = field(default=1, kw_only=True)
     fades: bool | None = field(default=None, kw_only=True)
-    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
-    seen: np.ndarray | None = field(default=None, kw_only=True)
+    gains: tuple[float, float, float] = field(default=UNIT_GAINS, kw_only=True)
+    visibility: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -99,7 +99,7 @@ def one_line(name: str, content: str) -> str:
     return f"{name}({content if len(content) <= room else content[: room - 3] + '...'})"
 
 
-def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
+def edit_planes(frame: Frame, objects: Sequence[str]) -> Planes:
     """Return the edit planes of a frame, without swatches before palettes are learned."""
     weights, probabilities = frame.palette_weights, frame.probabilities
     if weights is None:
@@ -108,7 +108,7 @@ def planes_of(frame: Frame, objects: Sequence[str]) -> Planes:
     return Planes(tuple(objects), *planes, to_bytes(frame.base), frame.gains)
 
 
-def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> list[Camera]:
+def split_bands(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> list[Camera]:
     """Split a camera, scaled up by the supersampling factor, into bands of rows."""
     fine = camera.scaled(camera.width * supersampling, camera.height * supersampling)
     rows = max(1, most_rays // (fine.width * supersampling)) * supersampling
@@ -118,7 +118,7 @@ def bands_of(camera: Camera, supersampling: int, most_rays: int = BAND_RAYS) -> 
     return [replace(fine, height=min(rows, fine.height - top), cy=fine.cy - top) for top in tops]
 
 
-def averaged(frame: Frame, count: int) -> Frame:
+def downsample(frame: Frame, count: int) -> Frame:
     """Reduce each count x count block of pixels to its mean; depth to the median of its nonzero values."""
     if count == 1:
         return frame
@@ -131,19 +131,19 @@ def averaged(frame: Frame, count: int) -> Frame:
         torch.from_numpy(_medians(frame.depth, count)),
         None,
     )
-    seen = None if frame.seen is None else _means(frame.seen, count)
-    return Frame(coarse, _means(frame.probabilities, count), weights, color, seen=seen)
+    seen = None if frame.visibility is None else _means(frame.visibility, count)
+    return Frame(coarse, _means(frame.probabilities, count), weights, color, visibility=seen)
 
 
-def joined(bands: Sequence[Frame]) -> Frame:
+def stack_bands(bands: Sequence[Frame]) -> Frame:
     """Stack bands of rows into one frame, without a surface cache."""
     color, opacity, depth = (
         torch.cat([getattr(band.picture, name) for band in bands]) for name in ("color", "opacity", "depth")
     )
     weights = _stacked([band.palette_weights for band in bands], -2)
-    seen = _stacked([band.seen for band in bands], 0)
+    seen = _stacked([band.visibility for band in bands], 0)
     probabilities = np.concatenate([band.probabilities for band in bands], -2)
-    return Frame(Picture(color, opacity, depth, None), probabilities, weights, color.cpu().numpy(), seen=seen)
+    return Frame(Picture(color, opacity, depth, None), probabilities, weights, color.cpu().numpy(), visibility=seen)
 
 
 def _stacked(parts: Sequence[np.ndarray | None], axis: int) -> np.ndarray | None:
@@ -151,7 +151,7 @@ def _stacked(parts: Sequence[np.ndarray | None], axis: int) -> np.ndarray | None
     return np.concatenate(arrays, axis) if arrays else None
 
 
-def with_alpha(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np.ndarray:
+def remove_background(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np.ndarray:
     """Remove the background from a rendering: straight sRGB and alpha, [H, W, 4] float32 in [0, 1].
 
     Args:
@@ -161,7 +161,7 @@ def with_alpha(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np
 
     Example:
         >>> red_glass_on_white = np.array([[[1, 0.75, 0.75]]])
-        >>> with_alpha(red_glass_on_white, np.array([[0.25]]), np.ones((1, 1, 3))).tolist()
+        >>> remove_background(red_glass_on_white, np.array([[0.25]]), np.ones((1, 1, 3))).tolist()
         [[[1.0, 0.0, 0.0, 0.25]]]
     """
     alpha = opacity[..., None]

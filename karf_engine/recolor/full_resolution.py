@@ -14,24 +14,24 @@ from itertools import groupby
 
 import numpy as np
 
-from ..capture.capture import ALIKE, View
-from ..capture.training_images import image_of
+from ..capture.capture import UNIT_GAINS, View
+from ..capture.training_images import photo_path
 from ..errors import BadRequest
-from ..io.arguments import check_array, check_fields, check_number, checked
+from ..io.arguments import check_arguments, check_array, check_fields, check_number
 from ..io.color import to_bytes
-from ..io.images import BACK, oriented, over, turned
-from ..palettes.added import palettes_with, spread, with_sets
+from ..io.images import INVERSE_EXIF_ORIENTATION, alpha_composite, apply_exif_orientation, apply_exif_orientation_copy
+from ..palettes.added import append_added_sets, extended_palettes, split_weights
 from ..palettes.compositing import hard_masks
-from ..palettes.edge_shape import EdgeShape, shaped_edges
-from ..palettes.exposure import as_exposed
+from ..palettes.edge_shape import EdgeShape, active_edges
+from ..palettes.exposure import to_photo_exposure
 from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
 from .frames import Frame, one_line
-from .grain import RADIUS, grain_of, without_grain
+from .grain import RADIUS, denoise, estimate_noise
 from .layers import Layers
 from .matting.marks import Marks
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
-from .matting.shaping import shaped_mattes
+from .matting.shaping import shape_mattes
 from .photos import StoredPhoto, open_photo
 from .photos.stored import from_camera
 
@@ -53,7 +53,7 @@ class PhotoView:
         mattes: Of the objects, in the stored grid.
         palettes: Of the objects, as learned; empty before palettes are learned.
         scale: Size of the result relative to the photo's full size.
-        grain: Noise of the photo, 1/255; see `grain_of`. 0: without denoising.
+        grain: Noise of the photo, 1/255; see `estimate_noise`. 0: without denoising.
         gains: Exposure of the photo, see `View`.
     """
 
@@ -64,7 +64,7 @@ class PhotoView:
     palettes: Sequence[Palette]
     scale: float = 1.0
     grain: float = 0.0
-    gains: tuple[float, float, float] = field(default=ALIKE, kw_only=True)
+    gains: tuple[float, float, float] = field(default=UNIT_GAINS, kw_only=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -76,19 +76,19 @@ class PhotoView:
         width, height = self.photo.size
         return one_line("PhotoView", f"{width}x{height}: {', '.join(self.objects)}")
 
-    @checked
-    def recolored(self, edit: Edit) -> StoredPhoto:
+    @check_arguments
+    def recolor(self, edit: Edit) -> StoredPhoto:
         """Recolor the photo. Raises BadRequest before palettes are learned."""
-        return next(self.recolored_by([edit]))
+        return next(self.recolor_all([edit]))
 
-    @checked
-    def recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
+    @check_arguments
+    def recolor_all(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
         """Recolor the photo with each edit, a few at a time. Raises BadRequest before palettes are learned."""
         if not self.palettes:
             raise BadRequest("There is no finished recoloring stage.", "Run the recoloring stage first.")
         for edit in edits:
             check_edit(edit, self.palettes)
-        for edges, same in groupby(edits, lambda edit: shaped_edges(edit.edges)):
+        for edges, same in groupby(edits, lambda edit: active_edges(edit.edges)):
             yield from self._with_edges(edges)._recolored_by(list(same))
 
     def _recolored_by(self, edits: Sequence[Edit]) -> Iterator[StoredPhoto]:
@@ -102,9 +102,9 @@ class PhotoView:
             yield from copies
 
     def _with_edges(self, edges: Mapping[str, EdgeShape]) -> PhotoView:
-        if not shaped_edges(edges):
+        if not active_edges(edges):
             return self
-        mattes = shaped_mattes(self.mattes, self.objects, edges, self.photo.shown(), self.scale)
+        mattes = shape_mattes(self.mattes, self.objects, edges, self.photo.over_white(), self.scale)
         return replace(self, mattes=mattes)
 
     @property
@@ -120,12 +120,12 @@ class PhotoView:
             result[:, rows, columns] = hard_masks(self._coverages(rows, columns))
         return result
 
-    @checked
-    def shown(self, photo: StoredPhoto) -> np.ndarray:
+    @check_arguments
+    def over_white(self, photo: StoredPhoto) -> np.ndarray:
         """Return an edited copy in the camera's grid, over white: float32 sRGB [H, W, 3]."""
-        return oriented(over(photo.colors(), photo.alpha()), self.orientation)
+        return apply_exif_orientation_copy(alpha_composite(photo.colors(), photo.alpha()), self.orientation)
 
-    @checked
+    @check_arguments
     def layers(
         self,
         depth: np.ndarray,
@@ -140,15 +140,19 @@ class PhotoView:
             added: Colors with their own layers, by object.
             edges: Moved and faded edges, by object.
         """
-        if edges and shaped_edges(edges):
+        if edges and active_edges(edges):
             return self._with_edges(edges).layers(depth, added)
         check_array("depth", depth, ("h", "w"))
         check_number("depth.size", depth.size, 1)
         is_deep = self.photo.pixels.dtype != np.uint8
-        base = self.shown(self.photo) if is_deep else turned(self.photo.shown(), self.orientation)
+        base = (
+            self.over_white(self.photo)
+            if is_deep
+            else apply_exif_orientation(self.photo.over_white(), self.orientation)
+        )
         height, width = base.shape[:2]
         added = added or {}
-        palettes = palettes_with(self.palettes, added)
+        palettes = extended_palettes(self.palettes, added)
         coverage = np.zeros((len(palettes), height, width), np.float16)
         n_colors = max(len(palette.colors) for palette in palettes)
         weights = np.zeros((len(palettes), n_colors, height, width), np.float16)
@@ -159,7 +163,7 @@ class PhotoView:
                 inside = covered > 0
                 self._as_stored(coverage[k])[rows, columns] = covered
                 own = self.palettes[k]
-                planes = spread(shares.T, own.colors, added.get(own.name, ()))
+                planes = split_weights(shares.T, own.colors, added.get(own.name, ()))
                 for plane, share in zip(weights[k], planes, strict=False):  # small palettes are padded
                     self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
         nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
@@ -167,7 +171,7 @@ class PhotoView:
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
         """View a plane of the camera's grid in the stored grid."""
-        return turned(plane, BACK.get(self.orientation, self.orientation))
+        return apply_exif_orientation(plane, INVERSE_EXIF_ORIENTATION.get(self.orientation, self.orientation))
 
     def _bands(self) -> Iterator[tuple[slice, slice]]:
         """Yield rows and columns of bands of the bounding box of all objects."""
@@ -203,12 +207,15 @@ class PhotoView:
             palette, wins, inside = self.palettes[k], winners[k], coverage > 0
             for edit, change in zip(edits, changes, strict=True):
                 edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
-                learned, shares = with_sets(palette.colors, added), spread(weights.T, palette.colors, added).T
+                learned, shares = (
+                    append_added_sets(palette.colors, added),
+                    split_weights(weights.T, palette.colors, added).T,
+                )
                 if edit.compositing == "paper":
-                    inner, own = wins[inside], as_exposed(edited, self.gains)
+                    inner, own = wins[inside], to_photo_exposure(edited, self.gains)
                     change[wins & inside] = (shares[inner] @ own) - self.photo.colors(rows, columns)[wins & inside]
                 elif (edited != learned).any():
-                    own = as_exposed(edited - learned, self.gains)
+                    own = to_photo_exposure(edited - learned, self.gains)
                     change[inside] += coverage[inside][:, None] * (shares @ own)
         return changes
 
@@ -243,10 +250,10 @@ class PhotoView:
             slice(each.start - wide.start, each.stop - wide.start)
             for each, wide in zip((rows, columns), outer, strict=True)
         )
-        return np.ascontiguousarray(without_grain(seen, self.grain)[inner])
+        return np.ascontiguousarray(denoise(seen, self.grain)[inner])
 
 
-def full_resolution_view(
+def make_photo_view(
     view: View,
     size: str | int,
     seen: Frame,
@@ -269,18 +276,18 @@ def full_resolution_view(
     Raises:
         DataError: The photo is missing, damaged or of another size than its camera.
     """
-    photo = open_photo(image_of(view), view.space)
+    photo = open_photo(photo_path(view), view.space)
     orientation, full_size = photo.orientation_for(view.camera), max(photo.size)
     if size != "photo":
         photo = photo.resized(int(size))
     rendered = from_camera(to_bytes(seen.color * np.array(view.gains, np.float32)), orientation)
     seen_objects = [from_camera(own, orientation) for own in seen.probabilities]
     probabilities = np.array(seen_objects).reshape(-1, *rendered.shape[:2])
-    shown, scale = photo.shown(), max(photo.size) / full_size
+    shown, scale = photo.over_white(), max(photo.size) / full_size
     if marks.drawn is not None:
         marks = replace(marks, drawn=np.stack([from_camera(own, orientation) for own in marks.drawn]))
     mattes = mattes_of(shown, probabilities, rendered, marks)
-    return PhotoView(photo, orientation, objects, mattes, palettes, scale, grain_of(shown), gains=view.gains)
+    return PhotoView(photo, orientation, objects, mattes, palettes, scale, estimate_noise(shown), gains=view.gains)
 
 
 def _nearest(few: int, many: int) -> np.ndarray:
@@ -290,14 +297,17 @@ def _nearest(few: int, many: int) -> np.ndarray:
 
 def _weights(colors: np.ndarray, palette: Palette, gains: Sequence[float]) -> np.ndarray:
     """Return palette weights [n, M] of a photo's colors [n, 3]; 8-bit colors are computed once each."""
-    own = as_exposed(palette.colors, gains)
+    own = to_photo_exposure(palette.colors, gains)
     if colors.dtype == np.uint8:
         return palette_weights_of_image(colors[None], own)[0]
     return star_weights(colors, own)
 
 
 def dense_weights(
-    own_colors: Sequence[np.ndarray], palettes: Sequence[Palette], coverages: np.ndarray, gains: Sequence[float] = ALIKE
+    own_colors: Sequence[np.ndarray],
+    palettes: Sequence[Palette],
+    coverages: np.ndarray,
+    gains: Sequence[float] = UNIT_GAINS,
 ) -> np.ndarray:
     """Return palette weights times coverages [K, H, W], [K, M, H, W] float32; M is that of the largest palette.
 

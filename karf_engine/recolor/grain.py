@@ -14,7 +14,7 @@ SIGMA_COLOR = 4.0  # of the bilateral filter, standard deviations of the noise
 MIN_GRAIN = 0.3  # 1/255: the rounding of 8 bits
 
 
-def grain_of(photo: np.ndarray) -> float:
+def estimate_noise(photo: np.ndarray) -> float:
     """Estimate the standard deviation of a photo's noise per channel, 1/255.
 
     Robust median estimator on the diagonal details of the Haar wavelet (Donoho and Johnstone 1994, "Ideal spatial
@@ -26,7 +26,7 @@ def grain_of(photo: np.ndarray) -> float:
     Examples:
         >>> flat = np.full((200, 200, 3), 100.0)
         >>> grainy = flat + np.random.default_rng(0).normal(0, 2, flat.shape)
-        >>> grain_of(flat), round(grain_of(grainy), 1)
+        >>> estimate_noise(flat), round(estimate_noise(grainy), 1)
         (0.0, 2.0)
     """
     height, width = (side // 2 * 2 for side in photo.shape[:2])
@@ -37,17 +37,17 @@ def grain_of(photo: np.ndarray) -> float:
     return float(np.median(np.abs(details), axis=(0, 1)).mean() / 0.6745)
 
 
-def without_grain(photo: np.ndarray, grain: float) -> np.ndarray:
+def denoise(photo: np.ndarray, grain: float) -> np.ndarray:
     """Denoise a photo with a bilateral filter (Tomasi and Manduchi 1998); return its type and size.
 
     Args:
         photo: [H, W, 3] uint8, or float32 from 0 to 255.
-        grain: Its `grain_of`; below the rounding of 8 bits the photo itself is returned.
+        grain: Its `estimate_noise`; below the rounding of 8 bits the photo itself is returned.
 
     Examples:
         >>> edge = np.repeat(np.array([[[50.0] * 3, [200.0] * 3]], np.float32), 20, axis=1).repeat(40, axis=0)
         >>> grainy = edge + np.random.default_rng(0).normal(0, 2, edge.shape).astype(np.float32)
-        >>> calm = without_grain(grainy, 2.0)
+        >>> calm = denoise(grainy, 2.0)
         >>> bool((calm - edge).std() < 1), bool(np.abs(calm - edge).max() < 5)
         (True, True)
     """

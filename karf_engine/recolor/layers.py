@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..capture.capture import ALIKE
+from ..capture.capture import UNIT_GAINS
 from ..palettes.palette import Palette
 
 
@@ -28,4 +28,4 @@ class Layers:
     coverage: np.ndarray
     palette_weights: np.ndarray
     depth: np.ndarray | None = None
-    gains: tuple[float, float, float] = ALIKE
+    gains: tuple[float, float, float] = UNIT_GAINS

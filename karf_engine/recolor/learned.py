@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from ..capture.capture import Capture
-from ..compute.cores import take_from_torch
+from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..errors import BadRequest
 from ..fields.files import load_scene
@@ -17,9 +17,9 @@ from ..heads.files import load_recoloring, load_segmentation
 from ..palettes.compositing import stack_palettes
 from ..palettes.palette import Edit, Palette, check_edit, read_palettes
 from ..project import Project
-from ..project.contents import capture_of, settings_for
+from ..project.contents import read_capture, settings_for
 from ..project.settings import Settings
-from ..segmentation.doubts import SurfaceDoubts
+from ..segmentation.doubts import SurfaceUncertainty
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
 from .frames import Frame
@@ -36,7 +36,7 @@ class Learned:
         project.require("geometry")
         self.project, self.device = project, device
         self.settings = settings or settings_for(project, "render")
-        self.scene = load_scene(project.checked(project.geometry_file), device)
+        self.scene = load_scene(project.verified(project.geometry_file), device)
         self.objects: list[str] = []
         self.palettes: tuple[Palette, ...] = ()
         self.segmentation: SegmentationField | None = None
@@ -44,30 +44,30 @@ class Learned:
         self.splatted: SplattedScene | None = None
         n_features, space = self.scene.field.n_features, self.scene.field.space
         if project.finished("segmentation"):
-            path = project.checked(project.segmentation_file)
+            path = project.verified(project.segmentation_file)
             self.segmentation, self.objects = load_segmentation(path, n_features, device, space)
         if project.finished("recoloring"):
             assert self.segmentation is not None
-            self.palettes = read_palettes(project.checked(project.palette_file), objects=self.objects)
-            path, bounds = project.checked(project.recoloring_file), self.segmentation.bounds
+            self.palettes = read_palettes(project.verified(project.palette_file), objects=self.objects)
+            path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
             assert isinstance(bounds, torch.Tensor)
             self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
         if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
-            gaussians = load_gaussians(project.checked(project.splats_file))
+            gaussians = load_gaussians(project.verified(project.splats_file))
             learned = self.scene, self.segmentation, self.palettes
             fades = self.settings.render.unseen == "faded"
             self.splatted = SplattedScene(gaussians, *learned, lambda: self.capture.views, fades)
-            take_from_torch()  # numba's kernels render splats
+            limit_torch_threads()  # numba's kernels render splats
 
     @cached_property
     def capture(self) -> Capture:
         """The photos and cameras that the model was learned from. Raises DataError if their file is damaged."""
-        return capture_of(self.project)
+        return read_capture(self.project)
 
     @cached_property
-    def doubts(self) -> SurfaceDoubts:
+    def doubts(self) -> SurfaceUncertainty:
         """Uncertainty of the labels on the surface. Raises DataError if the segmentation has none."""
-        return SurfaceDoubts.read(self.project.checked(self.project.doubts_file))
+        return SurfaceUncertainty.read(self.project.verified(self.project.uncertainty_file))
 
     @property
     def splats(self) -> Gaussians | None:

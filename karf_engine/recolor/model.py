@@ -17,14 +17,14 @@ from ..capture.limits import check_camera
 from ..capture.training_images import TrainingImage, load_views
 from ..compute.runtime import find_device
 from ..errors import BadRequest
-from ..io.arguments import check_choice, check_number, checked
-from ..io.failures import translated
+from ..io.arguments import check_arguments, check_choice, check_number
+from ..io.failures import translate_errors
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.matching.painted import ObjectMatch
 from ..palettes.palette import Edit
 from ..palettes.project_edit import ProjectEdit, edit_of
 from ..project import Project
-from ..project.locking import consistent, opened
+from ..project.locking import open_project, read_lock
 from ..project.settings import Settings
 from ..splats.gaussians import Gaussians
 from . import photo_recoloring
@@ -65,14 +65,14 @@ class Model(Learned):
         picture = model.recolor(model.capture.view("r_003"), edit)
     """
 
-    @checked
+    @check_arguments
     def __init__(self, project: Project, device: torch.device | str = "cpu", settings: Settings | None = None) -> None:
         """Load the finished stages of a project, by default with its own settings. Raises as `load` does."""
         super().__init__(project, find_device(device) if isinstance(device, str) else device, settings)
         self._cache = RenderCache(project)
 
     @classmethod
-    @checked
+    @check_arguments
     def load(cls, folder: Path | str, device: str | None = None) -> Model:
         """Load the model in a project's folder.
 
@@ -83,9 +83,9 @@ class Model(Learned):
         Raises BadRequest if nothing is learned there or there is no such device, DataError if it is not a project or a
         file is damaged.
         """
-        project = opened(folder)
+        project = open_project(folder)
         project.require("geometry")  # before the lock file is made: other folders stay untouched
-        with consistent(project):
+        with read_lock(project):
             return cls(project, find_device(device))
 
     def __repr__(self) -> str:
@@ -94,8 +94,8 @@ class Model(Learned):
     def __reduce__(self) -> NoReturn:
         raise TypeError("A Model cannot be pickled. Pickle its model.project.folder, and Model.load(folder) there.")
 
-    @checked
-    @translated()
+    @check_arguments
+    @translate_errors()
     def render(self, camera: Camera, supersampling: int = 1, *, fades: bool | None = None) -> Frame:
         """Render the scene from any camera, from splats where they are learned; the base is the rendering itself.
 
@@ -116,8 +116,8 @@ class Model(Learned):
         frame = in_bands(partial(self.splatted.frame, fades=fades), pinhole, supersampling)
         return replace(frame, camera=pinhole, supersampling=supersampling, fades=fades)
 
-    @checked
-    def shown(self, camera: Camera, edit: Edit, *, fades: bool | None = None) -> np.ndarray:
+    @check_arguments
+    def render_recolored(self, camera: Camera, edit: Edit, *, fades: bool | None = None) -> np.ndarray:
         """Render the recolored scene from any camera: `composite` of `render`, in a fraction of the time with splats.
 
         Returns [H, W, 3] float32 sRGB in [0, 1]. Raises BadRequest if no palettes are learned or the edit is not of them,
@@ -127,15 +127,15 @@ class Model(Learned):
         _checked_camera(camera)
         if self.splatted is None or edit.compositing != "delta":  # colors of Gaussians cannot show other edits
             return self.composite(self.render(camera, fades=fades), edit)
-        return self.splatted.shown(camera, edit, fades)
+        return self.splatted.render_recolored(camera, edit, fades)
 
-    @checked
-    def behind(self, camera: Camera) -> np.ndarray:
+    @check_arguments
+    def render_background(self, camera: Camera) -> np.ndarray:
         """Render the background of a camera's pinhole, [H, W, 3] float32 sRGB. Raises DataError for an invalid camera."""
         pinhole = _checked_camera(camera).without_distortion()
-        return background(self, pinhole) if self.splatted is None else self.splatted.behind(pinhole)
+        return background(self, pinhole) if self.splatted is None else self.splatted.render_background(pinhole)
 
-    @checked
+    @check_arguments
     def recolored_splats(self, edit: Edit) -> Gaussians:
         """Bake an edit into the colors of the splats. The last result is kept. Edges are lengths, see `with_edges`.
 
@@ -150,17 +150,17 @@ class Model(Learned):
         self.check_edit(edit)
         return self.splatted.recolored(edit)
 
-    @checked
-    @translated()
-    def look(self, camera: Camera) -> Frame:
+    @check_arguments
+    @translate_errors()
+    def render_field(self, camera: Camera) -> Frame:
         """Render the field with the camera's lens distortion, without palette weights; the base is the rendering.
 
         The project caches the frame. Raises DataError for an invalid camera, OutOfMemory if the device has too little.
         """
         return self._cache.frame(_checked_camera(camera), self)
 
-    @checked
-    def unsure(self, pinhole: Camera, frame: Frame) -> np.ndarray:
+    @check_arguments
+    def label_uncertainty(self, pinhole: Camera, frame: Frame) -> np.ndarray:
         """Return the uncertainty of each object's label in a frame, [K, H, W] float32 in [0, 1].
 
         pinhole: the camera of the frame. Only the frame's depth and opacity are used.
@@ -170,18 +170,18 @@ class Model(Learned):
         _checked_camera(pinhole)
         return label_uncertainty(self, pinhole, frame)
 
-    @checked
+    @check_arguments
     def working_camera(self, view: View) -> Camera:
         """Return the camera of a captured view at the working size, with its lens distortion."""
         return view.camera.reduced(self.settings.geometry.long_side)
 
-    @checked
+    @check_arguments
     def training_image(self, view: View) -> TrainingImage:
         """Load the photo of a view at the working size. Raises DataError if it is missing or damaged."""
         return load_views([view], self.settings.geometry.long_side)[0]
 
-    @checked
-    @translated()
+    @check_arguments
+    @translate_errors()
     def render_view(self, view: View, base: str | None = None) -> Frame:
         """Render a captured view as its pinhole sees it, at the working size (`settings.geometry.long_side`).
 
@@ -193,7 +193,7 @@ class Model(Learned):
             return photo_frame(self, self.training_image(view))
         return self.render(self.working_camera(view))
 
-    @checked
+    @check_arguments
     def preview(self, view: View, long_side: int | None = None) -> Frame:
         """Return a captured view as its pinhole sees it, at a size that is quick to recolor.
 
@@ -204,11 +204,11 @@ class Model(Learned):
         """
         if long_side is not None:
             check_number("long_side", long_side, 1)
-        field = self.look(self.working_camera(view).without_distortion())
+        field = self.render_field(self.working_camera(view).without_distortion())
         size = long_side or self.settings.render.preview
         return photo_recoloring.preview_frame(self, self._cache, view, field, size)
 
-    @checked
+    @check_arguments
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
         """Prepare a captured view for recoloring in its photo's own pixels, any number of times.
 
@@ -217,14 +217,14 @@ class Model(Learned):
         Raises BadRequest for another size, DataError if the photo is missing, damaged or of another size than its camera.
         """
         _check_size(size, ("photo",))
-        return photo_recoloring.photo_view(self, self._cache, view, self.look(self.working_camera(view)), size)
+        return photo_recoloring.photo_view(self, self._cache, view, self.render_field(self.working_camera(view)), size)
 
-    @checked
+    @check_arguments
     def edit(self, path: Path | str | None = None) -> ProjectEdit:
         """Return an edit without changes, or read one from a file. Raises BadRequest before palettes are learned."""
         return edit_of(self.project, path)
 
-    @checked
+    @check_arguments
     def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
         """Recolor a captured view.
 
@@ -246,9 +246,9 @@ class Model(Learned):
         if size == "learned":
             return self.composite(self.preview(view, self.settings.geometry.long_side), edit)
         finished = self.photo_view(view, size)
-        return finished.shown(finished.recolored(edit))
+        return finished.over_white(finished.recolor(edit))
 
-    @checked
+    @check_arguments
     def composite(self, frame: Frame, edit: Edit) -> np.ndarray:
         """Composite an edit into the base of a frame, [H, W, 3] float32 sRGB.
 
@@ -258,7 +258,7 @@ class Model(Learned):
         self.check_edit(edit)
         return photo_recoloring.composite(self, frame, edit)
 
-    @checked
+    @check_arguments
     def with_edges(self, frame: Frame, edges: Mapping[str, EdgeShape]) -> Frame:
         """Move and fade the edges of objects in a frame with palette weights; without changes, return the frame itself.
 
@@ -269,7 +269,7 @@ class Model(Learned):
         """
         return photo_recoloring.with_edges(self, frame, edges)
 
-    @checked
+    @check_arguments
     def match(self, view: View, picture: Path | str, edit: Edit) -> tuple[ObjectMatch, ...]:
         """Find the palettes that bring a captured view closest to a painted or graded picture of it.
 

@@ -15,25 +15,25 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.capture import View
-from ..capture.training_images import load_views, load_wanted
+from ..capture.training_images import load_target_image, load_views
 from ..errors import BadRequest
 from ..io.arguments import check_choice
 from ..io.color import to_bytes
-from ..io.images import over
-from ..palettes.added import palettes_with, spread_objects
+from ..io.images import alpha_composite
+from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
-from ..palettes.edge_planes import reshaped
-from ..palettes.edge_shape import EdgeShape, shaped_edges
-from ..palettes.exposure import as_exposed, exposed_alike
+from ..palettes.edge_planes import apply_edges_to_planes
+from ..palettes.edge_shape import EdgeShape, active_edges
+from ..palettes.exposure import to_mean_exposure, to_photo_exposure
 from ..palettes.matching.painted import ObjectMatch, match_picture
 from ..palettes.palette import Edit
 from ..project.settings import Settings
 from .field_rendering import in_bands
 from .frames import Frame
-from .full_resolution import FindMattes, PhotoView, dense_weights, full_resolution_view
-from .grain import grain_of, without_grain
+from .full_resolution import FindMattes, PhotoView, dense_weights, make_photo_view
+from .grain import denoise, estimate_noise
 from .learned import Learned
-from .matting.marks import Marks, marks_of, straightened
+from .matting.marks import Marks, read_marks, undistort_marks
 from .matting.matte import dense_coverage, disputed_objects
 from .render_cache import RenderCache
 
@@ -50,7 +50,7 @@ def base_of(settings: Settings, base: str | None) -> str:
 def photo_view(learned: Learned, cache: RenderCache, view: View, field: Frame, size: str | int) -> PhotoView:
     """Prepare a captured view for recoloring in its photo's own pixels. field: its camera, rendered from the field."""
     marks, find_mattes = _marks_of_view(learned, view), _mattes_from(cache, learned.settings)
-    return full_resolution_view(view, size, field, marks, find_mattes, learned.objects, learned.palettes)
+    return make_photo_view(view, size, field, marks, find_mattes, learned.objects, learned.palettes)
 
 
 def preview_frame(learned: Learned, cache: RenderCache, view: View, field: Frame, long_side: int) -> Frame:
@@ -59,14 +59,14 @@ def preview_frame(learned: Learned, cache: RenderCache, view: View, field: Frame
     field: the pinhole at the working size, rendered from the field.
     """
     training_image = load_views([view], long_side)[0]
-    base = over(training_image.color, training_image.alpha)
+    base = alpha_composite(training_image.color, training_image.alpha)
     photo, rendered = to_bytes(base), to_bytes(field.color * np.array(view.gains, np.float32))
-    marks = straightened(_marks_of_view(learned, view), view.camera)
+    marks = undistort_marks(_marks_of_view(learned, view), view.camera)
     mattes = _mattes_from(cache, learned.settings)(photo, field.probabilities, rendered, marks)
     coverages = dense_coverage(mattes, base.shape[:2])
     weights = None
     if learned.recoloring is not None:
-        denoised = without_grain(photo, grain_of(photo))
+        denoised = denoise(photo, estimate_noise(photo))
         own_colors = [matte.own_picture(denoised) for matte in mattes]
         weights = dense_weights(own_colors, learned.palettes, coverages, view.gains)
     disputed = disputed_objects(learned.objects, mattes)
@@ -74,7 +74,7 @@ def preview_frame(learned: Learned, cache: RenderCache, view: View, field: Frame
 
 
 def _marks_of_view(learned: Learned, view: View) -> Marks:
-    return marks_of(learned.project.contained(learned.project.masks_folder), learned.objects, view)
+    return read_marks(learned.project.check_inside(learned.project.masks_folder), learned.objects, view)
 
 
 def _mattes_from(cache: RenderCache, settings: Settings) -> FindMattes:
@@ -85,12 +85,12 @@ def composite(learned: Learned, frame: Frame, edit: Edit) -> np.ndarray:
     """Composite an edit of the model's palettes into the base of a frame, [H, W, 3] float32 sRGB."""
     frame = with_edges(learned, frame, edit.edges)
     assert frame.palette_weights is not None
-    edited = as_exposed(stack_palettes(learned.objects, edit.colors), frame.gains)
-    weights = spread_objects(frame.palette_weights, learned.palettes, edit.added)
+    edited = to_photo_exposure(stack_palettes(learned.objects, edit.colors), frame.gains)
+    weights = split_weights_of_objects(frame.palette_weights, learned.palettes, edit.added)
     if edit.compositing == "paper":
         return paper_composite(frame.base, weights, frame.probabilities, edited)
-    known = {each.name: each.colors for each in palettes_with(learned.palettes, edit.added)}
-    before = as_exposed(stack_palettes(learned.objects, known), frame.gains)
+    known = {each.name: each.colors for each in extended_palettes(learned.palettes, edit.added)}
+    before = to_photo_exposure(stack_palettes(learned.objects, known), frame.gains)
     return delta_composite(frame.base, weights, before, edited)
 
 
@@ -101,24 +101,24 @@ def with_edges(learned: Learned, frame: Frame, edges: Mapping[str, EdgeShape]) -
         raise BadRequest("The frame has no palette weights.", "Take one of render, render_view or preview.")
     if not set(edges) <= set(learned.objects):
         raise BadRequest(f"The edges are of {', '.join(edges):.200}.", f"Objects are: {', '.join(learned.objects)}.")
-    if not shaped_edges(edges):
+    if not active_edges(edges):
         return frame
     if frame.camera is not None and learned.splatted is not None:
-        render = partial(learned.splatted.frame, edges=shaped_edges(edges), fades=frame.fades)
+        render = partial(learned.splatted.frame, edges=active_edges(edges), fades=frame.fades)
         shaped = in_bands(render, frame.camera, frame.supersampling)
         return replace(frame, palette_weights=shaped.palette_weights, probabilities=shaped.probabilities)
     scale = max(frame.base.shape[:2]) / learned.photo_side
-    planes = exposed_alike(frame.base, frame.gains), frame.palette_weights, frame.probabilities
-    weights, probabilities = reshaped(*planes, learned.palettes, edges, scale)
+    planes = to_mean_exposure(frame.base, frame.gains), frame.palette_weights, frame.probabilities
+    weights, probabilities = apply_edges_to_planes(*planes, learned.palettes, edges, scale)
     return replace(frame, palette_weights=weights, probabilities=probabilities)
 
 
 def match(learned: Learned, frame: Frame, view: View, picture: Path, edit: Edit) -> tuple[ObjectMatch, ...]:
     """Find the palettes that bring a preview of a view closest to a picture of it; see `Model.match`."""
     assert frame.palette_weights is not None
-    wanted = load_wanted(view, picture, learned.settings.render.preview)
-    weights = spread_objects(frame.palette_weights, learned.palettes, edit.added)
-    palettes = palettes_with(learned.palettes, edit.added)
+    wanted = load_target_image(view, picture, learned.settings.render.preview)
+    weights = split_weights_of_objects(frame.palette_weights, learned.palettes, edit.added)
+    palettes = extended_palettes(learned.palettes, edit.added)
     sets = {each.name: range(len(each.colors), len(edit.colors[each.name])) for each in learned.palettes}
-    before, after = (exposed_alike(each, view.gains) for each in (frame.base, wanted))
+    before, after = (to_mean_exposure(each, view.gains) for each in (frame.base, wanted))
     return match_picture(weights, frame.probabilities, before, after, palettes, edit.colors, sets)

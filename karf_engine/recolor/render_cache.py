@@ -24,7 +24,7 @@ from safetensors import SafetensorError
 from ..capture.camera import Camera
 from ..errors import DataError
 from ..fields.scene import Picture
-from ..io.checkpoints import load_tensors, restoring, save_tensors
+from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from ..io.containment import is_link
 from ..project import Project
 from .field_rendering import segmented_frame
@@ -32,7 +32,7 @@ from .frames import Frame
 from .learned import Learned
 from .matting.marks import Marks
 from .matting.matte import Matte
-from .matting.refine import mattes_of
+from .matting.refine import make_mattes
 
 SCHEMA = "karf-look/2"  # raise the number when renderings change
 MATTES = "karf-mattes/3"  # raise the number when mattes change
@@ -47,7 +47,7 @@ class RenderCache:
         learned = [project.finished(stage) or {} for stage in ("geometry", "segmentation")]
         scene = [[facts.get("fingerprint"), facts.get("files")] for facts in learned]
         self._project = project
-        self._folder = project.path(project.looks_folder.name, _hash(SCHEMA, scene))
+        self._folder = project.path(project.render_cache_folder.name, _hash(SCHEMA, scene))
         self._last: tuple[Camera, Frame] | None = None
 
     def frame(self, camera: Camera, learned: Learned) -> Frame:
@@ -79,7 +79,7 @@ class RenderCache:
         The seed must be that of the learned scene: it is not part of the file's name.
         """
         if edges == "field":  # as fast to compute as to read
-            return mattes_of(edges, photo, probabilities, rendered, marks, seed)
+            return make_mattes(edges, photo, probabilities, rendered, marks, seed)
         arrays = [np.ascontiguousarray(array) for array in (photo, probabilities, rendered)]
         drawn = [] if marks.drawn is None else [np.ascontiguousarray(marks.drawn)]
         contents = [[array.shape, array.dtype.str, hashlib.sha256(array.data).hexdigest()] for array in arrays + drawn]
@@ -87,7 +87,7 @@ class RenderCache:
         mattes = _read_mattes(path, len(probabilities))
         if mattes is None:
             photo, probabilities, rendered = arrays
-            mattes = mattes_of(edges, photo, probabilities, rendered, marks, seed)
+            mattes = make_mattes(edges, photo, probabilities, rendered, marks, seed)
             boxes = [[matte.rows, matte.columns, matte.disputed] for matte in mattes]
             self._write(path, _tensors_of(mattes), MATTES, {"places": boxes})
         return mattes
@@ -125,7 +125,7 @@ class RenderCache:
 def _load(path: Path, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
     """Read tensors and facts. Raises DataError if the file is missing or damaged."""
     tensors, facts = load_tensors(path, schema)
-    with restoring(path):
+    with damage_as_data_error(path):
         if facts["checksum"] != _checksum(tensors):
             raise ValueError("its checksum differs")
     return tensors, facts
@@ -152,7 +152,7 @@ def _read_mattes(path: Path, n_objects: int) -> list[Matte] | None:
     """Read mattes; None if the file is missing or damaged."""
     try:
         tensors, facts = _load(path, MATTES)
-        with restoring(path):
+        with damage_as_data_error(path):
             boxes = facts["places"]
             if len(boxes) != n_objects:
                 raise ValueError("of other objects")

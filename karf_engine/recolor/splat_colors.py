@@ -16,14 +16,14 @@ import torch
 from ..fields.scene import Scene
 from ..heads.fields import SegmentationField
 from ..heads.rendering import NEGLIGIBLE
-from ..palettes.added import palettes_with, spread
+from ..palettes.added import extended_palettes, split_weights
 from ..palettes.extraction.barycentric_weights import star_weights
 from ..palettes.palette import AddedColor, Edit, Palette
 from ..splats.gaussians import Gaussians
 from ..splats.kernels.arrays import C0, COLOR
 
 if TYPE_CHECKING:
-    from ..splats.rasterizer import SplattedView  # needs numba
+    from ..splats.rasterizer import RasterizedView  # needs numba
 
 WEIGHT = "karf_weight_"  # prefix of columns in files, before the number of the palette's color
 STEP = 0.01  # of the central differences of the weights, sRGB
@@ -53,8 +53,8 @@ def shares_of_objects(gaussians: Gaussians, segmentation: SegmentationField, sce
     field, boxes = scene.field, segmentation.boxes
     assert isinstance(boxes, torch.Tensor)
     shares = np.zeros((len(gaussians), len(boxes)), np.float32)
-    for first in range(0, gaussians.n_solid, POINTS_PER_CHUNK):
-        rows = slice(first, min(first + POINTS_PER_CHUNK, gaussians.n_solid))
+    for first in range(0, gaussians.n_foreground, POINTS_PER_CHUNK):
+        rows = slice(first, min(first + POINTS_PER_CHUNK, gaussians.n_foreground))
         world = torch.from_numpy(gaussians.table[rows, :3]).to(field.bounds.device)
         positions = field.space.to_grid(world).float()
         inside = segmentation.inside(positions).any(1)
@@ -78,7 +78,9 @@ def splats_of_objects(
 
         def weights_of(some: np.ndarray, palette: Palette = palette) -> np.ndarray:
             weights = star_weights(some, palette.colors)
-            return spread(weights.T, palette.colors, added[palette.name]).T if added.get(palette.name) else weights
+            return (
+                split_weights(weights.T, palette.colors, added[palette.name]).T if added.get(palette.name) else weights
+            )
 
         steps = STEP * np.eye(3, dtype=np.float32)
         slopes = [(weights_of(colors[rows] + s) - weights_of(colors[rows] - s)) / (2 * STEP) for s in steps]
@@ -86,7 +88,7 @@ def splats_of_objects(
     return tuple(result)
 
 
-def recolored(
+def bake_edit(
     gaussians: Gaussians, objects: Sequence[ObjectSplats], palettes: Sequence[Palette], edit: Edit
 ) -> Gaussians:
     """Bake an additive (`delta`) edit into the colors of Gaussians; unaffected ones keep their bits.
@@ -94,7 +96,7 @@ def recolored(
     objects: of these Gaussians, with the edit's added colors. palettes: as learned.
     """
     table = gaussians.table.copy()
-    for own, palette in zip(objects, palettes_with(palettes, edit.added), strict=True):
+    for own, palette in zip(objects, extended_palettes(palettes, edit.added), strict=True):
         change = (edit.colors[palette.name] - palette.colors).astype(np.float32)
         if not change.any():
             continue
@@ -123,8 +125,8 @@ def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str,
     return columns | {f"{WEIGHT}{number}": column.copy() for number, column in enumerate(weights.T)}
 
 
-def planes_of_view(
-    view: SplattedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
+def render_planes(
+    view: RasterizedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Render the objects of a view of these Gaussians.
 

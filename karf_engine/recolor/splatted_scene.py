@@ -14,15 +14,15 @@ from ..capture.camera import Camera
 from ..capture.capture import View
 from ..fields.scene import Picture, Scene
 from ..heads.fields import SegmentationField
-from ..palettes.edge_shape import EdgeShape, shaped_edges
+from ..palettes.edge_shape import EdgeShape, active_edges
 from ..palettes.palette import Edit, Palette
 from ..splats.gaussians import Gaussians
 from .borders import EdgedSplats
 from .frames import Frame
-from .splat_colors import ObjectSplats, planes_of_view, recolored, shares_of_objects, splats_of_objects
+from .splat_colors import ObjectSplats, bake_edit, render_planes, shares_of_objects, splats_of_objects
 
 if TYPE_CHECKING:
-    from ..splats.rasterizer import SplattedView  # needs numba
+    from ..splats.rasterizer import RasterizedView  # needs numba
 
 
 class SplattedScene:
@@ -48,7 +48,7 @@ class SplattedScene:
     ) -> None:
         self.gaussians = gaussians
         self._scene, self._segmentation, self._palettes, self._views = scene, segmentation, palettes, views
-        self.fades = fades
+        self.fade_unseen = fades
         self._baked: tuple[Any, Gaussians] | None = None  # the last edit, and its result
 
     @cached_property
@@ -69,39 +69,39 @@ class SplattedScene:
 
     def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None, fades: bool | None = None) -> Frame:
         """Render a pinhole, with edges of these objects moved; without palette weights before palettes are learned."""
-        fades = self.fades if fades is None else fades
+        fades = self.fade_unseen if fades is None else fades
         visibility = self._visibility(camera)
-        view = splatted(self.gaussians, camera, visibility if fades else None)
-        is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_solid
+        view = rasterize(self.gaussians, camera, visibility if fades else None)
+        is_solid = np.arange(len(self.gaussians)) < self.gaussians.n_foreground
         opacity, depth, seen = view.blended(np.stack([is_solid, np.where(is_solid, view.depths, 0), visibility], 1))
         depth = np.divide(depth, opacity, out=np.zeros_like(depth), where=opacity > 0)
         color = view.picture()
-        if self.gaussians.n_behind == 0:
+        if self.gaussians.n_background == 0:
             seen += view.image[..., 3]  # transmittance: an empty background is known
         picture = Picture(torch.from_numpy(color), torch.from_numpy(opacity), torch.from_numpy(depth), None)
         if not self._palettes:
-            return Frame(picture, view.blended(self.shares), None, color, seen=seen)
+            return Frame(picture, view.blended(self.shares), None, color, visibility=seen)
         objects = self._edged.objects(edges, {}) if edges else self.objects
         if fades:
             objects = tuple(replace(own, shares=own.shares * visibility[own.rows]) for own in objects)
-        return Frame(picture, *planes_of_view(view, self.gaussians, objects), color, seen=seen)
+        return Frame(picture, *render_planes(view, self.gaussians, objects), color, visibility=seen)
 
-    def shown(self, camera: Camera, edit: Edit, fades: bool | None = None) -> np.ndarray:
+    def render_recolored(self, camera: Camera, edit: Edit, fades: bool | None = None) -> np.ndarray:
         """Render a pinhole with an additive edit, [H, W, 3] float32 sRGB in [0, 1]."""
-        fades = self.fades if fades is None else fades
-        return splatted(self.recolored(edit), camera, self._visibility(camera) if fades else None).picture()
+        fades = self.fade_unseen if fades is None else fades
+        return rasterize(self.recolored(edit), camera, self._visibility(camera) if fades else None).picture()
 
     def _visibility(self, camera: Camera) -> np.ndarray:
         """How well photos cover each Gaussian's color from this position, [n] float32 in [0, 1]; 1 if unknown."""
-        if self.gaussians.looks is None:
+        if self.gaussians.visibility is None:
             return np.ones(len(self.gaussians), np.float32)
-        from ..splats.looks import sureness  # needs numba
+        from ..splats.visibility import confidence_from  # needs numba
 
-        return sureness(self.gaussians, camera.position)
+        return confidence_from(self.gaussians, camera.position)
 
     def recolored(self, edit: Edit) -> Gaussians:
         """Bake an additive edit into the Gaussians' colors. The last result is kept. Edges are lengths, see `borders`."""
-        edges, colors = shaped_edges(edit.edges), {name: colors.tobytes() for name, colors in edit.colors.items()}
+        edges, colors = active_edges(edit.edges), {name: colors.tobytes() for name, colors in edit.colors.items()}
         key = repr(edit.added), repr(edges), colors
         if self._baked is None or self._baked[0] != key:
             objects = self.objects
@@ -109,17 +109,17 @@ class SplattedScene:
                 objects = self._edged.objects(edges, edit.added)
             elif any(edit.added.values()):
                 objects = splats_of_objects(self.gaussians, self.shares, self._palettes, edit.added)
-            self._baked = key, recolored(self.gaussians, objects, self._palettes, edit)
+            self._baked = key, bake_edit(self.gaussians, objects, self._palettes, edit)
         return self._baked[1]
 
-    def behind(self, pinhole: Camera) -> np.ndarray:
+    def render_background(self, pinhole: Camera) -> np.ndarray:
         """Render the Gaussians of the background alone, [H, W, 3] float32 sRGB."""
-        shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_solid :], looks=None)
-        return splatted(shell, pinhole).picture()
+        shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_foreground :], looks=None)
+        return rasterize(shell, pinhole).picture()
 
 
-def splatted(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> SplattedView:
-    """Rasterize Gaussians for a pinhole. sure: see `SplattedView`."""
-    from ..splats.rasterizer import splatted as rasterized  # needs numba
+def rasterize(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = None) -> RasterizedView:
+    """Rasterize Gaussians for a pinhole. sure: see `RasterizedView`."""
+    from ..splats.rasterizer import rasterize as rasterized  # needs numba
 
     return rasterized(gaussians, camera, sure)

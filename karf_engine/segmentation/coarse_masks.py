@@ -13,14 +13,14 @@ import numpy as np
 
 from ..capture.camera import Camera
 from ..capture.capture import Capture, View
-from ..capture.mask_names import fits_view, mask_files
+from ..capture.mask_names import mask_files, matches_view
 from ..capture.training_images import TrainingImage, undistort
 from ..errors import DataError, Message
 from ..io.files import copy_file
 from ..io.image_size import MOST_PHOTO_BYTES
 from ..io.images import read_mask, resize
 from ..io.inputs import check_file
-from ..io.names import file_name, is_file_name, one_form, same_but_for_case
+from ..io.names import file_name, first_case_collision, is_file_name, normalize_unicode
 
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."
 
@@ -67,7 +67,7 @@ def object_folders(folder: Path) -> list[Path]:
         DataError: two names differ only by case or by Unicode form.
     """
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
-    if same := same_but_for_case(path.name for path in objects):
+    if same := first_case_collision(path.name for path in objects):
         raise DataError(
             f"{folder} names two objects {same[0]!r} and {same[1]!r}, one folder on Windows and macOS.",
             "Rename one of the folders; the same letters may be written in two Unicode forms.",
@@ -91,7 +91,7 @@ def masks_of_object(folder: Path, capture: Capture) -> list[CoarseMask]:
     files = mask_files(folder)
     for path in files:
         check_file(path, MOST_PHOTO_BYTES)
-    name = one_form(folder.name)
+    name = normalize_unicode(folder.name)
     masks = [CoarseMask(name, _view_of(path, folder, capture), path) for path in files]
     for first, second in itertools.pairwise(sorted(masks, key=lambda mask: mask.view.name)):
         if first.view.name == second.view.name:
@@ -118,7 +118,7 @@ def _view_of(path: Path, folder: Path, capture: Capture) -> View:
 
 def _matching_views(path: Path, capture: Capture) -> list[View]:
     """Return the views that a mask's path in its object's folder may mean: the view of that name, else training views."""
-    matches = [view for view in capture.views if fits_view(path, view)]
+    matches = [view for view in capture.views if matches_view(path, view)]
     named = [view for view in matches if view.name == file_name(path.stem)]
     return named or [view for view in matches if view.split == "train"] or matches
 

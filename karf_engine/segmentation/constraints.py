@@ -10,7 +10,7 @@ import torch
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from ..fields.protocol import Field
 from ..fields.rendering.rays import camera_rays
 from ..fields.rendering.surface_cache import SurfaceCache, cache_surface
@@ -71,13 +71,13 @@ class Observation:
     point_of_sample: np.ndarray
 
 
-class SeenPoints:
+class ViewObserver:
     """Find the surface points that single views show; each view is traced once."""
 
     def __init__(self, scene_field: Field, points: SurfacePoints, long_side: int) -> None:
         """Take a frozen field, its surface points and the working size in pixels."""
         self._field, self._points, self._long_side = scene_field, points, long_side
-        self._tree = tree_of(points.positions, balanced_tree=False, compact_nodes=False)
+        self._tree = build_kd_tree(points.positions, balanced_tree=False, compact_nodes=False)
         self._observations: dict[str, Observation] = {}
 
     def _camera(self, view: View) -> Camera:

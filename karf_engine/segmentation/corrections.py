@@ -13,7 +13,7 @@ import numpy as np
 from ..capture.camera import Camera
 from ..capture.capture import Capture
 from ..errors import DataError
-from ..io.images import full_value, read_pixels
+from ..io.images import read_pixels, white_level
 from .coarse_masks import CoarseMask, masks_of_object, object_folders, to_working_size
 
 OBJECT, NOT_OBJECT = 1, -1
@@ -44,7 +44,7 @@ def load_correction(correction: CoarseMask, camera: Camera) -> np.ndarray:
     pixels, _ = read_pixels(correction.path, True)
     if pixels.ndim != 3 or pixels.shape[2] not in (2, 4):
         raise DataError(f"{correction.path} has no alpha: it says something of every pixel.", "Save gray with alpha.")
-    half = full_value(pixels) / 2
+    half = white_level(pixels) / 2
     opaque, white = pixels[..., -1] > half, pixels[..., 0] > half
     positive, negative = (to_working_size(opaque & kind, correction, camera) for kind in (white, ~white))
     strokes = np.where(positive >= negative, OBJECT, NOT_OBJECT)

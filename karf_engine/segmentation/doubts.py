@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from ..errors import DataError
 from ..io.files import atomic_write
 from ..io.npz import read_arrays
@@ -21,7 +21,7 @@ AGAIN = "Run the segmentation stage again."
 
 
 @dataclass(frozen=True)
-class Unsure:
+class ObjectDoubt:
     """The doubt of one object.
 
     Attributes:
@@ -39,7 +39,7 @@ class Unsure:
         return f"{self.share:.0%} of {name!r} is unsure, most of it where masks and colors contradict each other."
 
 
-def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -> dict[str, Unsure]:
+def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -> dict[str, ObjectDoubt]:
     """Return the doubt of each object by name. `points` come from the rays of `cached`, `labels` are theirs."""
     views = cached.views
     has_masks = np.repeat([bool(masks) for masks in views.masks], np.diff(views.offsets))
@@ -50,12 +50,12 @@ def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -
         unsure = labels.doubt[:, k - 1] > DOUBTED
         n_unsure, n_points = unsure.sum(), (unsure | (labels.classes == k)).sum()
         shares = n_unsure / max(n_points, 1), (unsure & ~is_seen).sum() / max(n_unsure, 1)
-        found[name] = Unsure(*(round(float(share), 4) for share in shares))
+        found[name] = ObjectDoubt(*(round(float(share), 4) for share in shares))
     return found
 
 
 @dataclass(frozen=True)
-class SurfaceDoubts:
+class SurfaceUncertainty:
     """The doubt of p surface points.
 
     Attributes:
@@ -70,7 +70,7 @@ class SurfaceDoubts:
 
     def at(self, positions: np.ndarray) -> np.ndarray:
         """Return the doubt of the nearest points, [n, K] in [0, 1], for world positions [n, 3]."""
-        tree = tree_of(self.positions, balanced_tree=False, compact_nodes=False)
+        tree = build_kd_tree(self.positions, balanced_tree=False, compact_nodes=False)
         return self.doubts[tree.query(positions)[1]] / np.float32(255)
 
     def write(self, path: Path) -> None:
@@ -79,7 +79,7 @@ class SurfaceDoubts:
         atomic_write(path, lambda temporary: np.savez_compressed(temporary, **arrays))
 
     @classmethod
-    def read(cls, path: Path) -> SurfaceDoubts:
+    def read(cls, path: Path) -> SurfaceUncertainty:
         """Read what `write` wrote. Raises DataError where the file is missing or damaged."""
         objects, positions, doubts = read_arrays(path, ["objects", "positions", "doubts"], "doubts", AGAIN)
         fits = positions.ndim == 2 and positions.shape[1] == 3 and doubts.shape == (len(positions), len(objects))

@@ -36,7 +36,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
 from .gaussian_mixtures import class_log_densities
-from .nearby import local_share
+from .local_share import local_share
 from .neighbor_graph import conjugate_gradients, neighbor_graph
 from .point_labels import Labels, margin
 from .seeds import seed_regions, seeds_of

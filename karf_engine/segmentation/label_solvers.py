@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..errors import BadRequest
-from ..io.arguments import check_choice, checked
+from ..io.arguments import check_arguments, check_choice
 from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import LABEL_KINDS
 from .labels import LabelledSurface, LabelProblem, label_surface, vote_on_surface
@@ -21,7 +21,7 @@ LabelSolver = Callable[[LabelProblem], LabelledSurface]
 SOLVERS: dict[str, LabelSolver] = {}
 
 
-@checked
+@check_arguments
 def register_labels(name: str, solve: LabelSolver) -> None:
     """Add a solver under a name of the setting `segmentation.labels`.
 

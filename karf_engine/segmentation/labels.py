@@ -11,7 +11,7 @@ import torch
 from scipy.sparse import csr_matrix
 
 from ..compute.convergence import convergence_as_event
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from ..compute.progress import Emit
 from ..errors import DataError
 from ..fields.protocol import Field
@@ -42,7 +42,7 @@ class LabelledSurface:
     fixed: np.ndarray
 
     @property
-    def lacking(self) -> list[str]:
+    def empty_objects(self) -> list[str]:
         """Names of the objects without points."""
         return [name for k, name in enumerate(self.objects, 1) if not (self.labels.classes == k).any()]
 
@@ -62,7 +62,7 @@ class LabelledSurface:
     def near_objects(self, reach: float) -> np.ndarray:
         """Return True for points within about `reach` (grid coordinates) of an object's point, [p]."""
         objects = self.points.positions[self.labels.classes > 0]
-        tree = tree_of(objects, balanced_tree=False, compact_nodes=False)
+        tree = build_kd_tree(objects, balanced_tree=False, compact_nodes=False)
         return np.isfinite(tree.query(self.points.positions, distance_upper_bound=reach)[0])
 
 
@@ -100,7 +100,7 @@ class Labelling:
         positions = torch.from_numpy(points.positions).float().to(scene_field.bounds.device)
         normals = scene_field.normals(positions).cpu().numpy()
         world = scene_field.space.to_world(positions)
-        allowed = Volumes.of(volumes, objects).to(world.device)(world, len(objects)).cpu().numpy()
+        allowed = Volumes.from_objects(volumes, objects).to(world.device)(world, len(objects)).cpu().numpy()
         allowed = np.concatenate([np.ones((len(points), 1), bool), allowed], 1)
         kept = targets * allowed
         has_votes = kept.sum(1) > 0
@@ -185,7 +185,7 @@ def label_surface(problem: LabelProblem) -> LabelledSurface:
         labels = labelling.corrected(solved, problem.constraints)
     surface = _labelled(objects, points, labels, problem.constraints.fixed, emit)
     for name, precision in zip(objects, labels.precision, strict=True):
-        if precision < LOW_PRECISION and name not in surface.lacking:
+        if precision < LOW_PRECISION and name not in surface.empty_objects:
             emit(
                 "warning",
                 code="precision",
@@ -213,7 +213,7 @@ def _labelled(
 ) -> LabelledSurface:
     _require_any(objects, labels.classes > 0)
     surface = LabelledSurface(objects, points, labels, fixed)
-    for name in surface.lacking:
+    for name in surface.empty_objects:
         sentence = f"Nothing in the scene belongs to {name!r}: mark it more generously, or in another view."
         emit("warning", code="lacking", sentence=sentence)
     return surface

@@ -8,9 +8,9 @@ import numpy as np
 from scipy import sparse
 
 from ..compute.convergence import warn_not_converged
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 
-TOLERANCE, MOST_STEPS = 1e-4, 150  # of conjugate gradients; relative to the right-hand side
+TOLERANCE, MAX_STEPS = 1e-4, 150  # of conjugate gradients; relative to the right-hand side
 
 NEIGHBORS = 12
 COLOR_DEVIATION = 8.0  # Lab units
@@ -34,7 +34,7 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
         Symmetric [p, p], weights in [0, 1 + 1e-6].
     """
     # building a balanced tree has crashed together with torch
-    tree = tree_of(positions, balanced_tree=False, compact_nodes=False)
+    tree = build_kd_tree(positions, balanced_tree=False, compact_nodes=False)
     distances, neighbors = tree.query(positions, k=range(1, min(NEIGHBORS + 1, len(positions)) + 1))
     distances, neighbors = distances[:, 1:], neighbors[:, 1:]
     color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * COLOR_DEVIATION**2)
@@ -53,7 +53,7 @@ def conjugate_gradients(
 ) -> np.ndarray:
     """Solve A x = b for several right-hand sides at once, preconditioned with the diagonal of A.
 
-    Warns if it has not converged after MOST_STEPS iterations. (SciPy's solvers take one right-hand side at a time.)
+    Warns if it has not converged after MAX_STEPS iterations. (SciPy's solvers take one right-hand side at a time.)
 
     Args:
         product: maps [p, c] to A times it; A is positive definite.
@@ -70,7 +70,7 @@ def conjugate_gradients(
     direction = scaled.copy()
     energy = _dots(residual, scaled)
     goal = TOLERANCE * np.sqrt(_dots(right, right))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         if (np.sqrt(_dots(residual, residual)) <= goal).all():
             break
         image = product(direction)
@@ -86,7 +86,7 @@ def conjugate_gradients(
     left = np.sqrt(_dots(residual, residual))
     if (left > goal).any():
         norms = np.sqrt(_dots(right, right))
-        warn_not_converged(MOST_STEPS, float((left / np.maximum(norms, np.finfo(float).tiny)).max()), TOLERANCE)
+        warn_not_converged(MAX_STEPS, float((left / np.maximum(norms, np.finfo(float).tiny)).max()), TOLERANCE)
     return x
 
 

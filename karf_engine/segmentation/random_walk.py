@@ -18,7 +18,7 @@ Region = tuple[slice, slice]  # rows and columns
 Link = tuple[Region, Region, np.ndarray]  # pixels, their neighbors in one direction, and the weights w > 0
 
 
-def links_of(channels: np.ndarray, likeness: float = 0.05) -> Iterator[Link]:
+def neighbor_links(channels: np.ndarray, falloff: float = 0.05) -> Iterator[Link]:
     """Yield the links to half of the eight neighbors, one direction at a time.
 
     Args:
@@ -28,7 +28,7 @@ def links_of(channels: np.ndarray, likeness: float = 0.05) -> Iterator[Link]:
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
         here, there = _shifted(channels.shape[:2], down, right)
         # the constant keeps the system definite
-        yield here, there, np.exp(-likeness * ((channels[here] - channels[there]) ** 2).sum(-1)) + 1e-4
+        yield here, there, np.exp(-falloff * ((channels[here] - channels[there]) ** 2).sum(-1)) + 1e-4
 
 
 def random_walk(
@@ -37,7 +37,7 @@ def random_walk(
     """Return the labels of the n free pixels, [C, n] float32 in [0, 1]; all other pixels keep their priors.
 
     Args:
-        links: between the pixels, see `links_of`.
+        links: between the pixels, see `neighbor_links`.
         priors: [C, h, w] float32, sum to 1 over C.
         free: [h, w] bool.
         prior_weight: g > 0, a number or [n].

@@ -13,7 +13,7 @@ from ..errors import DataError
 from ..io.files import read_json, write_json
 from ..io.names import check_names
 from ..metrics.masks import iou
-from .doubts import Unsure, unsure_objects
+from .doubts import ObjectDoubt, unsure_objects
 from .point_labels import Labels
 from .suggestions import Suggestions, views_to_mark
 from .surface_points import SurfacePoints
@@ -41,7 +41,7 @@ class SegmentationReport:
     views: list[str]
     masked_views: list[str]
     surface_points: int
-    unsure: dict[str, Unsure]
+    unsure: dict[str, ObjectDoubt]
     suggestions: Suggestions
 
     def write(self, path: Path) -> None:
@@ -79,7 +79,7 @@ class SegmentationReport:
         unsure = content.get("unsure", {})
         if not _is_table(unsure, None, _is_unsure):
             raise _damaged(path, "no doubts of objects")
-        unsure = {name: Unsure(**each) for name, each in unsure.items()}
+        unsure = {name: ObjectDoubt(**each) for name, each in unsure.items()}
         scores, any_view_helps = content.get("suggestions", {}), content.get("any_view_helps", False)
         if not _is_table(scores, None, _is_share):
             raise _damaged(path, "no scores of views")

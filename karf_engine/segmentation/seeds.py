@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
@@ -32,6 +32,6 @@ def seed_regions(
     trees, radii = [], []
     for k in range(1, seed_targets.shape[1]):
         seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
-        trees.append(tree_of(seeds, balanced_tree=False, compact_nodes=False))
+        trees.append(build_kd_tree(seeds, balanced_tree=False, compact_nodes=False))
         radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
     return trees, np.maximum(radii, spacing)

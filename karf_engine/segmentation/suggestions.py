@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from .doubts import DOUBTED
 from .point_labels import Labels
 from .surface_points import CELL_IN_SPACINGS, SurfacePoints
@@ -78,7 +78,7 @@ def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
     """Return the patch number of each point, [p], 0 for none. kind: [p], equal within a patch, 0 for no patch."""
     patch, chosen = np.zeros(len(kind), int), np.flatnonzero(kind)
     if len(chosen):
-        tree = tree_of(points.positions[chosen], balanced_tree=False, compact_nodes=False)
+        tree = build_kd_tree(points.positions[chosen], balanced_tree=False, compact_nodes=False)
         first, second = tree.query_pairs(JOIN_DISTANCE * CELL_IN_SPACINGS * points.spacing, output_type="ndarray").T
         same = kind[chosen[first]] == kind[chosen[second]]
         tied = coo_matrix((same, (first, second)), (len(chosen), len(chosen)))

@@ -12,7 +12,7 @@ from ..io.color import srgb_to_lab
 from .views import CachedViews
 
 CELL_IN_SPACINGS = 1.4
-MOST_POINTS = 60_000  # approximate; with more points each has few votes
+MAX_POINTS = 60_000  # approximate; with more points each has few votes
 LABEL_SAMPLES = 3  # per ray; the first and last of many samples are off the surface
 
 
@@ -39,13 +39,13 @@ class SurfacePoints:
 def surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
     """Return surface points as fine as the field's voxels (grid coordinates), but not many more than MOST_POINTS."""
     points = _points_of_spacing(cached, voxel)
-    if len(points) <= MOST_POINTS:
+    if len(points) <= MAX_POINTS:
         return points
-    return _points_of_spacing(cached, voxel * math.sqrt(len(points) / MOST_POINTS))
+    return _points_of_spacing(cached, voxel * math.sqrt(len(points) / MAX_POINTS))
 
 
 def _points_of_spacing(cached: CachedViews, spacing: float) -> SurfacePoints:
-    cache = cached.cache.thinned(LABEL_SAMPLES)
+    cache = cached.cache.subsample(LABEL_SAMPLES)
     lab = srgb_to_lab(cached.views.colors()[cache.index.cpu().numpy()])
     # a silhouette ray has spread samples and a mixed color
     confidence = torch.exp(-cache.spread / (4 * spacing)) * cache.opacity

@@ -16,8 +16,8 @@ from ..compute.progress import Progress
 from ..errors import DataError
 from ..fields.protocol import Field
 from ..fields.rendering.rays import camera_rays
-from ..fields.rendering.surface_cache import SurfaceCache, cache_surface, join_caches
-from ..palettes.exposure import exposed_alike
+from ..fields.rendering.surface_cache import SurfaceCache, cache_surface, concatenate_caches
+from ..palettes.exposure import to_mean_exposure
 from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 
@@ -62,7 +62,7 @@ class MaskedViews:
     def colors(self) -> np.ndarray:
         """Return the colors of all pixels in the photos' mean exposure, [N, 3] float32 sRGB in [0, 1]."""
         return np.concatenate(
-            [exposed_alike(image.color, image.view.gains).reshape(-1, 3) for image in self.training_images]
+            [to_mean_exposure(image.color, image.view.gains).reshape(-1, 3) for image in self.training_images]
         )
 
 
@@ -155,7 +155,7 @@ def cache_views(scene_field: Field, views: MaskedViews, samples_per_ray: int, pr
         rays = camera_rays(training_image.camera, scene_field.bounds.device)
         part = cache_surface(scene_field, rays, samples_per_ray, CACHE_STEP, progress)
         parts.append(replace(part, index=part.index + start))
-    cache = join_caches(parts)
+    cache = concatenate_caches(parts)
     if not len(cache):
         raise DataError("The learned scene shows nothing solid in any photo.", "Learn it again, with other settings.")
     return CachedViews(views, cache)

@@ -12,7 +12,7 @@ from ..capture.capture import SparsePoints
 from .gaussians import Gaussians
 
 if TYPE_CHECKING:
-    from .rasterizer import SplattedView  # needs numba
+    from .rasterizer import RasterizedView  # needs numba
 
 LONG_SIDE = 400  # pixels of the depth maps
 POINTS = 20_000
@@ -22,7 +22,7 @@ DEPTH_DEVIATION = 0.02  # largest relative standard deviation of the depths blen
 DEPTH_ERROR = 0.01  # largest relative difference between the depth of a point and of a view that observes it
 
 
-def points_seen(
+def sample_surface_points(
     gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
 ) -> SparsePoints:
     """Sample points on visible surfaces, with their observations, as structure from motion does.
@@ -35,13 +35,13 @@ def points_seen(
     Returns:
         About POINTS points, fewer if few pixels are opaque; pixel coordinates of the cameras.
     """
-    from .rasterizer import splatted  # needs numba
+    from .rasterizer import rasterize  # needs numba
 
     small = [camera.without_distortion().reduced(LONG_SIDE) for camera in cameras]
     random = np.random.default_rng(0)
     depth_maps, positions, colors = [], [], []
     for camera in small:
-        view = splatted(gaussians, camera)
+        view = rasterize(gaussians, camera)
         depths = reliable_depths(view)
         chosen = np.flatnonzero(depths)
         chosen = random.choice(chosen, min(len(chosen), -(-POINTS // len(small))), replace=False)
@@ -62,7 +62,7 @@ def points_seen(
     )
 
 
-def reliable_depths(view: SplattedView) -> np.ndarray:
+def reliable_depths(view: RasterizedView) -> np.ndarray:
     """Return the depths of pixels that show a single surface, [H, W]; 0 for other pixels and beyond AT_INFINITY."""
     seen = view.is_seen
     if not seen.any():

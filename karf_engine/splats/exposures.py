@@ -53,7 +53,7 @@ class Exposures:
         return variance / (variance + np.float32(NOISE**2))
 
 
-def between(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
+def interpolate_gains(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
     """Interpolate the gains of a held-out photo between the photos before and after it.
 
     Args:
@@ -65,7 +65,7 @@ def between(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
         [3] float32.
 
     Examples:
-        >>> between(np.array([[1.0, 1.0, 1.0], [1.2, 1.0, 0.8]]), [0, 2], 1)
+        >>> interpolate_gains(np.array([[1.0, 1.0, 1.0], [1.2, 1.0, 0.8]]), [0, 2], 1)
         array([1.1, 1. , 0.9], dtype=float32)
     """
     return np.array([np.interp(place, places, channel) for channel in gains.T], np.float32)

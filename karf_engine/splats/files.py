@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ..io.checkpoints import load_tensors, restoring, save_tensors
+from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from .gaussians import DEGREES, Gaussians
 from .kernels.arrays import COLOR, PIXEL_FILTER, ScreenFilter
 
@@ -18,11 +18,11 @@ LOOK_COLUMNS = 5
 
 def save_gaussians(gaussians: Gaussians, path: Path) -> None:
     """Write Gaussians."""
-    facts = {"n_behind": gaussians.n_behind, "background": list(gaussians.background), "near": gaussians.near}
+    facts = {"n_behind": gaussians.n_background, "background": list(gaussians.background), "near": gaussians.near}
     schema = SCHEMA
     if gaussians.screen_filter != PIXEL_FILTER:
         schema, facts["screen_filter"] = FILTERED_SCHEMA, list(map(float, gaussians.screen_filter))
-    arrays = {"table": gaussians.table} | ({} if gaussians.looks is None else {"looks": gaussians.looks})
+    arrays = {"table": gaussians.table} | ({} if gaussians.visibility is None else {"looks": gaussians.visibility})
     save_tensors(path, {name: torch.from_numpy(each) for name, each in arrays.items()}, schema, facts)
 
 
@@ -33,7 +33,7 @@ def load_gaussians(path: Path) -> Gaussians:
         DataError: The file is missing or damaged.
     """
     tensors, facts = load_tensors(path, (SCHEMA, FILTERED_SCHEMA))
-    with restoring(path):
+    with damage_as_data_error(path):
         table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])
         n_harmonics = (table.shape[1] - COLOR) / 3
         if table.dtype != np.float32 or table.ndim != 2 or n_harmonics not in DEGREES:

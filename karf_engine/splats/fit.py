@@ -11,18 +11,18 @@ from torch import Tensor
 
 from ..capture.camera import Camera
 from ..capture.training_images import TrainingImage
-from ..compute.cores import share
+from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
 from ..fields.training.checkpoint import Checkpoint
-from ..fields.training.state import check_alike, number, whole_number
+from ..fields.training.state import check_same_layout, read_integer, scalar_tensor
 from ..io.color import to_bytes
 from ..io.images import resize
 from .exposures import Exposures
 from .gaussians import Gaussians
 from .kernels.adam import adam
 from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
-from .rasterizer import SplattedView, pinhole
+from .rasterizer import RasterizedView, pinhole
 
 WINDOW = 400  # side of the windows of larger photos, pixels
 HALVED = 0.6  # fraction of the iterations, at the start, with photos at half size
@@ -99,7 +99,7 @@ class SplatFit:
         iterations: int,
         seed: int,
         rates: Rates = Rates(),
-        between: Sequence[Photo] = (),
+        pseudo_photos: Sequence[Photo] = (),
     ) -> None:
         """Create a new fit.
 
@@ -115,7 +115,7 @@ class SplatFit:
         self._start, self._photos, self._seed = gaussians, photos, seed
         self._exposures = Exposures(len(photos))
         self._halves = [photo.halved() for photo in photos]
-        self._between = between, [picture.halved() for picture in between]
+        self._between = pseudo_photos, [picture.halved() for picture in pseudo_photos]
         self._table = gaussians.table.copy()
         self._gradients, self._means, self._squares = (np.zeros_like(self._table) for _ in range(3))
         self._steps = np.zeros(len(gaussians), np.int32)
@@ -154,7 +154,7 @@ class SplatFit:
             self.done += 1
             progress.step(psnr=-10 * np.log10(error + 1e-10))
             if checkpoint is not None:
-                checkpoint.offer()
+                checkpoint.save_if_due()
 
     def _step(self) -> float:
         """Train on one photo; return its mean squared error."""
@@ -163,18 +163,18 @@ class SplatFit:
         # a random background behind a matte requires opacity where the photo is solid
         background = self._start.background if photo.alpha is None else tuple(random.random(3))
         camera = pinhole(photo.camera, self._start.near, self._start.screen_filter)
-        view = SplattedView(self._table, camera, background)
+        view = RasterizedView(self._table, camera, background)
         shown, target = view.image[..., :3], photo.over(background)
         gains = 1 if number is None else self._gains(number, photo, shown, target)
         difference = gains * shown - target
         if photo.valid is not None:
             difference *= photo.valid[..., None]
         view.backward(gains * difference * np.float32(2 / difference.size), self._gradients)
-        behind = self._gradients[self._start.n_solid :]  # of the background only the constant color is trained
+        behind = self._gradients[self._start.n_foreground :]  # of the background only the constant color is trained
         behind[:, :COLOR] = 0
         behind[:, COLOR + 3 :] = 0
         rates = self._rates * np.float32(LAST_RATE ** (self.done / self.iterations))
-        share(
+        parallel_for(
             adam, len(self._table), self._table, self._gradients, self._means, self._squares, self._steps,
             view.offsets, rates, self._sizes, self._least,
         )  # fmt: skip
@@ -224,7 +224,9 @@ class SplatFit:
 
     def state(self) -> dict[str, Tensor]:
         """Return the tensors to resume from."""
-        return {name: torch.from_numpy(each) for name, each in self._learned().items()} | {"done": number(self.done)}
+        return {name: torch.from_numpy(each) for name, each in self._learned().items()} | {
+            "done": scalar_tensor(self.done)
+        }
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Resume this new fit from a state; the result is the same as without interruption, to the bit.
@@ -232,8 +234,8 @@ class SplatFit:
         Raises:
             DataError: The state is of another fit; nothing is changed then.
         """
-        check_alike(state, self.state())
-        self.done = whole_number(state, "done", self.iterations)
+        check_same_layout(state, self.state())
+        self.done = read_integer(state, "done", self.iterations)
         for name, each in self._learned().items():
             each[:] = state[name].numpy()
 

@@ -28,11 +28,11 @@ class Gaussians:
     """
 
     table: np.ndarray
-    n_behind: int
+    n_background: int
     background: tuple[float, float, float]
     near: float
     screen_filter: ScreenFilter = PIXEL_FILTER
-    looks: np.ndarray | None = None
+    visibility: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.table)
@@ -43,6 +43,6 @@ class Gaussians:
         return DEGREES[(self.table.shape[1] - COLOR) // 3]
 
     @property
-    def n_solid(self) -> int:
+    def n_foreground(self) -> int:
         """Number of rows without the background, at the table's start."""
-        return len(self.table) - self.n_behind
+        return len(self.table) - self.n_background

@@ -11,13 +11,13 @@ from ..capture.capture import CapturedSplats
 from .formats.registry import read_splats
 from .gaussians import Gaussians
 from .kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
-from .start import nearest_shown
+from .start import near_plane
 
 BLACK = (0.0, 0.0, 0.0)  # the usual background of other programs
 ANY_DEPTH = 1e-6
 
 
-def captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gaussians:
+def read_captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gaussians:
     """Read the Gaussians of a capture, over black.
 
     Args:
@@ -28,10 +28,10 @@ def captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gau
         DataError: The file is missing or damaged.
         MissingDependency: The package that reads such files is missing.
     """
-    return gaussians_before(read_splats(splats.path).table, splats.is_antialiased, cameras)
+    return imported_gaussians(read_splats(splats.path).table, splats.is_antialiased, cameras)
 
 
-def gaussians_before(table: np.ndarray, is_antialiased: bool, cameras: Sequence[Camera]) -> Gaussians:
+def imported_gaussians(table: np.ndarray, is_antialiased: bool, cameras: Sequence[Camera]) -> Gaussians:
     """Return the table of another program as Gaussians over black.
 
     Args:
@@ -39,5 +39,5 @@ def gaussians_before(table: np.ndarray, is_antialiased: bool, cameras: Sequence[
         is_antialiased: See `CapturedSplats`.
         cameras: Determine the near plane; without cameras everything is shown.
     """
-    near = nearest_shown(table[:, :3], np.stack([camera.position for camera in cameras])) if cameras else ANY_DEPTH
+    near = near_plane(table[:, :3], np.stack([camera.position for camera in cameras])) if cameras else ANY_DEPTH
     return Gaussians(table, 0, BLACK, near, ANTIALIASED_FILTER if is_antialiased else PLAIN_FILTER)

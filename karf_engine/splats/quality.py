@@ -8,7 +8,7 @@ import numpy as np
 
 from .fit import Photo
 from .gaussians import Gaussians
-from .rasterizer import splatted
+from .rasterizer import rasterize
 
 
 def psnr(gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | float = 1.0) -> float:
@@ -23,6 +23,6 @@ def psnr(gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | floa
 
 
 def _squared_error(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float) -> float:
-    shown = (np.float32(gains) * splatted(gaussians, photo.camera).image[..., :3]).clip(0, 1)
+    shown = (np.float32(gains) * rasterize(gaussians, photo.camera).image[..., :3]).clip(0, 1)
     squares = np.square(shown - photo.over(gaussians.background))
     return float((squares if photo.valid is None else squares[photo.valid]).mean())

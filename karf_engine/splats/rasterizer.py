@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..capture.camera import Camera
-from ..compute.cores import share
+from ..compute.cores import parallel_for
 from ..errors import OutOfMemory
 from .gaussians import Gaussians
 from .kernels.arrays import ENTRY, PIXEL_FILTER, SPLAT, SPLAT_GRADIENTS, TILE, TILE_BOX, Pinhole, ScreenFilter
@@ -24,7 +24,7 @@ CHANNELS = ("red", "green", "blue")
 UNKNOWN_COLOR = np.float32(0.5)  # sRGB gray of Gaussians with confidence 0
 
 
-class SplattedView:
+class RasterizedView:
     """One view of a table of Gaussians.
 
     Attributes:
@@ -46,7 +46,7 @@ class SplattedView:
         n_tiles = tiles_x * -(-camera.height // TILE)
         self._table, self._camera = table, camera
         self._splats, boxes = np.empty(n, SPLAT), np.empty(n, TILE_BOX)
-        share(project, n, table, camera, self._splats, boxes)
+        parallel_for(project, n, table, camera, self._splats, boxes)
         self.offsets, self._starts = np.empty(n + 1, np.int32), np.zeros(n_tiles + 1, np.int32)
         if not count_entries(boxes, tiles_x, self.offsets, self._starts):
             raise OutOfMemory(
@@ -68,7 +68,7 @@ class SplattedView:
             for name in CHANNELS:
                 self._splats[name][faded] = self._splats[name][faded] * confidence[faded] + gray
         self.image = np.empty((camera.height, camera.width, 4), np.float32)
-        share(blend, n_tiles, *self._of_tiles, np.asarray(background, np.float32), self.image)
+        parallel_for(blend, n_tiles, *self._of_tiles, np.asarray(background, np.float32), self.image)
 
     @property
     def _of_tiles(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,7 +91,7 @@ class SplattedView:
     def blended(self, values: np.ndarray) -> np.ndarray:
         """Blend values [n, C] of the Gaussians like their colors, over 0; return [C, H, W] float32."""
         result = np.empty((values.shape[1], *self.image.shape[:2]), np.float32)
-        share(blend_values, len(self._starts) - 1, *self._of_tiles, np.ascontiguousarray(values), result)
+        parallel_for(blend_values, len(self._starts) - 1, *self._of_tiles, np.ascontiguousarray(values), result)
         return result
 
     def weights(self) -> np.ndarray:
@@ -110,14 +110,14 @@ class SplattedView:
             gradients: [n, 11 + 3 K] float32, output.
         """
         by_splat = self._splat_gradients(gradient)
-        share(
+        parallel_for(
             project_back, len(self._table), self._table, self._camera, self._splats, self.offsets, by_splat, gradients
         )
 
     def _splat_gradients(self, gradient: np.ndarray) -> np.ndarray:
         """Return the gradients of each Gaussian in each tile, SPLAT_GRADIENTS."""
         result = np.empty(len(self._entries), SPLAT_GRADIENTS)
-        share(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, gradient, result)
+        parallel_for(blend_back, len(self._starts) - 1, *self._of_tiles, self.image, gradient, result)
         return result
 
 
@@ -132,7 +132,7 @@ def pinhole(camera: Camera, near: float, screen_filter: ScreenFilter = PIXEL_FIL
     return Pinhole(rotation, translation, eye, fx, fy, cx, cy, *size, np.float32(near), *screen_filter)
 
 
-def splatted(gaussians: Gaussians, camera: Camera, confidence: np.ndarray | None = None) -> SplattedView:
-    """Rasterize Gaussians for a camera without its lens distortion. confidence: see `SplattedView`."""
+def rasterize(gaussians: Gaussians, camera: Camera, confidence: np.ndarray | None = None) -> RasterizedView:
+    """Rasterize Gaussians for a camera without its lens distortion. confidence: see `RasterizedView`."""
     shown_by = pinhole(camera, gaussians.near, gaussians.screen_filter)
-    return SplattedView(gaussians.table, shown_by, gaussians.background, confidence)
+    return RasterizedView(gaussians.table, shown_by, gaussians.background, confidence)

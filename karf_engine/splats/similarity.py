@@ -16,7 +16,7 @@ ROUNDED = 6  # digits of harmonics' rotations, so that flips of axes are exact
 N_DIRECTIONS = 64
 
 
-def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
+def transform_gaussians(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
     """Return transformed Gaussians.
 
     Args:
@@ -27,7 +27,7 @@ def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
         BadRequest: The matrix shears, mirrors, scales unequally or is not finite.
     """
     try:
-        table = turned(gaussians.table, matrix)
+        table = transform_table(gaussians.table, matrix)
     except ValueError as error:
         raise BadRequest(
             f"The matrix {matrix.tolist()} is not a rotation with a uniform scale and a translation.",
@@ -39,7 +39,7 @@ def moved(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
     return replace(gaussians, table=table, near=gaussians.near * scale)
 
 
-def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def transform_table(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Transform a table of Gaussians.
 
     Args:
@@ -59,11 +59,11 @@ def turned(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     result[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
     result[:, LOG_SCALE:ROTATION] += np.log(scale)
     result[:, ROTATION:LOGIT] = table[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
-    result[:, COLOR:] = turned_harmonics(table[:, COLOR:], rotation)
+    result[:, COLOR:] = rotate_harmonics(table[:, COLOR:], rotation)
     return result
 
 
-def turned_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def rotate_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Rotate harmonics [n, 3 K] by a rotation [3, 3]; return them unchanged for the identity."""
     count = harmonics.shape[1] // 3
     if count == 1 or np.array_equal(rotation, np.eye(3)):
@@ -72,7 +72,7 @@ def turned_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return harmonics @ np.kron(of_one_color, np.eye(3, dtype=of_one_color.dtype)).T
 
 
-def turn_between(here: np.ndarray, there: np.ndarray) -> np.ndarray:
+def estimate_rotation(here: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Estimate the rotation between points moved by a similarity transform (Umeyama 1991).
 
     Args:

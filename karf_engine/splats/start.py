@@ -20,7 +20,7 @@ BEHIND, BEHIND_DISTANCE = 8000, 15.0  # Gaussians of the shell; its radius in di
 NEAREST = 0.02  # near plane in median distances between cameras and surface
 
 
-def gaussians_of(
+def initial_gaussians(
     scene: Scene, views: Sequence[View], count: int, degree: int, step: Callable[[], None] = lambda: None
 ) -> Gaussians:
     """Return initial Gaussians with view-independent colors.
@@ -37,17 +37,17 @@ def gaussians_of(
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])
-    near = nearest_shown(points.world, eyes)
+    near = near_plane(points.world_positions, eyes)
     table, n_behind = _disks(points, (degree + 1) ** 2), 0
     if scene.background is not None:
-        shell = _shell(scene, points.world, eyes, (degree + 1) ** 2)
+        shell = _shell(scene, points.world_positions, eyes, (degree + 1) ** 2)
         table, n_behind = np.concatenate([table, shell]), len(shell)
-    behind = scene.behind(torch.tensor([[0.0, 0.0, 1.0]])) if n_behind == 0 else torch.zeros(1, 3)
+    behind = scene.background_color(torch.tensor([[0.0, 0.0, 1.0]])) if n_behind == 0 else torch.zeros(1, 3)
     red, green, blue = behind[0].tolist()
     return Gaussians(table, n_behind, (red, green, blue), near)
 
 
-def nearest_shown(centers: np.ndarray, eyes: np.ndarray) -> float:
+def near_plane(centers: np.ndarray, eyes: np.ndarray) -> float:
     """Return the depth of the near plane for centers [n, 3] and camera positions [m, 3]."""
     return float(NEAREST * np.median(np.linalg.norm(np.median(centers, 0) - eyes, axis=1)))
 
@@ -59,8 +59,8 @@ def surface_views(views: Sequence[View]) -> list[View]:
 
 
 def _disks(points: SurfacePoints, n_harmonics: int) -> np.ndarray:
-    table = np.zeros((len(points.world), COLOR + 3 * n_harmonics), np.float32)
-    table[:, CENTER : CENTER + 3] = points.world
+    table = np.zeros((len(points.world_positions), COLOR + 3 * n_harmonics), np.float32)
+    table[:, CENTER : CENTER + 3] = points.world_positions
     table[:, LOG_SCALE : LOG_SCALE + 3] = np.log(0.5 * np.maximum(points.spacing, 1e-9))[:, None]
     table[:, LOG_SCALE + 2] += np.log(FLATNESS)
     table[:, ROTATION : ROTATION + 4] = _rotations_to(points.normals)
@@ -82,7 +82,7 @@ def _shell(scene: Scene, world: np.ndarray, eyes: np.ndarray, n_harmonics: int) 
     table[:, LOG_SCALE : LOG_SCALE + 3] = np.log(radius * np.sqrt(4 * np.pi / BEHIND))
     table[:, ROTATION] = 1
     table[:, LOGIT] = _logit(OPACITY_BEHIND)
-    colors = scene.behind(torch.from_numpy(directions).to(scene.field.bounds.device)).cpu().numpy()
+    colors = scene.background_color(torch.from_numpy(directions).to(scene.field.bounds.device)).cpu().numpy()
     table[:, COLOR : COLOR + 3] = (colors - 0.5) / C0
     return table
 

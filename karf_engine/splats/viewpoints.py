@@ -16,12 +16,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
-from ..compute.neighbors import tree_of
+from ..compute.neighbors import build_kd_tree
 from ..errors import DataError
 from .depths import reliable_depths
 from .gaussians import Gaussians
 from .kernels.arrays import LOG_SCALE, LOGIT, ROTATION
-from .rasterizer import splatted
+from .rasterizer import rasterize
 
 SOLID = 0.3  # least opacity
 SAMPLE = 20_000  # Gaussians that locate the scene
@@ -55,7 +55,7 @@ class Target:
     distance: float  # between cameras and middle, world units
 
 
-def target_of(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
+def estimate_target(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
     """Estimate what the photos of Gaussians showed, and from how far.
 
     Args:
@@ -107,7 +107,7 @@ def _by_sizes(table: np.ndarray) -> tuple[np.ndarray, float] | None:
 
 def _by_extent(centers: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the middle of the densest region, and the distance that frames it."""
-    spacing = tree_of(centers).query(centers, NEIGHBOR + 1)[0][:, -1]
+    spacing = build_kd_tree(centers).query(centers, NEIGHBOR + 1)[0][:, -1]
     dense = centers[spacing <= np.median(spacing)]
     dense = dense[_is_near(dense)]
     middle = np.percentile(dense, [2, 98], axis=0).mean(0)
@@ -138,7 +138,7 @@ def cameras_around(
 
     Args:
         gaussians: As read.
-        target: From `target_of`.
+        target: From `estimate_target`.
         count: Number of cameras, at most.
         size: Width and height of their pictures, pixels.
         step: Called after each candidate; may raise Cancelled.
@@ -200,7 +200,7 @@ def _camera(position: np.ndarray, direction: np.ndarray, up: np.ndarray) -> Came
 
 def _rating(gaussians: Gaussians, camera: Camera, distance: float, step: Callable[[], None]) -> float:
     """Return the fraction of a picture with reliable depths; -1 if it is almost empty or obstructed."""
-    view = splatted(replace(gaussians, near=1e-3 * distance), camera)
+    view = rasterize(replace(gaussians, near=1e-3 * distance), camera)
     step()
     covered = 1 - view.image[..., 3]
     close = view.blended((view.depths < NEAR_FRACTION * distance).astype(np.float32)[:, None])[0]

@@ -26,8 +26,8 @@ from typing import Any
 
 from ..commands.options import COMMANDS
 from ..errors import BadRequest, DataError, Message
-from ..io.files import naming
-from ..io.inputs import MOST_JSON, check_file
+from ..io.files import errors_naming_path
+from ..io.inputs import MAX_JSON_BYTES, check_file
 
 PROTOCOL = 1
 REQUEST_FILE = "request.json"
@@ -77,7 +77,7 @@ class Request:
             "project": str(self.project),
             "options": self.options,
         }
-        with naming(path):
+        with errors_naming_path(path):
             path.write_text(json.dumps(content, indent=1), encoding="utf-8")
         return path
 
@@ -85,7 +85,7 @@ class Request:
     def read(cls, job: Path) -> Request:
         """Read `job/request.json`. Raises DataError where it is unreadable, BadRequest for another protocol or stage."""
         path = job / REQUEST_FILE
-        check_file(path, MOST_JSON)
+        check_file(path, MAX_JSON_BYTES)
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             protocol, stage = content["protocol"], content["stage"]
@@ -230,7 +230,7 @@ class EventWriter:
 
     def __call__(self, kind: str, /, **values: Any) -> None:
         try:
-            with naming(self._path):
+            with errors_naming_path(self._path):
                 self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
                 self._stream.flush()
         except OSError:

@@ -8,12 +8,12 @@ import traceback
 from pathlib import Path
 
 from ..errors import KarfError
-from ..io.failures import known_failure
+from ..io.failures import translate_error
 
 
 def as_karf_error(error: Exception) -> KarfError:
     """Convert an exception for the user; print the traceback of an internal error."""
-    if (known := known_failure(error)) is not None:
+    if (known := translate_error(error)) is not None:
         return known
     log("".join(traceback.format_exception(error)).rstrip())
     return KarfError("Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).", error=error)

@@ -18,7 +18,7 @@ import karf_engine as karf
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.io.color import to_bytes
 from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import BRIGHTEST
+from karf_engine.palettes.palette import MAX_SRGB
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "images" / "demo.webp"
 EDITS = ("pot_to_blue", "mug_and_apple")
@@ -71,7 +71,7 @@ def edits_of_frames(model: karf.Model, edits: Path) -> list[karf.Edit]:
 def blended(edit: karf.Edit, other: karf.Edit, start: karf.Edit, share: float) -> karf.Edit:
     """An edit with a share of what the other one changes from a start."""
     colors = {name: edit.colors[name] + share * (other.colors[name] - start.colors[name]) for name in edit.colors}
-    return replace(edit, colors={name: np.clip(rows, 0, BRIGHTEST) for name, rows in colors.items()})
+    return replace(edit, colors={name: np.clip(rows, 0, MAX_SRGB) for name, rows in colors.items()})
 
 
 def turned(camera: karf.Camera, angle: float) -> karf.Camera:

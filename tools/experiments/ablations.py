@@ -147,12 +147,12 @@ def decomposition_table(bench: Bench) -> Table:
 def decomposition_row(bench: Bench, overrides: tuple[str, ...]) -> Row:
     learned = bench.ablation(overrides, 0)
     model, project, field = learned.model, learned.model.project, learned.model.scene.field
-    palettes = read_palettes(project.checked(project.palette_file), "initial")
-    views = SegmentationReport.read(project.checked(project.segmentation_report)).views
+    palettes = read_palettes(project.verified(project.palette_file), "initial")
+    views = SegmentationReport.read(project.verified(project.segmentation_report)).views
     capture = model.capture
     cameras = [capture.view(name).camera for name in views]
     start = time.monotonic()
-    surface, _ = load_surface(project.checked(project.surface_file), model.device)
+    surface, _ = load_surface(project.verified(project.surface_file), model.device)
     settings = model.settings.recoloring
     rays = training_rays(field, surface, palettes, settings, cameras=cameras, start_progress=terminal_progress)
     seconds = time.monotonic() - start

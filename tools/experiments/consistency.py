@@ -13,9 +13,9 @@ from karf_engine.capture.capture import View
 from karf_engine.metrics.consistency import (
     Correspondence,
     DepthView,
-    correspond,
     flicker,
     flow_rmse,
+    match_by_depth,
     mean_of_pairs,
 )
 from karf_engine.recolor.frames import Frame
@@ -170,7 +170,7 @@ def pairs_of(views: list[DepthView]) -> Pairs:
 
     @cache
     def pairs(a: int, b: int) -> Correspondence:
-        return correspond(views[a], views[b])
+        return match_by_depth(views[a], views[b])
 
     return pairs
 

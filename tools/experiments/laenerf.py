@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from karf_engine.metrics.consistency import cancel, moved_pixels, optical_flow, sampled
+from karf_engine.metrics.consistency import forward_backward_consistent, optical_flow, sample_bilinear, warp_positions
 
 
 def laenerf_error(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: np.ndarray) -> float:
@@ -15,6 +15,8 @@ def laenerf_error(first: np.ndarray, second: np.ndarray, shown: np.ndarray, othe
     of a pixel counts as hidden. NaN where nothing moves.
     """
     to_first, to_second = optical_flow(second, first), optical_flow(first, second)
-    hidden = ~cancel(to_second, sampled(to_second, moved_pixels(to_first)).reshape(to_first.shape))
-    difference = other[hidden] - sampled(shown, moved_pixels(to_first))[hidden.ravel()]
+    hidden = ~forward_backward_consistent(
+        to_second, sample_bilinear(to_second, warp_positions(to_first)).reshape(to_first.shape)
+    )
+    difference = other[hidden] - sample_bilinear(shown, warp_positions(to_first))[hidden.ravel()]
     return float((difference**2).sum(-1).mean()) if hidden.any() else float("nan")

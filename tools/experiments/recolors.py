@@ -105,7 +105,7 @@ def kmeans_recolor(bench: Bench) -> Recolor:
     """The centers of the objects' colors as palettes, in our masks; weights and compositing as ours."""
     test = bench.ours()
     project = bench.model.project
-    surface, names = load_surface(project.checked(project.surface_file))
+    surface, names = load_surface(project.verified(project.surface_file))
     pixels = object_pixels(surface, names)
     colors = {name: np.concatenate(views) for name, views in zip(names, pixels, strict=True)}
     sizes = {palette.name: len(palette.colors) for palette in test.model.palettes}

@@ -19,20 +19,20 @@ from scipy.ndimage import gaussian_filter
 
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
-from karf_engine.palettes.added import spread, with_sets
+from karf_engine.palettes.added import append_added_sets, split_weights
 from karf_engine.palettes.extraction.barycentric_weights import palette_weights_of_image
 from karf_engine.palettes.extraction.cells import cell_index, color_cells
 from karf_engine.palettes.extraction.hull import extract_palette
 from karf_engine.palettes.matching.fitting import bounds
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
-from karf_engine.palettes.palette import BRIGHTEST, AddedColor, Edit
+from karf_engine.palettes.palette import MAX_SRGB, AddedColor, Edit
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
 from .recolors import edit_to_judge
 from .truth import Truth
 
-MOST_COLORS = 16  # of a palette made of the true pixels, which leaves none of them outside where it can
+MAX_COLORS = 16  # of a palette made of the true pixels, which leaves none of them outside where it can
 ROUNDS = 6  # of least squares, from sRGB towards CIEDE2000
 EDGE = 0.5  # pixels, the deviation of the Gaussian that makes a true mask the coverage of pixels
 
@@ -152,11 +152,11 @@ def _pixels(
 def _steps(pixels: Pixels, learned: np.ndarray, edited: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
     """CIEDE2000 [5, n] of each way to recolor an object, from ours to the best function of a pixel's color."""
     weights = _weights(pixels, learned)
-    finer = extract_palette(*color_cells(pixels.photo), tolerance=0, n_max=MOST_COLORS)
+    finer = extract_palette(*color_cells(pixels.photo), tolerance=0, n_max=MAX_COLORS)
     best = _best(pixels, _weights(pixels, finer), finer)
     ways = (
         pixels.ours,
-        pixels.photo + spread(weights.T, learned, added).T @ (edited - with_sets(learned, added)),
+        pixels.photo + split_weights(weights.T, learned, added).T @ (edited - append_added_sets(learned, added)),
         _best(pixels, weights, learned),
         best,
         best + _mean_in_cells(pixels.photo, pixels.true - best),
@@ -174,7 +174,7 @@ def _best(pixels: Pixels, weights: np.ndarray, palette: np.ndarray) -> np.ndarra
     By least squares in sRGB, weighted anew in each round so that squared distances there become CIEDE2000; the best
     round counts.
     """
-    lower, upper = bounds(palette, (), BRIGHTEST)
+    lower, upper = bounds(palette, (), MAX_SRGB)
     found, counts = [], np.ones(len(weights))
     for _ in range(ROUNDS):
         change = bounded_least_squares(weights, pixels.true - pixels.photo, lower, upper, counts)

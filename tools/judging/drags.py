@@ -24,7 +24,7 @@ from karf_engine.metrics.scores import MIN_PIXELS
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, mean_weights
 from karf_engine.palettes.matching.paints import pigment_gate, repainted
 from karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
-from karf_engine.palettes.palette import BRIGHTEST, Edit
+from karf_engine.palettes.palette import MAX_SRGB, Edit
 from karf_engine.recolor.model import Model
 
 from .truth import Truth
@@ -58,7 +58,7 @@ def dragged(seen: ColorHistogram, palette: np.ndarray, pair: tuple[np.ndarray, n
     own, index = mean_weights(*seen, source), swatch_of(seen, palette, source)
 
     def at(color: np.ndarray) -> np.ndarray:
-        return drag(seen, palette, index, np.clip(color, 0, BRIGHTEST).astype(np.float32))
+        return drag(seen, palette, index, np.clip(color, 0, MAX_SRGB).astype(np.float32))
 
     def distance(color: np.ndarray) -> float:
         reached = np.clip(source + own @ (at(color) - palette), 0, 1)
@@ -122,7 +122,7 @@ def edit_by(model: Model, truth: Truth, name: str, palette_of: Callable) -> Edit
     """An edit of the capture, told in one of these ways by one color pair an object."""
     colors = {palette.name: palette.colors for palette in model.palettes}
     for key in truth.edits[name]["objects"]:
-        seen = read_object_colors(model.project.checked(model.project.object_colors_file), key)
+        seen = read_object_colors(model.project.verified(model.project.object_colors_file), key)
         try:
             colors[key] = palette_of(seen, colors[key], truth.color_pair(name, key))
         except BadRequest:  # paint that the reading shows black cannot be told: it stays

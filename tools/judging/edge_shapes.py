@@ -19,11 +19,11 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
-from karf_engine.palettes.edge_planes import reshaped
-from karf_engine.palettes.edge_shape import EdgeShape, shaped
-from karf_engine.palettes.exposure import as_exposed, exposed_alike
+from karf_engine.palettes.edge_planes import apply_edges_to_planes
+from karf_engine.palettes.edge_shape import EdgeShape, apply_edge_shape
+from karf_engine.palettes.exposure import to_mean_exposure, to_photo_exposure
 from karf_engine.palettes.project_edit import ProjectEdit
-from karf_engine.recolor.frames import planes_of
+from karf_engine.recolor.frames import edit_planes
 from karf_engine.recolor.matting.matte import NEGLIGIBLE, dense_coverage
 from karf_engine.recolor.model import Model
 
@@ -49,20 +49,25 @@ def judge(model: Model, view: karf.View, edit: ProjectEdit, name: str, shape: Ed
     """The figures of an object in a view; those of the band are NaN where the shape changes nothing."""
     side = min(model.settings.render.preview, max(view.camera.width, view.camera.height))
     finished, with_shape = model.photo_view(view, side), edit.edge(name, shape.choke, shape.feather)
-    before, after = (to_bytes(finished.shown(finished.recolored(each))) for each in (edit, with_shape))
+    before, after = (to_bytes(finished.over_white(finished.recolor(each))) for each in (edit, with_shape))
     k, scale = model.objects.index(name), finished.scale
     coverage = dense_coverage(finished.mattes, before.shape[:2])[k]
-    reached = shaped(coverage > 0, EdgeShape(choke=-min(16.0, shape.reach(1.0))), scale) > 0
+    reached = apply_edge_shape(coverage > 0, EdgeShape(choke=-min(16.0, shape.reach(1.0))), scale) > 0
     found = {"outside": float(np.abs(before.astype(int) - after)[~reached].max(initial=0))}
-    band = np.abs(shaped(coverage, shape, scale) - coverage) > NEGLIGIBLE
+    band = np.abs(apply_edge_shape(coverage, shape, scale) - coverage) > NEGLIGIBLE
     frame = model.preview(view, side)
     if frame.base.shape != after.shape or not view.camera.is_pinhole:  # Blender shows it without its lens
         band[:] = False
-    planes = planes_of(frame, model.objects)
+    planes = edit_planes(frame, model.objects)
     palettes = model.learned_colors, stack_palettes(model.objects, edit.colors)
-    shown, exposed = exposed_alike(planes.base, planes.gains), [as_exposed(each, planes.gains) for each in palettes]
+    shown, exposed = (
+        to_mean_exposure(planes.base, planes.gains),
+        [to_photo_exposure(each, planes.gains) for each in palettes],
+    )
     for key, wanted, edges in (("live", after, with_shape.edges), ("live without", before, {})):
-        weights, _ = reshaped(shown, planes.palette_weights, planes.probabilities, model.palettes, edges, scale)
+        weights, _ = apply_edges_to_planes(
+            shown, planes.palette_weights, planes.probabilities, model.palettes, edges, scale
+        )
         live = delta_composite(planes.base.astype(np.float32) / 255, weights, *exposed)
         off = ciede2000(srgb_to_lab(live[band]), srgb_to_lab(wanted[band] / 255))
         found[key] = float(off.mean()) if band.any() else float("nan")

@@ -27,10 +27,10 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
-from karf_engine.capture.capture import ALIKE, with_gains
+from karf_engine.capture.capture import UNIT_GAINS, with_gains
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
-from karf_engine.metrics.consistency import DepthView, correspond, sampled
+from karf_engine.metrics.consistency import DepthView, match_by_depth, sample_bilinear
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.recolor.model import Model
 
@@ -86,10 +86,10 @@ def between_views(shown: Sequence[DepthView], pictures: Sequence[np.ndarray]) ->
     """CIEDE2000 between the mean colors of what two views share, mean over the pairs that share enough."""
     found = []
     for first, second in combinations(range(len(shown)), 2):
-        shared = correspond(shown[first], shown[second])
+        shared = match_by_depth(shown[first], shown[second])
         if len(shared.pixels) >= SHARED:
             own = pictures[first].reshape(-1, 3)[shared.pixels].mean(0)
-            other = sampled(pictures[second], shared.positions).mean(0)
+            other = sample_bilinear(pictures[second], shared.positions).mean(0)
             found.append(ciede2000(srgb_to_lab(own), srgb_to_lab(other)))
     return float(np.mean(found))
 
@@ -104,7 +104,7 @@ def judge_capture(source: Path, out: Path, options: argparse.Namespace) -> dict[
         model = karf.load(project)
         ways = {"alike": {}}
         if seed is not None:
-            off = {view.name: ALIKE for view in model.capture.views}
+            off = {view.name: UNIT_GAINS for view in model.capture.views}
             ways = {"off": off, "learned": {}, "known": changed.known_gains(source)}
         for way, gains in ways.items():
             capture = with_gains(model.capture, gains)

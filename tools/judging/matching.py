@@ -19,7 +19,7 @@ from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.matching.fitting import bounds
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
 from karf_engine.palettes.matching.painted import match_picture
-from karf_engine.palettes.palette import BRIGHTEST
+from karf_engine.palettes.palette import MAX_SRGB
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
@@ -103,7 +103,7 @@ def _best(model: Model, truth: Truth, frames: list[Frame], edit: str) -> np.ndar
     parts = [(frame.palette_weights[edited][..., i], (true - frame.base)[i]) for frame, true, i in samples]
     weights = np.concatenate([part.reshape(-1, part.shape[-1]).T for part, _ in parts])
     palettes = learned[edited].reshape(-1, 3)
-    lower, upper = bounds(palettes, range(0, len(palettes), learned.shape[1]), BRIGHTEST)
+    lower, upper = bounds(palettes, range(0, len(palettes), learned.shape[1]), MAX_SRGB)
     change = bounded_least_squares(weights, np.concatenate([wanted for _, wanted in parts]), lower, upper)
     best = learned.copy()
     best[edited] += change.reshape(-1, *learned.shape[1:])

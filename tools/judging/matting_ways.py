@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from karf_engine.recolor.matting.matte import Matte
-from karf_engine.recolor.matting.refine import field_mattes, mattes_of
+from karf_engine.recolor.matting.refine import field_mattes, make_mattes
 
 NEAR = 8  # pixels, within which a thing keeps its color
 
@@ -35,12 +35,12 @@ class Evidence:
 
 def enlarged_field(evidence: Evidence) -> list[Matte]:
     """The field's probabilities, enlarged."""
-    return mattes_of("field", evidence.photo, evidence.probabilities, evidence.rendered)
+    return make_mattes("field", evidence.photo, evidence.probabilities, evidence.rendered)
 
 
 def ours(evidence: Evidence) -> list[Matte]:
     """The field says roughly where, the photo exactly where."""
-    return mattes_of("photo", evidence.photo, evidence.probabilities, evidence.rendered)
+    return make_mattes("photo", evidence.photo, evidence.probabilities, evidence.rendered)
 
 
 def larger_field(evidence: Evidence) -> list[Matte]:

@@ -21,11 +21,11 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.training_images import load_views
-from karf_engine.io.images import over
+from karf_engine.io.images import alpha_composite
 from karf_engine.metrics.images import mean_ciede2000, mse_outside, psnr
 from karf_engine.metrics.masks import iou
 from karf_engine.project.contents import settings_for
-from karf_engine.project.locking import opened
+from karf_engine.project.locking import open_project
 from karf_engine.recolor.model import Model
 
 from .recolors import edit_to_judge
@@ -50,8 +50,8 @@ def main() -> None:
 
 def model_of(project: Path, source: str) -> Model:
     """A project whose other cameras are rendered from `field` or `splats`."""
-    settings = settings_for(opened(project), "render")
-    return Model(opened(project), settings=replace(settings, render=replace(settings.render, source=source)))
+    settings = settings_for(open_project(project), "render")
+    return Model(open_project(project), settings=replace(settings, render=replace(settings.render, source=source)))
 
 
 def judge(model: Model, truth: Truth) -> dict[str, float]:
@@ -59,13 +59,15 @@ def judge(model: Model, truth: Truth) -> dict[str, float]:
     images = load_views(model.capture.split("test"), model.settings.geometry.long_side)
     cameras = [image.camera for image in images]
     frames = [model.render(camera) for camera in cameras]
-    values = [psnr(frame.base, over(image.color, image.alpha)) for frame, image in zip(frames, images, strict=True)]
+    values = [
+        psnr(frame.base, alpha_composite(image.color, image.alpha)) for frame, image in zip(frames, images, strict=True)
+    ]
     true_masks = truth.masks("test")
     masks = [
         iou(np.stack([frame.masks[number] for frame in frames]), np.stack(true_masks[name]))
         for number, name in enumerate(model.objects)
     ]
-    plain = [model.shown(camera, model.edit()) for camera in cameras]
+    plain = [model.render_recolored(camera, model.edit()) for camera in cameras]
     edits = [_of_edit(model, truth, name, cameras, plain) for name in truth.edits]
     difference, outside = np.mean(edits, axis=0)
     return {
@@ -84,7 +86,7 @@ def _of_edit(
     edit, found = edit_to_judge(model, truth, name), []
     views = zip(cameras, plain, truth.recolored(name), truth.inside(name), strict=True)
     for camera, unedited, true, inside in views:
-        shown = model.shown(camera, edit)
+        shown = model.render_recolored(camera, edit)
         found.append((mean_ciede2000(shown, true, inside), mse_outside(shown, unedited, inside)))
     difference, outside = np.nanmean(found, axis=0)  # of a view that shows no edited object there is no difference
     return float(difference), float(outside)

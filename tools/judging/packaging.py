@@ -21,11 +21,11 @@ from scipy.ndimage import distance_transform_edt
 from skimage.color import deltaE_ciede2000
 
 import karf_engine as karf
-from karf_engine.capture.training_images import photo_of
+from karf_engine.capture.training_images import read_photo_of_view
 from karf_engine.io.color import srgb_to_lab
-from karf_engine.metrics.consistency import DepthView, correspond
+from karf_engine.metrics.consistency import DepthView, match_by_depth
 from karf_engine.metrics.scores import MIN_PIXELS
-from karf_engine.palettes.added import pigment_of_swatch, proposed
+from karf_engine.palettes.added import pigment_of_swatch, propose_added_color
 from karf_engine.palettes.matching.paints import repainted
 from karf_engine.palettes.object_colors import read_object_colors
 from karf_engine.palettes.palette import PROTECT, Edit
@@ -119,7 +119,7 @@ def flips(recolored: list[np.ndarray], views: list[DepthView]) -> float:
     """
     different = []
     for number in range(len(views) - 1):
-        shared = correspond(views[number], views[number + 1])
+        shared = match_by_depth(views[number], views[number + 1])
         columns, rows = np.floor(shared.positions).astype(int).T
         different.append(recolored[number].ravel()[shared.pixels] != recolored[number + 1][rows, columns])
     points = np.concatenate(different) if different else np.zeros(0)
@@ -132,7 +132,7 @@ class Judge:
     def __init__(self, model: Model, truth: Truth) -> None:
         self.model, self.truth = model, truth
         self.views = model.capture.split("test")
-        self.photos = [photo_of(view) for view in self.views]
+        self.photos = [read_photo_of_view(view) for view in self.views]
 
     def recolored(self, edit: Edit) -> list[np.ndarray]:
         """The test photos with an edit, [H, W, 3] each."""
@@ -191,7 +191,7 @@ def added(model: Model, truth: Truth, name: str, of_swatch: bool = False) -> Edi
         if of_swatch:
             palette = next(palette.colors for palette in model.palettes if palette.name == key)
             picked = pigment_of_swatch(seen, swatch_of(seen, palette, source))
-        color = proposed(seen, picked)
+        color = propose_added_color(seen, picked)
         protect = PROTECT if of_swatch else color.protect
         wanted = repainted(picked[None], source, target)[0]
         edit = edit.add_color(key, picked, wanted, color.reach, protect)

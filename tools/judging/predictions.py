@@ -24,8 +24,8 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
-from karf_engine.palettes.colorways.reached import reached_by, reached_color, shown
-from karf_engine.palettes.matching.left import left_of_object
+from karf_engine.palettes.colorways.prediction import edited_colors, evaluate_edit, reached_color
+from karf_engine.palettes.matching.residual import residual_delta_e
 from karf_engine.palettes.object_colors import read_object_colors
 from karf_engine.recolor.model import Model
 
@@ -84,15 +84,15 @@ def _of_object(
 ) -> PredictedAndReached:
     """photos, ours, true: the object's pixels in the test views, sRGB [n, 3]."""
     (palette,) = (palette for palette in model.palettes if palette.name == name)
-    seen = read_object_colors(model.project.checked(model.project.object_colors_file), name)
-    after = shown(seen, palette, edited)
+    seen = read_object_colors(model.project.verified(model.project.object_colors_file), name)
+    after = edited_colors(seen, palette, edited)
     wanted = srgb_to_lab(pair[1])
     in_views = reached_color(photos, ours, pair[0])
     return PredictedAndReached(
-        left=left_of_object(seen.colors, after, seen.counts, *pair),
-        asked=left_of_object(photos, ours, np.ones(len(photos)), *pair),
+        left=residual_delta_e(seen.colors, after, seen.counts, *pair),
+        asked=residual_delta_e(photos, ours, np.ones(len(photos)), *pair),
         true=float(ciede2000(srgb_to_lab(ours), srgb_to_lab(true)).mean()),
-        color=reached_by(edited, palette, seen, pair[0], wanted)[1],
+        color=evaluate_edit(edited, palette, seen, pair[0], wanted)[1],
         in_views=float(ciede2000(srgb_to_lab(in_views), wanted)),
     )
 

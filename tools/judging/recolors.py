@@ -19,7 +19,7 @@ from karf_engine.io.color import to_bytes
 from karf_engine.metrics.images import hue_shift, mean_ciede2000, psnr
 from karf_engine.metrics.scores import MIN_PIXELS, score_edit, score_recolor
 from karf_engine.palettes.compositing import delta_composite
-from karf_engine.palettes.exposure import exposed_alike
+from karf_engine.palettes.exposure import to_mean_exposure
 from karf_engine.palettes.palette import Edit
 from karf_engine.palettes.project_edit import solve
 from karf_engine.recolor.model import Model
@@ -43,7 +43,7 @@ def edit_to_judge(model: Model, truth: Truth, name: str, per_paint: bool = False
     (gains,) = (view.gains for view in model.capture.split("train") if view.stem == reference)
     for key in truth.edits[name]["objects"]:
         pairs = truth.paint_pairs(name, key) if per_paint else [truth.color_pair(name, key)]
-        sources_and_targets = (exposed_alike(np.stack(each), gains) for each in zip(*pairs, strict=True))
+        sources_and_targets = (to_mean_exposure(np.stack(each), gains) for each in zip(*pairs, strict=True))
         with suppress(BadRequest):  # paint that the reading shows black cannot be told: it stays
             colors[key] = solve(model.project, palettes[key], *sources_and_targets, "becomes")
     return Edit(colors, "delta")
@@ -98,13 +98,13 @@ def hue_shift_of_paints(
 def score_new_cameras(test: TestViews, truth: Truth) -> dict:
     """Test views as cameras that took no photo: what these show as learned, and with each edit against its recolors."""
     model, cameras = test.model, [training_image.camera for training_image in test.training_images]
-    plain = [model.shown(camera, model.edit()) for camera in cameras]
+    plain = [model.render_recolored(camera, model.edit()) for camera in cameras]
     values = [psnr(shown, frame.base) for shown, frame in zip(plain, test.frames, strict=True)]
     scores = {"psnr": float(np.mean(values)), "psnr_worst": float(np.min(values))}
     for name in truth.edits:
         edit = edit_to_judge(model, truth, name)
         truths = zip(cameras, truth.recolored(name), truth.inside(name), strict=True)
-        found = [mean_ciede2000(model.shown(camera, edit), true, inside) for camera, true, inside in truths]
+        found = [mean_ciede2000(model.render_recolored(camera, edit), true, inside) for camera, true, inside in truths]
         scores[f"ciede2000_{name}"] = float(np.mean(found))
     return {"new_cameras": scores}
 

@@ -19,7 +19,7 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear, to_bytes
 from karf_engine.metrics.images import mse_outside
-from karf_engine.palettes.colorways.reached import dominant_color, shown
+from karf_engine.palettes.colorways.prediction import dominant_color, edited_colors
 from karf_engine.palettes.matching.fitting import match_pixels
 from karf_engine.palettes.matching.paints import pigment_gate
 from karf_engine.palettes.matching.surface import LUMINANCE, Surface, surface_target
@@ -71,7 +71,7 @@ def label(surface: Surface) -> str:
 
 def swatch_of(model: Model, palette: Palette) -> int:
     """The swatch that is nearest in kind to the color that an object mostly shows, of those with its hue."""
-    seen = read_object_colors(model.project.checked(model.project.object_colors_file), palette.name)
+    seen = read_object_colors(model.project.verified(model.project.object_colors_file), palette.name)
     share = pigment_gate(palette.colors, dominant_color(seen)) * (seen.counts @ seen.palette_weights)
     return 1 + int(share[1:].argmax())
 
@@ -96,7 +96,7 @@ def judge(model: Model, truth: Truth, palette: Palette, surface: Surface) -> lis
     edit = model.edit().surface(palette.name, index, **vars(surface))
     gate = pigment_gate(seen.colors, palette.colors[index])
     target = surface_target(seen.colors, seen.counts, gate, surface)
-    reached = shown(seen, palette, edit.colors[palette.name])
+    reached = edited_colors(seen, palette, edit.colors[palette.name])
     asked, left, beside = (
         ciede2000(srgb_to_lab(one), srgb_to_lab(other))
         for one, other in ((seen.colors, target), (reached, target), (reached, seen.colors))
@@ -123,7 +123,7 @@ def contrast_bound(model: Model, palette: Palette, exponent: float) -> list[str]
     steeper = np.maximum(luminance / mean, 1e-4) ** (exponent - 1)
     target = np.clip(linear_to_srgb(light * steeper[:, None]), 0, 1)
     colors = match_pixels(seen.palette_weights, seen.colors, target, palette.colors, seen.counts)
-    pairs = (seen.colors, target), (shown(seen, palette, colors), target)
+    pairs = (seen.colors, target), (edited_colors(seen, palette, colors), target)
     differences = (ciede2000(*map(srgb_to_lab, pair)) for pair in pairs)
     return [f"{np.average(each, weights=seen.counts):.1f}" for each in differences]
 

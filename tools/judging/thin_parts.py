@@ -23,9 +23,9 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.io.files import write_json
-from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
-from karf_engine.recolor.matting.marks import marks_of
-from karf_engine.recolor.matting.refine import mattes_of
+from karf_engine.recolor.full_resolution import PhotoView, make_photo_view
+from karf_engine.recolor.matting.marks import read_marks
+from karf_engine.recolor.matting.refine import make_mattes
 from karf_engine.recolor.model import Model
 
 from .edges import beside_thin_parts
@@ -135,8 +135,8 @@ class Judge:
     ) -> None:
         """Compare a recolored test view with the true recolor, in the thin parts of the edited objects."""
         true, plain = self.truth.recolored(self.edit_name)[number], next(iter(ready.values()))
-        pictures = {way: each.shown(each.recolored(self.edit)) for way, each in ready.items()}
-        pictures["no_edit"] = plain.shown(plain.photo)
+        pictures = {way: each.over_white(each.recolor(self.edit)) for way, each in ready.items()}
+        pictures["no_edit"] = plain.over_white(plain.photo)
         apart = {key: differences(picture, true) for key, picture in pictures.items()}
         for name in self.truth.edits[self.edit_name]["objects"]:
             for key, difference in apart.items():
@@ -167,9 +167,9 @@ class Judge:
         return part if rough is None else ThinPart(part.wide & rough, part.narrow & rough, part.around)
 
     def _ready(self, view: View, way: str) -> PhotoView:
-        model, seen = self.model, self.model.look(self.model.working_camera(view))
-        marks = marks_of(model.project.masks_folder, model.objects, view)
-        return full_resolution_view(view, "photo", seen, marks, partial(mattes_of, way), model.objects, model.palettes)
+        model, seen = self.model, self.model.render_field(self.model.working_camera(view))
+        marks = read_marks(model.project.masks_folder, model.objects, view)
+        return make_photo_view(view, "photo", seen, marks, partial(make_mattes, way), model.objects, model.palettes)
 
     def _row(self, way: str, name: str) -> dict[str, float]:
         """Return the figures of one object in one way."""

@@ -32,7 +32,7 @@ from karf_engine.capture.training_images import load_views
 from karf_engine.compute.progress import TerminalEmit
 from karf_engine.fields.extent import focus_point
 from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
-from karf_engine.io.images import over, write_png
+from karf_engine.io.images import alpha_composite, write_png
 
 WRONG, RIGHT = 20.0, 10.0
 SHEET = 4
@@ -103,15 +103,15 @@ def within(capture: Capture, angle: float) -> np.ndarray:
 def looked_at(model: karf.Model, view: View) -> tuple[np.ndarray, np.ndarray]:
     """Of each pixel of a view, CIEDE2000 of what was learned to its photo, and how well it is seen."""
     photo, camera = photo_of(model, view)
-    model.splatted.fades = False
+    model.splatted.fade_unseen = False
     frame = model.render(camera)
-    return ciede2000(srgb_to_lab(frame.base), srgb_to_lab(photo)).ravel(), frame.seen.ravel()
+    return ciede2000(srgb_to_lab(frame.base), srgb_to_lab(photo)).ravel(), frame.visibility.ravel()
 
 
 def photo_of(model: karf.Model, view: View) -> tuple[np.ndarray, Camera]:
     """A view's photo at the working size, [H, W, 3], and its camera."""
     image = load_views([view], model.settings.geometry.long_side)[0]
-    return over(image.color, image.alpha), image.camera
+    return alpha_composite(image.color, image.alpha), image.camera
 
 
 def figures_of(errors: np.ndarray, seen: np.ndarray) -> list[float]:
@@ -129,10 +129,10 @@ def seconds(model: karf.Model, view: View) -> str:
         {True: [], False: []},
     )
     for turn in range(18):
-        model.splatted.fades = turn % 2 == 0
+        model.splatted.fade_unseen = turn % 2 == 0
         start = time.perf_counter()
         model.render(camera)
-        taken[model.splatted.fades].append(time.perf_counter() - start)
+        taken[model.splatted.fade_unseen].append(time.perf_counter() - start)
     return ", ".join(f"{np.median(taken[fades]):.3f}" for fades in (True, False))
 
 
@@ -141,7 +141,7 @@ def sheet_row(model: karf.Model, view: View) -> np.ndarray:
     photo, camera = photo_of(model, view)
     pictures = [photo]
     for fades in (False, True):
-        model.splatted.fades = fades
+        model.splatted.fade_unseen = fades
         pictures.append(model.render(camera).base)
     return np.concatenate(pictures, 1)
 

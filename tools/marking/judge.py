@@ -16,7 +16,7 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.capture import View
-from karf_engine.capture.training_images import photo_of
+from karf_engine.capture.training_images import read_photo_of_view
 from karf_engine.io.files import write_json
 from karf_engine.io.images import read_mask
 
@@ -38,7 +38,7 @@ def main() -> None:
     for capture in options.captures:
         cases = list(_cases(capture, options.truth, options.views))
         table[capture.name] = {
-            name: summary([mark(photo_of(view), truth, from_box) for view, truth in cases])
+            name: summary([mark(read_photo_of_view(view), truth, from_box) for view, truth in cases])
             for name, from_box in (("clicks", False), ("box", True))
         }
         print(capture.name, table[capture.name], flush=True)

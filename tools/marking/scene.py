@@ -17,9 +17,9 @@ from karf_engine.fields.files import load_scene
 from karf_engine.io.images import read_mask, resize
 from karf_engine.metrics.masks import iou, iou_border_excluded
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of, settings_for
+from karf_engine.project.contents import read_capture, settings_for
 from karf_engine.segmentation.coarse_masks import find_masks
-from karf_engine.segmentation.correcting import Correcting
+from karf_engine.segmentation.correction_session import CorrectionSession
 from karf_engine.segmentation.corrections import find_corrections
 
 Masks = dict[str, np.ndarray]
@@ -35,7 +35,7 @@ class Scene:
     """
 
     capture: Capture
-    correcting: Correcting
+    correcting: CorrectionSession
     learned: list[View]
     judged: list[View]
     truth: Truth
@@ -49,11 +49,11 @@ def scene_of(project: Project, truth_folder: Path, every: int) -> Scene:
         truth_folder: see `truth_in`.
         every: look at every so many-th training view.
     """
-    capture, settings = capture_of(project), settings_for(project, "segmentation")
+    capture, settings = read_capture(project), settings_for(project, "segmentation")
     field = load_scene(project.geometry_file).field
     start = time.perf_counter()
     masks, progress = find_masks(project.masks_folder, capture), Progress(lambda *_, **__: None, lambda: False, "", 1)
-    correcting = Correcting(field, capture, masks, (), settings, progress)
+    correcting = CorrectionSession(field, capture, masks, (), settings, progress)
     print(f"looked at and labelled in {time.perf_counter() - start:.1f} s", flush=True)
     truth = truth_in(truth_folder, settings.geometry.long_side)
     known = [view for view in capture.views if any(truth(view, name) is not None for name in correcting.objects)]

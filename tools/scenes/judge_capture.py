@@ -94,11 +94,11 @@ def score_splats(test: TestViews) -> dict[str, float]:
 
 def corrected_splats(test: TestViews) -> dict[str, float]:
     """PSNR of color-corrected splats in the test views, mean and worst, at the size of the training images."""
-    from karf_engine.splats.rasterizer import splatted  # needs numba
+    from karf_engine.splats.rasterizer import rasterize  # needs numba
 
     gaussians = load_gaussians(test.model.project.splats_file)
     values = [
-        cc_psnr(splatted(gaussians, image.camera).image[..., :3].clip(0, 1), frame.base)
+        cc_psnr(rasterize(gaussians, image.camera).image[..., :3].clip(0, 1), frame.base)
         for image, frame in zip(test.training_images, test.frames, strict=True)
     ]
     return {"cc_psnr": float(np.mean(values)), "cc_psnr_worst": float(np.min(values))}

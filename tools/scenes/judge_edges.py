@@ -141,12 +141,12 @@ def judge(capture: Path, project: Path, larger: Path | None, options: argparse.N
 def look_at(scene: Scene, view: View, number: int) -> JudgedView:
     """A test view and its truth; number: its place among the test views."""
     photo, model, larger = open_photo(view.image), scene.model, scene.larger
-    seen = model.look(model.working_camera(view))
+    seen = model.render_field(model.working_camera(view))
     evidence = Evidence(
-        photo=photo.shown(),
+        photo=photo.over_white(),
         probabilities=seen.probabilities,
         rendered=to_bytes(seen.color),
-        larger=larger.look(larger.working_camera(view)).probabilities if larger else None,
+        larger=larger.render_field(larger.working_camera(view)).probabilities if larger else None,
         coverage=np.stack([scene.truth.coverage(name)[number] for name in model.objects]),
     )
     return JudgedView(photo, evidence, {name: scene.truth.recolored(name)[number] for name in scene.edits})
@@ -158,7 +158,7 @@ def result_of(scene: Scene, view: JudgedView, way: Callable[[Evidence], list[Mat
     mattes = way(view.evidence)
     seconds = time.process_time() - start
     ready = PhotoView(view.photo, 1, scene.model.objects, mattes, scene.model.palettes)
-    recolored = {name: ready.shown(ready.recolored(edit)) for name, edit in scene.edits.items()}
+    recolored = {name: ready.over_white(ready.recolor(edit)) for name, edit in scene.edits.items()}
     return Result(dense_coverage(mattes, view.evidence.photo.shape[:2]), recolored, seconds)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.training_images import TrainingImage
-from karf_engine.fields.detail import pixels_per_voxel, without_detail
+from karf_engine.fields.detail import pixels_per_voxel, remove_detail
 from karf_engine.fields.extent import focus_point
 from karf_engine.metrics.images import psnr
 from karf_engine.recolor.field_rendering import photo_frame
@@ -67,7 +67,7 @@ def _on_surfaces(
 
 def _row(place: str, pixels: float, frames: list[Frame], masks: list[np.ndarray]) -> dict[str, Any]:
     seen = [(frame, mask) for frame, mask in zip(frames, masks, strict=True) if mask.sum() >= FEWEST_PIXELS]
-    kept = [psnr(without_detail(frame.base, pixels), frame.base, mask) for frame, mask in seen]
+    kept = [psnr(remove_detail(frame.base, pixels), frame.base, mask) for frame, mask in seen]
     reached = [psnr(frame.color, frame.base, mask) for frame, mask in seen]
     return {
         "place": place,

@@ -31,9 +31,9 @@ from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
 from karf_engine.fields.fit import Fit
 from karf_engine.fields.rendering.rays import PixelDataset
-from karf_engine.fields.scene import Scene, compared_pixels
-from karf_engine.fields.task import FitTask, background_of, build_pixel_dataset, task_of
-from karf_engine.io.images import over
+from karf_engine.fields.scene import Scene, rendered_and_photographed_pixels
+from karf_engine.fields.task import FitTask, background_kind_of, build_pixel_dataset, make_fit_task
+from karf_engine.io.images import alpha_composite
 from karf_engine.metrics.images import psnr
 from karf_engine.project import settings as settings_module
 from tools.judging import HOLDOUT
@@ -99,13 +99,15 @@ def prepare(capture: Path, settings: settings_module.Settings, threads: int) -> 
     runtime = start_runtime(seed, threads, "cpu")
     views = content.split("train")
     training_images, tests = load_views(views, long_side), load_views(content.split("test"), long_side)
-    tests = [p if p.alpha is None else replace(p, color=over(p.color, p.alpha, 1.0), alpha=None) for p in tests]
-    kind, points = background_of(training_images), None
+    tests = [
+        p if p.alpha is None else replace(p, color=alpha_composite(p.color, p.alpha, 1.0), alpha=None) for p in tests
+    ]
+    kind, points = background_kind_of(training_images), None
     if kind == "opaque" and content.points is not None:
         points = content.points.seen_by([n for n, view in enumerate(content.views) if view.split == "train"])
     elif kind == "opaque" and find_spec("pycolmap"):
         points = triangulate(training_images, threads, Clock())
-    return task_of(views, training_images, kind, points, settings.geometry, seed, runtime.device), tests
+    return make_fit_task(views, training_images, kind, points, settings.geometry, seed, runtime.device), tests
 
 
 def start(task: FitTask, way: str) -> Fit:
@@ -146,7 +148,7 @@ def psnr_of_plates(scene: Scene, dataset: PixelDataset) -> tuple[list[float], li
     """PSNR of each image as it is, and with a gain and an offset of each channel that suit it best: what is lost by
     photos that were exposed otherwise than those that were learned from."""
     plain, exposed = [], []
-    for shown, photo in compared_pixels(scene, dataset, PIXELS):
+    for shown, photo in rendered_and_photographed_pixels(scene, dataset, PIXELS):
         fits = [np.polyfit(a, b, 1) for a, b in zip(shown.T.numpy(), photo.T.numpy(), strict=True)]
         fitted = np.stack([np.polyval(fit, a) for fit, a in zip(fits, shown.T.numpy(), strict=True)], 1)
         plain.append(psnr(shown.numpy(), photo.numpy()))

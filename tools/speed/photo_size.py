@@ -28,9 +28,9 @@ from karf_engine.capture.capture import View
 from karf_engine.compute.progress import peak_memory_bytes
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.palettes.palette import Edit, Palette
-from karf_engine.recolor.full_resolution import PhotoView, full_resolution_view
+from karf_engine.recolor.full_resolution import PhotoView, make_photo_view
 from karf_engine.recolor.matting.marks import Marks
-from karf_engine.recolor.matting.refine import mattes_of
+from karf_engine.recolor.matting.refine import make_mattes
 from karf_engine.recolor.model import Model
 from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
 
@@ -106,7 +106,7 @@ def main() -> None:
     view = replace(view, image=options.photo, camera=view.camera.scaled(width, height))
     start = time.process_time()
     ready = photo_view(model, view, options.objects)
-    recolored = ready.recolored(other_colors(ready.palettes))
+    recolored = ready.recolor(other_colors(ready.palettes))
     out = options.photo.with_name(f"recolored{suffix_for(recolored)}")
     write_photo(out, recolored)
     figures = {"seconds": round(time.process_time() - start, 2), "peak_gib": round(peak_memory_bytes() / 2**30, 2)}
@@ -115,11 +115,11 @@ def main() -> None:
 
 def photo_view(model: Model, view: View, count: int) -> PhotoView:
     """`Model.photo_view` of a project that had only the first so many objects."""
-    seen = model.look(model.working_camera(view))
+    seen = model.render_field(model.working_camera(view))
     seen = replace(seen, probabilities=seen.probabilities[:count])
-    refine = partial(mattes_of, model.settings.render.edges)
+    refine = partial(make_mattes, model.settings.render.edges)
     unmarked = Marks(None, (False,) * count)
-    return full_resolution_view(view, "photo", seen, unmarked, refine, model.objects[:count], model.palettes[:count])
+    return make_photo_view(view, "photo", seen, unmarked, refine, model.objects[:count], model.palettes[:count])
 
 
 def other_colors(palettes: Sequence[Palette]) -> Edit:

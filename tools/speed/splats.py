@@ -11,9 +11,9 @@ import numpy as np
 
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.compute.runtime import start_runtime
-from karf_engine.io.images import over
+from karf_engine.io.images import alpha_composite
 from karf_engine.project.contents import settings_for
-from karf_engine.project.locking import opened
+from karf_engine.project.locking import open_project
 from karf_engine.project.settings import Settings
 from karf_engine.recolor.model import Model
 from tools.speed.rows import Row, median_seconds
@@ -26,8 +26,8 @@ REPEATS = 5
 def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
     """Times, and PSNR of the held-out photos at the size that was learned from, of splats and field."""
     start_runtime(0, threads, "cpu")
-    splats = Model(opened(project), settings=_rendering(project, "splats"))
-    field = Model(opened(project), settings=_rendering(project, "field"))
+    splats = Model(open_project(project), settings=_rendering(project, "splats"))
+    field = Model(open_project(project), settings=_rendering(project, "field"))
     if splats.splats is None:
         raise SystemExit(f"{project} has no finished splats stage. Run: karf splats {project}")
     views = splats.capture.split("test")
@@ -39,8 +39,10 @@ def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
         factor = side / max(camera.width, camera.height)
         scaled = camera.scaled(round(camera.width * factor), round(camera.height * factor))
         if edit is not None:
-            cases["recolored splats", side] = lambda scaled=scaled: splats.shown(scaled, edit)
-            cases["with a dragged feather", side] = lambda scaled=scaled: splats.shown(scaled, next(feathered))
+            cases["recolored splats", side] = lambda scaled=scaled: splats.render_recolored(scaled, edit)
+            cases["with a dragged feather", side] = lambda scaled=scaled: splats.render_recolored(
+                scaled, next(feathered)
+            )
         cases["splats with planes", side] = lambda scaled=scaled: splats.render(scaled)
         if side in FIELD_SIDES:
             cases["field with planes", side] = lambda scaled=scaled: field.render(scaled)
@@ -51,14 +53,14 @@ def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
 
 
 def _rendering(project: Path, source: str) -> Settings:
-    settings = settings_for(opened(project), "render")
+    settings = settings_for(open_project(project), "render")
     return replace(settings, render=replace(settings.render, source=source))
 
 
 def _held_out(name: str, model: Model, images: Sequence[TrainingImage]) -> Row:
     values = []
     for image in images:
-        squares = np.square(model.render(image.camera).base - over(image.color, image.alpha))
+        squares = np.square(model.render(image.camera).base - alpha_composite(image.color, image.alpha))
         values.append(-10 * np.log10((squares if image.valid is None else squares[image.valid]).mean()))
     return {
         "what": name,

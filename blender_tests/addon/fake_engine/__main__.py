@@ -25,12 +25,12 @@ from karf_engine.capture.transforms_json import write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
-from karf_engine.palettes.colorways.planned import plan_colorways
+from karf_engine.palettes.colorways.planning import plan_colorways
 from karf_engine.palettes.compositing import Planes, write_planes
 from karf_engine.palettes.edit_files import read_edit
 from karf_engine.palettes.palette import Palette, read_palettes, write_palettes
 from karf_engine.project import Project
-from karf_engine.project.state import stage_mark
+from karf_engine.project.state import result_fingerprint
 from karf_engine.worker.protocol import PROTOCOL, WARM, EventWriter, Request, decode_line
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
@@ -341,7 +341,7 @@ def views_of(project, which):
 
 
 def write_view_planes(project, view):
-    made_from = stage_mark(project.state(), "recoloring")
+    made_from = result_fingerprint(project.state(), "recoloring")
     write_planes(project.planes_file(view.name), planes_of(view.camera), made_from)
 
 

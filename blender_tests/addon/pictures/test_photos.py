@@ -78,7 +78,7 @@ def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_
     photo = bent[0] / "images" / "a.png"
     photo.write_bytes(photo.read_bytes()[:60])
     capture = addon.headless.import_capture(bent[0], tmp_path / "project")
-    assert "a.png" in capture.remarks[-1] and len(scene.karf.rig.children) == 1
+    assert "a.png" in capture.warnings[-1] and len(scene.karf.rig.children) == 1
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))

@@ -171,7 +171,7 @@ def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, time
 def test_a_place_that_cannot_be_written_is_redone_and_the_cameras_come(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
     capture = addon.headless.import_capture(capture_folder, tmp_path / "file" / "project")
-    assert "cannot be made" in capture.remarks[-1] and len(scene.karf.rig.children) == 3
+    assert "cannot be made" in capture.warnings[-1] and len(scene.karf.rig.children) == 3
 
 
 def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):

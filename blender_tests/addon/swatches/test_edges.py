@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from karf_engine.palettes.compositing import Planes, delta_composite, paper_composite, stack_palettes
-from karf_engine.palettes.edge_planes import reshaped
+from karf_engine.palettes.edge_planes import apply_edges_to_planes
 from karf_engine.palettes.edge_shape import EdgeShape
 
 from ..prepared import write_current_planes
@@ -71,7 +71,7 @@ def test_it_is_what_the_engine_composes(addon, pots, compositing):
     pot(pots).choke, pot(pots).feather = -1.5, 3
     planes, palettes = addon.shown.of(pots).view.planes, addon.colors.palettes(pots)
     scale = max(HEIGHT, WIDTH) / max(addon.captures.view_of(pots).camera.width, 1)
-    weights, probabilities = reshaped(
+    weights, probabilities = apply_edges_to_planes(
         planes.base, planes.palette_weights, planes.probabilities, palettes, {"pot": EdgeShape(-1.5, 3)}, scale
     )
     edited = stack_palettes(planes.objects, {item.name: addon.colors.edited(item) for item in pots.karf.objects})

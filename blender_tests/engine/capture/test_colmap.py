@@ -86,7 +86,7 @@ def test_models_that_colmap_writes_are_read_as_colmap_reads_them(tmp_path, model
         put(tmp_path / "images" / image.name, photo)
     assert (tmp_path / "sparse" / "0" / f"frames{suffix}").exists()  # and does no harm
     capture = open_capture(tmp_path)
-    assert capture.remarks == ()
+    assert capture.warnings == ()
     assert capture.views[0].camera.fisheye == ("FISHEYE" in model)
     assert_agrees(capture, pycolmap.Reconstruction(tmp_path / "sparse" / "0"))
 
@@ -132,7 +132,7 @@ def test_models_are_found_where_tools_put_them(tmp_path, cameras, place, suffix)
     ColmapModel(cameras, NAMES).write(tmp_path / place, suffix)
     for chosen in (tmp_path, tmp_path / place, tmp_path / place / f"cameras{suffix}"):
         capture = open_capture(chosen)
-        assert capture.format == "colmap" and capture.remarks == ()
+        assert capture.format == "colmap" and capture.warnings == ()
         assert [view.image for view in capture.views] == [tmp_path / "images" / name for name in NAMES]
         assert len(capture.points) == 6
 
@@ -145,7 +145,7 @@ def test_the_model_with_the_most_photos_is_read(tmp_path, cameras):
     put(tmp_path / "sparse" / "2" / "images.bin", b"\xff" * 80)  # claims more images than fit
     capture = open_capture(tmp_path)
     assert len(capture.views) == 9
-    assert capture.remarks == (
+    assert capture.warnings == (
         f"3 sparse models were found; {tmp_path / 'sparse' / '1'} has the most photos, 9, and was read.",
     )
 
@@ -154,7 +154,7 @@ def test_a_model_without_points_is_read_with_a_remark(tmp_path, cameras):
     write_colmap(tmp_path, cameras, NAMES)
     (tmp_path / "sparse" / "0" / "points3D.bin").unlink()
     capture = open_capture(tmp_path)
-    assert capture.points is None and "points3D.bin" in capture.remarks[0]
+    assert capture.points is None and "points3D.bin" in capture.warnings[0]
 
 
 def test_every_photo_has_its_own_lens(tmp_path):
@@ -239,7 +239,7 @@ def test_reduced_photos_of_other_names_are_taken_in_order(tmp_path, cameras):
     capture = open_capture(tmp_path)
     assert [view.image.name for view in capture.views] == [f"image{name}" for name in NAMES]
     assert_allclose(capture.views[5].camera.camera_to_world, cameras[5].camera_to_world, atol=1e-9)
-    assert "taken in order" in capture.remarks[0]
+    assert "taken in order" in capture.warnings[0]
 
 
 def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_path, cameras):
@@ -248,7 +248,7 @@ def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_
     (tmp_path / "images" / NAMES[0]).unlink()
     put_photos(tmp_path / "images", ["x.png", "y.png"])
     capture = open_capture(tmp_path)
-    assert capture.remarks == (
+    assert capture.warnings == (
         "1 of 9 photos are missing and were skipped; the first is 000.png.",
         f"2 photos in {tmp_path / 'images'} have no pose in the model and were left out.",
     )
@@ -271,7 +271,7 @@ def test_intrinsics_and_observations_follow_the_real_size(tmp_path, cameras):
         np.multiply([2, 3, 2, 3], [before.fx, before.fy, before.cx, before.cy]),
     )
     assert_allclose(capture.points.pixels, declared.points.pixels * (2, 3), rtol=1e-6)
-    assert "scaled" in capture.remarks[0]
+    assert "scaled" in capture.warnings[0]
 
 
 def test_bare_cameras_need_no_photos(tmp_path, cameras):

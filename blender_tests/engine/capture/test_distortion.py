@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.colmap import FISHEYES, PINHOLES
 from karf_engine.capture.colmap_model import PARAMETERS
-from karf_engine.capture.distortion import distort, straighten
-from karf_engine.capture.reading import opencv_distortion
+from karf_engine.capture.distortion import distort, undistort_points
+from karf_engine.capture.reader_utils import opencv_distortion
 
 COEFFICIENTS = {"k1": 0.06, "k2": -0.02, "p1": 0.004, "p2": -0.003, "k3": 0.005, "k4": 0.03, "k5": -0.01, "k6": 0.002}
 FOCAL_AND_CENTER = {"f": 510.0, "fx": 500.0, "fy": 520.0, "cx": 330.0, "cy": 235.0}
@@ -57,7 +57,7 @@ def test_lenses_are_colmaps(model):
 def test_straightening_takes_back_what_the_lens_does(name):
     distortion, fisheye = LENSES[name]
     camera = Camera(64, 48, 50.0, 52.0, 33.0, 23.5, np.eye(4), distortion, fisheye)
-    found = straighten(camera, camera.pixel_centers())
+    found = undistort_points(camera, camera.pixel_centers())
     known = ~np.isnan(found).any(1)
     assert known.mean() > 0.9
     assert_allclose(distort(camera, found[known]), camera.pixel_centers()[known], atol=1e-4)
@@ -65,6 +65,6 @@ def test_straightening_takes_back_what_the_lens_does(name):
 
 def test_what_a_lens_does_not_show_has_no_place_in_its_pinhole():
     camera = Camera(64, 48, 20.0, 20.0, 32.0, 24.0, np.eye(4), (-0.3, 0.0, 0.0, 0.0))  # folds over at r = 1.05
-    found = straighten(camera, np.array([[32.0, 24.0], [33.0, 24.0], [1.0, 1.0]]))
+    found = undistort_points(camera, np.array([[32.0, 24.0], [33.0, 24.0], [1.0, 1.0]]))
     assert_allclose(found[:2], [[32, 24], [33, 24]], atol=0.05)
     assert np.isnan(found[2]).all()

@@ -59,7 +59,7 @@ def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens)
     write(folder, cameras)
     capture = open_capture(folder)
     assert capture.format == name.split()[0]
-    assert capture.remarks == ()
+    assert capture.warnings == ()
     ordered = cameras[2:] + cameras[:2] if name == "nerf-synthetic" else cameras  # train, val, test
     for view, camera in zip(capture.views, ordered, strict=True):
         assert_same_camera(view.camera, camera)
@@ -139,7 +139,7 @@ def test_of_several_formats_the_first_in_order_is_read_with_a_remark(tmp_path, f
     write_all(tmp_path, *formats)
     capture = open_capture(tmp_path)
     assert capture.format == formats[0].split()[0]
-    assert len(capture.remarks) == 1 and capture.remarks[0].startswith(f"{marker} was read, not {left}: ")
+    assert len(capture.warnings) == 1 and capture.warnings[0].startswith(f"{marker} was read, not {left}: ")
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_of_several_formats_the_first_in_order_is_read_with_a_remark(tmp_path, f
 def test_a_file_is_read_as_what_it_is_without_a_remark(tmp_path, file, format_name):
     write_all(tmp_path, "transforms", "colmap binary", "llff")
     capture = open_capture(tmp_path / file)
-    assert capture.format == format_name and capture.remarks == ()
+    assert capture.format == format_name and capture.warnings == ()
 
 
 def test_what_only_resembles_a_model_does_not_hide_other_cameras(tmp_path):

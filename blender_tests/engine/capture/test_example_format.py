@@ -41,7 +41,7 @@ def write_csv(folder, cameras, **changes):
 def test_a_registered_format_is_opened_by_its_folder_or_its_file(tmp_path, rig, place):
     write_csv(tmp_path, rig)
     capture = open_capture(tmp_path / place)
-    assert (capture.format, capture.remarks) == ("csv", ())
+    assert (capture.format, capture.warnings) == ("csv", ())
     held_out = open_capture(tmp_path / place, holdout=8).split("test")
     assert [view.name for view in held_out] == [capture.views[0].name, capture.views[8].name]
     for view, camera, name in zip(capture.views, rig, NAMES, strict=True):
@@ -60,7 +60,7 @@ def test_bare_cameras_need_no_photos(tmp_path, rig):
 def test_it_is_read_before_the_formats_that_were_known(tmp_path, rig):
     write_llff(tmp_path, rig, NAMES)
     write_csv(tmp_path, rig)
-    assert open_capture(tmp_path).remarks == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
+    assert open_capture(tmp_path).warnings == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
 
 
 def test_its_marker_is_named_where_no_format_is_found(tmp_path):

@@ -16,7 +16,7 @@ from karf_engine import KarfError, inspect_capture, open_capture
 from karf_engine.capture.quality import matches
 from karf_engine.capture.quality.advice import advise
 from karf_engine.capture.quality.inspection import inspect_capture as inspect_opened
-from karf_engine.capture.quality.placement import place
+from karf_engine.capture.quality.placement import measure_placement
 from karf_engine.cli import main
 from karf_engine.io.images import read_photo, write_png
 from karf_engine.worker.queries.kinds import QUERIES
@@ -104,7 +104,7 @@ def test_exposures_are_those_that_were_given():
 
 def test_the_widest_hole_is_where_photos_were_left_out(cameras):
     left = [camera for n, camera in enumerate(cameras) if n not in (4, 5, 6)]
-    placement = place(left, np.zeros((0, 3)))
+    placement = measure_placement(left, np.zeros((0, 3)))
     width, middle = placement.hole
     assert width == pytest.approx(72 * np.cos(0.4), rel=0.1)  # four steps of 18 degrees, on a circle above the ground
     gone = cameras[5].position / np.linalg.norm(cameras[5].position)
@@ -113,17 +113,17 @@ def test_the_widest_hole_is_where_photos_were_left_out(cameras):
 
 
 def test_more_photos_go_into_the_holes_and_narrow_them(cameras):
-    placement = place(cameras[:12], np.zeros((0, 3)))
+    placement = measure_placement(cameras[:12], np.zeros((0, 3)))
     then = placement
-    for direction in placement.more(4):
-        then = then.and_at(direction)
+    for direction in placement.propose_directions(4):
+        then = then.with_camera(direction)
     assert then.spacing < 0.9 * placement.spacing and then.hole[0] < placement.hole[0]
 
 
 def test_a_capture_of_one_side_is_not_asked_to_go_round(cameras):
-    placement = place(cameras[:6], np.zeros((0, 3)))
+    placement = measure_placement(cameras[:6], np.zeros((0, 3)))
     assert placement.is_open and placement.hole[0] < 25
-    assert not place(cameras, np.zeros((0, 3))).is_open
+    assert not measure_placement(cameras, np.zeros((0, 3))).is_open
 
 
 def test_wrong_poses_cost_the_agreement(ring):

@@ -30,7 +30,7 @@ def test_the_columns_are_down_right_back(tmp_path):
 def test_all_views_are_learned_from(tmp_path, cameras):
     write_llff(tmp_path, cameras, NAMES)
     capture = open_capture(tmp_path)
-    assert capture.format == "llff" and capture.remarks == ()
+    assert capture.format == "llff" and capture.warnings == ()
     assert capture.split("train") == capture.views
 
 
@@ -57,7 +57,7 @@ def test_intrinsics_follow_the_real_size_along_each_axis(tmp_path, cameras):
     camera = capture.views[0].camera
     assert_allclose([camera.fx, camera.fy], [2 * first.fx, 3 * first.fx])
     assert_allclose([camera.cx, camera.cy], [first.width, 1.5 * first.height])
-    assert "scaled" in capture.remarks[0]
+    assert "scaled" in capture.warnings[0]
 
 
 def test_counts_that_do_not_match_are_both_named(tmp_path, cameras):
@@ -99,4 +99,4 @@ def test_impossible_depth_bounds_are_left_out_with_a_remark(tmp_path, cameras):
     np.save(tmp_path / "poses_bounds.npy", llff_table(cameras, bounds=(-1.0, 5.0)))
     capture = open_capture(tmp_path)
     assert all(view.depth_bounds is None for view in capture.views)
-    assert capture.remarks == ("9 views: depth bounds that are not a range of positive depths were left out.",)
+    assert capture.warnings == ("9 views: depth bounds that are not a range of positive depths were left out.",)

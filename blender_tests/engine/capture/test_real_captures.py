@@ -19,7 +19,7 @@ def test_real_captures_open_complete(scenes, name, train, test, val, size):
     assert (
         len({view.name for view in capture.views}) == len({view.image for view in capture.views}) == train + test + val
     )
-    assert capture.remarks == ()
+    assert capture.warnings == ()
 
 
 def test_the_llff_capture_opens_complete(scenes):
@@ -28,7 +28,7 @@ def test_the_llff_capture_opens_complete(scenes):
     assert {(view.camera.width, view.camera.height) for view in capture.views} == {(504, 378)}
     np.testing.assert_allclose(capture.views[0].camera.fx, 3575.05861 * 504 / 4032)
     assert all(0 < view.depth_bounds[0] < view.depth_bounds[1] for view in capture.views)
-    assert capture.remarks == (
+    assert capture.warnings == (
         "34 views: photos are 504x378 where the file says 4032x3024; their intrinsics were scaled.",
     )
 
@@ -39,7 +39,7 @@ def test_the_colmap_capture_opens_complete(scenes):
     assert {(view.camera.width, view.camera.height) for view in capture.views} == {(800, 533)}
     assert all(view.image.parent == scenes / "bonsai" / "images" for view in capture.views)
     assert (len(capture.points), len(capture.points.view)) == (26717, 140819)
-    assert capture.remarks == ()
+    assert capture.warnings == ()
 
 
 def test_real_points_are_seen_where_the_cameras_say(scenes):

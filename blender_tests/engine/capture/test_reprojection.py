@@ -8,7 +8,7 @@ from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, SparsePoints, View
 from karf_engine.capture.distortion import distort
-from karf_engine.capture.reprojection import reprojection_errors, summarize, undistorted_near
+from karf_engine.capture.reprojection import reprojection_errors, summarize, undistort_points_near
 from karf_engine.errors import DataError
 
 BARREL = (-0.2, 0.05, 0.003, -0.002)
@@ -78,7 +78,7 @@ def test_photo_pixels_near_a_point_are_found_in_the_pinholes_picture(fisheye):
     random = np.random.default_rng(0)
     truth = random.uniform([20, 20], [380, 280], (200, 2))
     near = truth + random.normal(size=truth.shape) * 2
-    found = undistorted_near(camera, distort(camera, truth), near)
+    found = undistort_points_near(camera, distort(camera, truth), near)
     assert np.abs(found - truth).max() < 1e-3
     assert np.abs(distort(camera, truth) - truth).max() > 3
 

@@ -87,7 +87,7 @@ def test_written_cameras_are_read_back_without_loss(tmp_path_factory, seed):
         assert (after.fx, after.fy, after.cx, after.cy) == (before.fx, before.fy, before.cx, before.cy)
         assert (after.distortion, after.fisheye) == (before.distortion, before.fisheye)
         assert_allclose(after.camera_to_world, before.camera_to_world, rtol=0, atol=1e-9)
-    assert capture.remarks == ()
+    assert capture.warnings == ()
 
 
 def test_a_photo_beside_bare_cameras_does_not_change_their_size(tmp_path):
@@ -195,7 +195,7 @@ def test_a_missing_photo_is_never_replaced_by_one_of_another_split(tmp_path):
     put(tmp_path / "r_1.png", png_bytes(4, 4))
     capture = open_capture(tmp_path)
     assert [view.stem for view in capture.views] == ["r_0"]
-    assert capture.remarks == ("1 of 2 photos are missing and were skipped; the first is train/r_1.",)
+    assert capture.warnings == ("1 of 2 photos are missing and were skipped; the first is train/r_1.",)
 
 
 def test_intrinsics_follow_the_real_size_of_the_photo(tmp_path):
@@ -206,7 +206,7 @@ def test_intrinsics_follow_the_real_size_of_the_photo(tmp_path):
     camera = capture.views[0].camera
     assert (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy) == (40, 30, 50, 20, 22, 16)
     assert camera.distortion == (0.1, 0, 0, 0)
-    assert "40x30" in capture.remarks[0] and "80x90" in capture.remarks[0]
+    assert "40x30" in capture.warnings[0] and "80x90" in capture.warnings[0]
 
 
 @pytest.mark.parametrize(("declared", "expected"), [((60, 40), (60, 40)), ((40, 60), (40, 60)), (None, (40, 60))])
@@ -218,7 +218,7 @@ def test_turned_photos_keep_the_orientation_their_camera_was_made_for(tmp_path, 
     camera = capture.views[0].camera
     assert (camera.width, camera.height) == expected
     assert (camera.fx, camera.fy) == (50, 50)
-    assert capture.remarks == ()
+    assert capture.warnings == ()
 
 
 def test_a_uniform_scale_of_the_rotation_is_removed_and_the_position_kept(tmp_path):
@@ -227,7 +227,7 @@ def test_a_uniform_scale_of_the_rotation_is_removed_and_the_position_kept(tmp_pa
     put_json(tmp_path / "transforms.json", {"fl_x": 4, "frames": frames("a.png", transform_matrix=pose)})
     capture = open_capture(tmp_path)
     assert_allclose(capture.views[0].camera.camera_to_world, [[0, -1, 0, 7], [1, 0, 0, 8], [0, 0, 1, 9], [0, 0, 0, 1]])
-    assert "scale of 2" in capture.remarks[0]
+    assert "scale of 2" in capture.warnings[0]
 
 
 @pytest.mark.parametrize("fields", [{"camera_model": "OPENCV_FISHEYE"}, {"camera_model": "OPENCV", "is_fisheye": True}])
@@ -286,7 +286,7 @@ def test_nerfstudio_cameras_stay_as_they_stand_and_bring_their_points(tmp_path, 
     put(tmp_path / "sparse_pc.ply", ply(encoding))
     put_json(tmp_path / "transforms.json", NERFSTUDIO)
     capture = open_capture(tmp_path)
-    assert capture.remarks == ()
+    assert capture.warnings == ()
     assert_allclose(capture.views[0].camera.camera_to_world, POSE)
     assert_allclose(capture.points.positions, POINTS)
     assert_allclose(capture.points.colors, COLORS)
@@ -297,7 +297,7 @@ def test_missing_points_are_remarked_and_damaged_ones_refused(tmp_path):
     put(tmp_path / "a.png", png_bytes(4, 4))
     put_json(tmp_path / "transforms.json", NERFSTUDIO)
     capture = open_capture(tmp_path)
-    assert capture.points is None and "sparse_pc.ply" in capture.remarks[0]
+    assert capture.points is None and "sparse_pc.ply" in capture.warnings[0]
     put(tmp_path / "sparse_pc.ply", ply("binary_little_endian")[:-1])
     with pytest.raises(DataError, match=r"sparse_pc\.ply .* cut off"):
         open_capture(tmp_path)
@@ -419,4 +419,4 @@ def test_sizes_are_read_from_headers(tmp_path, data, size):
 def test_turned_headers_know_both_sizes(tmp_path):
     put(tmp_path / "picture", jpeg_head(300, 200, orientation=5))
     header = image_header(tmp_path / "picture")
-    assert (header.stored, header.shown) == ((300, 200), (200, 300))
+    assert (header.stored_size, header.display_size) == ((300, 200), (200, 300))

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from karf_engine.io import failures
-from karf_engine.io.failures import known_failure
+from karf_engine.io.failures import translate_error
 
 
 @pytest.fixture
@@ -23,15 +23,15 @@ def on_windows(monkeypatch):
     ],
 )
 def test_numbers_in_messages_of_libraries_are_windows_own(on_windows, message, expected):
-    assert expected in known_failure(RuntimeError(message)).sentence
+    assert expected in translate_error(RuntimeError(message)).sentence
 
 
 @pytest.mark.parametrize("message", ["I/O error (os error 28)", "IoError(Os { code: 28, kind: StorageFull })"])
 def test_elsewhere_they_are_those_of_c(message):
-    assert "The disk is full" in known_failure(RuntimeError(message)).sentence
+    assert "The disk is full" in translate_error(RuntimeError(message)).sentence
 
 
 def test_a_path_that_is_too_long_is_not_called_missing(on_windows):
     path = "C:\\" + "very_long_folder\\" * 16 + "geometry.safetensors"
-    assert "a name too long" in known_failure(FileNotFoundError(2, "No such file", path)).sentence
-    assert "is not there" in known_failure(FileNotFoundError(2, "No such file", "C:\\a.png")).sentence
+    assert "a name too long" in translate_error(FileNotFoundError(2, "No such file", path)).sentence
+    assert "is not there" in translate_error(FileNotFoundError(2, "No such file", "C:\\a.png")).sentence

@@ -147,9 +147,9 @@ def test_photos_count_by_what_they_show_and_not_by_their_time(still_life, copy, 
 
 # ------------------------------------------------------------------------------------------------------------------- reading
 def test_a_project_that_is_being_learned_anew_can_be_rendered(copy, tmp_path):
-    from karf_engine.project.locking import writing
+    from karf_engine.project.locking import write_lock
 
-    with writing(copy):
+    with write_lock(copy):
         assert pictures(copy, tmp_path / "out")
         # planes belong to the project: they wait for the job's end
         assert main(["render", str(copy.folder), "--views", "test", "--planes", "--out", str(tmp_path)]) == 2

@@ -20,7 +20,7 @@ from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.io.images import write_png
 from karf_engine.io.options import Options
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of
+from karf_engine.project.contents import read_capture
 from karf_engine.project.settings import preset, with_overrides
 
 QUICK = [
@@ -110,7 +110,7 @@ def test_a_marked_photo_is_learned_from_and_a_later_mark_asks_for_no_new_geometr
     first, second = (view.name for view in capture.split("test"))
     write_png(tmp_path / "masks" / "ball" / f"{first}.png", np.ones((32, 32), bool))
     learn(monkeypatch, capture, project.folder, [], masks=str(tmp_path / "masks"))
-    assert [view.name for view in capture_of(project).split("test")] == [second]
+    assert [view.name for view in read_capture(project).split("test")] == [second]
     write_png(project.corrections_folder / "ball" / f"{second}.png", np.ones((32, 32), bool))
     learn(monkeypatch, capture, project.folder, told)
     assert ("stage", {"name": "geometry", "text": "already done"}) in told
@@ -118,11 +118,11 @@ def test_a_marked_photo_is_learned_from_and_a_later_mark_asks_for_no_new_geometr
 
 def test_where_photos_differ_those_that_are_held_out_are_compared_with_the_scene(capture, monkeypatch, tmp_path):
     told = np.full((14, 3), 1.25, np.float32)
-    monkeypatch.setattr(voxel_fit, "photo_gains", lambda *_: told)
+    monkeypatch.setattr(voxel_fit, "estimate_photo_gains", lambda *_: told)
     monkeypatch.setattr(voxel_fit, "COMPARED_AFTER", 0)
-    monkeypatch.setattr(geometry, "gains_beside", lambda scene, camera, photo: (0.5, 1.0, 2.0))
+    monkeypatch.setattr(geometry, "gains_from_render", lambda scene, camera, photo: (0.5, 1.0, 2.0))
     learn(monkeypatch, capture, tmp_path / "project", [])
-    learned = capture_of(Project(tmp_path / "project"))
+    learned = read_capture(Project(tmp_path / "project"))
     assert {view.gains for view in learned.split("train")} == {(1.25, 1.25, 1.25)}
     assert {view.gains for view in learned.split("test")} == {(0.5, 1.0, 2.0)}
 

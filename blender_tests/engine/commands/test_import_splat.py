@@ -14,7 +14,7 @@ pytest.importorskip("numba")
 import karf_engine as karf
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.io.images import over, read_photo
+from karf_engine.io.images import alpha_composite, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.project import Project
 from karf_engine.splats import quality
@@ -22,7 +22,7 @@ from karf_engine.splats.files import load_gaussians
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
-from karf_engine.splats.rasterizer import splatted
+from karf_engine.splats.rasterizer import rasterize
 
 SMALL = {"views": 6, "size": 64, "up": "z"}
 
@@ -42,7 +42,7 @@ def splat(tmp_path, table):
 def test_without_photos_its_views_show_it_from_around(splat, table, tmp_path):
     karf.import_splat(splat, tmp_path / "capture", **SMALL)
     capture = open_capture(tmp_path / "capture")
-    assert len(capture.views) == 6 and capture.remarks == ()
+    assert len(capture.views) == 6 and capture.warnings == ()
     assert_array_equal((tmp_path / "capture" / "splat.ply").read_bytes(), splat.read_bytes())
     middle = np.median(table[:, :3], 0)
     for view in capture.views:
@@ -76,7 +76,7 @@ def test_views_of_ones_own_come_first(splat, tmp_path, still_life):
     assert len(views) == 8
     assert_allclose(views[0].camera.camera_to_world, own[0].camera.camera_to_world)
     shown = read_photo(views[0].image)
-    assert psnr(over(shown[..., :3], shown[..., 3], 0), over(*color_and_alpha(own[0]), 0)) > 20
+    assert psnr(alpha_composite(shown[..., :3], shown[..., 3], 0), alpha_composite(*color_and_alpha(own[0]), 0)) > 20
 
 
 def color_and_alpha(view):
@@ -180,7 +180,7 @@ def test_learned_it_is_shown_as_it_came(splat, table, tmp_path, antialiased, scr
     assert shown.screen_filter == screen_filter
     model = karf.Model.load(tmp_path / "project", "cpu")
     camera = model.capture.views[0].camera
-    assert_array_equal(model.render(camera).base, splatted(shown, camera).picture())
+    assert_array_equal(model.render(camera).base, rasterize(shown, camera).picture())
 
 
 def test_another_file_makes_the_splats_outdated(splat, table, tmp_path):

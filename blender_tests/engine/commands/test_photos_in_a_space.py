@@ -10,9 +10,9 @@ pytest.importorskip("PyOpenColorIO")
 
 from karf_engine.cli import main
 from karf_engine.io.color_spaces import color_space
-from karf_engine.io.images import encoded, read_photo
+from karf_engine.io.images import encode_image, read_photo
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of
+from karf_engine.project.contents import read_capture
 from karf_engine.recolor.photos import open_photo
 
 SPACE = "sRGB Encoded P3-D65"
@@ -24,7 +24,7 @@ def wide(still_life, tmp_path_factory):
     folder = shutil.copytree(still_life.capture, tmp_path_factory.mktemp("wide") / "capture")
     for path in folder.rglob("*.png"):
         stored = color_space(SPACE).from_srgb(read_photo(path)[..., :3])
-        path.write_bytes(encoded(".png", np.rint(np.clip(stored, 0, 1) * 65535).astype(np.uint16)))
+        path.write_bytes(encode_image(".png", np.rint(np.clip(stored, 0, 1) * 65535).astype(np.uint16)))
     return folder
 
 
@@ -39,7 +39,7 @@ def test_such_photos_are_recolored_as_those_in_srgb_are(still_life, learned, wid
     project, edit = tmp_path / "project", tmp_path / "edit.json"
     _, _, *words = still_life.command(project, "splats.iterations=1")
     assert main(["all", str(wide), *words, "--photo-space", SPACE]) == 0
-    assert {view.space.name for view in capture_of(Project(project)).views} == {SPACE}
+    assert {view.space.name for view in read_capture(Project(project)).views} == {SPACE}
     pictures = []
     for each, space in ((learned.project, None), (project, color_space(SPACE))):
         out = tmp_path / f"of {each.parent.name}"

@@ -17,7 +17,7 @@ import cv2
 
 from blender_tests.engine.conftest import ROOT, run_engine
 from karf_engine.capture import open_capture
-from karf_engine.capture.poses.structure_from_motion import SfmResult, _epipolar_errors
+from karf_engine.capture.poses.structure_from_motion import SfmResult, _sampson_errors
 from karf_engine.capture.poses.video import write_sharpest_frames
 from karf_engine.commands import poses
 from karf_engine.commands.dispatch import run_command
@@ -178,10 +178,10 @@ def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
     first = points / points[:, 2:]
     there = points + turn[:, 3]
     second = there / there[:, 2:]
-    np.testing.assert_allclose(_epipolar_errors(turn, first, second), 0, atol=1e-12)
+    np.testing.assert_allclose(_sampson_errors(turn, first, second), 0, atol=1e-12)
     moved = second + (0.2, 0.01, 0)
     # Sampson's distance shares a movement between the two pictures
-    np.testing.assert_allclose(_epipolar_errors(turn, first, moved), 0.01 / np.sqrt(2), rtol=1e-9)
+    np.testing.assert_allclose(_sampson_errors(turn, first, moved), 0.01 / np.sqrt(2), rtol=1e-9)
 
 
 def test_wrong_requests_are_named_before_anything_is_made(tmp_path):

@@ -23,7 +23,7 @@ from karf_engine.recolor.model import Model
 def copy(learned, tmp_path):
     """A project of one's own, in which nothing has been looked at."""
     project = Project(shutil.copytree(learned.project, tmp_path / "project"))
-    shutil.rmtree(project.looks_folder, ignore_errors=True)
+    shutil.rmtree(project.render_cache_folder, ignore_errors=True)
     return project
 
 
@@ -51,7 +51,7 @@ def seen(frame):
 def test_another_model_of_the_project_renders_no_field_again_and_sees_the_same_bits(copy, renders):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
-    first, again = model.look(camera), Model(copy).look(camera)
+    first, again = model.render_field(camera), Model(copy).render_field(camera)
     assert len(renders) == 1
     assert all(np.array_equal(a, b) for a, b in zip(seen(first), seen(again), strict=True))
 
@@ -74,17 +74,17 @@ def test_frames_of_a_second_edit_are_those_of_a_project_that_was_never_looked_at
 def test_a_look_of_another_camera_is_not_taken(copy, renders):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
-    model.look(camera)
-    Model(copy).look(replace(camera, cx=camera.cx + 1e-6))
+    model.render_field(camera)
+    Model(copy).render_field(replace(camera, cx=camera.cx + 1e-6))
     assert len(renders) == 2
 
 
 def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
-    model.look(camera)
+    model.render_field(camera)
     copy.finish("segmentation", "another", files=copy.finished("segmentation")["files"])
-    Model(copy).look(camera)
+    Model(copy).render_field(camera)
     assert len(renders) == 2
     assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 1
 
@@ -92,13 +92,13 @@ def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders)
 @pytest.fixture
 def refined(monkeypatch):
     """The edges that mattes were asked for."""
-    edges, mattes_of = [], karf_engine.recolor.render_cache.mattes_of
+    edges, mattes_of = [], karf_engine.recolor.render_cache.make_mattes
 
     def note(wanted, *arrays):
         edges.append(wanted)
         return mattes_of(wanted, *arrays)
 
-    monkeypatch.setattr(karf_engine.recolor.render_cache, "mattes_of", note)
+    monkeypatch.setattr(karf_engine.recolor.render_cache, "make_mattes", note)
     return edges
 
 
@@ -107,7 +107,7 @@ def recolored(project, view):
     model = Model(project)
     colors = {palette.name: palette.colors.copy() for palette in model.palettes}
     colors[model.objects[0]][1:] = [0.1, 0.9, 0.2]
-    return model.photo_view(view).recolored(Edit(colors)).pixels
+    return model.photo_view(view).recolor(Edit(colors)).pixels
 
 
 def test_a_second_edit_of_a_photo_refines_no_edge_again_and_comes_out_in_the_same_bits(copy, refined):
@@ -157,22 +157,22 @@ def test_damaged_mattes_are_refined_again(copy, refined, damage):
 def test_a_damaged_look_is_rendered_again(copy, renders, damage):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
-    first = model.look(camera)
+    first = model.render_field(camera)
     (path,) = copy.looks_folder.rglob("*.safetensors")
     path.write_bytes(damage)
-    assert np.array_equal(Model(copy).look(camera).color, first.color)
+    assert np.array_equal(Model(copy).render_field(camera).color, first.color)
     assert len(renders) == 2
 
 
 def test_a_look_whose_numbers_were_altered_is_rendered_again(copy, renders):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
-    first = model.look(camera)
+    first = model.render_field(camera)
     (path,) = copy.looks_folder.rglob("*.safetensors")
     tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.SCHEMA)
     tensors["color"][:10, :10] = 0.5
     save_tensors(path, tensors, karf_engine.recolor.render_cache.SCHEMA, facts)
-    assert np.array_equal(Model(copy).look(camera).color, first.color)
+    assert np.array_equal(Model(copy).render_field(camera).color, first.color)
     assert len(renders) == 2
 
 
@@ -184,7 +184,7 @@ def test_of_earlier_looks_only_what_was_written_here_is_removed(copy, tmp_path):
             (folder / f"{name}.safetensors").write_bytes(b"")
     (copy.looks_folder / ("2" * 16)).symlink_to(elsewhere)
     model = Model(copy)
-    model.look(model.working_camera(first_test_view(model)))
+    model.render_field(model.working_camera(first_test_view(model)))
     assert [path.name for path in earlier.iterdir()] == ["lora.safetensors"]
     assert len(list(elsewhere.iterdir())) == 2 and len(list((copy.looks_folder / "mine").iterdir())) == 2
 
@@ -195,15 +195,15 @@ def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(copy, monk
 
     monkeypatch.setattr(karf_engine.recolor.render_cache, "save_tensors", refuse)
     model = Model(copy)
-    assert model.look(model.working_camera(first_test_view(model))).color.any()
+    assert model.render_field(model.working_camera(first_test_view(model))).color.any()
 
 
 def test_no_more_is_kept_than_may_be(copy, monkeypatch):
     model = Model(copy)
     views = model.capture.split("train")[:3]
-    model.look(model.working_camera(views[0]))
+    model.render_field(model.working_camera(views[0]))
     (one,) = copy.looks_folder.rglob("*.safetensors")
     monkeypatch.setattr(karf_engine.recolor.render_cache, "MOST_BYTES", int(2.5 * one.stat().st_size))
     for view in views:
-        model.look(model.working_camera(view))
+        model.render_field(model.working_camera(view))
     assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 2

@@ -18,7 +18,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.export.finished_frames import NOTE, FinishedFrames, model_mark, view_mark
+from karf_engine.export.finished_frames import RECORD_NAME, FinishedFrames, model_fingerprint, view_fingerprint
 from karf_engine.io.images import read_photo
 from karf_engine.palettes.edit_files import write_edit
 from karf_engine.palettes.palette import Edit
@@ -100,8 +100,8 @@ def test_photos_are_recolored_again_where_a_mask_changed_and_other_cameras_are_n
     bare = replace(photo, image=None)
 
     def marks_of_views():
-        mark = model_mark(project, Model(project).settings)
-        return view_mark(mark, photo), view_mark(mark, bare)
+        mark = model_fingerprint(project, Model(project).settings)
+        return view_fingerprint(mark, photo), view_fingerprint(mark, bare)
 
     before = marks_of_views()
     assert marks_of_views() == before
@@ -132,7 +132,7 @@ def test_a_frame_that_is_missing_or_cut_off_is_rendered_again(sequence):
 @pytest.mark.parametrize("damage", ["", "\0\0\n{]\n[]\n7\n", '{"frame": "f_000", "made_from": "x"}\n'])
 def test_a_damaged_note_costs_frames_and_nothing_else(sequence, damage):
     sequence.render()
-    note = sequence.out / NOTE
+    note = sequence.out / RECORD_NAME
     lines = note.read_text().split("\n")
     note.write_text(damage + "\n".join(lines)[:-40])  # killed while writing the last line
     assert sequence.render() == ["f_003"]

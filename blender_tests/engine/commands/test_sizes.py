@@ -15,13 +15,13 @@ import karf_engine as karf
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
-from karf_engine.capture.distortion import straighten
+from karf_engine.capture.distortion import undistort_points
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.color import to_bytes
-from karf_engine.io.images import BACK, oriented, read_mask, read_photo
+from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation_copy, read_mask, read_photo
 from karf_engine.metrics.masks import iou
-from karf_engine.recolor.full_resolution import full_resolution_view
+from karf_engine.recolor.full_resolution import make_photo_view
 from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.refine import field_mattes
 from karf_engine.recolor.photos import open_photo, write_photo
@@ -55,7 +55,7 @@ def saved(path, color, orientation=1):
     """A photo that a viewer shows as `color`, stored with an Exif orientation."""
     tags = Image.Exif()
     tags[0x0112] = orientation
-    stored = oriented(to_bytes(color), BACK.get(orientation, orientation))
+    stored = apply_exif_orientation_copy(to_bytes(color), INVERSE_EXIF_ORIENTATION.get(orientation, orientation))
     Image.fromarray(stored).save(path, exif=tags)
     return view_of(path)
 
@@ -105,7 +105,7 @@ def test_a_photo_keeps_its_lens(model, green, tmp_path):
     class Lens:
         width, height, camera_to_world = 96, 96, CAMERA.camera_to_world
         pixel_centers = staticmethod(CAMERA.pixel_centers)
-        rays = staticmethod(lambda pixels: CAMERA.rays(straighten(bent, pixels)))
+        rays = staticmethod(lambda pixels: CAMERA.rays(undistort_points(bent, pixels)))
 
     truth = take_photo(Lens)
     ready = model.photo_view(replace(saved(tmp_path / "a.png", truth.color), camera=bent))
@@ -188,11 +188,11 @@ def test_a_reach_that_cannot_be_is_refused(model, reach, sentence):
 
 
 def test_an_edit_with_an_added_color_is_another_frame(model):
-    from karf_engine.export.finished_frames import frame_mark
+    from karf_engine.export.finished_frames import frame_fingerprint
 
     edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
     further = replace(edit, added={"ball": (replace(edit.added["ball"][0], reach=2.0),)})
-    assert len({frame_mark("view", each) for each in (model.edit(), edit, further)}) == 3
+    assert len({frame_fingerprint("view", each) for each in (model.edit(), edit, further)}) == 3
 
 
 def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
@@ -243,7 +243,7 @@ def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path,
     view = saved(tmp_path / "a.png", photo.color, orientation)
     seen = model.look(model.working_camera(view))
     bright = to_bytes(photo.color)[..., 0] > 127
-    full_resolution_view(view, "photo", seen, Marks(bright[None], (False,)), note, model.objects, model.palettes)
+    make_photo_view(view, "photo", seen, Marks(bright[None], (False,)), note, model.objects, model.palettes)
     ((shown, marks),) = taken
     assert_array_equal(marks.drawn[0], shown[..., 0] > 127)
 

@@ -15,7 +15,7 @@ from blender_tests.engine.commands.farm.sequences import write_sequence
 from karf_engine.commands import splats
 from karf_engine.commands.options import SplatsOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.fields.scene_surface import NothingSolid
+from karf_engine.fields.scene_surface import NoSurface
 from karf_engine.project import Project
 from karf_engine.project.settings import PRESETS
 from karf_engine.project.state import write_state
@@ -132,7 +132,7 @@ def test_without_numba_there_is_a_warning_and_the_field_is_shown(copy, monkeypat
 
 def test_fog_gives_a_warning_and_the_field_is_shown(copy, monkeypatch):
     def fog(*_):
-        raise NothingSolid("The learned scene shows nothing solid.", "Learn it again, with other settings.")
+        raise NoSurface("The learned scene shows nothing solid.", "Learn it again, with other settings.")
 
     monkeypatch.setattr("karf_engine.commands.splats.gaussians_of", fog)
     events = learn(copy, *FEW)

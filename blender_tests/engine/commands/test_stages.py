@@ -29,7 +29,7 @@ from karf_engine.palettes.compositing import planes_made_from, read_planes
 from karf_engine.palettes.edit_files import read_edit
 from karf_engine.palettes.palette import read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
-from karf_engine.project.state import stage_mark
+from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.model import Model
 
@@ -121,7 +121,7 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
     assert main(["segmentation", str(copy.folder), "--threads", "1"]) == 0
     after = Model(copy)
     camera, block = before.working_camera(before.capture.views[0]), before.objects.index("block")
-    covered = [model.look(camera).probabilities[block].sum() for model in (before, after)]
+    covered = [model.render_field(camera).probabilities[block].sum() for model in (before, after)]
     assert 0.2 < covered[1] / covered[0] < 0.8
     beyond = after.scene.field.space.to_grid(torch.tensor([[0.6, 0.0, 0.0]]))
     assert not after.segmentation.inside(beyond)[0, block]
@@ -171,7 +171,7 @@ def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, 
     project = Project(learned.project)
     in_project = read_planes(project.planes_file("test_r_0"))
     assert np.array_equal(in_project.palette_weights, planes.palette_weights)
-    assert planes_made_from(project.planes_file("test_r_0")) == stage_mark(project.state(), "recoloring")
+    assert planes_made_from(project.planes_file("test_r_0")) == result_fingerprint(project.state(), "recoloring")
 
 
 @pytest.mark.parametrize("views", ["train", "test_r_1,r_3"])

@@ -38,7 +38,7 @@ def in_turn(training_state, step, iteration, parts):
     before = generator.get_state()
     for rank in range(2):
         generator.set_state(before)
-        with ProcessGroup(rank, 2).own_numbers(generator):
+        with ProcessGroup(rank, 2).rank_random(generator):
             loss, metrics = step(iteration, 1 / (2 * parts))
             loss.backward()
     for parameter in (
@@ -124,7 +124,7 @@ def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
     drawn, after = [], []
     for rank in range(2):
         generator = torch.Generator().manual_seed(3)
-        with ProcessGroup(rank, 2).own_numbers(generator):
+        with ProcessGroup(rank, 2).rank_random(generator):
             drawn.append(torch.rand(10 + rank, generator=generator)[:10])
         after.append(torch.rand(10, generator=generator))
     assert not torch.equal(*drawn) and torch.equal(*after)
@@ -133,7 +133,7 @@ def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
 def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
     generator = torch.Generator().manual_seed(3)
     before = generator.get_state()
-    with pytest.raises(MemoryError), ProcessGroup(1, 2).own_numbers(generator):
+    with pytest.raises(MemoryError), ProcessGroup(1, 2).rank_random(generator):
         torch.rand(3, generator=generator)
         raise MemoryError
     assert torch.equal(generator.get_state(), before)

@@ -40,10 +40,10 @@ def test_a_system_of_surface_points_warns_too(monkeypatch):
         right = one_end()[:, None]
         return neighbor_graph.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
 
-    monkeypatch.setattr(neighbor_graph, "MOST_STEPS", 5)
+    monkeypatch.setattr(neighbor_graph, "MAX_STEPS", 5)
     with pytest.warns(NotConverged, match="after 5 iterations"):
         solve()
-    monkeypatch.setattr(neighbor_graph, "MOST_STEPS", 2 * N)
+    monkeypatch.setattr(neighbor_graph, "MAX_STEPS", 2 * N)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         solve()

@@ -9,7 +9,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.compute.neighbors import tree_of
+from karf_engine.compute.neighbors import build_kd_tree
 
 # most lie at 0 along one axis, where SciPy splits them at the least denormal number
 FLAT = "import numpy as np; flat = np.random.default_rng(0).random((2000, 3)); flat[:1500, 2] = 0"
@@ -35,14 +35,14 @@ def test_points_on_a_plane_through_0_have_a_tree():
 
 
 def test_numbers_are_flushed_after_it_as_before(flushed):
-    tree_of(np.eye(3))
+    build_kd_tree(np.eye(3))
     assert is_flushing()
     torch.set_flush_denormal(False)
-    tree_of(np.eye(3))
+    build_kd_tree(np.eye(3))
     assert not is_flushing()
 
 
 def test_a_tree_that_is_refused_changes_nothing_either(flushed):
     with pytest.raises(ValueError, match="finite"):
-        tree_of(np.full((3, 2), np.nan))
+        build_kd_tree(np.full((3, 2), np.nan))
     assert is_flushing()

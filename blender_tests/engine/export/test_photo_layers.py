@@ -54,16 +54,16 @@ def test_a_turned_photo_is_upright_in_layers(orientation):
         == (2, *layers.base.shape[:2])
         == layers.palette_weights.shape[::2] + layers.depth.shape[1:]
     )
-    np.testing.assert_allclose(recomposed(layers), view.shown(view.recolored(EDIT)), atol=1 / 255)
+    np.testing.assert_allclose(recomposed(layers), view.over_white(view.recolor(EDIT)), atol=1 / 255)
 
 
 @pytest.mark.parametrize("kind, channels", [(np.uint16, 3), (np.uint8, 4), (np.uint16, 4)])
 def test_deep_and_transparent_photos_keep_their_look(kind, channels):
     view = photo_view(kind, channels)
     layers = view.layers(np.ones((HEIGHT, WIDTH), np.float32))
-    base = view.shown(view.photo)
+    base = view.over_white(view.photo)
     np.testing.assert_allclose(layers.base / (255 if layers.base.dtype == np.uint8 else 1), base, atol=0.51 / 255)
-    np.testing.assert_allclose(recomposed(layers), view.shown(view.recolored(EDIT)), atol=1 / 255)
+    np.testing.assert_allclose(recomposed(layers), view.over_white(view.recolor(EDIT)), atol=1 / 255)
 
 
 def test_planes_sum_to_the_coverage_and_depth_is_never_between_two_surfaces():

@@ -5,12 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from karf_engine.fields.extent import box_round_focus
+from karf_engine.fields.extent import box_around_focus
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import FieldKind, register_field
 from karf_engine.fields.rendering.sampling import Samples
 from karf_engine.fields.rendering.space import Box
-from karf_engine.fields.rendering.volume import Trace, accumulate, outward_normals, trace_of
+from karf_engine.fields.rendering.volume import Trace, accumulate, make_trace, outward_normals
 from karf_engine.fields.scene import Scene
 from karf_engine.fields.training.loop import constant, train
 from karf_engine.fields.training.state import TrainingState
@@ -50,7 +50,7 @@ class BallField(nn.Module):
         lengths = torch.linalg.norm(last - first, dim=1).repeat_interleave(SAMPLES)
         ray_indices = torch.arange(len(rays), device=first.device).repeat_interleave(SAMPLES)
         samples = Samples(ray_indices, lengths * share.repeat(len(rays)), positions, lengths / SAMPLES)
-        return trace_of(samples, self.density(positions), len(rays))
+        return make_trace(samples, self.density(positions), len(rays))
 
     def normals(self, positions: Tensor) -> Tensor:
         return outward_normals(self.density, positions, self.voxel)
@@ -71,7 +71,7 @@ class BallField(nn.Module):
 class BallFit:
     def __init__(self, inputs: FitInputs) -> None:
         self.dataset, self.runtime = inputs.dataset, inputs.runtime
-        center, half_width = box_round_focus(self.dataset.cameras, 0.75)
+        center, half_width = box_around_focus(self.dataset.cameras, 0.75)
         bounds = torch.stack([center - half_width, center + half_width]).float().to(self.runtime.device)
         field = BallField(bounds, bounds[0] + 2 * half_width * self.runtime.rand(BALLS, 3))
         self.scene = Scene(field, None, inputs.background_kind, step=1.0)
@@ -91,7 +91,7 @@ class BallFit:
         trace = field.trace(rays, self.scene.step)
         positions, ray_indices = trace.samples.positions, trace.samples.ray_indices
         colors = field.color(positions, rays.viewdirs[ray_indices], field.features(positions))
-        behind = trace.final_transmittance[:, None] * self.scene.behind(rays.viewdirs)
+        behind = trace.final_transmittance[:, None] * self.scene.background_color(rays.viewdirs)
         shown = accumulate(trace.ray_weights, colors, ray_indices, len(rays)) + behind
         loss = nn.functional.mse_loss(shown, self.dataset.color[index].float() / 255)
         return loss, {"psnr": float(-10 * loss.detach().log10())}

@@ -12,7 +12,7 @@ from blender_tests.engine.fields.voxels.test_fit import SETTINGS, bank_of
 from blender_tests.engine.reference.still_life import cameras, take_photo
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
-from karf_engine.fields.exposures import gains_beside, photo_gains
+from karf_engine.fields.exposures import estimate_photo_gains, gains_from_render
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.fit_box import start_box_fit
@@ -52,27 +52,27 @@ def photographed(gains):
 
 
 def test_gains_are_found_and_their_geometric_mean_is_1():
-    found = np.log(photo_gains(Floor(), photographed(np.exp(LOGS))))
+    found = np.log(estimate_photo_gains(Floor(), photographed(np.exp(LOGS))))
     np.testing.assert_allclose(found.mean(0), 0, atol=1e-6)
     assert np.abs(found - LOGS).mean() < 0.01
 
 
 def test_a_photo_that_was_not_learned_from_is_compared_with_the_scene_itself():
-    colors, gains = photographed(np.ones((24, 3))).picture(3), (0.8, 1.0, 1.3)
+    colors, gains = photographed(np.ones((24, 3))).image(3), (0.8, 1.0, 1.3)
     shown = Floor().render(CAMERAS[3], 1)
     scene = SimpleNamespace(render=lambda camera, _: SimpleNamespace(color=torch.from_numpy(colors), **vars(shown)))
-    assert gains_beside(scene, CAMERAS[3], colors * gains) == pytest.approx(gains, abs=0.01)
+    assert gains_from_render(scene, CAMERAS[3], colors * gains) == pytest.approx(gains, abs=0.01)
     shown.opacity = torch.zeros(48, 48)
-    assert gains_beside(scene, CAMERAS[3], colors * gains) == (1.0, 1.0, 1.0)
+    assert gains_from_render(scene, CAMERAS[3], colors * gains) == (1.0, 1.0, 1.0)
 
 
 def test_photos_exposed_alike_have_gains_of_exactly_1():
-    assert (photo_gains(Floor(), photographed(np.ones((24, 3)))) == 1).all()
+    assert (estimate_photo_gains(Floor(), photographed(np.ones((24, 3)))) == 1).all()
 
 
 def test_gloss_that_follows_the_direction_is_no_gain():
     shine = np.array([[0.1 * camera.position[0] / 3.6] * 3 for camera in CAMERAS])
-    assert (photo_gains(Floor(), photographed(np.exp(shine))) == 1).all()
+    assert (estimate_photo_gains(Floor(), photographed(np.exp(shine))) == 1).all()
 
 
 def test_what_one_half_of_the_world_tells_is_not_believed():
@@ -81,32 +81,32 @@ def test_what_one_half_of_the_world_tells_is_not_believed():
         origins, directions = camera.rays(camera.pixel_centers())
         places = origins + depth_of_floor(camera)[0][:, None] * directions
         gains.append(np.exp(logs * np.where(places[:, :1] > 0, 1, -1)))
-    assert (photo_gains(Floor(), photographed(gains)) == 1).all()
+    assert (estimate_photo_gains(Floor(), photographed(gains)) == 1).all()
 
 
 def test_few_photos_and_scenes_without_a_surface_tell_nothing():
     dataset = photographed(np.exp(LOGS))
-    few = PixelDataset(CAMERAS[:5], [dataset.picture(n) for n in range(5)], None)
-    assert (photo_gains(Floor(), few) == 1).all()
+    few = PixelDataset(CAMERAS[:5], [dataset.image(n) for n in range(5)], None)
+    assert (estimate_photo_gains(Floor(), few) == 1).all()
     nothing = torch.zeros(48, 48)
     empty = SimpleNamespace(render=lambda camera, _: SimpleNamespace(depth=nothing, opacity=nothing))
-    assert (photo_gains(empty, dataset) == 1).all()
+    assert (estimate_photo_gains(empty, dataset) == 1).all()
 
 
 def test_pixels_are_exposed_alike_bit_by_bit_where_gains_are_1():
     dataset = photographed(np.ones((24, 3)))
-    pixels = torch.tensor([0, int(dataset.first[1])])
+    pixels = torch.tensor([0, int(dataset.offsets[1])])
     as_photographed = dataset.color[pixels].float() / 255
-    assert torch.equal(dataset.exposed_alike(pixels), as_photographed)
+    assert torch.equal(dataset.normalized_colors(pixels), as_photographed)
     dataset.gains[1] = torch.tensor([2.0, 1.0, 0.5])
-    assert torch.equal(dataset.exposed_alike(pixels)[1], as_photographed[1] / torch.tensor([2.0, 1.0, 0.5]))
+    assert torch.equal(dataset.normalized_colors(pixels)[1], as_photographed[1] / torch.tensor([2.0, 1.0, 0.5]))
 
 
 def test_a_fit_learns_what_follows_from_photos_in_one_exposure_and_resumes_so(monkeypatch):
     photos = [take_photo(camera, sky=True) for camera in cameras(12)]
     settings = replace(SETTINGS, levels=(*SETTINGS.levels, Level(36, 60, 0.75)))
     told = np.full((12, 3), 1.25, np.float32)
-    monkeypatch.setattr(voxel_fit, "photo_gains", lambda *_: told)
+    monkeypatch.setattr(voxel_fit, "estimate_photo_gains", lambda *_: told)
 
     def started():
         return start_box_fit(bank_of(photos, "opaque"), "opaque", settings, start_runtime(0, threads=1, device="cpu"))

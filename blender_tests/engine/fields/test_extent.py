@@ -9,9 +9,9 @@ torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.still_life import camera_at, cameras
 from karf_engine.capture.capture import SparsePoints, View
-from karf_engine.fields.detail import kept_psnr, pixels_per_voxel, typical_pixels_per_voxel, without_detail
+from karf_engine.fields.detail import pixels_per_voxel, psnr_without_detail, remove_detail, typical_pixels_per_voxel
 from karf_engine.fields.rendering.space import Box, Contraction
-from karf_engine.fields.spaces import contraction_round_focus
+from karf_engine.fields.spaces import contraction_around_focus
 from karf_engine.project.settings import OpenSettings
 
 
@@ -36,7 +36,7 @@ def zoomed(camera, factor):
 
 
 def test_the_contraction_keeps_as_much_as_the_lens_sees():
-    wide, tele = (contraction_round_focus([zoomed(c, f) for c in cameras(12)], OpenSettings()) for f in (1, 4))
+    wide, tele = (contraction_around_focus([zoomed(c, f) for c in cameras(12)], OpenSettings()) for f in (1, 4))
     assert wide.radius == pytest.approx(4 * tele.radius)
     camera = cameras(12)[0]
     middle = np.zeros((1, 3))
@@ -68,8 +68,8 @@ def test_the_typical_voxel_lies_where_photos_look():
 def test_a_photo_loses_the_detail_that_is_smaller_than_a_voxel():
     stripes = np.zeros((64, 64, 3))
     stripes[:, ::2] = 1
-    np.testing.assert_allclose(without_detail(stripes, 2.0), 0.5)
-    np.testing.assert_array_equal(without_detail(stripes, 1.0), stripes)
+    np.testing.assert_allclose(remove_detail(stripes, 2.0), 0.5)
+    np.testing.assert_array_equal(remove_detail(stripes, 1.0), stripes)
     smooth = np.tile(np.linspace(0, 1, 64)[:, None, None], (1, 64, 3))
-    fine, coarse = kept_psnr([stripes, smooth], 4.0)
+    fine, coarse = psnr_without_detail([stripes, smooth], 4.0)
     assert fine == pytest.approx(6.02, abs=0.1) and coarse > 40

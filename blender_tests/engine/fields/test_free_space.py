@@ -9,11 +9,11 @@ torch = pytest.importorskip("torch")
 
 from blender_tests.engine.fields.test_extent import observed_by_all, views_of
 from blender_tests.engine.reference.still_life import camera_at, cameras
-from karf_engine.fields.free_space import FREE_SHARE, ROUND_CAMERA, FreeSpace, clear_radii, free_depths
+from karf_engine.fields.free_space import CLEAR_SHARE, FREE_SHARE, FreeSpace, clear_radii, free_depths
 
 
 def holds(views, places, points=None):
-    return FreeSpace.of(views, points).holds(torch.tensor(np.array(places), dtype=torch.float32)).tolist()
+    return FreeSpace.from_views(views, points).contains(torch.tensor(np.array(places), dtype=torch.float32)).tolist()
 
 
 def bounded(camera, nearest):
@@ -35,7 +35,7 @@ def test_half_the_way_to_the_nearest_point_nothing_stands_round_a_camera_in_any_
     views = views_of(cameras(6))
     points = observed_by_all(ball_of_points(), 6)
     position = views[0].camera.position
-    assert clear_radii([views[0].camera], points) == [pytest.approx(ROUND_CAMERA * (3.6 - 1), abs=0.1)]
+    assert clear_radii([views[0].camera], points) == [pytest.approx(CLEAR_SHARE * (3.6 - 1), abs=0.1)]
     back = position / np.linalg.norm(position)
     assert holds(views, [position + 1.1 * back, position + 1.6 * back], points) == [True, False]
     behind_it = observed_by_all(np.concatenate([ball_of_points(), position + back + 0.01 * ball_of_points(20)]), 6)

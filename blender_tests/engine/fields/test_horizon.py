@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture.capture import SparsePoints
 from karf_engine.compute.runtime import start_runtime
-from karf_engine.fields.horizon import horizon_of
+from karf_engine.fields.horizon import estimate_horizon
 from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.voxels.fit_open import fit_sky
 
@@ -30,7 +30,7 @@ def points_at(positions):
 
 
 def horizon(*positions):
-    return horizon_of(LOW, points_at(positions) if positions else None, torch.zeros(3), 2.0)
+    return estimate_horizon(LOW, points_at(positions) if positions else None, torch.zeros(3), 2.0)
 
 
 def toward(azimuth, elevation):

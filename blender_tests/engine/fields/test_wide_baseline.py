@@ -10,7 +10,7 @@ from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.extent import upright_axes
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.voxels.fit_box import start_box_fit
-from karf_engine.fields.wide_baseline import could_be_solid, is_wide, turned
+from karf_engine.fields.wide_baseline import is_photo_consistent, is_wide_baseline, rotate_about_vertical
 from karf_engine.project.settings import GeometrySettings
 
 ORIGIN = torch.zeros(3)
@@ -23,13 +23,13 @@ def dataset():
 
 
 def test_twelve_cameras_all_round_stand_far_apart_and_forty_do_not():
-    assert is_wide(cameras(12), ORIGIN)
-    assert not is_wide(cameras(40), ORIGIN)
+    assert is_wide_baseline(cameras(12), ORIGIN)
+    assert not is_wide_baseline(cameras(40), ORIGIN)
 
 
 def test_cameras_along_a_short_path_do_not_stand_far_apart():
-    assert not is_wide([camera_at(0.1 * number, 0.5) for number in range(14)], ORIGIN)
-    assert not is_wide(cameras(2), ORIGIN)
+    assert not is_wide_baseline([camera_at(0.1 * number, 0.5) for number in range(14)], ORIGIN)
+    assert not is_wide_baseline(cameras(2), ORIGIN)
 
 
 def test_the_surface_of_a_ball_could_be_solid(dataset):
@@ -39,7 +39,7 @@ def test_the_surface_of_a_ball_could_be_solid(dataset):
         1.5,
     )  # its top, which nothing hides
     surface = BALL_CENTER + BALL_RADIUS * up / np.linalg.norm(up, axis=1, keepdims=True)
-    assert could_be_solid(dataset, torch.from_numpy(surface).float(), 0.05).float().mean() > 0.9
+    assert is_photo_consistent(dataset, torch.from_numpy(surface).float(), 0.05).float().mean() > 0.9
 
 
 def test_what_hangs_before_a_camera_could_not(dataset):
@@ -47,13 +47,13 @@ def test_what_hangs_before_a_camera_could_not(dataset):
     before = torch.from_numpy(0.75 * camera.position).float() + 0.1 * torch.randn(
         300, 3, generator=torch.Generator().manual_seed(0)
     )
-    assert could_be_solid(dataset, before, 0.05).float().mean() < 0.1
+    assert is_photo_consistent(dataset, before, 0.05).float().mean() < 0.1
 
 
 def test_turned_directions_keep_their_elevation_whatever_is_up():
     axes = torch.from_numpy(upright_axes(cameras(12))).float()
     viewdirs = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(0)), dim=1)
-    result = turned(viewdirs, axes, torch.linspace(0, 1, 50))
+    result = rotate_about_vertical(viewdirs, axes, torch.linspace(0, 1, 50))
     assert torch.allclose(result @ axes[2], viewdirs @ axes[2], atol=1e-6)
     assert torch.allclose(result.norm(dim=1), torch.ones(50), atol=1e-6)
     assert (result - viewdirs).norm(dim=1).max() > 1

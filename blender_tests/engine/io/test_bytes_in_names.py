@@ -19,7 +19,7 @@ from karf_engine.errors import KarfError
 from karf_engine.export.frame_formats import write_frame
 from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.io.color_spaces import color_space
-from karf_engine.io.failures import translated
+from karf_engine.io.failures import translate_errors
 from karf_engine.io.files import read_json, write_json
 from karf_engine.io.images import read_photo, write_png
 from karf_engine.io.library_paths import library_path
@@ -97,14 +97,14 @@ def test_a_file_there_is_written_and_read(folder, work, name):
 @pytest.mark.parametrize("end", [".usda", ".usdc"])
 def test_where_a_library_takes_only_unicode_the_path_and_the_remedy_are_named(folder, end):
     pytest.importorskip("pxr")
-    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translated():
+    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translate_errors():
         write_splats(folder / f"cloud{end}", SplatFile(cloud(9)))
 
 
 def test_a_color_configuration_there_is_refused_by_a_sentence(folder):
     pytest.importorskip("PyOpenColorIO")
     (folder / "config.ocio").write_text("ocio_profile_version: 2\n")
-    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translated():
+    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translate_errors():
         color_space("ACEScg", str(folder / "config.ocio"))
 
 

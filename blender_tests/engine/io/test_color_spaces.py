@@ -13,13 +13,13 @@ from blender_tests.engine.reference.no_files import NO_FILES
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import Capture, View, in_space
 from karf_engine.capture.capture import capture_from_json, capture_to_json
-from karf_engine.capture.training_images import photo_of
+from karf_engine.capture.training_images import read_photo_of_view
 from karf_engine.errors import BadRequest, DataError, MissingDependency
 from karf_engine.export.layers import write_layers
 from karf_engine.io import color_spaces, limited
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.io.color_spaces import ColorSpace, color_space
-from karf_engine.io.images import encoded
+from karf_engine.io.images import encode_image
 from karf_engine.palettes.palette import Palette
 from karf_engine.recolor.layers import Layers
 from karf_engine.recolor.photos import open_photo, write_photo
@@ -95,7 +95,7 @@ def words(colors):
 def photo_in(path, space, shape=(24, 32)):
     """A 16-bit photo of random colors in a space, as its file holds them."""
     stored = np.random.default_rng(1).integers(0, 65536, (*shape, 3), dtype=np.uint16)
-    path.write_bytes(encoded(".png", stored))
+    path.write_bytes(encode_image(".png", stored))
     return stored, View("a", "a", camera_at(0.3, 0.5), path, "train", space=space)
 
 
@@ -103,9 +103,9 @@ def test_photos_are_seen_as_srgb_by_training_and_at_full_size(tmp_path):
     space = color_space("sRGB Encoded P3-D65")
     stored, view = photo_in(tmp_path / "a.png", space, (32, 32))
     expected = np.clip(space.to_srgb(stored / 65535), 0, 1)
-    np.testing.assert_allclose(photo_of(view), expected, atol=1e-6)
+    np.testing.assert_allclose(read_photo_of_view(view), expected, atol=1e-6)
     np.testing.assert_allclose(open_photo(view.image, space).colors(), expected, atol=1e-6)
-    assert np.abs(photo_of(replace(view, space=None)) - expected).max() > 0.05
+    assert np.abs(read_photo_of_view(replace(view, space=None)) - expected).max() > 0.05
 
 
 def test_light_of_an_exr_is_converted_before_its_alpha_is_put_back(tmp_path):
@@ -114,7 +114,7 @@ def test_light_of_an_exr_is_converted_before_its_alpha_is_put_back(tmp_path):
     light = np.dstack([space.from_srgb(colors) * alpha, alpha]).astype(np.float32)
     OpenEXR.File({}, {"RGBA": light}).write(str(path))
     view = View("a", "a", camera_at(0.3, 0.5), path, "train", space=space)
-    np.testing.assert_allclose(photo_of(view)[..., :3], colors, atol=1e-5)
+    np.testing.assert_allclose(read_photo_of_view(view)[..., :3], colors, atol=1e-5)
     photo = open_photo(path, space).copy()
     photo.change(slice(None), slice(None), np.full((32, 32, 3), 0.1, np.float32))
     np.testing.assert_allclose(photo.colors(), colors + 0.1, atol=1e-5)

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from karf_engine.errors import DataError
-from karf_engine.io.containment import check_tree, inside
+from karf_engine.io.containment import check_tree, checked_path
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
 
@@ -30,7 +30,7 @@ def test_a_link_that_leads_out_is_named_with_its_target(project, target, names):
     link = project.joinpath(*names_of_link)
     link.symlink_to(target if target.startswith("/") else project / target)
     with pytest.raises(DataError) as caught:
-        inside(project, *names)
+        checked_path(project, *names)
     assert str(link) in caught.value.sentence and "is a link to" in caught.value.sentence and caught.value.hint
 
 
@@ -38,13 +38,13 @@ def test_links_that_lead_to_one_another_are_refused(project):
     (project / "a").symlink_to("b")
     (project / "b").symlink_to("a")
     with pytest.raises(DataError, match="is a link to b"):
-        inside(project, "a", "x.png")
+        checked_path(project, "a", "x.png")
 
 
 def test_links_within_the_folder_and_a_link_to_the_folder_are_followed(project, tmp_path):
     (project / "planes").symlink_to("masks")
     (tmp_path / "shortcut").symlink_to(project)
-    assert inside(tmp_path / "shortcut", "planes", "r_0.npz") == tmp_path / "shortcut" / "planes" / "r_0.npz"
+    assert checked_path(tmp_path / "shortcut", "planes", "r_0.npz") == tmp_path / "shortcut" / "planes" / "r_0.npz"
 
 
 def test_a_tree_is_refused_for_any_link_in_it_that_leads_out_and_not_for_one_to_nothing(project):

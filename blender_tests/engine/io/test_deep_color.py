@@ -107,7 +107,7 @@ def test_deep_photos_are_turned_like_others(tmp_path, orientation, order):
         expected = shown(pixels, orientation)
         assert_array_equal(np.round(read_photo(path) * 65535), expected)
         assert_array_equal(np.round(read_photo(path, upright=False) * 65535), pixels)
-        assert image_header(path).shown == expected.shape[1::-1] and image_header(path).stored == (7, 5)
+        assert image_header(path).display_size == expected.shape[1::-1] and image_header(path).stored_size == (7, 5)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -121,7 +121,7 @@ def test_eight_bit_tiffs_and_pngs_are_turned_too(tmp_path, orientation):
         expected = shown(pixels, orientation)
         assert_array_equal(np.round(read_photo(path) * 255), expected)
         assert_array_equal(np.round(read_photo(path, upright=False) * 255), pixels)
-        assert image_header(path).shown == expected.shape[1::-1] and image_header(path).stored == (7, 5)
+        assert image_header(path).display_size == expected.shape[1::-1] and image_header(path).stored_size == (7, 5)
 
 
 def test_premultiplied_alpha_of_a_tiff_is_taken_off(tmp_path):

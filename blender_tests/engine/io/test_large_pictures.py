@@ -98,7 +98,7 @@ def test_photographs_of_a_hundred_megapixels_are_read(tmp_path):
     start = content.index(b"\xff\xc0") + 5
     content[start : start + 4] = struct.pack(">HH", 8_700, 11_600)
     (tmp_path / "a.jpg").write_bytes(bytes(content) + bytes(20_000_000))
-    assert image_header(tmp_path / "a.jpg").shown == (11_600, 8_700)
+    assert image_header(tmp_path / "a.jpg").display_size == (11_600, 8_700)
 
 
 def test_a_mask_of_a_large_photo_is_read_though_it_packs_well(tmp_path):

@@ -164,10 +164,10 @@ def test_one_and_two_cores_give_the_same_bits(monkeypatch):
     inputs = make_inputs(8, 1.0, torch.float32, n=60)
     results = []
     for n_cores in (1, 2):
-        cores.use(n_cores)
-        cores.take_from_torch()
+        cores.set_core_count(n_cores)
+        cores.limit_torch_threads()
         results.append(value_and_gradients(grbf, inputs, 8))
-    cores.use(1)
+    cores.set_core_count(1)
     for one, two in zip(*results, strict=True):
         assert torch.equal(one, two)
 

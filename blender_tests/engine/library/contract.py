@@ -335,7 +335,7 @@ ROWS: dict[str, dict[str, str]] = {
     "Camera.project": row(points="points"),
     "Camera.rays": row(pixels="pixels"),
     "Camera.pixel_centers": row(),
-    "Capture": row(source="path", format="text", views="views", remarks="texts", points="sparse points", holdout="holdout",
+    "Capture": row(source="path", format="text", views="views", warnings="texts", points="sparse points", holdout="holdout",
                    splats="captured splats"),
     "Capture.split": row(name="split"),
     "Capture.view": row(name="view name"),

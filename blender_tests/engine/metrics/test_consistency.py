@@ -10,12 +10,12 @@ from blender_tests.engine.reference.textures import smooth_texture
 from karf_engine.capture.camera import Camera
 from karf_engine.metrics.consistency import (
     DepthView,
-    correspond,
     flicker,
     flow_rmse,
+    match_by_depth,
     mean_of_pairs,
     optical_flow,
-    sampled,
+    sample_bilinear,
     visible_by_flow,
 )
 
@@ -41,27 +41,27 @@ def painted(x):
 
 
 def test_the_same_surface_looks_the_same_from_both_sides():
-    pair = correspond(sight(0.0), sight(0.73))
+    pair = match_by_depth(sight(0.0), sight(0.73))
     assert len(pair.pixels) > 0.7 * SIZE**2
     assert pair.rmse(painted(0.0), painted(0.73)) == pytest.approx(0, abs=1e-9)
 
 
 def test_a_color_that_follows_the_camera_is_an_error():
-    pair = correspond(sight(0.0), sight(0.73))
+    pair = match_by_depth(sight(0.0), sight(0.73))
     assert pair.rmse(painted(0.0), painted(0.73) + 0.1) == pytest.approx(0.1)
 
 
 def test_what_the_other_view_does_not_see_does_not_count():
     near = sight(0.73)
     near.depth[:, :20] = 2.0  # something stands before the left half of the wall
-    pair = correspond(sight(0.0), near)
+    pair = match_by_depth(sight(0.0), near)
     assert (pair.positions[:, 0] > 19).all() and len(pair.pixels) > 0.2 * SIZE**2
 
 
 def test_only_points_inside_both_masks_count():
     view, other = sight(0.0), sight(0.73)
     view.mask[:10], other.mask[30:] = False, False
-    pair = correspond(view, other)
+    pair = match_by_depth(view, other)
     rows = pair.pixels // SIZE
     assert rows.min() == 10 and rows.max() == 29
 
@@ -75,7 +75,7 @@ def test_the_mean_is_over_all_pairs_of_the_interval_that_say_something():
 def flicker_of(pictures):
     """The flicker of three frames of the wall, taken from cameras in a row."""
     before, middle, after = (sight(x) for x in (-0.37, 0.0, 0.37))
-    return flicker(correspond(middle, before), correspond(middle, after), pictures)
+    return flicker(match_by_depth(middle, before), match_by_depth(middle, after), pictures)
 
 
 def test_what_stays_or_changes_steadily_does_not_flicker():
@@ -93,7 +93,7 @@ def test_a_frame_that_stands_out_flickers():
 def test_noise_drawn_anew_in_each_frame_flickers_by_its_deviation():
     random = np.random.default_rng(0)
     noise = [np.broadcast_to(random.normal(0, 0.05, 3), (SIZE, SIZE, 3)) for _ in range(3000)]
-    pairs = [correspond(sight(0.0), sight(x)) for x in (-0.37, 0.37)]
+    pairs = [match_by_depth(sight(0.0), sight(x)) for x in (-0.37, 0.37)]
     values = [flicker(*pairs, noise[n : n + 3]) for n in range(0, len(noise), 3)]
     assert np.sqrt(np.mean(np.square(values))) == pytest.approx(0.05, rel=0.05)
 
@@ -101,12 +101,12 @@ def test_noise_drawn_anew_in_each_frame_flickers_by_its_deviation():
 def test_only_points_that_all_three_frames_show_flicker():
     before, middle, after = (sight(x) for x in (-0.37, 0.0, 0.37))
     before.mask[:10], after.mask[30:] = False, False
-    pairs, first, last = (correspond(middle, before), correspond(middle, after)), painted(-0.37), painted(0.37)
+    pairs, first, last = (match_by_depth(middle, before), match_by_depth(middle, after)), painted(-0.37), painted(0.37)
     shown = painted(0.0)
     shown[:10], shown[30:] = 1, 1
     assert flicker(*pairs, (first, shown, last)) == pytest.approx(0, abs=1e-9)
     before.mask[:] = False
-    assert np.isnan(flicker(correspond(middle, before), pairs[1], (first, shown, last)))
+    assert np.isnan(flicker(match_by_depth(middle, before), pairs[1], (first, shown, last)))
 
 
 def test_flow_follows_a_picture_that_moves_and_carries_it_back():
@@ -133,4 +133,4 @@ def test_what_does_not_return_or_lies_at_a_motion_boundary_is_left_out():
 def test_samples_at_pixel_centers_are_the_pixels():
     picture = np.random.default_rng(0).random((5, 7, 3))
     centers = Camera(7, 5, 1, 1, 0, 0, np.eye(4)).pixel_centers()
-    np.testing.assert_allclose(sampled(picture, centers), picture.reshape(-1, 3))
+    np.testing.assert_allclose(sample_bilinear(picture, centers), picture.reshape(-1, 3))

@@ -39,11 +39,11 @@ def test_clipped_pixels_do_not_steer_the_color_correction() -> None:
     photo = np.random.default_rng(4).uniform(0.2, 0.6, (20, 20, 3))
     clipped = photo.copy()
     clipped[:2] = 1
-    corrected = images.color_corrected(photo * 0.9, clipped)
+    corrected = images.color_correct(photo * 0.9, clipped)
     np.testing.assert_allclose(corrected[2:], photo[2:], atol=1e-6)
     white = photo.copy()
     white[..., 2] = 1
-    np.testing.assert_array_equal(images.color_corrected(photo * 0.9, white)[..., 2], photo[..., 2] * 0.9)
+    np.testing.assert_array_equal(images.color_correct(photo * 0.9, white)[..., 2], photo[..., 2] * 0.9)
 
 
 def test_mse_outside_looks_outside_only() -> None:

@@ -13,13 +13,13 @@ from karf_engine.export.scene_points import ScenePoints
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.palettes.added import (
-    palettes_with,
+    append_added_sets,
+    extended_palettes,
+    match_added_color,
     pigment_of_swatch,
-    proposed,
-    solve_set,
-    spread,
-    spread_objects,
-    with_sets,
+    propose_added_color,
+    split_weights,
+    split_weights_of_objects,
 )
 from karf_engine.palettes.compositing import delta_composite, paper_composite
 from karf_engine.palettes.edit_files import read_edit, write_edit
@@ -50,32 +50,32 @@ def stripes():
 
 def recolored(stripes, added, edited):
     picture, weights, _ = stripes
-    learned = with_sets(PALETTE, added)
-    return delta_composite(picture, spread(weights, PALETTE, added)[None], learned[None], edited[None])
+    learned = append_added_sets(PALETTE, added)
+    return delta_composite(picture, split_weights(weights, PALETTE, added)[None], learned[None], edited[None])
 
 
 def edited_with(stripes, color, wanted, palette=PALETTE):
-    return np.concatenate([palette, solve_set(stripes[2], PALETTE, color, wanted)])
+    return np.concatenate([palette, match_added_color(stripes[2], PALETTE, color, wanted)])
 
 
 def test_without_added_colors_all_is_the_same_array(stripes):
     planes = stripes[1][None]
-    assert spread_objects(planes, [Palette("pot", PALETTE)], {}) is planes
-    assert spread(stripes[1], PALETTE, ()) is stripes[1]
-    np.testing.assert_array_equal(with_sets(PALETTE, ()), PALETTE)
+    assert split_weights_of_objects(planes, [Palette("pot", PALETTE)], {}) is planes
+    assert split_weights(stripes[1], PALETTE, ()) is stripes[1]
+    np.testing.assert_array_equal(append_added_sets(PALETTE, ()), PALETTE)
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
 def test_the_parts_of_a_weight_add_up_to_its_very_bits(kind):
     weights = np.random.default_rng(1).dirichlet(np.ones(len(PALETTE)), 500).T.astype(kind)
-    shares = spread(weights, PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
+    shares = split_weights(weights, PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
     assert (shares >= 0).all() and (shares[4:] > 0).any()
     parts = shares.reshape(3, *weights.shape).astype(np.float64)
     np.testing.assert_array_equal(parts[:, 1:].sum(0), weights[1:].astype(np.float64))
 
 
 def test_weights_are_only_dealt_out_anew(stripes):
-    shares = spread(stripes[1], PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
+    shares = split_weights(stripes[1], PALETTE, [AddedColor(VIOLET), AddedColor(RED, 0.5)])
     assert shares.shape == (12, 2, 20) and (shares >= 0).all()
     np.testing.assert_allclose(shares.sum(0), stripes[1].sum(0), atol=1e-6)
     joined = np.stack([shares[j::4].sum(0) for j in range(4)])  # the picked colors' own are 0
@@ -85,7 +85,7 @@ def test_weights_are_only_dealt_out_anew(stripes):
 def test_a_picked_color_that_stays_changes_no_bit(stripes):
     color = AddedColor(VIOLET.astype(np.float32))
     edited = edited_with(stripes, color, color.picked)
-    np.testing.assert_array_equal(edited, with_sets(PALETTE, [color]))
+    np.testing.assert_array_equal(edited, append_added_sets(PALETTE, [color]))
     np.testing.assert_array_equal(recolored(stripes, [color], edited), stripes[0])
 
 
@@ -110,22 +110,22 @@ def test_swatches_no_longer_move_the_picked_pigment(stripes):
 
 
 def test_reach_says_how_far_in_hue_the_pigment_goes(stripes):
-    near = spread(stripes[1], PALETTE, [AddedColor(VIOLET, 0.2)])[4:].sum()
-    far = spread(stripes[1], PALETTE, [AddedColor(VIOLET, 4.0)])[4:].sum()
+    near = split_weights(stripes[1], PALETTE, [AddedColor(VIOLET, 0.2)])[4:].sum()
+    far = split_weights(stripes[1], PALETTE, [AddedColor(VIOLET, 4.0)])[4:].sum()
     assert far > 1.5 * near > 0
 
 
 def test_a_grey_pigment_is_told_by_its_chroma():
     grey = np.full(3, 0.6)
     colors = np.concatenate([lit(grey), lit(RED)]).astype(np.float32)
-    shares = spread(star_weights(colors, PALETTE).T, PALETTE, [AddedColor(grey)])[4:].sum(0)
+    shares = split_weights(star_weights(colors, PALETTE).T, PALETTE, [AddedColor(grey)])[4:].sum(0)
     assert shares[:20].min() > 0.05 and shares[30:].max() < 1e-3
 
 
 def test_the_palette_alone_is_recolored_too(stripes):
     picture, weights, _ = stripes
     color = AddedColor(VIOLET)
-    shares, edited = spread(weights, PALETTE, [color])[None], edited_with(stripes, color, GREEN)[None]
+    shares, edited = split_weights(weights, PALETTE, [color])[None], edited_with(stripes, color, GREEN)[None]
     red, violet = paper_composite(0 * picture, shares, np.ones((1, 2, 20)), edited)
     np.testing.assert_allclose(red, lit(RED), atol=5e-3)
     assert mean_ciede2000(violet, lit(GREEN)) < 2.5
@@ -137,8 +137,8 @@ def test_objects_of_different_palettes_stand_side_by_side(stripes):
     planes = np.stack([weights, weights])
     planes[0, 2:] = 0
     added = {"pot": [AddedColor(RED)]}
-    shares = spread_objects(planes, palettes, added)
-    assert [len(each.colors) for each in palettes_with(palettes, added)] == [4, 4]
+    shares = split_weights_of_objects(planes, palettes, added)
+    assert [len(each.colors) for each in extended_palettes(palettes, added)] == [4, 4]
     assert shares.shape == (2, 4, 2, 20)
     np.testing.assert_array_equal(shares[1], weights)
     np.testing.assert_allclose(shares[0].sum(0), planes[0].sum(0), atol=1e-6)
@@ -203,7 +203,7 @@ def test_what_is_no_added_color_is_told(wrong, sentence, tmp_path):
 
 def test_black_has_no_pigment(stripes):
     with pytest.raises(BadRequest, match="source color is black"):
-        solve_set(stripes[2], PALETTE, AddedColor(np.zeros(3)), GREEN)
+        match_added_color(stripes[2], PALETTE, AddedColor(np.zeros(3)), GREEN)
 
 
 def lettered(share_of_silver=0.5):
@@ -219,12 +219,14 @@ def test_protected_neutrals_stay_where_hue_alone_would_take_them():
     change = {}
     for protect in (0.0, 0.2):
         color = AddedColor(RED, 0.75, protect)
-        edited = np.concatenate([PALETTE, solve_set(seen, PALETTE, color, GREEN)])
-        shares = spread(seen.palette_weights.T, PALETTE, [color]).T
-        change[protect] = mean_ciede2000(seen.colors, seen.colors + shares @ (edited - with_sets(PALETTE, [color])))
-        letters = (seen.colors + shares @ (edited - with_sets(PALETTE, [color])))[:20]
+        edited = np.concatenate([PALETTE, match_added_color(seen, PALETTE, color, GREEN)])
+        shares = split_weights(seen.palette_weights.T, PALETTE, [color]).T
+        change[protect] = mean_ciede2000(
+            seen.colors, seen.colors + shares @ (edited - append_added_sets(PALETTE, [color]))
+        )
+        letters = (seen.colors + shares @ (edited - append_added_sets(PALETTE, [color])))[:20]
         assert mean_ciede2000(letters, lit(GREEN)) < 2.5
-        silver = (shares @ (edited - with_sets(PALETTE, [color])))[20:]
+        silver = (shares @ (edited - append_added_sets(PALETTE, [color])))[20:]
         assert (np.abs(silver).max() < 1e-6) == bool(protect)
     assert change[0.2] < change[0.0]
 
@@ -236,20 +238,20 @@ def test_colors_become_the_pigment_gradually_where_letters_fade_into_silver():
 
 
 def test_the_objects_colors_propose_what_is_protected():
-    assert proposed(lettered(0.5), RED).protect == PROTECT
-    assert proposed(lettered(0.01), RED).protect == 0.0  # these are highlights
+    assert propose_added_color(lettered(0.5), RED).protect == PROTECT
+    assert propose_added_color(lettered(0.01), RED).protect == 0.0  # these are highlights
 
 
 def test_a_grey_that_is_picked_has_no_hue_to_propose_by():
-    color = proposed(lettered(), np.full(3, 0.6))
+    color = propose_added_color(lettered(), np.full(3, 0.6))
     assert (color.reach, color.protect) == (AddedColor(RED).reach, 0.0)
 
 
 def test_a_proposed_reach_ends_before_the_next_pigment():
     seen = ColorHistogram(np.concatenate([lit(RED), lit(np.array([0.7, 0.35, 0.1]))]), np.ones(40), np.ones((40, 1)))
     alone = ColorHistogram(lit(RED), np.ones(20), np.ones((20, 1)))
-    color = proposed(seen, RED)
-    assert proposed(alone, RED).reach == pytest.approx(0.75)
+    color = propose_added_color(seen, RED)
+    assert propose_added_color(alone, RED).reach == pytest.approx(0.75)
     assert pigment_gate(seen.colors[20:], RED, color.reach).max() < 0.1 < pigment_gate(seen.colors[20:], RED, 1).max()
 
 
@@ -268,7 +270,7 @@ def test_what_cannot_be_protected_is_refused_by_name(tmp_path, value):
 
 
 def test_what_is_protected_is_kept_in_the_file(tmp_path):
-    colors = {"pot": with_sets(PALETTE, [AddedColor(RED), AddedColor(VIOLET)])}
+    colors = {"pot": append_added_sets(PALETTE, [AddedColor(RED), AddedColor(VIOLET)])}
     edit = Edit(colors, added={"pot": (AddedColor(RED, 0.5, 0.25), AddedColor(VIOLET, 0.5))})
     write_edit(tmp_path / "edit.json", edit)
     again = read_edit(tmp_path / "edit.json", [Palette("pot", PALETTE)])

@@ -13,7 +13,7 @@ from karf_engine.metrics.images import hue_shift, mean_ciede2000
 from karf_engine.palettes.compositing import delta_composite
 from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, match_fewest, nearest_weights
-from karf_engine.palettes.matching.fitting import match_pixels, match_seen
+from karf_engine.palettes.matching.fitting import match_perceptually, match_pixels
 from karf_engine.palettes.matching.least_squares import bounded_least_squares
 from karf_engine.palettes.matching.paints import reflection_target
 
@@ -246,7 +246,7 @@ def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares()
     colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)
     targets = np.where(np.arange(120)[:, None] % 2, weights @ PALETTE[[0, 2, 3, 1]], colors)
     means = []
-    for match in (match_pixels, match_seen):
+    for match in (match_pixels, match_perceptually):
         edited = match(weights, colors, targets, PALETTE, counts, (2,))
         np.testing.assert_array_equal(edited[[0, 2]], PALETTE[[0, 2]])
         shown = np.clip(colors + weights @ (edited - PALETTE), 0, 1)
@@ -257,7 +257,7 @@ def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares()
 def test_what_is_met_keeps_every_bit() -> None:
     weights = np.random.default_rng(9).dirichlet(np.ones(4), 30)
     colors = weights @ PALETTE
-    np.testing.assert_array_equal(match_seen(weights, colors, colors, PALETTE, np.ones(30)), PALETTE)
+    np.testing.assert_array_equal(match_perceptually(weights, colors, colors, PALETTE, np.ones(30)), PALETTE)
 
 
 def test_counts_weigh_like_repeated_pixels() -> None:

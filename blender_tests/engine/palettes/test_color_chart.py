@@ -29,7 +29,7 @@ def photographed(color):
 def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
     fit = fit_photo(photo, CORNERS)
     np.testing.assert_allclose(fit.light.matrix, CAST, atol=0.005)
-    assert fit.mean_left < 0.3
+    assert fit.mean_residual < 0.3
     assert mean_ciede2000(fit.light.reference(photographed(PAINTS)), PAINTS) < 0.3
     assert mean_ciede2000(fit.light.photographed(PAINTS), photographed(PAINTS)) < 0.3
 
@@ -75,7 +75,7 @@ def test_clipped_patches_do_not_count():
     bright = np.clip(linear_to_srgb(srgb_to_linear(reference_colors()) * 1.5), 0, 1)
     fit = fit_chart(bright)
     np.testing.assert_allclose(fit.light.matrix, 1.5 * np.eye(3), atol=1e-6)
-    assert np.isnan(fit.left[18])  # white
+    assert np.isnan(fit.residuals[18])  # white
 
 
 def test_a_wrong_patch_is_named_as_the_worst_one():

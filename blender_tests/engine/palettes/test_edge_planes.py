@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from karf_engine.palettes.added import spread
+from karf_engine.palettes.added import split_weights
 from karf_engine.palettes.compositing import Planes, delta_composite, stack_palettes
-from karf_engine.palettes.edge_planes import ObjectEdge, reshaped
+from karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
 from karf_engine.palettes.edge_shape import EdgeShape
 from karf_engine.palettes.palette import AddedColor, Palette
-from karf_engine.palettes.swatch_picture import Part, photo_plus_change
+from karf_engine.palettes.swatch_picture import ObjectPlanes, delta_picture
 
 RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
 POT = Palette("pot", np.array([[0, 0, 0], RED, [0.9, 0.9, 0.9]], np.float32))
@@ -31,13 +31,13 @@ def scene(base=GRAY):
 
 
 def shape_pot(shape, scene, scale=1.0):
-    return reshaped(*scene, [POT, MUG], {"pot": shape}, scale)
+    return apply_edges_to_planes(*scene, [POT, MUG], {"pot": shape}, scale)
 
 
 def test_without_edges_the_same_arrays_come_back():
     base, weights, coverage = scene()
     for edges in ({}, {"pot": EdgeShape()}):
-        again = reshaped(base, weights, coverage, [POT, MUG], edges, 1.0)
+        again = apply_edges_to_planes(base, weights, coverage, [POT, MUG], edges, 1.0)
         assert again[0] is weights and again[1] is coverage
 
 
@@ -89,7 +89,7 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes, color
     stored = np.rint(255 * base).astype(np.uint8)
     planes = Planes(("pot", "mug"), weights.astype(np.float16), coverage.astype(np.float16), stored)
     used = stored if as_bytes else stored.astype(np.float32) / 255
-    picture = photo_plus_change(planes, np.empty((SIDE, SIDE, 3), np.float32))
+    picture = delta_picture(planes, np.empty((SIDE, SIDE, 3), np.float32))
     factors = np.zeros((2, 3, 3), np.float32)
     factors[0, 1], factors[1, 1] = [-0.6, 0.3, 0.5], [0.3, 0, -0.4]
     picture.paint(factors)
@@ -100,12 +100,12 @@ def test_a_picture_that_follows_is_the_one_that_is_composed_anew(as_bytes, color
     for shape in shapes:
         _, pixels, changed = edge.shaped(shape)
         if shape is shapes[0]:
-            picture.reshape(0, Part(*((each.start, each.stop) for each in edge.place), edge.weights))
+            picture.reshape(0, ObjectPlanes(*((each.start, each.stop) for each in edge.place), edge.weights))
         else:
             picture.retouch(0, pixels, changed)
         factors[0, 1, 0] += 0.01 * colors_move
         live = picture.paint(factors)
-        after, _ = reshaped(used, *kept, [POT, MUG], {"pot": shape}, 1.0)
+        after, _ = apply_edges_to_planes(used, *kept, [POT, MUG], {"pot": shape}, 1.0)
         anew = delta_composite(stored.astype(np.float32) / 255, after, np.zeros_like(factors), factors)
         np.testing.assert_allclose(live, anew, atol=1e-6)
         factors[0, 2, 1] += 0.02 * colors_move  # another color moves alone, so that the next shape begins anew
@@ -120,7 +120,7 @@ def test_weights_are_spread_over_the_sets_of_added_colors_whatever_the_edge():
     for shape in (EdgeShape(-3), EdgeShape(2, 5), EdgeShape(-1, 9), EdgeShape()):
         for edge in (plain, with_sets):
             edge.shaped(shape)
-        np.testing.assert_allclose(with_sets.weights, spread(plain.weights, POT.colors, added), atol=1e-5)
+        np.testing.assert_allclose(with_sets.weights, split_weights(plain.weights, POT.colors, added), atol=1e-5)
     assert with_sets.weights[3:].any()
 
 

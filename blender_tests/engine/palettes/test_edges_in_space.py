@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from karf_engine.palettes.edge_shape import EdgeShape, faded
-from karf_engine.palettes.edges_in_space import Borders, shares_with_edges
+from karf_engine.palettes.edge_shape import EdgeShape, feather
+from karf_engine.palettes.edges_in_space import Borders, apply_edges_to_points
 
 SPACING, PIXEL = 0.1, 0.5
 PLACES = np.arange(-20, 20, SPACING) + SPACING / 2  # across a straight border
@@ -15,7 +15,7 @@ def shares_of(shape, others=0.0):
     shares = np.stack([PLACES > 0, others * (PLACES < 0)], 1).astype(np.float32)
     distances = np.stack([PLACES, np.full_like(PLACES, -np.inf)], 1).astype(np.float32)
     borders = Borders(distances, np.full(2, SPACING, np.float32), np.full(2, PIXEL, np.float32))
-    return shares, shares_with_edges(shares, borders, ["pot", "mug"], {"pot": shape})
+    return shares, apply_edges_to_points(shares, borders, ["pot", "mug"], {"pot": shape})
 
 
 def test_without_a_shape_no_bit_changes():
@@ -33,7 +33,7 @@ def test_a_border_moves_by_as_many_pixels_times_what_one_spans(choke):
 def test_it_fades_along_the_profile_of_pictures(choke):
     _, after = shares_of(EdgeShape(choke, 20))
     row = (choke * PIXEL < PLACES).astype(np.float32)
-    wanted = faded(np.tile(row, (3, 1)), 20 * PIXEL / SPACING)[1]
+    wanted = feather(np.tile(row, (3, 1)), 20 * PIXEL / SPACING)[1]
     np.testing.assert_allclose(after[:, 0], wanted, atol=0.02)
 
 

@@ -8,7 +8,7 @@ import pytest
 from karf_engine.errors import BadRequest
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.matching.painted import match_picture
-from karf_engine.palettes.palette import BRIGHTEST, Palette
+from karf_engine.palettes.palette import MAX_SRGB, Palette
 
 HEIGHT, WIDTH = 30, 40
 POT = Palette("pot", np.array([[0, 0, 0], [0.8, 0.1, 0.1], [0.9, 0.9, 0.9]], np.float32))
@@ -87,7 +87,7 @@ def test_locked_swatches_and_black_keep_their_bits(view):
 def test_what_the_picture_clips_bounds_no_swatch(view):
     bright = LEARNED | {"pot": np.array([[0, 0, 0], [1.6, 1.2, 0.1], [1.9, 1.9, 1.9]], np.float32)}
     found = matched(view, recolored(view, bright))["pot"]
-    assert found.left < 1 and found.before > 50 and found.colors.max() <= BRIGHTEST
+    assert found.left < 1 and found.before > 50 and found.colors.max() <= MAX_SRGB
     np.testing.assert_allclose(found.colors[1], bright["pot"][1], atol=0.1)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from karf_engine.palettes.star import plain_hull, star_of, weights_in
+from karf_engine.palettes.star import plain_hull, star_of, star_weights_in
 
 star_weights = pytest.importorskip("karf_engine.palettes.extraction.barycentric_weights").star_weights
 COLORS = np.random.default_rng(2).random((2000, 3))
@@ -12,7 +12,7 @@ COLORS = np.random.default_rng(2).random((2000, 3))
 @pytest.mark.parametrize("size", [2, 3, 4, 6, 12, 30])
 def test_weights_are_those_of_the_engine(size):
     palette = np.concatenate([np.zeros((1, 3)), np.random.default_rng(size).random((size - 1, 3))])
-    found = weights_in(star_of(palette, plain_hull), COLORS, size)
+    found = star_weights_in(star_of(palette, plain_hull), COLORS, size)
     np.testing.assert_allclose(found, star_weights(COLORS, palette), atol=1e-5)
 
 
@@ -27,7 +27,7 @@ def test_weights_are_those_of_the_engine(size):
 )
 def test_flat_palettes_and_faces_of_more_corners_mix_the_same_colors(palette):
     palette = np.array(palette, float)
-    found = weights_in(star_of(palette, plain_hull), COLORS, len(palette))
+    found = star_weights_in(star_of(palette, plain_hull), COLORS, len(palette))
     np.testing.assert_allclose(found @ palette, star_weights(COLORS, palette) @ palette, atol=1e-5)
     np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-5)
     assert (found >= 0).all()

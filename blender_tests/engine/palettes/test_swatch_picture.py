@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from karf_engine.palettes.compositing import Planes, delta_composite, paper_composite
-from karf_engine.palettes.swatch_picture import SwatchPicture, palette_only, photo_plus_change
+from karf_engine.palettes.swatch_picture import SwatchPicture, delta_picture, paper_picture
 
 SIZE = (90, 250)
 
@@ -55,7 +55,7 @@ EDITS = (
 @pytest.mark.parametrize("compositing", ["delta", "paper"])
 def test_every_edit_in_a_row_gives_the_engines_picture(planes: Planes, learned: np.ndarray, compositing: str) -> None:
     out = np.empty((*SIZE, 3), np.float32)
-    picture = photo_plus_change(planes, out) if compositing == "delta" else palette_only(planes, out)
+    picture = delta_picture(planes, out) if compositing == "delta" else paper_picture(planes, out)
     edited = learned.copy()
     for edit in ([], *EDITS):
         for k, j, color in edit:
@@ -67,7 +67,7 @@ def test_every_edit_in_a_row_gives_the_engines_picture(planes: Planes, learned: 
 
 
 def test_one_edited_swatch_gives_the_engines_bits_and_none_the_photos(planes: Planes, learned: np.ndarray) -> None:
-    picture = photo_plus_change(planes, np.empty((*SIZE, 3), np.float32))
+    picture = delta_picture(planes, np.empty((*SIZE, 3), np.float32))
     base = planes.base.astype(np.float32) / np.float32(255)
     assert picture.paint(np.zeros_like(learned)).tobytes() == base.tobytes()
     for color in ((0.1, 0.9, 0.2), (0.0, 0.4, 1.9)):
@@ -81,13 +81,13 @@ def test_one_edited_swatch_gives_the_engines_bits_and_none_the_photos(planes: Pl
 
 def test_only_the_colors_of_an_rgba_buffer_are_written(planes: Planes, learned: np.ndarray) -> None:
     buffer = np.full((*SIZE, 4), 7, np.float32)
-    picture = photo_plus_change(planes, buffer[::-1, :, :3])
+    picture = delta_picture(planes, buffer[::-1, :, :3])
     picture.paint((1 - learned) - learned)
     np.testing.assert_allclose(buffer[::-1, :, :3], engine_delta(planes, learned, 1 - learned), rtol=0, atol=1e-6)
     assert (buffer[..., 3] == 7).all()
 
 
-@pytest.mark.parametrize("make", [photo_plus_change, palette_only])
+@pytest.mark.parametrize("make", [delta_picture, paper_picture])
 def test_an_object_that_the_view_does_not_show_changes_nothing(make, learned: np.ndarray) -> None:
     nothing = np.zeros((2, 4, 6, 5), np.float16)
     planes = Planes(("pot", "mug"), nothing, nothing[:, 0], np.full((6, 5, 3), 51, np.uint8))
@@ -99,6 +99,6 @@ def test_no_objects_leave_the_base() -> None:
     planes = Planes(
         (), np.zeros((0, 0, 4, 3), np.float16), np.zeros((0, 4, 3), np.float16), np.ones((4, 3, 3), np.uint8)
     )
-    for make in (photo_plus_change, palette_only):
+    for make in (delta_picture, paper_picture):
         picture = make(planes, np.empty((4, 3, 3), np.float32)).paint(np.zeros((0, 0, 3)))
         np.testing.assert_array_equal(picture, np.float32(1) / np.float32(255))

@@ -13,7 +13,7 @@ pytest.importorskip("filelock")
 
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project, locking
-from karf_engine.project.locking import consistent, writing
+from karf_engine.project.locking import read_lock, write_lock
 
 ROOT = Path(__file__).resolve().parents[3]
 HOLD = """
@@ -58,7 +58,7 @@ def hold(project):
 
 def test_a_project_that_another_process_writes_is_refused_with_its_number(project, hold):
     child = hold("writing")
-    with pytest.raises(BadRequest, match=f"in use by process {child.pid} on"), writing(project):
+    with pytest.raises(BadRequest, match=f"in use by process {child.pid} on"), write_lock(project):
         pass
 
 
@@ -66,17 +66,17 @@ def test_what_a_killed_process_held_is_free(project, hold):
     child = hold("writing")
     child.kill()
     child.wait()
-    with writing(project):
+    with write_lock(project):
         assert json.loads((project.folder / "lock.json").read_text())["pid"] == os.getpid()
     assert not (project.folder / "lock.json").exists()
 
 
 def test_the_lock_is_given_back_after_an_error_and_is_not_entered_twice(project):
-    with pytest.raises(RuntimeError), writing(project):
-        with pytest.raises(BadRequest, match=f"in use by process {os.getpid()}"), writing(project):
+    with pytest.raises(RuntimeError), write_lock(project):
+        with pytest.raises(BadRequest, match=f"in use by process {os.getpid()}"), write_lock(project):
             pass
         raise RuntimeError
-    with writing(project):
+    with write_lock(project):
         pass
 
 
@@ -85,24 +85,24 @@ def test_a_lock_file_that_nobody_holds_is_no_obstacle_whatever_it_says_and_when(
     path = project.folder / "lock"
     path.write_text(content)
     os.utime(path, (time.time() + 1e6,) * 2)
-    with writing(project):
+    with write_lock(project):
         pass
 
 
 def test_a_holder_that_could_not_say_who_it_is_still_holds(project, hold):
     hold("writing")
     (project.folder / "lock.json").write_text("{")
-    with pytest.raises(BadRequest, match="in use by another job"), writing(project):
+    with pytest.raises(BadRequest, match="in use by another job"), write_lock(project):
         pass
 
 
 def test_reading_waits_for_a_commit_and_does_not_wait_for_a_job_that_learns(project, hold, monkeypatch):
     monkeypatch.setattr(locking, "COMMIT_SECONDS", 0.2)
     hold("writing")
-    with consistent(project):
+    with read_lock(project):
         pass
     hold("consistent")
-    with pytest.raises(BadRequest, match="is being changed by another job"), consistent(project):
+    with pytest.raises(BadRequest, match="is being changed by another job"), read_lock(project):
         pass
 
 
@@ -112,5 +112,5 @@ def test_a_project_in_which_nothing_can_be_written_can_be_read(project, monkeypa
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(locking, "acquire", refuse)
-    with consistent(project):
+    with read_lock(project):
         assert project.state()

@@ -6,7 +6,7 @@ import pytest
 
 from karf_engine.capture.capture import unique_names
 from karf_engine.errors import DataError
-from karf_engine.io.names import check_names, file_name, is_file_name, known_as, same_but_for_case
+from karf_engine.io.names import check_names, file_name, find_normalized, first_case_collision, is_file_name
 
 RESERVED = ["CON", "nul", "aux.png", "Com1", "lpt9.tar.gz", "COM¹", "conin$", "CONOUT$", "prn .txt"]
 
@@ -35,12 +35,12 @@ def test_letters_with_accents_are_the_same_however_a_system_writes_them():
 
 def test_names_in_two_unicode_forms_are_one():
     composed, decomposed = "caf\u00e9", "CAFE\u0301"
-    assert same_but_for_case([composed, decomposed]) == (composed, decomposed)
-    assert known_as(decomposed.lower(), ["pot", composed]) == composed
+    assert first_case_collision([composed, decomposed]) == (composed, decomposed)
+    assert find_normalized(decomposed.lower(), ["pot", composed]) == composed
     with pytest.raises(DataError, match="twice by one name"):
         check_names([composed, decomposed.lower()], Path("palette.json"), "an object")
     names = unique_names([("train", composed), ("train", decomposed)])
-    assert same_but_for_case(names) is None
+    assert first_case_collision(names) is None
 
 
 def test_photos_whose_names_differ_by_case_alone_become_views_that_any_disk_keeps_apart():

@@ -3,7 +3,7 @@
 import pytest
 
 from karf_engine.project import Project
-from karf_engine.project.state import stage_mark
+from karf_engine.project.state import result_fingerprint
 
 BEFORE = ("geometry", "segmentation", "palette", "recoloring")
 
@@ -24,19 +24,19 @@ def finish(project, *stages, **summary):
 @pytest.mark.parametrize("stage", BEFORE)
 @pytest.mark.parametrize("fingerprint, checksum", [("others", "sum"), ("inputs of {stage}", "other sum")])
 def test_it_changes_with_every_stage_before(project, stage, fingerprint, checksum):
-    before = stage_mark(project.state(), "recoloring")
+    before = result_fingerprint(project.state(), "recoloring")
     project.finish(stage, fingerprint.format(stage=stage), files={f"{stage}.safetensors": checksum})
     finish(project, *BEFORE[BEFORE.index(stage) + 1 :])
-    assert stage_mark(project.state(), "recoloring") != before
+    assert result_fingerprint(project.state(), "recoloring") != before
 
 
 def test_it_stays_with_the_same_results_and_with_those_of_other_stages(project):
-    before = stage_mark(project.state(), "segmentation")
+    before = result_fingerprint(project.state(), "segmentation")
     finish(project, *BEFORE, seconds=3.5)
     project.finish("recoloring", "others")
     project.finish("splats", "others")
-    assert stage_mark(project.state(), "segmentation") == before
+    assert result_fingerprint(project.state(), "segmentation") == before
 
 
 def test_nothing_learned_has_a_mark_too(project):
-    assert stage_mark({}, "recoloring") not in ("", stage_mark(project.state(), "recoloring"))
+    assert result_fingerprint({}, "recoloring") not in ("", result_fingerprint(project.state(), "recoloring"))

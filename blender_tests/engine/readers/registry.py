@@ -13,7 +13,7 @@ from blender_tests.engine.faults.checksums import renew_checksum
 from blender_tests.engine.readers import mutations, samples
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
-from karf_engine.capture.ply import read_points
+from karf_engine.capture.sparse_point_files import read_points
 from karf_engine.capture.splat_cameras import read_splat_cameras
 from karf_engine.commands.job import open_job
 from karf_engine.commands.options import RenderOptions
@@ -33,8 +33,8 @@ from karf_engine.palettes.palette import read_palettes
 from karf_engine.palettes.palette_files import read_edit_file
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import STAGE_ORDER
-from karf_engine.project.contents import capture_of, settings_for
-from karf_engine.project.locking import opened
+from karf_engine.project.contents import read_capture, settings_for
+from karf_engine.project.locking import open_project
 from karf_engine.splats.formats.registry import read_splats
 from karf_engine.worker.protocol import EventReader, Request
 from tools.convert_bmild import read_bmild
@@ -92,12 +92,12 @@ def swatches(path: Path) -> None:
 
 def state(path: Path) -> None:
     """Open the project as every stage and Blender's panel do."""
-    project = opened(path.parent)
+    project = open_project(path.parent)
     settings_for(project, "render")
     for stage in STAGE_ORDER:
         if project.finished(stage):
             project.require(stage)
-    capture_of(project)
+    read_capture(project)
 
 
 def learned(path: Path) -> None:
@@ -109,8 +109,8 @@ def learned(path: Path) -> None:
 
 
 def surface(path: Path) -> None:
-    project = opened(path.parent)
-    object_pixels(*load_surface(project.checked(project.surface_file)))
+    project = open_project(path.parent)
+    object_pixels(*load_surface(project.verified(project.surface_file)))
 
 
 def masked_views(path: Path) -> None:
@@ -118,8 +118,8 @@ def masked_views(path: Path) -> None:
     job = open_job(RenderOptions(project=path.parent, threads=1), lambda kind, /, **values: None, lambda: False)
     project = job.project
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
-    surface, _ = load_surface(project.checked(project.surface_file))
-    blocks = read_palettes(project.checked(project.palette_file), "initial")
+    surface, _ = load_surface(project.verified(project.surface_file))
+    blocks = read_palettes(project.verified(project.palette_file), "initial")
     rays_of(replace(job, settings=settings), None, surface, blocks)
 
 
@@ -173,7 +173,7 @@ def _render(path: Path, views: str) -> None:
 def matched(path: Path) -> None:
     """Solve an edit for whatever objects the palettes name."""
     for palette in read_palettes(path):
-        edit = edit_of(opened(path.parent))
+        edit = edit_of(open_project(path.parent))
         edit.becomes(palette.name, "#b5302c", "#3059b8").save(path.parent / "out.json")
 
 

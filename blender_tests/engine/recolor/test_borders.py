@@ -8,7 +8,7 @@ pytest.importorskip("numba")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.recolor.borders import borders_of
+from karf_engine.recolor.borders import measure_borders
 from karf_engine.recolor.model import Model
 
 SPACING, DEPTH, FOCAL = 0.02, 4.0, 100.0
@@ -31,7 +31,7 @@ def borders(floor):
     pose = np.eye(4)
     pose[2, 3] = DEPTH  # it looks down at the floor
     views = [View("above", "above", Camera(64, 64, FOCAL, FOCAL, 32, 32, pose), None, "train")]
-    return borders_of(*floor, np.ones(len(floor[0]), bool), views)
+    return measure_borders(*floor, np.ones(len(floor[0]), bool), views)
 
 
 def test_distances_are_those_to_the_border_whatever_a_stray_says(floor, borders):

@@ -16,7 +16,7 @@ from karf_engine.io.image_size import ImageHeader
 from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.frames import Frame
-from karf_engine.recolor.full_resolution import PhotoView, dense_weights, full_resolution_view
+from karf_engine.recolor.full_resolution import PhotoView, dense_weights, make_photo_view
 from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.matte import Matte
 from karf_engine.recolor.photos import StoredPhoto
@@ -59,7 +59,7 @@ def test_what_the_field_shows_is_exposed_as_the_photo(tmp_path):
         seen.append(rendered[0, 0].tolist())
         return []
 
-    finished = full_resolution_view(view, "photo", frame, Marks(None, ()), mattes_of, [], [])
+    finished = make_photo_view(view, "photo", frame, Marks(None, ()), mattes_of, [], [])
     assert seen == [[153, 128, 102]]
     assert finished.gains == view.gains
 
@@ -70,16 +70,16 @@ def test_the_recolor_of_a_darker_photo_is_the_same_recolor_made_darker(kind, ste
     edit, picture = replace(RUST, compositing=compositing), pot_in_mean_exposure()
     alike = photo_view(picture, (1.0, 1.0, 1.0), kind)
     darker = photo_view(picture * GAINS, GAINS, kind)
-    expected = alike.shown(alike.recolored(edit)) * GAINS
-    np.testing.assert_allclose(darker.shown(darker.recolored(edit)), np.clip(expected, 0, 1), atol=step)
+    expected = alike.over_white(alike.recolor(edit)) * GAINS
+    np.testing.assert_allclose(darker.over_white(darker.recolor(edit)), np.clip(expected, 0, 1), atol=step)
     as_if_alike = replace(darker, gains=(1.0, 1.0, 1.0))
-    assert np.abs(as_if_alike.shown(as_if_alike.recolored(edit)) - expected).max() > 0.05
+    assert np.abs(as_if_alike.over_white(as_if_alike.recolor(edit)) - expected).max() > 0.05
 
 
 def test_no_bit_changes_where_nothing_is_edited():
     view = photo_view(pot_in_mean_exposure() * GAINS, GAINS, np.uint8)
-    np.testing.assert_array_equal(view.recolored(Edit({"pot": TEAL.colors})).pixels, view.photo.pixels)
-    np.testing.assert_array_equal(view.recolored(RUST).pixels[:, SIDE // 2 :], view.photo.pixels[:, SIDE // 2 :])
+    np.testing.assert_array_equal(view.recolor(Edit({"pot": TEAL.colors})).pixels, view.photo.pixels)
+    np.testing.assert_array_equal(view.recolor(RUST).pixels[:, SIDE // 2 :], view.photo.pixels[:, SIDE // 2 :])
 
 
 def test_weights_are_those_of_the_mean_exposure():

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from karf_engine.fields.scene import Picture
-from karf_engine.recolor.frames import Frame, averaged, with_alpha
+from karf_engine.recolor.frames import Frame, downsample, remove_background
 
 
 def frame_of(color, depth):
@@ -18,7 +18,7 @@ def frame_of(color, depth):
 def test_a_pixel_is_the_mean_of_its_rays_and_its_depth_that_of_one_of_them():
     depth = np.array([[2, 2, 0, 0, 0, 0], [2, 9, 0, 7, 0, 0]], np.float32)
     color = np.repeat(depth[..., None] / 10, 3, -1)
-    frame = averaged(frame_of(color, depth), 2)
+    frame = downsample(frame_of(color, depth), 2)
     assert_allclose(frame.color[0, :, 0], [0.375, 0.175, 0])
     assert_allclose(frame.opacity, [[1, 0.25, 0]])
     assert_allclose(frame.probabilities, [[[1, 0.25, 0]]])
@@ -32,7 +32,7 @@ def test_what_is_cut_out_gives_the_picture_again_on_its_background(background):
     opacity[0, 0] = 0
     behind = np.full((4, 5, 3), background)
     shown = own * opacity[..., None] + behind * (1 - opacity[..., None])
-    cut = with_alpha(shown, opacity, behind)
+    cut = remove_background(shown, opacity, behind)
     assert_allclose(cut[..., 3], opacity, atol=1e-6)
     assert_allclose(cut[..., :3] * cut[..., 3:] + behind * (1 - cut[..., 3:]), shown, atol=1e-6)
     assert (cut[0, 0] == 0).all()

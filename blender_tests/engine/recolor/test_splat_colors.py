@@ -15,12 +15,12 @@ from karf_engine.metrics.images import psnr
 from karf_engine.palettes.palette import AddedColor, Edit, Palette
 from karf_engine.project import Project
 from karf_engine.recolor import field_rendering
-from karf_engine.recolor.frames import with_alpha
+from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model
-from karf_engine.recolor.splat_colors import planes_of_view, recolored, shares_of_objects, splats_of_objects
+from karf_engine.recolor.splat_colors import bake_edit, render_planes, shares_of_objects, splats_of_objects
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
-from karf_engine.splats.rasterizer import splatted
+from karf_engine.splats.rasterizer import rasterize
 
 RED, GREEN = "#c0221a", "#1ec040"
 
@@ -74,8 +74,8 @@ def test_without_numba_the_field_is_shown(learned, monkeypatch):
 
 def test_large_pictures_are_rendered_in_bands_that_fit_together(model, camera, monkeypatch):
     whole = model.render(camera)
-    bands_of = field_rendering.bands_of
-    monkeypatch.setattr(field_rendering, "bands_of", lambda camera, count: bands_of(camera, count, 64 * 16))
+    bands_of = field_rendering.split_bands
+    monkeypatch.setattr(field_rendering, "split_bands", lambda camera, count: bands_of(camera, count, 64 * 16))
     parts = model.render(camera)
     for name in ("color", "opacity", "probabilities", "palette_weights"):
         assert_allclose(getattr(parts, name), getattr(whole, name), atol=5e-3, err_msg=name)
@@ -93,7 +93,7 @@ def test_an_edit_that_changes_nothing_keeps_all_bits(model):
 
 def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, green):
     planes = model.composite(model.render(camera), green)
-    baked = splatted(model.recolored_splats(green), camera).image[..., :3].clip(0, 1)
+    baked = rasterize(model.recolored_splats(green), camera).image[..., :3].clip(0, 1)
     unchanged = model.render(camera).color
     assert np.abs(planes - unchanged).max() > 0.3
     assert psnr(baked, planes) > 30
@@ -151,7 +151,7 @@ def test_an_added_color_moves_what_is_near_its_hue(model, camera):
     bluer = sets.copy()
     bluer[len(palette.colors) :, 2] += 0.5
     changed = replace(same, colors=edit.colors | {"ball": bluer})
-    baked = splatted(model.recolored_splats(changed), camera).image[..., :3].clip(0, 1)
+    baked = rasterize(model.recolored_splats(changed), camera).image[..., :3].clip(0, 1)
     planes = model.composite(model.render(camera), changed)
     assert np.abs(baked - model.render(camera).color).max() > 0.1
     assert psnr(baked, planes) > 25
@@ -173,7 +173,7 @@ PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
 def baked(gaussians, colors, share=1.0):
     objects = splats_of_objects(gaussians, np.full((1, 1), share, np.float32), [PALETTE], {})
     edit = Edit({"pot": np.float32(colors)})
-    return recolored(gaussians, objects, [PALETTE], edit)
+    return bake_edit(gaussians, objects, [PALETTE], edit)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
@@ -194,7 +194,7 @@ def test_shading_takes_the_new_hue_too():
 def test_an_object_without_gaussians_has_empty_planes(camera):
     gaussians = one((0.6, 0, 0))
     objects = splats_of_objects(gaussians, np.zeros((1, 1), np.float32), [PALETTE], {})
-    probabilities, weights = planes_of_view(splatted(gaussians, camera), gaussians, objects)
+    probabilities, weights = render_planes(rasterize(gaussians, camera), gaussians, objects)
     assert probabilities.shape == (1, 64, 64) and weights.shape == (1, 3, 64, 64)
     assert not probabilities.any() and not weights.any()
 
@@ -203,7 +203,7 @@ def test_an_object_without_gaussians_has_empty_planes(camera):
 def test_what_is_cut_out_gives_the_picture_again_on_what_is_behind(model, camera):
     frame, behind = model.render(camera), model.behind(camera)
     assert_array_equal(behind, np.zeros_like(behind))  # the capture's black
-    cut = with_alpha(frame.color, frame.opacity, behind)
+    cut = remove_background(frame.color, frame.opacity, behind)
     assert_allclose(cut[..., :3] * cut[..., 3:] + behind * (1 - cut[..., 3:]), frame.color, atol=2e-3)
     assert cut[..., 3].min() < 0.01 and cut[..., 3].max() > 0.99
 
@@ -219,4 +219,4 @@ def test_the_shell_is_behind_and_no_part_of_the_cut_out(model, camera):
     frame, plain = own.render(camera), model.render(camera)
     assert_allclose(frame.opacity, plain.opacity, atol=1e-4)
     assert_allclose(frame.depth, plain.depth, atol=1e-3)
-    assert own.behind(camera)[32, 32, 2] > 0.9 and frame.color[0, 0, 2] > 0.8
+    assert own.render_background(camera)[32, 32, 2] > 0.9 and frame.color[0, 0, 2] > 0.8

@@ -12,7 +12,7 @@ pytest.importorskip("imageio")
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
-from karf_engine.capture.reading import make_views
+from karf_engine.capture.reader_utils import make_views
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import DataError
 from karf_engine.io.images import write_png

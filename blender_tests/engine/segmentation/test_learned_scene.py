@@ -36,7 +36,7 @@ def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch)
     cached = cache_views(field, views, settings.segmentation.samples_per_ray, progress)
     fine = surface_points(cached, field.voxel)
     assert fine.spacing == field.voxel
-    monkeypatch.setattr(surface_points_module, "MOST_POINTS", len(fine) // 4)
+    monkeypatch.setattr(surface_points_module, "MAX_POINTS", len(fine) // 4)
     coarse = surface_points(cached, field.voxel)
     assert coarse.spacing == pytest.approx(2 * fine.spacing, rel=0.01)
     assert len(fine) / 6 < len(coarse) < len(fine) / 2

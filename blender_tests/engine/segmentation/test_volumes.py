@@ -35,19 +35,19 @@ def test_volumes_are_read_as_they_were_written(tmp_path):
 
 def test_an_object_is_inside_its_boxes_and_outside_of_its_meshes_and_others_are_left_alone():
     volumes = {"pot": [Volume("inside", MOVED), Volume("outside", None, CORNERS)], "gone": [Volume("inside", MOVED)]}
-    allowed = Volumes.of(volumes, ["lid", "pot"])(POINTS, 2)
+    allowed = Volumes.from_objects(volumes, ["lid", "pot"])(POINTS, 2)
     assert allowed[:, 1].tolist() == [True, False, False]
     assert allowed[:, 0].all()
 
 
 def test_without_volumes_objects_can_be_anywhere():
-    assert Volumes.of({}, ["lid", "pot"])(POINTS, 2).all()
+    assert Volumes.from_objects({}, ["lid", "pot"])(POINTS, 2).all()
 
 
 def test_a_flat_mesh_is_refused_by_the_objects_name():
     flat = Volume("inside", None, np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))
     with pytest.raises(DataError, match="'pot' is flat"):
-        Volumes.of({"pot": [flat]}, ["pot"])
+        Volumes.from_objects({"pot": [flat]}, ["pot"])
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def bounded():
     """F_s of two objects in a grid half as large as the world; the second must be in a box."""
     torch.manual_seed(0)
     boxes = torch.tensor([[[-9.0] * 3, [9.0] * 3]] * 2)
-    volumes = Volumes.of({"pot": [Volume("inside", MOVED)]}, ["lid", "pot"])
+    volumes = Volumes.from_objects({"pot": [Volume("inside", MOVED)]}, ["lid", "pot"])
     space = Similarity(torch.diag(torch.tensor([0.5, 0.5, 0.5, 1.0])))
     return SegmentationField(boxes, 4, SegmentationSettings(width=8), volumes, space).requires_grad_(False)
 

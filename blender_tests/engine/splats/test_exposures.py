@@ -11,7 +11,7 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.test_fit import CAMERAS, cut_out_of, error_of, photo_of, progress, unlearned
 from karf_engine.io.color import to_bytes
-from karf_engine.splats.exposures import Exposures, between
+from karf_engine.splats.exposures import Exposures, interpolate_gains
 from karf_engine.splats.fit import SplatFit
 
 GAINS = np.float32([[1.15, 1.1, 1], [0.9, 0.95, 1], [1, 1, 1], [1.05, 1, 0.95], [0.9, 0.95, 1], [1.02, 1.01, 1.05]])
@@ -73,5 +73,5 @@ def test_gains_are_believed_as_far_as_photos_differ_more_than_they_would_by_chan
 
 
 def test_a_held_out_photo_is_exposed_as_its_neighbors():
-    assert_allclose(between(GAINS[:2], [0, 4], 1), 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
-    assert_allclose(between(GAINS[:2], [0, 4], 9), GAINS[1])
+    assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 1), 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
+    assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 9), GAINS[1])

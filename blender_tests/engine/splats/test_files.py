@@ -45,13 +45,13 @@ def test_what_is_written_is_read_again_bit_by_bit(path, degree):
     found = load_gaussians(path)
     assert_array_equal(found.table, gaussians(degree).table)
     assert found == replace(gaussians(degree), table=found.table)
-    assert (found.degree, found.n_solid, len(found)) == (degree, 23, 30)
+    assert (found.degree, found.n_foreground, len(found)) == (degree, 23, 30)
 
 
 def test_how_photos_look_at_them_is_kept(path):
     looks = np.random.default_rng(0).random((30, 5), np.float32)
     save_gaussians(replace(gaussians(), looks=looks), path)
-    assert_array_equal(load_gaussians(path).looks, looks)
+    assert_array_equal(load_gaussians(path).visibility, looks)
 
 
 @pytest.mark.parametrize("looks", [np.zeros((29, 5), np.float32), np.zeros((30, 4), np.float32), np.zeros((30, 5))])
@@ -170,13 +170,13 @@ def test_a_claim_of_gigabytes_in_a_few_bytes_takes_no_memory(path):
 def test_numbers_of_no_size_show_something_or_nothing_but_never_fail(path):
     """A stranger's file may hold any finite numbers."""
     from blender_tests.engine.splats.clouds import camera_ahead
-    from karf_engine.splats.rasterizer import splatted
+    from karf_engine.splats.rasterizer import rasterize
 
     random = np.random.default_rng(0)
     strange = gaussians()
     powers = random.uniform(-38, 38, strange.table.shape)
     strange.table[:] = (random.choice((-1, 1), powers.shape) * 10.0**powers).astype(np.float32)
     save_gaussians(strange, path)
-    view = splatted(load_gaussians(path), camera_ahead())
+    view = rasterize(load_gaussians(path), camera_ahead())
     assert view.image.shape == (36, 40, 4)
     view.blended(view.colors)

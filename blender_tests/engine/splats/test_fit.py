@@ -19,7 +19,7 @@ from karf_engine.splats import fit as fit_module
 from karf_engine.splats.fit import Photo, Rates, SplatFit
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE
-from karf_engine.splats.rasterizer import SplattedView, pinhole, splatted
+from karf_engine.splats.rasterizer import RasterizedView, pinhole, rasterize
 
 TRUTH = Gaussians(cloud(40, 1, seed=7), 0, BACKGROUND, NEAR)
 
@@ -35,12 +35,12 @@ CAMERAS = [moved(camera_ahead(), x, y) for x in (-0.6, 0.6) for y in (-0.6, 0, 0
 
 def photo_of(camera, gaussians=TRUTH):
     """An opaque photo of these Gaussians."""
-    return Photo(camera, to_bytes(splatted(gaussians, camera).image[..., :3].clip(0, 1)), None, None)
+    return Photo(camera, to_bytes(rasterize(gaussians, camera).image[..., :3].clip(0, 1)), None, None)
 
 
 def cut_out_of(camera):
     """The same without what is behind them."""
-    image = SplattedView(TRUTH.table, pinhole(camera, NEAR), (0, 0, 0)).image
+    image = RasterizedView(TRUTH.table, pinhole(camera, NEAR), (0, 0, 0)).image
     alpha = 1 - image[..., 3]
     straight = np.divide(
         image[..., :3], alpha[..., None], out=np.zeros_like(image[..., :3]), where=alpha[..., None] > 0
@@ -73,7 +73,7 @@ def spy_on_photos(fit, shown, monkeypatch):
 
 
 def error_of(gaussians, photos):
-    shown = [splatted(gaussians, photo.camera).image[..., :3] - photo.over(BACKGROUND) for photo in photos]
+    shown = [rasterize(gaussians, photo.camera).image[..., :3] - photo.over(BACKGROUND) for photo in photos]
     return float(np.square(shown).mean())
 
 
@@ -94,15 +94,15 @@ def test_what_is_begun_with_is_not_changed():
 
 
 def test_the_seed_decides_and_the_cores_do_not():
-    photos, counted = [photo_of(camera) for camera in CAMERAS], cores.count()
+    photos, counted = [photo_of(camera) for camera in CAMERAS], cores.core_count()
     found = []
     try:
         for count in (1, 2):
-            cores.use(count)
-            cores.take_from_torch()
+            cores.set_core_count(count)
+            cores.limit_torch_threads()
             found.append(learn(unlearned(), photos, 12).table)
     finally:
-        cores.use(counted)
+        cores.set_core_count(counted)
     assert_array_equal(*found)
     other = SplatFit(unlearned(), photos, 12, 1)
     other.run(progress())
@@ -161,7 +161,7 @@ def test_no_gaussian_becomes_finer_than_the_photos_show():
 # ------------------------------------------------------------------------------------------ pictures between the photos
 def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
     photos, between = [photo_of(camera) for camera in CAMERAS[:2]], [photo_of(camera) for camera in CAMERAS[2:5]]
-    fit, shown = SplatFit(unlearned(), photos, 18, 0, between=between), []
+    fit, shown = SplatFit(unlearned(), photos, 18, 0, pseudo_photos=between), []
     spy_on_photos(fit, shown, monkeypatch)
     fit.run(progress())
     places = [tuple(photo.camera.camera_to_world[:2, 3]) for photo in shown]
@@ -183,7 +183,7 @@ def test_what_no_photo_shows_is_learned_from_pictures_between_them():
 def test_pictures_between_photos_tell_nothing_of_how_these_are_exposed():
     photos = [photo_of(camera) for camera in CAMERAS]
     darker = [replace(photo, color=photo.color // 2) for photo in photos]
-    fit = SplatFit(TRUTH, photos, 36, 0, Rates(*[0.0] * 6), between=darker)
+    fit = SplatFit(TRUTH, photos, 36, 0, Rates(*[0.0] * 6), pseudo_photos=darker)
     fit.run(progress())
     np.testing.assert_allclose(fit.gains, 1, atol=0.01)
 
@@ -196,7 +196,7 @@ def test_only_what_is_solid_can_show_a_cut_out_before_backgrounds_that_change():
     learned = learn(start, photos, 150)
     errors = []
     for gaussians in (start, learned):
-        view = splatted(gaussians, CAMERAS[0])
+        view = rasterize(gaussians, CAMERAS[0])
         errors.append(np.abs(1 - view.image[..., 3] - photos[0].alpha).mean())
     assert errors[1] < 0.4 * errors[0]
     assert error_of(learned, photos) < 0.1 * error_of(start, photos)
@@ -204,8 +204,8 @@ def test_only_what_is_solid_can_show_a_cut_out_before_backgrounds_that_change():
 
 def test_the_background_of_a_cut_out_is_another_each_time_and_that_of_a_photo_its_own(monkeypatch):
     seen = []
-    view_of = fit_module.SplattedView
-    monkeypatch.setattr(fit_module, "SplattedView", lambda *given: seen.append(given[2]) or view_of(*given))
+    view_of = fit_module.RasterizedView
+    monkeypatch.setattr(fit_module, "RasterizedView", lambda *given: seen.append(given[2]) or view_of(*given))
     learn(unlearned(), [cut_out_of(CAMERAS[0])], 4)
     assert len(set(seen)) == 4
     seen.clear()
@@ -222,8 +222,8 @@ def test_a_window_shows_what_the_photo_shows_there(monkeypatch):
     assert_array_equal(part.color, photo.color[5:21, 9:25])
     assert_array_equal(part.alpha, photo.alpha[5:21, 9:25])
     assert_array_equal(part.valid, photo.valid[5:21, 9:25])
-    whole = splatted(TRUTH, photo.camera).image[5:21, 9:25]
-    np.testing.assert_allclose(splatted(TRUTH, part.camera).image, whole, atol=1e-4)
+    whole = rasterize(TRUTH, photo.camera).image[5:21, 9:25]
+    np.testing.assert_allclose(rasterize(TRUTH, part.camera).image, whole, atol=1e-4)
 
 
 def test_large_photos_are_learned_from_in_windows_all_over_them(monkeypatch):
@@ -239,11 +239,11 @@ def test_what_lies_behind_keeps_its_place_and_shape_and_looks_the_same_from_ever
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
     start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_behind=len(shell))
     learned = learn(start, [photo_of(camera) for camera in CAMERAS], 30)
-    behind = learned.table[learned.n_solid :]
+    behind = learned.table[learned.n_foreground :]
     assert_array_equal(behind[:, :COLOR], shell[:, :COLOR])
     assert_array_equal(behind[:, COLOR + 3 :], shell[:, COLOR + 3 :])
     assert (behind[:, GROUPS["color"]] != shell[:, GROUPS["color"]]).any()
-    assert (learned.table[: learned.n_solid, :LOG_SCALE] != start.table[: start.n_solid, :LOG_SCALE]).any()
+    assert (learned.table[: learned.n_foreground, :LOG_SCALE] != start.table[: start.n_foreground, :LOG_SCALE]).any()
 
 
 # -------------------------------------------------------------------------------------------------------- interruptions
@@ -257,14 +257,14 @@ def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one
     between = [photo_of(camera) for camera in CAMERAS[4 : 4 + n_between]]
     whole = learn(unlearned(), photos, 20, between=between).table
     for stop, stood in ((7, 8), (5, 14)):  # the step at which it is asked is done
-        fit, saved = SplatFit(unlearned(), photos, 20, 0, between=between), checkpoint(tmp_path)
+        fit, saved = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), checkpoint(tmp_path)
         with pytest.raises(Cancelled):
-            saved.follow(fit, count := progress(stop))
+            saved.attach(fit, count := progress(stop))
             fit.run(count, saved)
         saved.save()
         assert fit.done == stood
-    fit, saved = SplatFit(unlearned(), photos, 20, 0, between=between), checkpoint(tmp_path)
-    saved.follow(fit, progress())
+    fit, saved = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), checkpoint(tmp_path)
+    saved.attach(fit, progress())
     assert fit.done == 14
     fit.run(progress(), saved)
     assert_array_equal(fit.gaussians.table, whole)

@@ -21,20 +21,20 @@ from karf_engine.splats.kernels.arrays import (
     PLAIN_FILTER,
     ROTATION,
 )
-from karf_engine.splats.rasterizer import SplattedView, pinhole
+from karf_engine.splats.rasterizer import RasterizedView, pinhole
 
 CAMERA = pinhole(camera_ahead(), NEAR)
 QUARTERS = (0, 0.25, 0.5, 0.75)
 
 
 def shown(*rows, camera=CAMERA, background=BACKGROUND):
-    return SplattedView(np.stack(rows), camera, background)
+    return RasterizedView(np.stack(rows), camera, background)
 
 
 def both_gradients(table, weights, camera=CAMERA):
     """The gradients of a weighted sum of the picture's colors, by the kernels and by torch."""
     by_kernels = np.zeros_like(table)
-    SplattedView(table, camera, BACKGROUND).backward(weights, by_kernels)
+    RasterizedView(table, camera, BACKGROUND).backward(weights, by_kernels)
     variable = torch.from_numpy(table).double().requires_grad_()
     (splat(variable, camera, BACKGROUND)[..., :3] * torch.from_numpy(weights)).sum().backward()
     return by_kernels, variable.grad.numpy()
@@ -42,9 +42,9 @@ def both_gradients(table, weights, camera=CAMERA):
 
 @pytest.fixture
 def two_cores():
-    before = cores.count()
+    before = cores.core_count()
     yield
-    cores.use(before)
+    cores.set_core_count(before)
 
 
 def test_gaussians_that_all_cover_a_large_picture_are_refused_before_they_are_dealt_out():
@@ -52,7 +52,7 @@ def test_gaussians_that_all_cover_a_large_picture_are_refused_before_they_are_de
     camera = camera_ahead().scaled(4096, 4096)
     wide = np.repeat(ball((0, 0, 0), 50.0, 0.9, (1, 1, 1))[None], 40_000, 0)
     with pytest.raises(OutOfMemory, match="40000 Gaussians cover too much of a picture of 4096x4096 pixels"):
-        SplattedView(wide, pinhole(camera, NEAR), BACKGROUND)
+        RasterizedView(wide, pinhole(camera, NEAR), BACKGROUND)
 
 
 # ------------------------------------------------------------------------------------------------------- the formulas
@@ -141,7 +141,7 @@ def test_numbers_from_which_no_ellipse_follows_show_nothing_and_break_nothing(wr
 
 
 def test_nothing_at_all_is_the_background():
-    image = SplattedView(cloud(0), CAMERA, BACKGROUND).image
+    image = RasterizedView(cloud(0), CAMERA, BACKGROUND).image
     assert_array_equal(image, np.broadcast_to(np.float32([*BACKGROUND, 1]), image.shape))
 
 
@@ -167,7 +167,7 @@ def means_of(image, count):
 
 
 def size_of(scale, size):
-    return SplattedView(
+    return RasterizedView(
         np.stack([ball(size=size)]), pinhole(camera_ahead().scaled(40 * scale, 36 * scale), NEAR), (0, 0, 0)
     )
 
@@ -198,10 +198,10 @@ def test_a_gaussian_smaller_than_a_pixel_covers_as_much_as_it_is_large(size):
 def test_bands_and_windows_of_a_picture_are_parts_of_it():
     table, camera = cloud(), camera_ahead()
     table[:, GROUPS["scales"]] -= 0.5  # none reaches farther than the border
-    whole = SplattedView(table, pinhole(camera, NEAR), BACKGROUND).image
+    whole = RasterizedView(table, pinhole(camera, NEAR), BACKGROUND).image
     for left, top, right, bottom in ((0, 0, 40, 9), (0, 27, 40, 36), (23, 11, 39, 27)):
         part = replace(camera, width=right - left, height=bottom - top, cx=camera.cx - left, cy=camera.cy - top)
-        image = SplattedView(table, pinhole(part, NEAR), BACKGROUND).image
+        image = RasterizedView(table, pinhole(part, NEAR), BACKGROUND).image
         assert_allclose(image, whole[top:bottom, left:right], atol=2e-4)
 
 
@@ -211,9 +211,9 @@ def test_one_core_and_two_give_the_same_bits(two_cores):
     weights = np.random.default_rng(5).normal(size=(100, 130, 3)).astype(np.float32)
     camera, found = pinhole(camera_ahead(130, 100, 150), NEAR), []
     for count in (1, 2, 3):
-        cores.use(count)
-        cores.take_from_torch()
-        view, gradients = SplattedView(table, camera, BACKGROUND), np.zeros_like(table)
+        cores.set_core_count(count)
+        cores.limit_torch_threads()
+        view, gradients = RasterizedView(table, camera, BACKGROUND), np.zeros_like(table)
         view.backward(weights, gradients)
         found.append((view.image, gradients, view.blended(table[:, :3])))
     for others in found[1:]:

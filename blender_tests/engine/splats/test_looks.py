@@ -11,8 +11,8 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, ball, camera_ahead, cloud
 from karf_engine.splats.gaussians import Gaussians
-from karf_engine.splats.looks import looks_at, sureness
-from karf_engine.splats.rasterizer import UNKNOWN_COLOR, splatted
+from karf_engine.splats.rasterizer import UNKNOWN_COLOR, rasterize
+from karf_engine.splats.visibility import confidence_from, visibility_in_photos
 
 ABOVE = np.array([0.0, 0.0, 4.0])
 
@@ -31,12 +31,12 @@ def gaussians(*rows):
 
 
 def looked_at(found, degrees):
-    return replace(found, looks=looks_at(found, [camera_turned(each) for each in degrees]))
+    return replace(found, looks=visibility_in_photos(found, [camera_turned(each) for each in degrees]))
 
 
 def test_a_surface_is_known_from_where_photos_look_and_not_from_behind():
     found = looked_at(gaussians(ball()), (-20, 0, 20))
-    from_degrees = [float(sureness(found, camera_turned(each).position)[0]) for each in (0, 20, 29, 45, 61, 180)]
+    from_degrees = [float(confidence_from(found, camera_turned(each).position)[0]) for each in (0, 20, 29, 45, 61, 180)]
     assert from_degrees[:3] == [1, 1, 1] and from_degrees[4:] == [0, 0]
     assert 0 < from_degrees[3] < 1
 
@@ -45,26 +45,26 @@ def test_what_no_photo_shows_is_unknown_from_everywhere():
     hidden, beside = ball((0, 0, -1), size=0.02), ball((9, 0, 0))
     found = looked_at(gaussians(ball(opacity=0.999, size=0.5), ball((0, 0, 0.1), 0.5, 0.999), hidden, beside), (-3, 3))
     for eye in (ABOVE, -ABOVE):
-        assert_array_equal(sureness(found, eye)[2:], [0, 0])
-    assert_array_equal(sureness(found, ABOVE)[:2], [1, 1])
+        assert_array_equal(confidence_from(found, eye)[2:], [0, 0])
+    assert_array_equal(confidence_from(found, ABOVE)[:2], [1, 1])
 
 
 def test_what_one_photo_shows_is_half_known():
-    assert sureness(looked_at(gaussians(ball()), (0,)), ABOVE)[0] == 0.5
+    assert confidence_from(looked_at(gaussians(ball()), (0,)), ABOVE)[0] == 0.5
 
 
 def test_the_unknown_is_gray_and_the_known_keeps_its_bits():
     found = Gaussians(cloud(), 0, BACKGROUND, NEAR)
     camera, sure = camera_ahead(), np.ones(len(found), np.float32)
-    plain = splatted(found, camera)
-    assert_array_equal(splatted(found, camera, sure).image, plain.image)
-    faded = splatted(found, camera, 0 * sure)
+    plain = rasterize(found, camera)
+    assert_array_equal(rasterize(found, camera, sure).image, plain.image)
+    faded = rasterize(found, camera, 0 * sure)
     gray = UNKNOWN_COLOR * (1 - plain.image[..., 3:]) + plain.image[..., 3:] * np.float32(BACKGROUND)
     np.testing.assert_allclose(faded.image[..., :3], gray, atol=1e-5)
     assert_array_equal(faded.colors, plain.colors)
 
 
 def test_weights_are_what_gaussians_are_blended_with():
-    view = splatted(Gaussians(cloud(), 0, BACKGROUND, NEAR), camera_ahead())
+    view = rasterize(Gaussians(cloud(), 0, BACKGROUND, NEAR), camera_ahead())
     each = np.eye(60, dtype=np.float32)
     np.testing.assert_allclose(view.weights(), view.blended(each).sum((1, 2)), rtol=1e-4, atol=1e-4)

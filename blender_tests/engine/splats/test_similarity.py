@@ -12,8 +12,8 @@ pytest.importorskip("numba")
 from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, camera_ahead, cloud
 from karf_engine.errors import BadRequest
 from karf_engine.splats.gaussians import Gaussians
-from karf_engine.splats.rasterizer import splatted
-from karf_engine.splats.similarity import moved
+from karf_engine.splats.rasterizer import rasterize
+from karf_engine.splats.similarity import transform_gaussians
 
 
 def similarity(scale=1.0, turn=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0)):
@@ -40,8 +40,8 @@ def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
     scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
     pose = matrix @ camera.camera_to_world
     pose[:3, :3] /= scale
-    there = splatted(moved(gaussians, matrix), replace(camera, camera_to_world=pose))
-    here = splatted(gaussians, camera)
+    there = rasterize(transform_gaussians(gaussians, matrix), replace(camera, camera_to_world=pose))
+    here = rasterize(gaussians, camera)
     assert here.image[..., 3].min() < 0.5
     assert_allclose(there.image, here.image, atol=1e-4)
     seen = np.diff(here.offsets) > 0
@@ -50,12 +50,12 @@ def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
 
 def test_staying_keeps_every_bit():
     gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
-    assert moved(gaussians, np.eye(4)) is gaussians
+    assert transform_gaussians(gaussians, np.eye(4)) is gaussians
 
 
 def test_a_shift_keeps_the_bits_of_all_but_the_centers():
     gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
-    assert_array_equal(moved(gaussians, MOVES["shifted"]).table[:, 3:], gaussians.table[:, 3:])
+    assert_array_equal(transform_gaussians(gaussians, MOVES["shifted"]).table[:, 3:], gaussians.table[:, 3:])
 
 
 @pytest.mark.parametrize(
@@ -71,4 +71,4 @@ def test_a_shift_keeps_the_bits_of_all_but_the_centers():
 )
 def test_what_is_no_similarity_is_refused(matrix):
     with pytest.raises(BadRequest, match="uniform scale"):
-        moved(Gaussians(cloud(), 3, BACKGROUND, NEAR), matrix)
+        transform_gaussians(Gaussians(cloud(), 3, BACKGROUND, NEAR), matrix)

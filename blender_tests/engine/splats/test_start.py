@@ -17,8 +17,8 @@ from karf_engine.metrics.images import psnr
 from karf_engine.recolor.model import Model
 from karf_engine.splats import start
 from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE, ROTATION
-from karf_engine.splats.rasterizer import splatted
-from karf_engine.splats.start import gaussians_of, surface_views
+from karf_engine.splats.rasterizer import rasterize
+from karf_engine.splats.start import initial_gaussians, surface_views
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def model(learned):
 
 @pytest.fixture(scope="module")
 def begun(model):
-    return gaussians_of(model.scene, model.capture.split("train"), 3000, 1)
+    return initial_gaussians(model.scene, model.capture.split("train"), 3000, 1)
 
 
 def distances_to_surface(points):
@@ -74,7 +74,7 @@ def test_colors_are_the_same_from_everywhere(begun):
 
 def test_the_picture_is_that_of_the_field_before_anything_is_learned(model, begun):
     camera = model.working_camera(model.capture.split("test")[0])
-    shown = splatted(begun, camera).image[..., :3].clip(0, 1)
+    shown = rasterize(begun, camera).image[..., :3].clip(0, 1)
     assert psnr(shown, model.look(camera).color) > 18
 
 
@@ -95,14 +95,14 @@ def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(mo
 
     views = model.capture.split("train")
     scene = replace(model.scene, background=sky)
-    gaussians = gaussians_of(scene, views, 1000, 0)
-    shell = gaussians.table[gaussians.n_solid :]
+    gaussians = initial_gaussians(scene, views, 1000, 0)
+    shell = gaussians.table[gaussians.n_foreground :]
     assert len(shell) == start.BEHIND
     eyes = np.stack([view.camera.position for view in views])
     assert np.linalg.norm(shell[:, :3], axis=1).min() > 5 * np.linalg.norm(eyes, axis=1).max()
     alone = replace(gaussians, table=shell)
     camera = views[0].camera
-    seen = splatted(alone, camera).image
+    seen = rasterize(alone, camera).image
     assert seen[..., 3].max() < 0.03, "light comes through the shell"
     _, directions = camera.rays(camera.pixel_centers())
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -133,5 +133,5 @@ def test_it_may_be_cancelled_after_each_view(model):
             raise Cancelled("The test wants it.")
 
     with pytest.raises(Cancelled):
-        gaussians_of(model.scene, model.capture.split("train"), 1000, 0, cancel)
+        initial_gaussians(model.scene, model.capture.split("train"), 1000, 0, cancel)
     assert len(steps) == 3

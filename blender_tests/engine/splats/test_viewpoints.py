@@ -10,8 +10,8 @@ from blender_tests.engine.splats.clouds import GROUPS, ball
 from karf_engine.errors import Cancelled, DataError
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import LOG_SCALE, LOGIT, ROTATION
-from karf_engine.splats.rasterizer import splatted
-from karf_engine.splats.viewpoints import Target, cameras_around, target_of
+from karf_engine.splats.rasterizer import rasterize
+from karf_engine.splats.viewpoints import Target, cameras_around, estimate_target
 
 
 def scene(*tables):
@@ -47,7 +47,7 @@ def away_from(target, cameras):
 
 def test_what_lies_together_is_framed_whole_from_all_sides():
     gaussians = scene(disk(), heap())
-    target = target_of(gaussians)
+    target = estimate_target(gaussians)
     cameras = cameras_around(gaussians, target, 12, 64)
     assert_allclose(target.up, (0, 0, 1), atol=0.1)
     assert np.linalg.norm(target.middle - (0, 0, 0.1)) < 0.2 and len(cameras) == 12
@@ -61,8 +61,8 @@ def test_what_lies_together_is_framed_whole_from_all_sides():
 
 
 def test_a_shell_far_behind_changes_neither_the_middle_nor_the_distance():
-    alone = target_of(scene(disk(), heap()))
-    within = target_of(scene(disk(), heap(), sphere(60, 400)))
+    alone = estimate_target(scene(disk(), heap()))
+    within = estimate_target(scene(disk(), heap(), sphere(60, 400)))
     assert np.linalg.norm(alone.middle - within.middle) < 0.1
     assert within.distance == pytest.approx(alone.distance, rel=0.2)
 
@@ -74,7 +74,7 @@ def test_sizes_tell_from_where_photos_looked_round_in_a_room():
     sizes = 0.02 * np.sqrt(((places - middle) ** 2).sum(1) + 2.0**2) * np.exp(random.normal(0, 0.2, 6000))
     table = balls(places, 0.1)
     table[:, GROUPS["scales"]] = np.log(sizes)[:, None]
-    target = target_of(scene(table))
+    target = estimate_target(scene(table))
     assert np.linalg.norm(target.middle - middle) < 0.3 and 1.8 < target.distance < 3.2
 
 
@@ -83,7 +83,7 @@ def test_no_camera_stands_amid_something():
     gaussians = scene(disk(count=4000, size=0.03), heap(2000), wall)
     target = Target(np.array([0, 0, 0.2]), np.array([0.0, 0, 1]), 3.0)
     for camera in cameras_around(gaussians, target, 8, 64):
-        view = splatted(gaussians, camera)
+        view = rasterize(gaussians, camera)
         nearest = view.blended((view.depths < 0.2 * away_from(target, [camera])[0]).astype(np.float32)[:, None])
         assert (nearest > 0.5).mean() < 0.1
 
@@ -97,7 +97,7 @@ def test_where_the_target_surrounds_them_cameras_look_around_from_its_middle():
 
 
 def test_up_may_be_given():
-    target = target_of(scene(disk(), heap()), np.array([0.0, -2, 0]))
+    target = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
     assert_allclose(target.up, (0, -1, 0))
 
 
@@ -105,17 +105,17 @@ def test_colmap_decides_where_no_floor_does():
     table = heap(3000)
     table[:, ROTATION:LOGIT] = np.random.default_rng(6).normal(size=(3000, 4))
     table[:, LOG_SCALE] -= 2
-    assert_allclose(target_of(scene(table)).up, (0, -1, 0))
+    assert_allclose(estimate_target(scene(table)).up, (0, -1, 0))
 
 
 def test_a_file_of_haze_is_refused():
     with pytest.raises(DataError, match="almost all are transparent"):
-        target_of(scene(balls(np.random.default_rng(7).normal(size=(50, 3)), 0.1, 0.05)))
+        estimate_target(scene(balls(np.random.default_rng(7).normal(size=(50, 3)), 0.1, 0.05)))
 
 
 def test_a_file_whose_gaussians_all_lie_in_one_place_is_refused():
     with pytest.raises(DataError, match="almost all lie in one place"):
-        target_of(scene(balls(np.full((200, 3), 1.0), 0.1)))
+        estimate_target(scene(balls(np.full((200, 3), 1.0), 0.1)))
 
 
 def test_choosing_can_be_cancelled():
@@ -124,4 +124,4 @@ def test_choosing_can_be_cancelled():
 
     gaussians = scene(disk(), heap())
     with pytest.raises(Cancelled):
-        cameras_around(gaussians, target_of(gaussians), 8, 64, stop)
+        cameras_around(gaussians, estimate_target(gaussians), 8, 64, stop)

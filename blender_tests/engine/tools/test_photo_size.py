@@ -23,7 +23,7 @@ def test_a_recolored_photo_keeps_all_that_no_object_covers(learned, tmp_path, na
     view = model.capture.split("test")[0]
     view = replace(view, image=path, camera=view.camera.scaled(*photo.size))
     ready = photo_view(model, view, 1)
-    recolored = ready.recolored(other_colors(ready.palettes))
+    recolored = ready.recolor(other_colors(ready.palettes))
     out = tmp_path / f"out{suffix_for(recolored)}"
     write_photo(out, recolored)
     assert len(ready.mattes) == 1 and outside_is_equal(ready, out)

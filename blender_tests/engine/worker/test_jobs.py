@@ -16,7 +16,7 @@ pytest.importorskip("imageio")
 from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import main
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of
+from karf_engine.project.contents import read_capture
 from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
 
 
@@ -139,7 +139,7 @@ def test_a_child_that_waits_does_the_next_job_as_the_first(learned, tmp_path):
 def test_one_process_does_a_job_answers_queries_and_does_the_next_job(learned, tmp_path):
     first, second = (render_job(learned, tmp_path / name) for name in ("first", "second"))
     Request(WARM, learned.project, {"threads": 1, "device": "cpu"}).write(tmp_path / "queries")
-    view = capture_of(Project(learned.project)).views[-1].name
+    view = read_capture(Project(learned.project)).views[-1].name
     child = start_job(first, "--wait", "60")
     begun = wait_for(first, "done")
     query = Query(1, "masks", {"project": str(learned.project), "view": view})

@@ -15,7 +15,7 @@ pytest.importorskip("scipy")
 from blender_tests.engine.conftest import QUICK, ROOT
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of
+from karf_engine.project.contents import read_capture
 from karf_engine.worker.path_map import PathMap
 from karf_engine.worker.protocol import EventReader, Request
 
@@ -121,7 +121,7 @@ def test_what_is_learned_there_is_found_from_here(shared):
     shared.server.rename(shared.local / "film")  # only the path of here leads there
     shared.client.unlink()
     shared.client.symlink_to(shared.local / "film", target_is_directory=True)
-    views = capture_of(Project(project)).views
+    views = read_capture(Project(project)).views
     assert all(view.image.is_relative_to(shared.client / "capture") and view.image.is_file() for view in views)
 
 

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from ...errors import KarfError, error_from_code
-from ...io.failures import known_failure
+from ...io.failures import translate_error
 
 Message = tuple[str, Any]
 SILENCE: Message = ("", None)  # sent ten times a second between messages, so that the reader can check for cancellation
@@ -53,7 +53,7 @@ def _run(pipe: Connection, work: Callable, task: Any) -> None:
     try:
         pipe.send(("result", work(lambda kind, value=None: pipe.send((kind, value)), task)))
     except Exception as error:
-        known = known_failure(error)
+        known = translate_error(error)
         content = (known.code, known.sentence, known.hint) if known else str(error) or type(error).__name__
         pipe.send(("failure" if known else "error", content))
 

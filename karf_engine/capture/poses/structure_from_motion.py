@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...compute.progress import Emit, Progress
-from ...io.files import naming
+from ...io.files import errors_naming_path
 from .child import Message, child_messages
 
 LONG_SIDE = 1600  # longer side for feature extraction, pixels
@@ -46,7 +46,7 @@ class SfmTask:
     names: tuple[str, ...]
     work: Path
     model: Path
-    one_lens: bool
+    single_camera: bool
     sequential: bool
     threads: int
     sensitive: bool = False
@@ -84,7 +84,7 @@ def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> S
         Cancelled: `should_stop` returned True.
         KarfError: pycolmap failed.
     """
-    with naming(task.work), child_messages("pycolmap", _reconstruct, task) as messages:
+    with errors_naming_path(task.work), child_messages("pycolmap", _reconstruct, task) as messages:
         return _follow(messages, task, emit, should_stop)
 
 
@@ -146,7 +146,7 @@ def _extract_features(pycolmap: Any, task: SfmTask) -> None:
         task.database,
         task.photos,
         image_names=list(task.names),
-        camera_mode=pycolmap.CameraMode.SINGLE if task.one_lens else pycolmap.CameraMode.AUTO,
+        camera_mode=pycolmap.CameraMode.SINGLE if task.single_camera else pycolmap.CameraMode.AUTO,
         reader_options=reading,
         extraction_options=extraction,
         device=pycolmap.Device.cpu,
@@ -203,7 +203,7 @@ def _agreement(pycolmap: Any, database: Path, model: Any) -> float:
             if first in registered and second in registered:
                 matches = geometry.inlier_matches
                 relative = registered[second].cam_from_world() * registered[first].cam_from_world().inverse()
-                errors = _epipolar_errors(relative.matrix(), rays[first][matches[:, 0]], rays[second][matches[:, 1]])
+                errors = _sampson_errors(relative.matrix(), rays[first][matches[:, 0]], rays[second][matches[:, 1]])
                 focal = model.cameras[registered[first].camera_id].mean_focal_length()
                 count += len(matches)
                 agreeing += int((errors * focal < EPIPOLAR_TOLERANCE).sum())
@@ -216,7 +216,7 @@ def _rays(model: Any, image: Any, keypoints: np.ndarray) -> np.ndarray:
     return np.concatenate([directions, np.ones((len(directions), 1))], 1)
 
 
-def _epipolar_errors(second_from_first: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _sampson_errors(second_from_first: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return Sampson distances [n] of matched directions [n, 3] at depth 1 (Hartley and Zisserman, Eq. 11.9)."""
     rotation, (x, y, z) = second_from_first[:, :3], second_from_first[:, 3]
     essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation

@@ -12,8 +12,8 @@ import numpy as np
 
 from ...compute.progress import Progress
 from ...io.color import to_bytes
-from ...io.files import naming
-from ...io.images import encoded
+from ...io.files import errors_naming_path
+from ...io.images import encode_image
 from ..camera import Camera
 from ..capture import SparsePoints
 from ..training_images import TrainingImage
@@ -47,10 +47,10 @@ def triangulate(training_images: list[TrainingImage], threads: int, progress: Pr
     Raises:
         KarfError: pycolmap failed, or `progress` was cancelled.
     """
-    with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder, naming(folder):
+    with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder, errors_naming_path(folder):
         names, cameras = [f"{n:05d}.png" for n in range(len(training_images))], [p.camera for p in training_images]
         for name, training_image in zip(names, training_images, strict=True):
-            (folder / name).write_bytes(encoded(".png", to_bytes(training_image.color)))
+            (folder / name).write_bytes(encode_image(".png", to_bytes(training_image.color)))
         value = None
         with child_messages("pycolmap", _triangulate, _Task(folder, names, cameras, threads)) as messages:
             for kind, value in messages:

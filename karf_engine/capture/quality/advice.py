@@ -48,7 +48,7 @@ class Advice:
     is_poor: bool
     sentence: Message
     findings: tuple[Message, ...]
-    more: np.ndarray
+    proposed_directions: np.ndarray
 
     def to_json(self) -> dict[str, Any]:
         """Return advice and figures as JSON values."""
@@ -61,7 +61,7 @@ class Advice:
             "findings": list(self.findings),
             "more": {
                 "gain": round(self.gain, 2),
-                "positions": (place.center + place.radius * self.more).round(6).tolist(),
+                "positions": (place.center + place.radius * self.proposed_directions).round(6).tolist(),
                 "look_at": place.center.round(6).tolist(),
             },
             "figures": self.inspection.to_json(),
@@ -72,10 +72,10 @@ def advise(found: Inspection) -> Advice:
     """Derive the advice from an inspection."""
     placement = found.placement
     psnr = predict_psnr(found.agreed, found.plainness, found.is_matte)
-    more = placement.more(MORE_PHOTOS)
+    more = placement.propose_directions(MORE_PHOTOS)
     improved = placement
     for direction in more:
-        improved = improved.and_at(direction)
+        improved = improved.with_camera(direction)
     gain = psnr_gain(placement.spacing, improved.spacing)
     is_poor = psnr < POOR_PSNR
     sentence = _too_few(found, psnr, gain) if is_poor else _enough(found, psnr, gain)

@@ -25,13 +25,13 @@ def draw_map(path: Path, advice: Advice) -> None:
     by azimuth and elevation, facing the scene.
     """
     inspection, place = advice.inspection, advice.inspection.placement
-    everything = np.concatenate([place.directions, place.wanted, advice.more])
+    everything = np.concatenate([place.directions, place.wanted, advice.proposed_directions])
     positions = _to_pixels(_flatten(place, everything))
     cameras, wanted, more = np.split(positions, np.cumsum([len(place.directions), len(place.wanted)]))
     canvas = Image.new("RGB", (SIDE, SIDE + 3 * LINE), PAPER)
     draw = ImageDraw.Draw(canvas)
-    for position, angle in zip(wanted, place.empty, strict=True):
-        weight = min(1.0, angle / max(1e-6, min(FAR, place.empty.max())))
+    for position, angle in zip(wanted, place.nearest_angles, strict=True):
+        weight = min(1.0, angle / max(1e-6, min(FAR, place.nearest_angles.max())))
         color = tuple((NEAR_COLOR + weight * (FAR_COLOR - NEAR_COLOR)).astype(int))
         _draw_disk(draw, position, DIRECTION_RADIUS, color)
     for position in cameras:

@@ -11,14 +11,14 @@ import numpy as np
 
 from ...errors import DataError
 from ...io.color import to_bytes
-from ...io.images import over, read_mask, resize
+from ...io.images import alpha_composite, read_mask, resize
 from ..capture import Capture, View
 from ..mask_names import masks_of_view
 from ..poses.triangulation import neighbor_pairs
 from ..reprojection import reprojection_errors, summarize
 from ..training_images import load_views
 from . import matches, photos
-from .placement import Placement, place, seen_by_few
+from .placement import Placement, measure_placement, seen_by_few
 
 SIDE = 400  # longer side of the inspected photos, pixels
 MOST_PHOTOS = 150  # photos opened at most, evenly spaced; all cameras are used
@@ -99,10 +99,10 @@ def inspect_capture(capture: Capture, masks: Path | None = None) -> Inspection:
     opened = tuple(range(0, len(views), step))
     images = load_views([views[n] for n in opened], SIDE)
     cameras = [image.camera for image in images]
-    pictures = [to_bytes(over(image.color, image.alpha)) for image in images]
+    pictures = [to_bytes(alpha_composite(image.color, image.alpha)) for image in images]
     pairs = neighbor_pairs(cameras, NEIGHBORS)
     found = matches.match_neighbors(pictures, cameras, pairs)
-    placement = place([view.camera for view in views], found.points)
+    placement = measure_placement([view.camera for view in views], found.points)
     return Inspection(
         views=tuple(view.name for view in views),
         opened=opened,

@@ -43,32 +43,32 @@ class Placement:
     is_open: bool
 
     @property
-    def empty(self) -> np.ndarray:
+    def nearest_angles(self) -> np.ndarray:
         """Angles from the wanted directions to their nearest cameras, degrees, [k]."""
         return np.degrees(np.arccos((self.wanted @ self.directions.T).max(1).clip(-1, 1)))
 
     @property
     def spacing(self) -> float:
         """Root mean square of `empty`, degrees."""
-        return float(np.sqrt((self.empty**2).mean()))
+        return float(np.sqrt((self.nearest_angles**2).mean()))
 
     @property
     def hole(self) -> tuple[float, np.ndarray]:
         """Width of the widest hole in degrees, and the direction of its center, [3]."""
-        return 2 * float(self.empty.max()), self.wanted[self.empty.argmax()]
+        return 2 * float(self.nearest_angles.max()), self.wanted[self.nearest_angles.argmax()]
 
     def beside_hole(self) -> list[int]:
         """Return the indices of the two cameras nearest to the center of the widest hole."""
         return np.argsort(-(self.directions @ self.hole[1]))[:2].tolist()
 
-    def more(self, count: int) -> np.ndarray:
+    def propose_directions(self, count: int) -> np.ndarray:
         """Return directions [count, 3] for more photos, each at the center of the then widest hole."""
         extended = self
         for _ in range(count):
-            extended = extended.and_at(extended.hole[1])
+            extended = extended.with_camera(extended.hole[1])
         return extended.directions[len(self.directions) :]
 
-    def and_at(self, direction: np.ndarray) -> Placement:
+    def with_camera(self, direction: np.ndarray) -> Placement:
         """Return the placement with one more camera."""
         return replace(self, directions=np.concatenate([self.directions, direction[None]]))
 
@@ -79,7 +79,7 @@ class Placement:
         return np.degrees(np.stack([azimuth, np.arcsin((directions @ self.up).clip(-1, 1))], -1))
 
 
-def place(cameras: Sequence[Camera], points: np.ndarray) -> Placement:
+def measure_placement(cameras: Sequence[Camera], points: np.ndarray) -> Placement:
     """Return the placement of cameras around points [m, 3] of the scene, or around their focus if there are few."""
     positions = np.stack([camera.position for camera in cameras])
     axes = -np.stack([camera.camera_to_world[:3, 2] for camera in cameras])

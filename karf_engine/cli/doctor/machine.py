@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...errors import DataError, KarfError
-from ...io.failures import FREE_SPACE, OTHER_FOLDER, known_failure
+from ...io.failures import FREE_SPACE, OTHER_FOLDER, translate_error
 from ...worker.findings import ERROR, OK, WARNING, Finding, error_finding
 from ...worker.requirements import PYTHON
 
@@ -119,7 +119,7 @@ def temporary() -> Finding:
 
 
 def _unwritable(name: str, error: OSError) -> Finding:
-    known = known_failure(error) or KarfError(f"No folder takes files: {error}.", OTHER_FOLDER)
+    known = translate_error(error) or KarfError(f"No folder takes files: {error}.", OTHER_FOLDER)
     return error_finding(name, known)
 
 

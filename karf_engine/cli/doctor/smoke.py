@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import KarfError
-from ...io.failures import known_failure
+from ...io.failures import translate_error
 from ...worker.findings import OK, Finding, error_finding
 
 SETTINGS = (
@@ -86,7 +86,7 @@ def _timed(name: str, run: Callable[[], None]) -> Finding:
 
 
 def _broken(name: str, error: Exception, seconds: float) -> Finding:
-    known = known_failure(error)
+    known = translate_error(error)
     if known is None:
         traceback.print_exception(error)
         known = KarfError(f"{error!r}.", "Report it with what was printed.")

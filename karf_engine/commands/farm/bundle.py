@@ -33,7 +33,7 @@ from ...io.options import Options
 from ...palettes.palette import read_palettes
 from ...palettes.palette_files import read_edit_file
 from ...project import Project
-from ...project.contents import capture_of
+from ...project.contents import read_capture
 from ..options import FarmOptions
 from ..output_folder import new_folder
 from .packing import (
@@ -76,8 +76,8 @@ def run(options: FarmOptions, emit: Emit, should_stop: Callable[[], bool]) -> Pa
 def _write_render_bundle(options: FarmOptions, emit: Emit) -> None:
     learned, edit = Project(options.source), options.edit
     learned.require("geometry")
-    learned.contained(options.out)
-    chosen, captured = choose_views(capture_of(learned), options.views)
+    learned.check_inside(options.out)
+    chosen, captured = choose_views(read_capture(learned), options.views)
     if isinstance(edit, Path) and edit.is_dir():
         edit = [edit / f"{view.name}.json" for view in chosen]
     _check_edits(learned, edit)
@@ -103,7 +103,7 @@ def _write_learning_bundle(options: FarmOptions, masks: Path, emit: Emit) -> Non
         name = check_copy(options.source, opened, folder / CAPTURE)
         (folder / PROJECT).mkdir()
         frames = _pack_frames(folder, replace(options, overrides=()), chosen, options.edit)
-        machine = options.narrowed(Options).to_arguments()
+        machine = options.subset(Options).to_arguments()
         _finish(folder, learning_job(f"KaRF {opened.source.name}", name, settings, machine, frames), options.python)
 
 
@@ -117,7 +117,7 @@ def _check_edits(project: Project, edit: Path | Sequence[Path] | None) -> None:
     if edit is None:
         return
     project.require("recoloring")
-    palettes = read_palettes(project.checked(project.palette_file))
+    palettes = read_palettes(project.verified(project.palette_file))
     for path in {edit} if isinstance(edit, Path) else set(edit):
         read_edit_file(path, palettes, "delta")
 
@@ -130,7 +130,7 @@ def _pack_frames(
     if not captured:
         copy_file(Path(options.views), folder / CAMERAS)
     views = options.views if captured else CAMERAS
-    arguments = tuple(options.narrowed(FrameOptions).to_arguments())
+    arguments = tuple(options.subset(FrameOptions).to_arguments())
     return Frames(views, _pack_edits(folder, edit, found), len(found), options.per_task, arguments)
 
 

@@ -19,7 +19,7 @@ from ...io.containment import check_tree, is_link, leads_out
 from ...io.files import checksum, copy_file, write_json
 from ...io.image_size import image_header
 from ...project import Project
-from ...project.contents import capture_of
+from ...project.contents import read_capture
 from ...project.state import write_state
 from .template import CAPTURE, MASKS, PROJECT
 
@@ -74,14 +74,14 @@ def project_files(project: Project, views: Sequence[View], photos: Path | None) 
         project.geometry_file,
         project.segmentation_file,
         project.segmentation_report,
-        project.doubts_file,
+        project.uncertainty_file,
         project.palette_file,
         project.object_colors_file,
         project.recoloring_file,
         project.splats_file,
     )
-    files = [PackedFile(project.checked(path), Path(PROJECT, path.name)) for path in learned if path.exists()]
-    source = capture_of(project).source
+    files = [PackedFile(project.verified(path), Path(PROJECT, path.name)) for path in learned if path.exists()]
+    source = read_capture(project).source
     places = [source if source.is_dir() else source.parent, project.folder, photos]
     for view in views:
         if view.image:
@@ -91,7 +91,7 @@ def project_files(project: Project, views: Sequence[View], photos: Path | None) 
 
 def write_project(project: Project, target: Path, views: Sequence[View]) -> None:
     """Write project.json and capture.json of a packed project that has only these views' photos."""
-    capture = capture_of(project)
+    capture = read_capture(project)
     content = capture_to_json(replace(capture, source=Path(capture.source.name)))
     photos = {view.name: _photo_name(view) for view in views if view.image}
     for entry in content["views"]:

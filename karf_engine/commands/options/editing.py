@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from ...errors import BadRequest
-from ...export.frame_options import FrameOptions, size_of
+from ...export.frame_options import FrameOptions, parse_size
 from ...io.options import Options, option
 from ...project.settings import PRESETS
 
@@ -121,7 +121,7 @@ class ColorwaysOptions(CalibrationOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "size", size_of(self.size))
+        object.__setattr__(self, "size", parse_size(self.size))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -111,4 +111,4 @@ class LearnOptions(GeometryOptions):
     def stages(self) -> tuple[Options, ...]:
         """Return the options of each stage, in order."""
         kinds = (GeometryOptions, SegmentationOptions, PaletteOptions, RecoloringOptions, SplatsOptions)
-        return tuple(self.narrowed(kind) for kind in kinds)
+        return tuple(self.subset(kind) for kind in kinds)

@@ -19,8 +19,8 @@ from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine
 from ..rendering.rays import Rays
 from ..rendering.sampling import Samples
 from ..rendering.space import StraightSpace
-from ..rendering.space_values import space_from_json, space_to_json
-from ..rendering.volume import Trace, outward_normals, trace_of
+from ..rendering.space_io import space_from_json, space_to_json
+from ..rendering.volume import Trace, make_trace, outward_normals
 
 VOXELS = 128  # along the longest side; their size is the length scale of later stages
 MOST_SAMPLES = 1 << 12  # per ray
@@ -141,7 +141,7 @@ class NerfField(nn.Module):
             points_along(origins, directions, t),
             (interval_lengths(t) * lengths).view(-1),
         )
-        return trace_of(samples, self.density(samples.positions), len(rays))
+        return make_trace(samples, self.density(samples.positions), len(rays))
 
     def coarse_t(self, jitter: Tensor) -> Tensor:
         """Return the coarse samples (see hierarchical.stratified_samples)."""

@@ -21,7 +21,7 @@ from ..scene import Scene
 from ..training.adam import Adam
 from ..training.checkpoint import Checkpoint
 from ..training.loop import Metrics, train
-from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
+from ..training.state import TrainingState, add_prefix, check_same_layout, read_integer, scalar_tensor, strip_prefix
 from .field import NerfField, NerfNetwork, points_along
 
 CROP_SHARE = 0.5  # central share of the image sides where the first rays are drawn, to see the object early
@@ -52,7 +52,7 @@ class NerfFit:
         self._white = kind in ("alpha", "white")
         self._noise = settings.density_noise if field.space.is_forward_facing else 0.0
         self._crop = 0 if kind == "opaque" else settings.crop_iterations
-        self._loss_average = number(0.1).to(runtime.device)  # reading it would wait for the device
+        self._loss_average = scalar_tensor(0.1).to(runtime.device)  # reading it would wait for the device
         self._yielded = 0  # iterations of the last yielded scene
         optimizer = Adam(field.parameters(), lr=settings.rate)
         self._training_state = TrainingState(settings.iterations, optimizer, field.state_dict, runtime)
@@ -80,18 +80,18 @@ class NerfFit:
 
     def state(self) -> dict[str, Tensor]:
         """Return all tensors needed to resume."""
-        return self._counters() | prefixed("course", self._training_state.state())
+        return self._counters() | add_prefix("course", self._training_state.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Resume a state on the CPU (see `Resumable.resume`)."""
-        check_alike({n: t for n, t in state.items() if not n.startswith("course.")}, self._counters())
-        yielded = whole_number(state, "looked", self.iterations - 1)
-        self._training_state.resume(below("course", state))
+        check_same_layout({n: t for n, t in state.items() if not n.startswith("course.")}, self._counters())
+        yielded = read_integer(state, "looked", self.iterations - 1)
+        self._training_state.resume(strip_prefix("course", state))
         self._yielded = yielded
         self._loss_average.copy_(state["loss_average"])
 
     def _counters(self) -> dict[str, Tensor]:
-        return {"looked": number(self._yielded), "loss_average": self._loss_average}
+        return {"looked": scalar_tensor(self._yielded), "loss_average": self._loss_average}
 
     def _decay(self, iteration: int, _: int) -> float:
         steps = self.settings.decay_steps

@@ -15,12 +15,12 @@ from ...capture.camera import Camera
 from ...capture.capture import View
 from ...errors import DataError
 from ...project.settings import NerfSettings
-from ..extent import focus_point, middle_pose
+from ..extent import focus_point, mean_pose
 from ..rendering.rays import PixelDataset
 from ..rendering.space import Box, StraightSpace
-from ..rendering.space_values import space_on
+from ..rendering.space_io import space_to_device
 from ..scene import Scene, psnr_of_views
-from ..spaces import middle_frustum, ndc, similarity
+from ..spaces import mean_frustum, similarity, to_ndc
 from .field import NerfField, NerfNetwork, NerfSampling
 from .fit import MEASURED_RAYS, surface_bounds
 from .start import OBJECT_DISTANCE
@@ -59,18 +59,18 @@ def candidate_alignments(views: list[View], settings: NerfSettings) -> list[Alig
         return found
     near, far = LLFF_NEAR * min(low for low, _ in bounds), max(high for _, high in bounds)
     found.append(Alignment("as it is, LLFF's bounds", Box(), near, far))
-    frustum = middle_frustum(views, None)
-    found.append(Alignment("LLFF in NDC", ndc(frustum, views), 0.0, 1.0))
-    middle = middle_pose(cameras)
+    frustum = mean_frustum(views, None)
+    found.append(Alignment("LLFF in NDC", to_ndc(frustum, views), 0.0, 1.0))
+    middle = mean_pose(cameras)
     scale = 1 / frustum.near  # the smallest depth becomes 1 / 0.75
     found.append(Alignment("LLFF recentered", similarity(scale, middle[:3, :3].T, middle[:3, 3]), near, far))
-    found.append(Alignment("LLFF spherified", spherified(cameras), near, far, in_disparity=True))
+    found.append(Alignment("LLFF spherified", spherify_alignment(cameras), near, far, in_disparity=True))
     return found
 
 
-def spherified(cameras: list[Camera]) -> StraightSpace:
+def spherify_alignment(cameras: list[Camera]) -> StraightSpace:
     """Return LLFF's alignment of surrounding cameras: on a unit sphere, with up away from the focus point."""
-    middle = middle_pose(cameras)
+    middle = mean_pose(cameras)
     # the constant vector below is in the axes of the mean pose
     to_middle = middle[:3, :3].T
     positions = np.stack([to_middle @ (camera.position - middle[:3, 3]) for camera in cameras])
@@ -116,7 +116,7 @@ def import_nerf(
     for alignment in candidate_alignments(views, settings):
         near, far, in_disparity = alignment.near, alignment.far, alignment.in_disparity
         sampling = NerfSampling(near, far, in_disparity, settings.coarse_samples, settings.fine_samples)
-        space = space_on(alignment.space, device)
+        space = space_to_device(alignment.space, device)
         field = NerfField(coarse, fine, sampling, space, torch.zeros(2, 3)).to(device).requires_grad_(False)
         for kind, dataset in datasets.items():
             scene = Scene(field, None, kind, 1.0)

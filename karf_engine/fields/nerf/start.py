@@ -8,12 +8,12 @@ import torch
 from ...capture.capture import SparsePoints, View
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
-from ..extent import farthest_depth, focus_point, nearest_depth
+from ..extent import focus_point, max_depth, min_depth
 from ..fit import FitInputs
 from ..rendering.rays import PixelDataset
 from ..rendering.space import StraightSpace
-from ..rendering.space_values import space_on
-from ..spaces import middle_frustum, ndc, similarity
+from ..rendering.space_io import space_to_device
+from ..spaces import mean_frustum, similarity, to_ndc
 from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .fit import NerfFit
 
@@ -30,8 +30,10 @@ def start_nerf_fit(inputs: FitInputs) -> NerfFit:
         BadRequest: The requested frustum needs the depth of the scene, which is unknown.
     """
     settings, kind = inputs.settings.nerf, inputs.background_kind
-    space, sampling = place_nerf(kind, inputs.space, inputs.views, inputs.points, settings)
-    return fresh_fit(inputs.dataset, kind, space_on(space, inputs.runtime.device), sampling, settings, inputs.runtime)
+    space, sampling = choose_space_and_sampling(kind, inputs.space, inputs.views, inputs.points, settings)
+    return fresh_fit(
+        inputs.dataset, kind, space_to_device(space, inputs.runtime.device), sampling, settings, inputs.runtime
+    )
 
 
 def fresh_fit(
@@ -55,7 +57,7 @@ def fresh_fit(
     return NerfFit(dataset, kind, settings, runtime, field)
 
 
-def place_nerf(
+def choose_space_and_sampling(
     kind: str, space_name: str, views: list[View], points: SparsePoints | None, settings: NerfSettings
 ) -> tuple[StraightSpace, NerfSampling]:
     """Choose the space of a NeRF and the sampling of its rays.
@@ -65,7 +67,7 @@ def place_nerf(
     """
     coarse, fine = settings.coarse_samples, settings.fine_samples
     if space_name == "frustum":
-        return ndc(middle_frustum(views, points), views), NerfSampling(0.0, 1.0, False, coarse, fine)
+        return to_ndc(mean_frustum(views, points), views), NerfSampling(0.0, 1.0, False, coarse, fine)
     cameras = [view.camera for view in views]
     center = focus_point(cameras).numpy()
     distances = np.array([np.linalg.norm(camera.position - center) for camera in cameras])
@@ -78,7 +80,7 @@ def place_nerf(
 
 def _open_range(views: list[View], points: SparsePoints | None, distances: np.ndarray) -> tuple[float, float]:
     """Return the sampled range of an open scene, world units."""
-    near, far = nearest_depth(views, points), farthest_depth(views, points)
+    near, far = min_depth(views, points), max_depth(views, points)
     near = distances.mean() * OPEN_RANGE[0] if near is None else near * POINT_RANGE[0]
     far = distances.mean() * OPEN_RANGE[1] if far is None else far * POINT_RANGE[1]
     return float(near), float(far)

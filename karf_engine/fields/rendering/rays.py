@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ...capture.camera import Camera
-from ...capture.distortion import straighten
+from ...capture.distortion import undistort_points
 from ...compute.runtime import Runtime
 from ...io.color import to_bytes
 
@@ -55,7 +55,7 @@ def depth_per_distance(camera: Camera) -> np.ndarray:
 
 
 def _unit_depth_rays(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    pixels = straighten(camera, camera.pixel_centers())
+    pixels = undistort_points(camera, camera.pixel_centers())
     return camera.rays(np.where(np.isnan(pixels), (camera.cx, camera.cy), pixels))
 
 
@@ -111,7 +111,7 @@ class PixelDataset:
         self.gains = torch.ones(len(cameras), 3, device=device)
         self._usable = None if valid is None else torch.nonzero(concatenate(valid)).squeeze(1)
         sizes = torch.tensor([c.width * c.height for c in cameras])
-        self.first = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
+        self.offsets = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
         self._widths = torch.tensor([c.width for c in cameras], device=device)
         self._intrinsics = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float32, device=device)
         self._rotations = _tensor(np.stack([c.camera_to_world[:3, :3] for c in cameras]), device)
@@ -129,27 +129,27 @@ class PixelDataset:
     def draw_central(self, count: int, share: float, runtime: Runtime) -> Tensor:
         """Draw the indices of `count` random pixels from the central `share` of each side of random images."""
         view = runtime.randint(len(self.cameras), count)
-        size = torch.stack([self._widths, torch.diff(self.first) // self._widths], 1)[view]
+        size = torch.stack([self._widths, torch.diff(self.offsets) // self._widths], 1)[view]
         pixels = ((0.5 + share * (runtime.rand(count, 2) - 0.5)) * size).long()
-        return self.first[view] + pixels[:, 1] * size[:, 0] + pixels[:, 0]
+        return self.offsets[view] + pixels[:, 1] * size[:, 0] + pixels[:, 0]
 
-    def view_of(self, index: Tensor) -> Tensor:
+    def view_indices(self, index: Tensor) -> Tensor:
         """Return the number of the training image of each pixel."""
-        return torch.bucketize(index, self.first, right=True) - 1
+        return torch.bucketize(index, self.offsets, right=True) - 1
 
-    def picture(self, number: int) -> np.ndarray:
+    def image(self, number: int) -> np.ndarray:
         """Return a training image as photographed, [H, W, 3] float32 sRGB in [0, 1]."""
-        camera, pixels = self.cameras[number], self.color[self.first[number] : self.first[number + 1]]
+        camera, pixels = self.cameras[number], self.color[self.offsets[number] : self.offsets[number + 1]]
         return pixels.cpu().numpy().reshape(camera.height, camera.width, 3) / np.float32(255)
 
-    def exposed_alike(self, index: Tensor) -> Tensor:
+    def normalized_colors(self, index: Tensor) -> Tensor:
         """Return the sRGB colors [n, 3] of pixels at the mean exposure of all photos."""
-        return self.color[index].float() / 255 / self.gains[self.view_of(index)]
+        return self.color[index].float() / 255 / self.gains[self.view_indices(index)]
 
     def rays(self, index: Tensor) -> Rays:
         """Return the rays through the centers of these pixels."""
-        view = self.view_of(index)
-        pixel = index - self.first[view]
+        view = self.view_indices(index)
+        pixel = index - self.offsets[view]
         u = (pixel % self._widths[view]).float() + 0.5
         v = torch.div(pixel, self._widths[view], rounding_mode="floor").float() + 0.5
         fx, fy, cx, cy = self._intrinsics[view].unbind(1)

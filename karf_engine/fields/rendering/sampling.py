@@ -39,18 +39,18 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
     """
     for axis in range(3):
         # a fine sample is up to half a coarse stride away from the point that selects its block
-        occupied = spread(occupied, axis, BLOCK // 2)
+        occupied = dilate_axis(occupied, axis, BLOCK // 2)
     rest = [-size % BLOCK for size in occupied.shape]
     padded = torch.nn.functional.pad(occupied, (0, rest[2], 0, rest[1], 0, rest[0]))
     blocks = [size // BLOCK for size in padded.shape]
     return padded.view(blocks[0], BLOCK, blocks[1], BLOCK, blocks[2], BLOCK).any(5).any(3).any(1)
 
 
-def spread(occupied: Tensor, axis: int, cells: int) -> Tensor:
+def dilate_axis(occupied: Tensor, axis: int, cells: int) -> Tensor:
     """Dilate occupied cells [X, Y, Z] bool along one axis. Works on bytes: large grids would fill memory as floats.
 
     Example:
-        >>> spread(torch.tensor([[[True, False, False, False]]]), 2, 2)
+        >>> dilate_axis(torch.tensor([[[True, False, False, False]]]), 2, 2)
         tensor([[[ True,  True,  True, False]]])
     """
     wide, size = occupied.clone(), occupied.shape[axis]

@@ -25,7 +25,7 @@ from torch import Tensor
 from ...capture.camera import Camera
 from .rays import Rays, camera_rays
 
-CONTRACTION_KNOTS = 64
+CONTRACTION_VERTICES = 64
 FAR = 1.002  # path parameter of infinity: the last vertex, at 1, is 1000 radii away
 MIN_VIEWS = 1  # one view gives no certain depth, but requiring two would leave holes
 BORDER = 0.02  # margin around an image that counts as visible, share of its sides
@@ -151,7 +151,7 @@ class Contraction:
         closest = ((self.center - rays.origins) * rays.viewdirs).sum(1)
         start = (self.near - closest) / (2 * self.radius)
         start = FAR * start / (1 + start.abs())
-        share = torch.linspace(0, 1, CONTRACTION_KNOTS, device=closest.device)
+        share = torch.linspace(0, 1, CONTRACTION_VERTICES, device=closest.device)
         u = start[:, None] + share * (1 - start)[:, None]
         t = closest[:, None] + 2 * self.radius * u / (FAR - u.abs())
         points = rays.origins[:, None] + t[..., None] * rays.viewdirs[:, None]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 from torch import Tensor
 
-from ...compute.cores import share
+from ...compute.cores import parallel_for
 from ...compute.progress import Progress
 from .rays import Rays
 from .sampling import Samples
@@ -39,7 +39,7 @@ class SurfaceCache:
         """The distance from the first to the last sample of each ray, [n], grid units."""
         return self.distances[:, -1] - self.distances[:, 0]
 
-    def thinned(self, n_samples: int) -> SurfaceCache:
+    def subsample(self, n_samples: int) -> SurfaceCache:
         """Reduce the samples to at most n_samples >= 1 per ray, at the mid-quantiles of fewer shares."""
         n_kept = self.positions.shape[1]
         if n_kept <= n_samples:
@@ -74,18 +74,18 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
             trace = field.trace(chunk, step)
             parts[start] = quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, start)
 
-    share(cache, len(starts))
+    parallel_for(cache, len(starts))
     if progress is not None:
         progress.step(len(rays))
-    return join_caches([parts[start] for start in starts])
+    return concatenate_caches([parts[start] for start in starts])
 
 
-def join_caches(parts: list[SurfaceCache]) -> SurfaceCache:
+def concatenate_caches(parts: list[SurfaceCache]) -> SurfaceCache:
     """Concatenate caches (at least one) with the same K. Their `index` stays as it is.
 
     Example:
         >>> part = SurfaceCache(torch.zeros(2, 3, 3), torch.zeros(2, 3), torch.zeros(2, 3), torch.ones(2), torch.arange(2))
-        >>> len(join_caches([part, part]))
+        >>> len(concatenate_caches([part, part]))
         4
     """
     return SurfaceCache(*[torch.cat([getattr(part, item.name) for part in parts]) for item in fields(SurfaceCache)])

@@ -125,12 +125,12 @@ class Trace:
     final_transmittance: Tensor  # [R] in [0, 1]
 
 
-def trace_of(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
+def make_trace(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
     """Build a trace of `n_rays` rays from samples and their densities [S] >= 0, per grid unit.
 
     Example:
         >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 0.5)
-        >>> trace_of(samples, torch.tensor([1.3863]), 1).final_transmittance
+        >>> make_trace(samples, torch.tensor([1.3863]), 1).final_transmittance
         tensor([0.5000])
     """
     return Trace(

@@ -69,7 +69,7 @@ class Checkpoint:
         self._due = time.monotonic() + INTERVAL
         self._is_writable = True
 
-    def follow(self, fit: Resumable, progress: Progress) -> None:
+    def attach(self, fit: Resumable, progress: Progress) -> None:
         """Resume a fresh fit from the file, if there is one for the same inputs, and save this fit from now on.
 
         A damaged file is deleted with a warning.
@@ -80,7 +80,7 @@ class Checkpoint:
         try:
             self._resume(fit)
         except DataError as error:
-            self.remove()
+            self.delete()
             self._warn(f"Learning begins anew: {error.sentence}")
         if fit.done:
             progress.resume_at(fit.done)
@@ -99,7 +99,7 @@ class Checkpoint:
         fit.resume(state)
         self.notes = notes
 
-    def offer(self) -> None:
+    def save_if_due(self) -> None:
         """Save if the last save is INTERVAL ago."""
         if time.monotonic() >= self._due:
             self.save()
@@ -118,7 +118,7 @@ class Checkpoint:
             self._is_writable = False
         self._due = time.monotonic() + INTERVAL
 
-    def remove(self) -> None:
+    def delete(self) -> None:
         """Delete the file."""
         self._path.unlink(missing_ok=True)
 

@@ -127,7 +127,7 @@ def train(
 def _gradients(training_state: TrainingState, step: Step, iteration: int, parts: int) -> tuple[Tensor, Metrics]:
     """Accumulate this process's gradients over `parts` of its batch; return the mean loss and the last metrics."""
     losses, metrics = [], {}
-    with training_state.process_group.own_numbers(training_state.generator):
+    with training_state.process_group.rank_random(training_state.generator):
         for _ in range(parts):
             loss, metrics = step(iteration, 1 / (parts * training_state.process_group.size))
             share = loss / parts
@@ -144,4 +144,4 @@ def _report(metrics: Metrics, progress: Progress, checkpoint: Checkpoint | None)
             checkpoint.save()
         raise
     if checkpoint is not None:
-        checkpoint.offer()
+        checkpoint.save_if_due()

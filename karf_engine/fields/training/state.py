@@ -39,8 +39,8 @@ class TrainingState:
         """Return all tensors needed to resume."""
         moments = self.optimizer.state_dict()["state"]
         adam = {f"{n}.{name}": value for n, entry in moments.items() for name, value in entry.items()}
-        own = {"random": self.generator.get_state(), "done": number(self.done)}
-        return own | prefixed("learned", self._learned()) | prefixed("adam", adam)
+        own = {"random": self.generator.get_state(), "done": scalar_tensor(self.done)}
+        return own | add_prefix("learned", self._learned()) | add_prefix("adam", adam)
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Resume a state on the CPU in this fresh training.
@@ -50,14 +50,14 @@ class TrainingState:
         Raises:
             DataError: Names, shapes or dtypes differ. Nothing is changed then.
         """
-        moments = self._checked_moments(below("adam", state))
+        moments = self._checked_moments(strip_prefix("adam", state))
         rest = {name: tensor for name, tensor in state.items() if not name.startswith("adam.")}
         current = self.generator.get_state()
         random = rest.get("random", current)
         same_device = random.shape == current.shape
-        expected = {"random": current if same_device else random, "done": number(0)}
-        check_alike(rest, expected | prefixed("learned", self._learned()))
-        done = whole_number(state, "done", self.iterations)
+        expected = {"random": current if same_device else random, "done": scalar_tensor(0)}
+        check_same_layout(rest, expected | add_prefix("learned", self._learned()))
+        done = read_integer(state, "done", self.iterations)
         if same_device:
             try:
                 self.generator.set_state(random)
@@ -72,21 +72,21 @@ class TrainingState:
     def _checked_moments(self, state: dict[str, Tensor]) -> dict[int, dict[str, Tensor]]:
         """Return Adam's moments of each parameter that has received gradients."""
         parameters = [value for group in self.optimizer.param_groups for value in group["params"]]
-        moments = {n: entry for n in range(len(parameters)) if (entry := below(str(n), state))}
+        moments = {n: entry for n in range(len(parameters)) if (entry := strip_prefix(str(n), state))}
         expected = {}
         for n in moments:
             values = {"step": torch.zeros(()), "exp_avg": parameters[n], "exp_avg_sq": parameters[n]}
-            expected |= prefixed(str(n), values)
-        check_alike(state, expected)
+            expected |= add_prefix(str(n), values)
+        check_same_layout(state, expected)
         return moments
 
 
-def number(value: float) -> Tensor:
+def scalar_tensor(value: float) -> Tensor:
     """Return a float64 scalar tensor."""
     return torch.tensor(value, dtype=torch.float64)
 
 
-def whole_number(state: dict[str, Tensor], name: str, most: int) -> int:
+def read_integer(state: dict[str, Tensor], name: str, most: int) -> int:
     """Return an integer of a state.
 
     Raises:
@@ -98,18 +98,18 @@ def whole_number(state: dict[str, Tensor], name: str, most: int) -> int:
     return int(value)
 
 
-def prefixed(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
+def add_prefix(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
     """Add `prefix` and a dot to all names."""
     return {f"{prefix}.{name}": tensor for name, tensor in state.items()}
 
 
-def below(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
+def strip_prefix(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
     """Return the tensors whose names start with `prefix` and a dot, without that start."""
     start = f"{prefix}."
     return {name.removeprefix(start): tensor for name, tensor in state.items() if name.startswith(start)}
 
 
-def check_alike(state: dict[str, Tensor], like: dict[str, Tensor]) -> None:
+def check_same_layout(state: dict[str, Tensor], like: dict[str, Tensor]) -> None:
     """Check that two states have the same names, shapes and dtypes.
 
     Raises:

@@ -18,9 +18,9 @@ from torch.nn.functional import softplus
 
 from ..rendering.rays import Rays
 from ..rendering.sampling import Samples, cell_indices, march
-from ..rendering.space_values import space_from_json, space_to_json
+from ..rendering.space_io import space_from_json, space_to_json
 from ..rendering.spherical_harmonics import spherical_harmonics
-from ..rendering.volume import Trace, outward_normals, trace_of
+from ..rendering.volume import Trace, make_trace, outward_normals
 from .grid import VoxelGrid
 from .tables import WeightedGather, dilate, rescaled_raw
 
@@ -54,7 +54,7 @@ class VoxelField(VoxelGrid):
             return frozen.trace(rays, step_in_voxels)
         samples = self.march(rays, step_in_voxels)
         sigmas = self.density_at(*self.corners(samples.positions, all_occupied=True))
-        return trace_of(samples, sigmas, len(rays))
+        return make_trace(samples, sigmas, len(rays))
 
     def corners(self, positions: Tensor, all_occupied: bool = False) -> tuple[Tensor, Tensor]:
         """Return table rows [n, 8] int32 and trilinear weights [n, 8] at positions [n, 3].
@@ -157,7 +157,7 @@ class VoxelField(VoxelGrid):
 
     @classmethod
     def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> VoxelField:
-        """Restore a field from untrusted config and tensors, inside `checkpoints.restoring`."""
+        """Restore a field from untrusted config and tensors, inside `checkpoints.damage_as_data_error`."""
         # sizes from the tensors, so that a file cannot allocate more memory than it contains
         n_features, width = tensors["feature_table"].shape[1], tensors["color_network.0.weight"].shape[0]
         space = space_from_json(config.get("space", {"kind": "box"}), device)

@@ -20,15 +20,15 @@ from ...compute.runtime import Runtime
 from ...errors import DataError, Diverged
 from ...project.settings import GeometrySettings, Level, OpenSettings
 from ..background import Background
-from ..exposures import photo_gains
+from ..exposures import estimate_photo_gains
 from ..rendering.rays import PixelDataset, Rays
 from ..scene import Scene
 from ..training.checkpoint import Checkpoint
 from ..training.loop import exponential_with_warmup, train
-from ..training.state import TrainingState, below, check_alike, number, prefixed, whole_number
-from .choice import new_renderer
+from ..training.state import TrainingState, add_prefix, check_same_layout, read_integer, scalar_tensor, strip_prefix
 from .field import VoxelField
 from .renderer import PointSupervision, Renderer
+from .renderers import new_renderer
 
 POINT_MARGIN = 2.0  # voxels between an observed point and its surface
 OFF_PATH = 3.0  # voxels between an observed point and its ray, beyond which it is an outlier
@@ -117,14 +117,16 @@ class VoxelFit(Generic[Recipe]):
                 frozen = self.field.requires_grad_(False)  # the next phase trains another field
                 scene = Scene(frozen, self.background, self.background_kind, level.step)
                 if phase.level == COMPARED_AFTER < len(self.recipe.levels) - 1 and self.background_kind == "opaque":
-                    self.dataset.gains.copy_(torch.from_numpy(photo_gains(scene, self.dataset)))
+                    self.dataset.gains.copy_(torch.from_numpy(estimate_photo_gains(scene, self.dataset)))
                 yield scene
 
     def state(self) -> dict[str, Tensor]:
         """Return the tensors to resume from. Requires a fit that has begun."""
         assert self._training_state is not None
         return (
-            self._position() | prefixed("own", self._own_tensors()) | prefixed("course", self._training_state.state())
+            self._position()
+            | add_prefix("own", self._own_tensors())
+            | add_prefix("course", self._training_state.state())
         )
 
     def resume(self, state: dict[str, Tensor]) -> None:
@@ -133,11 +135,11 @@ class VoxelFit(Generic[Recipe]):
         Raises:
             DataError: The state is of another fit; nothing is changed then.
         """
-        saved_state = below("course", state)
+        saved_state = strip_prefix("course", state)
         own = {name: tensor for name, tensor in state.items() if not name.startswith("course.")}
-        check_alike(own, self._position() | prefixed("own", self._own_tensors()))
-        phase_number = whole_number(state, "part", len(self._phases) - 1)
-        field = self._field_like(below("learned.field", saved_state), float(state["voxel"]))
+        check_same_layout(own, self._position() | add_prefix("own", self._own_tensors()))
+        phase_number = read_integer(state, "part", len(self._phases) - 1)
+        field = self._field_like(strip_prefix("learned.field", saved_state), float(state["voxel"]))
         renderer = self._new_renderer(field)
         training_state = self._new_training_state(field, renderer, self._phases[phase_number])
         training_state.resume(saved_state)
@@ -150,9 +152,9 @@ class VoxelFit(Generic[Recipe]):
 
     def _position(self) -> dict[str, Tensor]:
         return {
-            "voxel": number(self.field.voxel),
-            "part": number(self._number),
-            "rays_per_batch": number(self._rays_per_batch),
+            "voxel": scalar_tensor(self.field.voxel),
+            "part": scalar_tensor(self._number),
+            "rays_per_batch": scalar_tensor(self._rays_per_batch),
             "loss_average": self._loss_average.detach().cpu(),
         }
 
@@ -217,7 +219,7 @@ class VoxelFit(Generic[Recipe]):
 
         def learned() -> dict[str, Tensor]:  # refers to no fit: a cycle would outlive it with all its data
             behind = {} if background is None else background.state_dict()
-            return prefixed("field", field.state_dict()) | prefixed("background", behind)
+            return add_prefix("field", field.state_dict()) | add_prefix("background", behind)
 
         return TrainingState(phase.iterations, optimizer, learned, self.runtime)
 

@@ -22,11 +22,11 @@ from torch import Tensor, nn
 from ...compute.runtime import Runtime
 from ...project.settings import GeometrySettings, Level
 from ..background import Background
-from ..extent import box_round_focus, upright_axes
+from ..extent import box_around_focus, upright_axes
 from ..rendering.rays import PixelDataset
 from ..spaces import OPAQUE_REACH
 from ..wide_baseline import PARAMETERS as WIDE_BASELINE
-from ..wide_baseline import could_be_solid, is_wide, turned
+from ..wide_baseline import is_photo_consistent, is_wide_baseline, rotate_about_vertical
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .renderer import RayBatch, RaySums
@@ -90,7 +90,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
     def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
         index = self.dataset.draw(n_rays, self.runtime)
         rays = self.dataset.rays(index)
-        target = self.dataset.exposed_alike(index)
+        target = self.dataset.normalized_colors(index)
         sums = self.renderer.render(RayBatch(rays, level.step, self.runtime.rand(n_rays), number == 0))
         backdrop = None if self.background is None else self.background(rays.viewdirs)
         free = None if number == 0 or backdrop is None else self._free[_direction_bins(rays.viewdirs)]
@@ -133,7 +133,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
     def _elevation_loss(self, upright: Tensor, viewdirs: Tensor, target: Tensor, sums: RaySums) -> Tensor:
         """Return the difference between free rays' colors and the background in other directions of their elevation."""
         assert self.background is not None
-        elsewhere = self.background(turned(viewdirs, upright, self.runtime.rand(len(viewdirs))))
+        elsewhere = self.background(rotate_about_vertical(viewdirs, upright, self.runtime.rand(len(viewdirs))))
         return (sums.final_transmittance.detach() * ((elsewhere - target) ** 2).sum(1)).mean()
 
     def _regularization(self, number: int, sums: RaySums) -> Tensor:
@@ -191,7 +191,7 @@ def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)
     n_seen = torch.zeros(len(points), dtype=torch.long, device=points.device)
     for number, camera in enumerate(dataset.cameras):
-        first, last = int(dataset.first[number]), int(dataset.first[number + 1])
+        first, last = int(dataset.offsets[number]), int(dataset.offsets[number + 1])
         matte = dataset.alpha[first:last].view(1, 1, camera.height, camera.width) > 0
         depth_of_middle = float(torch.linalg.norm(points.mean(0) - torch.from_numpy(camera.position).to(points)))
         radius = max(1, math.ceil(margin * camera.fx / depth_of_middle))
@@ -208,17 +208,17 @@ def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
 
 def start_box_fit(dataset: PixelDataset, background_kind: str, settings: GeometrySettings, runtime: Runtime) -> BoxFit:
     """Create the fit of a new field in a box around the cameras' focus point."""
-    center, half_width = box_round_focus(dataset.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
+    center, half_width = box_around_focus(dataset.cameras, OPAQUE_REACH if background_kind == "opaque" else 0.75)
     n = settings.levels[0].voxels
     if dataset.alpha is not None:
         center, half_width = _matte_box(dataset, center, half_width)
     minimum = (center - half_width).float().to(runtime.device)
     voxel = 2 * half_width / n
     occupied = torch.ones(n, n, n, dtype=torch.bool, device=runtime.device)
-    wide = background_kind == "opaque" and is_wide(dataset.cameras, center)
+    wide = background_kind == "opaque" and is_wide_baseline(dataset.cameras, center)
     if dataset.alpha is not None or wide:
         points = minimum + (torch.nonzero(occupied) + 0.5) * voxel
-        possible = could_be_solid(dataset, points, voxel) if wide else visual_hull(dataset, points, voxel)
+        possible = is_photo_consistent(dataset, points, voxel) if wide else visual_hull(dataset, points, voxel)
         # photos of very different exposures may agree nowhere
         occupied = (~possible if wide and not possible.any() else possible).view(n, n, n)
     field = VoxelField(minimum, voxel, occupied, settings.features)

@@ -66,7 +66,7 @@ class OpenFit(VoxelFit[OpenSettings]):
         field = self.field
         if level.voxels > CARVED:
             return super()._refined(level)
-        return field.refined(level.voxels, lambda cells: ~self._free.holds(field.space.to_world(cells)))
+        return field.refined(level.voxels, lambda cells: ~self._free.contains(field.space.to_world(cells)))
 
     def _set_field(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
         super()._set_field(field, renderer, training_state)
@@ -79,7 +79,7 @@ class OpenFit(VoxelFit[OpenSettings]):
         chosen = runtime.randint(max(1, len(self._observations)), n_observed)
         index[n_rays - n_observed :] = self._observations.index[chosen]
         jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
-        rays, target = dataset.rays(index), dataset.exposed_alike(index)
+        rays, target = dataset.rays(index), dataset.normalized_colors(index)
         sums = self.renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
         # random colors behind everything but the sky, so that rays must end on something
         behind, passing = runtime.rand(n_rays, 3), settings.transparency * sums.final_transmittance
@@ -131,7 +131,7 @@ def start_open_fit(
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
     occupied = torch.ones(shape, dtype=torch.bool, device=runtime.device)
     cells = low + (torch.nonzero(occupied) + 0.5) * voxel
-    occupied = (space.is_seen(cells, dataset.cameras) & ~free.holds(space.to_world(cells))).view(shape)
+    occupied = (space.is_seen(cells, dataset.cameras) & ~free.contains(space.to_world(cells))).view(shape)
     field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
     return OpenFit(dataset, settings, runtime, field, observations, free, horizon)
 

@@ -25,7 +25,7 @@ class Observations:
         return len(self.index)
 
 
-def observations_of(dataset: PixelDataset, space: Space, points: SparsePoints | None) -> Observations:
+def find_observations(dataset: PixelDataset, space: Space, points: SparsePoints | None) -> Observations:
     """Return all observations of reliable sparse points by the dataset's pixels."""
     index, positions = [torch.zeros(0, dtype=torch.long)], [torch.zeros(0, 3)]
     if points is not None and len(points):
@@ -36,7 +36,7 @@ def observations_of(dataset: PixelDataset, space: Space, points: SparsePoints | 
             pixels, depth = camera.project(world)
             cells = np.floor(pixels).astype(int)
             inside = (depth > 0) & ((cells >= 0) & (cells < (camera.width, camera.height))).all(1)
-            index.append(int(dataset.first[number]) + torch.from_numpy(cells[inside] @ (1, camera.width)))
+            index.append(int(dataset.offsets[number]) + torch.from_numpy(cells[inside] @ (1, camera.width)))
             positions.append(torch.from_numpy(world[inside]).float())
     device = dataset.color.device
     return Observations(torch.cat(index).to(device), space.to_grid(torch.cat(positions).to(device)))

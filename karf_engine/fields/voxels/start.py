@@ -8,14 +8,14 @@ from typing import cast
 from ...project.settings import Level
 from ..fit import FitInputs
 from ..free_space import FreeSpace
-from ..horizon import horizon_of
+from ..horizon import estimate_horizon
 from ..rendering.space import OpenSpace
-from ..rendering.space_values import space_on
-from ..spaces import contraction_round_focus, middle_frustum
+from ..rendering.space_io import space_to_device
+from ..spaces import contraction_around_focus, mean_frustum
 from .fit import VoxelFit
 from .fit_box import start_box_fit
 from .fit_open import start_open_fit
-from .observations import observations_of
+from .observations import find_observations
 
 
 def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
@@ -29,16 +29,16 @@ def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
         return start_box_fit(dataset, inputs.background_kind, settings, runtime)
     recipe, horizon = settings.open, None
     if inputs.space == "frustum":
-        space = middle_frustum(inputs.views, inputs.points)
+        space = mean_frustum(inputs.views, inputs.points)
         levels = tuple(_finer(level, recipe.frustum_detail) for level in recipe.levels)
         smoothness = recipe.frustum_smoothness * recipe.total_variation
         recipe = replace(recipe, levels=levels, total_variation=smoothness)
     else:
-        space = contraction_round_focus(dataset.cameras, recipe)
-        horizon = horizon_of(dataset.cameras, inputs.points, space.center, space.radius).to(runtime.device)
-    space = cast(OpenSpace, space_on(space, runtime.device))
-    observations = observations_of(dataset, space, inputs.points)
-    free = FreeSpace.of(inputs.views, inputs.points, runtime.device)
+        space = contraction_around_focus(dataset.cameras, recipe)
+        horizon = estimate_horizon(dataset.cameras, inputs.points, space.center, space.radius).to(runtime.device)
+    space = cast(OpenSpace, space_to_device(space, runtime.device))
+    observations = find_observations(dataset, space, inputs.points)
+    free = FreeSpace.from_views(inputs.views, inputs.points, runtime.device)
     return start_open_fit(dataset, space, recipe, settings.features, observations, free, horizon, runtime)
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
-from ..rendering.sampling import spread
+from ..rendering.sampling import dilate_axis
 
 
 class WeightedGather(torch.autograd.Function):
@@ -46,5 +46,5 @@ def rescaled_raw(raw: Tensor, ratio: float, bias: float) -> Tensor:
 def dilate(occupied: Tensor) -> Tensor:
     """Dilate occupied cells [X, Y, Z] bool by one cell, diagonals included."""
     for axis in range(3):
-        occupied = spread(occupied, axis, 1)
+        occupied = dilate_axis(occupied, axis, 1)
     return occupied

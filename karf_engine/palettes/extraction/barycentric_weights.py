@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ..star import Hull, Star, star_of, to_hull, weights_in
+from ..star import Hull, Star, star_of, star_weights_in, to_hull
 
 
 def _star(palette: np.ndarray) -> Star | None:
@@ -34,7 +34,7 @@ def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
         >>> star_weights(np.array([[0.5, 0.25, 0.0]]), np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]])).tolist()
         [[0.25, 0.5, 0.25]]
     """
-    return weights_in(_star(palette), colors, len(palette))
+    return star_weights_in(_star(palette), colors, len(palette))
 
 
 def palette_weights_of_image(image: np.ndarray, palette: np.ndarray) -> np.ndarray:

@@ -18,17 +18,17 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...io.color import srgb_to_lab
-from .fitting import bounds, match_pixels, match_seen, moved
+from .fitting import bounds, match_perceptually, match_pixels, moved
 from .paints import angles, is_black, paints_of, pigment_gate, reflection_target, repainted
 
 OTHER_PAINT = 0.2  # angle in linear light, radians, between different paints; sun and open shade are 0.12 apart
 AFFECTED = 0.1  # least gate of a paint that would change too
 NEAR = 5.0  # Lab distance of similar colors of one paint
-# weight of the picked colors relative to the whole object, for `match_seen` and `match_pixels`
+# weight of the picked colors relative to the whole object, for `match_perceptually` and `match_pixels`
 EMPHASIS, EMPHASIS_OF_SQUARES = 1.0, 10.0
 
 
-def with_held(
+def add_fixed_paints(
     colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return sources and targets [P, 3] of one changing paint and of the held ones, which keep their color.
@@ -41,18 +41,18 @@ def with_held(
 
         >>> red, blue, teal = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.6])
         >>> colors = np.stack([red, red / 2, teal])
-        >>> with_held(colors, red, blue, [teal, red / 2, blue])[0].tolist()
+        >>> add_fixed_paints(colors, red, blue, [teal, red / 2, blue])[0].tolist()
         [[0.8, 0.1, 0.1], [0.1, 0.6, 0.6]]
     """
     kept = [
         each
         for each in held
-        if near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER_PAINT
+        if is_near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER_PAINT
     ]
     return np.stack([source, *kept]), np.stack([target, *kept])
 
 
-def with_unasked(
+def add_preserved_paints(
     colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Append a preserving pair for each paint of the object that the gate of a source would affect.
@@ -64,7 +64,7 @@ def with_unasked(
         Half of a violet bowl is bluer; only the first half should turn green:
 
         >>> violet, bluer, green = np.array([0.5, 0.3, 0.5]), np.array([0.3, 0.3, 0.6]), np.array([0.1, 0.5, 0.2])
-        >>> sources, targets = with_unasked(np.stack([violet, bluer]), np.ones(2), violet, green)
+        >>> sources, targets = add_preserved_paints(np.stack([violet, bluer]), np.ones(2), violet, green)
         >>> sources.tolist(), targets.tolist()
         ([[0.5, 0.3, 0.5], [0.3, 0.3, 0.6]], [[0.1, 0.5, 0.2], [0.3, 0.3, 0.6]])
     """
@@ -107,10 +107,10 @@ def match_becomes(
         [[0.  0.  0. ]
          [0.1 0.2 0.7]]
     """
-    source, target = with_unasked(colors, counts, source, target, is_metal)
+    source, target = add_preserved_paints(colors, counts, source, target, is_metal)
     targets = reflection_target(colors, source, target, is_metal)
     weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, EMPHASIS)
-    return match_seen(weights, colors, targets, palette, counts, locked)
+    return match_perceptually(weights, colors, targets, palette, counts, locked)
 
 
 def match_dragged(
@@ -250,11 +250,11 @@ def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.n
     return palette_weights[int(distance.argmin())]
 
 
-def near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
+def is_near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
     """Return which colors, sRGB [n, 3], are within 5 of a color [3] in Lab; with `or_nearest`, at least the nearest.
 
     Examples:
-        >>> near(np.array([[0.5, 0.5, 0.5], [0.52, 0.5, 0.5], [0.9, 0.5, 0.5]]), np.array([0.51, 0.5, 0.5])).tolist()
+        >>> is_near(np.array([[0.5, 0.5, 0.5], [0.52, 0.5, 0.5], [0.9, 0.5, 0.5]]), np.array([0.51, 0.5, 0.5])).tolist()
         [True, True, False]
     """
     distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
@@ -262,15 +262,15 @@ def near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.n
 
 
 def mean_weights(colors: np.ndarray, counts: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Return the mean palette weights [M] of the colors `near` a color, sRGB [3].
+    """Return the mean palette weights [M] of the colors `is_near` a color, sRGB [3].
 
     Examples:
         >>> colors = np.array([[1.0, 0, 0], [0.99, 0, 0], [0, 0, 1.0]])
         >>> mean_weights(colors, np.array([3, 1, 9]), np.eye(3), np.array([1.0, 0, 0])).tolist()
         [0.75, 0.25, 0.0]
     """
-    is_near = near(colors, color)
-    return np.average(palette_weights[is_near], axis=0, weights=np.maximum(counts[is_near], 1e-9))
+    nearby = is_near(colors, color)
+    return np.average(palette_weights[nearby], axis=0, weights=np.maximum(counts[nearby], 1e-9))
 
 
 def _scale_to(

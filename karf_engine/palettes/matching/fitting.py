@@ -16,7 +16,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ...io.color import ciede2000, srgb_to_lab
-from ..palette import BRIGHTEST
+from ..palette import MAX_SRGB
 from .least_squares import bounded_least_squares
 
 INVISIBLE = 1e-4  # change of a swatch, 1/40 of an 8-bit step
@@ -44,12 +44,12 @@ def match_pixels(
         >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
         [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
-    lower, upper = bounds(palette, locked, BRIGHTEST)
+    lower, upper = bounds(palette, locked, MAX_SRGB)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
     return moved(palette, change)
 
 
-def match_seen(
+def match_perceptually(
     palette_weights: np.ndarray,
     colors: np.ndarray,
     targets: np.ndarray,
@@ -69,10 +69,10 @@ def match_seen(
         >>> colors, targets = weights @ palette, np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.2, 0.2, 0.8]])
         >>> print(match_pixels(weights, colors, targets, palette)[1].round(2))
         [0.4 0.4 0.6]
-        >>> print(match_seen(weights, colors, targets, palette, np.ones(3))[1].round(2))
+        >>> print(match_perceptually(weights, colors, targets, palette, np.ones(3))[1].round(2))
         [0.5 0.5 0.5]
     """
-    lower, upper = bounds(palette, locked, BRIGHTEST)
+    lower, upper = bounds(palette, locked, MAX_SRGB)
     target_lab, wanted = srgb_to_lab(np.clip(targets, 0, 1)), np.subtract(targets, colors)
     weight = np.ones(len(colors))
     for _ in range(ROUNDS):
@@ -109,4 +109,4 @@ def moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
     """
     palette = np.asarray(palette, np.float32)
     is_invisible = np.abs(change).max(axis=1, keepdims=True) < INVISIBLE
-    return np.where(is_invisible, palette, np.clip(palette + change, 0, BRIGHTEST)).astype(np.float32)
+    return np.where(is_invisible, palette, np.clip(palette + change, 0, MAX_SRGB)).astype(np.float32)

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import BadRequest
 from ...io.color import ciede2000, srgb_to_lab
 from ..compositing import hard_masks
-from ..palette import BRIGHTEST, Palette
+from ..palette import MAX_SRGB, Palette
 from .fitting import bounds, moved
 from .least_squares import bounded_least_squares
 
@@ -42,7 +42,7 @@ class ObjectMatch:
     name: str
     colors: np.ndarray
     before: float
-    left: float
+    after: float
     painted: float
 
     @property
@@ -144,7 +144,7 @@ def _fit(
     The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
     no palette can explain, such as a stray brush stroke. At least one pixel is painted.
     """
-    lower, upper = bounds(palette, locked, BRIGHTEST)
+    lower, upper = bounds(palette, locked, MAX_SRGB)
     counts = np.where(painted, 1.0, UNPAINTED * painted.sum() / max(1, (~painted).sum()))
     unclipped = painted & (aim > 0).all(axis=1) & (aim < 1).all(axis=1)
     confidence, reached = (unclipped if unclipped.any() else painted).astype(np.float64), shown

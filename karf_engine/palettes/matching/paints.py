@@ -29,7 +29,7 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
     """Return the colors after the paints of color `source` have changed to color `target`.
 
     By the dichromatic model of Shafer (1985), "Using color to separate reflection components", linear light is
-    c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`split_light`). The result is
+    c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`separate_dichromatic`). The result is
     c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other pigments. k, per
     channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
 
@@ -77,7 +77,7 @@ def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.
         [[0.5, 0.5, 0.7]]
     """
     light, sources, targets = _linear(colors, source, target)
-    shading, _ = split_light(light, sources, GLOSS_COST_OF_SEVERAL)
+    shading, _ = separate_dichromatic(light, sources, GLOSS_COST_OF_SEVERAL)
     return _shown(light + shading @ (targets - sources))
 
 
@@ -95,7 +95,7 @@ def _shown(light: np.ndarray) -> np.ndarray:
 
 def _change_of_paints(light: np.ndarray, sources: np.ndarray, targets: np.ndarray, gate: np.ndarray) -> np.ndarray:
     """Return the change of linear light [n, 3] with that of its paints [P, 3]; gate [n, 1]."""
-    shading, gloss = split_light(light, sources, GLOSS_COST if len(sources) == 1 else GLOSS_COST_OF_SEVERAL)
+    shading, gloss = separate_dichromatic(light, sources, GLOSS_COST if len(sources) == 1 else GLOSS_COST_OF_SEVERAL)
     paint = shading @ sources
     damping = paint.mean(axis=1, keepdims=True) + FAINT  # in dark channels the tint is noise
     tint = (np.maximum(light - gloss[:, None], 0) + damping) / (paint + damping)
@@ -168,7 +168,7 @@ def is_black(color: np.ndarray) -> bool:
     return bool(light @ light < 1e-6)
 
 
-def split_light(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tuple[np.ndarray, np.ndarray]:
+def separate_dichromatic(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tuple[np.ndarray, np.ndarray]:
     """Decompose light into sum_p a_p r_p + s (1, 1, 1) + rest with a, s >= 0, by least squares plus gloss_cost s^2.
 
     The cost attributes light to paint rather than gloss where the paint is pale.
@@ -182,7 +182,7 @@ def split_light(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tup
         Shadings a [n, P] and gloss s [n]; at most three of them per color are not 0.
 
     Examples:
-        >>> shading, gloss = split_light(np.array([[0.5, 0, 0], [1.1, 0.1, 0.1]]), np.array([[1.0, 0, 0]]), 0.1)
+        >>> shading, gloss = separate_dichromatic(np.array([[0.5, 0, 0], [1.1, 0.1, 0.1]]), np.array([[1.0, 0, 0]]), 0.1)
         >>> print(shading.round(1).tolist(), gloss.round(1).tolist())
         [[0.5], [1.0]] [0.0, 0.1]
     """

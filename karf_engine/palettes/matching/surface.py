@@ -18,10 +18,10 @@ from ...io.arguments import check_fields, check_number
 from ...io.color import linear_to_srgb, srgb_to_linear
 from ..extraction.cells import weighted_quantile
 from .fitting import match_pixels
-from .paints import pigment_gate, smooth_step, split_light
+from .paints import pigment_gate, separate_dichromatic, smooth_step
 
-MOST_FACTOR = 4.0  # highest saturation and gloss
-MOST_BRIGHTNESS = 2.0
+MAX_FACTOR = 4.0  # highest saturation and gloss
+MAX_BRIGHTNESS = 2.0
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB, Rec. 709
 LIT = 0.98  # quantile of the shading of lit parts
 CLIPPED = 0.9  # least sRGB value of a highlight that may be clipped in the photo
@@ -54,8 +54,8 @@ class Surface:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("saturation", "gloss"):
-            check_number(name, getattr(self, name), 0.0, MOST_FACTOR)
-        check_number("brightness", self.brightness, -MOST_BRIGHTNESS, MOST_BRIGHTNESS)
+            check_number(name, getattr(self, name), 0.0, MAX_FACTOR)
+        check_number("brightness", self.brightness, -MAX_BRIGHTNESS, MAX_BRIGHTNESS)
 
     @property
     def is_identity(self) -> bool:
@@ -124,7 +124,7 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
     if weights.sum() <= FAINT:
         return colors
     paint = _paint(light, weights)
-    shadings, gloss = split_light(light, paint[None], GLOSS_COST)
+    shadings, gloss = separate_dichromatic(light, paint[None], GLOSS_COST)
     shading = shadings[:, 0]
     change = (_bent(shading, 1 / paint.max(), surface.brightness) - shading)[:, None] * paint
     change += (surface.gloss - 1) * _gloss_color(light, paint, shading, gloss, counts)

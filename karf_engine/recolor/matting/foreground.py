@@ -7,7 +7,7 @@ import numpy as np
 
 from ...io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from .matte import NEGLIGIBLE, NO_COLORS, NO_PIXELS, Matte, cropped
-from .tiles import Tile, enlarged, tiles
+from .tiles import Tile, tiles, upsample_tile
 
 WINDOWS = (1.5, 4.0, 12.0)  # pixels: standard deviations of the windows searched for pure colors, in this order
 MIN_PURE = 1e-3  # share of a window
@@ -16,13 +16,13 @@ TILE, MARGIN = 1024, 32
 LINEAR = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 
 
-def unmixed(photo: np.ndarray, coverage: np.ndarray) -> list[Matte]:
+def unmix(photo: np.ndarray, coverage: np.ndarray) -> list[Matte]:
     """Make mattes of K objects in a photo, uint8 [H, W, 3], from coverage [K, h, w] of its size or a smaller one."""
     n_objects, (height, width) = len(coverage), photo.shape[:2]
     result = np.zeros((n_objects, height, width), np.float16)
     mixed, colors = [[NO_PIXELS] for _ in range(n_objects)], [[NO_COLORS] for _ in range(n_objects)]
     for tile in tiles((height, width), TILE, MARGIN):
-        covered = enlarged(coverage, (height, width), tile)
+        covered = upsample_tile(coverage, (height, width), tile)
         if covered.max(initial=0) <= NEGLIGIBLE:
             continue
         result[(slice(None), *tile.place)] = covered[(slice(None), *tile.inner)]

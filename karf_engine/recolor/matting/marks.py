@@ -35,7 +35,7 @@ class Marks:
     thin: tuple[bool, ...]
 
 
-def marks_of(folder: Path, objects: Sequence[str], view: View) -> Marks:
+def read_marks(folder: Path, objects: Sequence[str], view: View) -> Marks:
     """Read a project's rough masks for a view, with its lens distortion.
 
     Args:
@@ -54,7 +54,7 @@ def marks_of(folder: Path, objects: Sequence[str], view: View) -> Marks:
     return Marks(marks, thin)
 
 
-def straightened(marks: Marks, camera: Camera) -> Marks:
+def undistort_marks(marks: Marks, camera: Camera) -> Marks:
     """Undistort the marks of a camera's photo."""
     if marks.drawn is None or camera.is_pinhole:
         return marks

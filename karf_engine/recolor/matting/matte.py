@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...palettes.edge_shape import box_of
+from ...palettes.edge_shape import bounding_box
 
 NEGLIGIBLE = 1 / 512  # coverage that cannot change an 8-bit pixel
 NO_PIXELS, NO_COLORS = np.zeros(0, np.int64), np.zeros((0, 3), np.uint8)
@@ -82,7 +82,7 @@ def cropped(
     coverage: np.ndarray, dtype: type[np.floating], mixed: np.ndarray = NO_PIXELS, colors: np.ndarray = NO_COLORS
 ) -> Matte:
     """Crop the coverage [H, W] of a whole photo to a matte. mixed: flat indices [n] in the photo; colors: [n, 3]."""
-    box = box_of(coverage > NEGLIGIBLE)
+    box = bounding_box(coverage > NEGLIGIBLE)
     if box is None:
         return Matte((0, 0), (0, 0), np.zeros((0, 0), dtype), NO_PIXELS, NO_COLORS)
     rows, columns = box

@@ -13,17 +13,17 @@ import cv2
 import numpy as np
 
 from ...palettes.compositing import hard_masks
-from ...segmentation.random_walk import links_of, random_walk
+from ...segmentation.random_walk import neighbor_links, random_walk
 from .closed_form import closed_form_matting
 from .color_models import ColorModels, fit_color_models, posterior
 from .distances import distance_to
-from .foreground import LINEAR, unmixed
+from .foreground import LINEAR, unmix
 from .lost_parts import difference_nearby, lost_parts
 from .marks import Marks
 from .matte import Matte
 from .sharpness import sharp_size
-from .strays import without_strays
-from .tiles import enlarged, tiles
+from .small_components import remove_small_components
+from .tiles import tiles, upsample_tile
 
 TILE, MARGIN = 512, 16  # pixels
 
@@ -67,9 +67,9 @@ def refine_mattes(
         seed: For the pixels that color models are fitted to.
     """
     marks = marks or Marks(None, (False,) * len(probabilities))
-    probabilities = without_strays(probabilities)
+    probabilities = remove_small_components(probabilities)
     if not hard_masks(probabilities).any():
-        return unmixed(photo, np.zeros_like(probabilities))
+        return unmix(photo, np.zeros_like(probabilities))
     start = probabilities.shape[1], probabilities.shape[2]
     field = lab_of(rendered)
     classes, models = decide(lab_of(_resized(photo, start)), probabilities, field, np.random.default_rng(seed))
@@ -86,7 +86,7 @@ def refine_mattes(
     for own, probability, is_disputed in zip(coverage, probabilities, disputed, strict=True):
         if is_disputed:
             own[:] = cv2.resize(probability, own.shape[::-1], interpolation=cv2.INTER_LINEAR)
-    mattes = unmixed(photo, coverage)
+    mattes = unmix(photo, coverage)
     return [replace(matte, disputed=is_disputed) for matte, is_disputed in zip(mattes, disputed, strict=True)]
 
 
@@ -139,7 +139,7 @@ def decide(
     labels[:, free] = posterior(models, lab[free], places, of_field[:, free])
     resolved = (classes.max(0)[free] > DECIDED) & (difference_nearby(lab, rendered, free, 1) < RESOLVED_DIFFERENCE)
     weights = np.where(resolved, RESOLVED_PRIOR_WEIGHT, PRIOR_WEIGHT)
-    labels[:, free] = random_walk(links_of(lab), labels, free, weights)
+    labels[:, free] = random_walk(neighbor_links(lab), labels, free, weights)
     return labels, models
 
 
@@ -148,14 +148,14 @@ def sharpen(photo: np.ndarray, classes: np.ndarray, models: ColorModels) -> np.n
     size = photo.shape[:2]
     result = np.empty((len(classes), *size), np.float16)
     for tile in tiles(size, TILE, MARGIN):
-        labels = enlarged(classes, size, tile)
+        labels = upsample_tile(classes, size, tile)
         free = _near_border(labels)
         if free.any():
             lab = lab_of(photo[tile.outer])
             places = (np.argwhere(free) + [tile.rows.start + 0.5, tile.columns.start + 0.5]) / size
             priors = np.maximum(labels, MIN_CARRIED * _present(labels))[:, free]
             labels[:, free] = posterior(models, lab[free], places, priors)
-            labels[:, free] = random_walk(links_of(lab), labels, free, PRIOR_WEIGHT)
+            labels[:, free] = random_walk(neighbor_links(lab), labels, free, PRIOR_WEIGHT)
         result[(slice(None), *tile.place)] = labels[(slice(None), *tile.inner)]
     return result
 

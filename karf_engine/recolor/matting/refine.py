@@ -10,7 +10,7 @@ from .matte import NEGLIGIBLE, Matte, cropped
 from .photo_mattes import refine_mattes
 
 
-def mattes_of(
+def make_mattes(
     edges: str,
     photo: np.ndarray,
     probabilities: np.ndarray,
@@ -29,7 +29,7 @@ def mattes_of(
         seed: For the pixels that color models are fitted to.
 
     Example:
-        >>> mattes = mattes_of("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.zeros((1, 2, 3)))
+        >>> mattes = make_mattes("field", np.zeros((2, 4, 3), np.uint8), np.array([[[0.0, 1.0]]]), np.zeros((1, 2, 3)))
         >>> mattes[0].columns, mattes[0].coverage.tolist()
         ((1, 4), [[0.25, 0.75, 1.0], [0.25, 0.75, 1.0]])
     """

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...palettes.edge_shape import EdgeShape, grown_box, shaped, shaped_edges
+from ...palettes.edge_shape import EdgeShape, active_edges, apply_edge_shape, dilate_bbox
 from .matte import Matte
 
 
-def shaped_mattes(
+def shape_mattes(
     mattes: Sequence[Matte], objects: Sequence[str], edges: Mapping[str, EdgeShape], photo: np.ndarray, scale: float
 ) -> list[Matte]:
     """Move and fade the edges of mattes. No edge spreads into another object.
@@ -25,7 +25,7 @@ def shaped_mattes(
         photo: uint8 [H, W, 3].
         scale: Size of this photo relative to its full size.
     """
-    edges = shaped_edges(edges)
+    edges = active_edges(edges)
     return [
         _shaped(matte, mattes, edges[name], photo, scale) if name in edges and matte.coverage.size else matte
         for name, matte in zip(objects, mattes, strict=True)
@@ -34,11 +34,11 @@ def shaped_mattes(
 
 def _shaped(matte: Matte, mattes: Sequence[Matte], shape: EdgeShape, photo: np.ndarray, scale: float) -> Matte:
     box = slice(*matte.rows), slice(*matte.columns)
-    place = grown_box(box, shape.reach(scale), (photo.shape[0], photo.shape[1]))
+    place = dilate_bbox(box, shape.reach(scale), (photo.shape[0], photo.shape[1]))
     assert place is not None
     before = _coverage_in(matte, place)
     others = sum((_coverage_in(other, place) for other in mattes if other is not matte), np.zeros_like(before))
-    after = shaped(before, shape, scale, room=1 - others)
+    after = apply_edge_shape(before, shape, scale, room=1 - others)
     rows, columns = ((each.start, each.stop) for each in place)
     # flat indices of the mixed pixels in the new box
     row, column = np.divmod(matte.mixed, matte.columns[1] - matte.columns[0])

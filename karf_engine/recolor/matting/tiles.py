@@ -51,12 +51,12 @@ def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
         yield Tile(rows, columns, inner, (slice(top, bottom), slice(left, right)))
 
 
-def enlarged(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarray:
+def upsample_tile(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarray:
     """Enlarge planes [C, h, w] bilinearly to a size (rows, columns), in one tile: float32 [C, rows, columns].
 
     Examples:
         >>> tile = next(tiles((2, 4), side=4, margin=0))
-        >>> enlarged(np.array([[[0.0, 1.0]]]), (2, 4), tile)[0, 0].tolist()
+        >>> upsample_tile(np.array([[[0.0, 1.0]]]), (2, 4), tile)[0, 0].tolist()
         [0.0, 0.25, 0.75, 1.0]
     """
     down, across = planes.shape[1] / size[0], planes.shape[2] / size[1]

@@ -12,22 +12,22 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.camera import Camera, wrong_size
+from ...capture.camera import Camera, wrong_size_error
 from ...io.color import srgb_to_linear, to_bytes
 from ...io.color_spaces import ColorSpace
 from ...io.image_size import ImageHeader, find_header
 from ...io.images import (
-    BACK,
+    INVERSE_EXIF_ORIENTATION,
+    alpha_composite,
+    apply_exif_orientation_copy,
+    convert_to_srgb,
     decoding,
     display_colors,
-    full_value,
-    in_srgb,
-    oriented,
-    over,
     read_light,
     read_pixels,
     resize,
-    straight,
+    unpremultiply,
+    white_level,
 )
 
 WHOLE = slice(None)
@@ -71,7 +71,7 @@ class StoredPhoto:
     @cached_property
     def is_opaque(self) -> bool:
         """True if alpha is 1 everywhere."""
-        return self.pixels.shape[-1] < 4 or bool((self.pixels[..., 3] >= full_value(self.pixels)).all())
+        return self.pixels.shape[-1] < 4 or bool((self.pixels[..., 3] >= white_level(self.pixels)).all())
 
     def orientation_for(self, camera: Camera) -> int:
         """Return the Exif orientation from the stored grid to the camera's. Raises DataError for a camera of another size."""
@@ -81,30 +81,30 @@ class StoredPhoto:
             return self.header.orientation
         if known == self.size:
             return 1
-        raise wrong_size(self.path, width, height, camera)
+        raise wrong_size_error(self.path, width, height, camera)
 
     def colors(self, rows: slice | np.ndarray = WHOLE, columns: slice | np.ndarray = WHOLE) -> np.ndarray:
         """Return straight sRGB colors, float32 [h, w, 3] in [0, 1]."""
         stored = self.pixels[rows, columns]
         if self.is_light:
             return display_colors(stored.astype(np.float32), self.space)[..., :3]
-        values = np.clip(stored.astype(np.float32) / full_value(stored), 0, 1)
-        colors = straight(values) if self.is_premultiplied else values[..., :3]
-        return colors if self.space is None else in_srgb(colors, self.space)
+        values = np.clip(stored.astype(np.float32) / white_level(stored), 0, 1)
+        colors = unpremultiply(values) if self.is_premultiplied else values[..., :3]
+        return colors if self.space is None else convert_to_srgb(colors, self.space)
 
     def alpha(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray | None:
         """Return alpha, float32 [h, w] in [0, 1]; None if the whole photo is opaque."""
         if self.is_opaque:
             return None
         stored = self.pixels[rows, columns, 3]
-        return np.clip(stored.astype(np.float32) / full_value(stored), 0, 1)
+        return np.clip(stored.astype(np.float32) / white_level(stored), 0, 1)
 
-    def shown(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
+    def over_white(self, rows: slice = WHOLE, columns: slice = WHOLE) -> np.ndarray:
         """Return colors over white: uint8 sRGB [h, w, 3]."""
         stored = self.pixels[rows, columns]
         if stored.dtype == np.uint8 and self.is_opaque and self.space is None:
             return stored[..., :3]
-        return to_bytes(over(self.colors(rows, columns), self.alpha(rows, columns)))
+        return to_bytes(alpha_composite(self.colors(rows, columns), self.alpha(rows, columns)))
 
     def copy(self) -> StoredPhoto:
         """Return a copy with its own pixels, gray ones expanded to RGB."""
@@ -120,9 +120,9 @@ class StoredPhoto:
         stored = self.pixels[rows, columns]
         before = self.colors(rows, columns)[touched]
         after = np.clip(before + change[touched], 0, 1)
-        difference = (self._stored_colors(after) - self._stored_colors(before)) * full_value(stored)
+        difference = (self._stored_colors(after) - self._stored_colors(before)) * white_level(stored)
         if self.is_premultiplied:
-            difference = difference * np.clip(stored[touched][:, 3:].astype(np.float32) / full_value(stored), 0, 1)
+            difference = difference * np.clip(stored[touched][:, 3:].astype(np.float32) / white_level(stored), 0, 1)
         stored[..., :3][touched] = _sum(stored[..., :3][touched], difference)
 
     def _stored_colors(self, colors: np.ndarray) -> np.ndarray:
@@ -138,11 +138,11 @@ class StoredPhoto:
             return self
         width, height = (max(1, round(side * factor)) for side in self.size)
         values = np.nan_to_num(self.pixels.astype(np.float32))
-        alpha = values[..., 3:] / full_value(self.pixels) if not (self.is_opaque or self.is_premultiplied) else 1.0
+        alpha = values[..., 3:] / white_level(self.pixels) if not (self.is_opaque or self.is_premultiplied) else 1.0
         values[..., :3] *= alpha  # hidden colors of transparent pixels must not count
         small = resize(values, width, height)
         if not (self.is_opaque or self.is_premultiplied):
-            small[..., :3] = full_value(self.pixels) * straight(small / full_value(self.pixels))
+            small[..., :3] = white_level(self.pixels) * unpremultiply(small / white_level(self.pixels))
         whole = np.rint(small) if self.pixels.dtype.kind == "u" else small
         return replace(self, pixels=whole.astype(self.pixels.dtype))
 
@@ -175,7 +175,7 @@ def open_photo(path: Path, space: ColorSpace | None = None) -> StoredPhoto:
 
 def from_camera(grid: np.ndarray, orientation: int) -> np.ndarray:
     """Turn a picture [H, W, ..] from the camera's grid to the stored grid; see `StoredPhoto.orientation_for`."""
-    return oriented(grid, BACK.get(orientation, orientation))
+    return apply_exif_orientation_copy(grid, INVERSE_EXIF_ORIENTATION.get(orientation, orientation))
 
 
 def _sum(stored: np.ndarray, difference: np.ndarray) -> np.ndarray:

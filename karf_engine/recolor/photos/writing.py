@@ -21,7 +21,7 @@ from PIL import Image, JpegImagePlugin, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from ...io.files import atomic_write
-from ...io.images import encoded, paste
+from ...io.images import encode_image, paste
 from ...io.library_paths import library_path, save_exr
 from .stored import StoredPhoto
 
@@ -71,7 +71,7 @@ def write_mask(path: Path, mask: np.ndarray, orientation: int) -> None:
 
 # --- PNG
 def _write_png(path: Path, photo: StoredPhoto) -> None:
-    coded = encoded(".png", photo.pixels, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])
+    coded = encode_image(".png", photo.pixels, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])
     header_end = len(PNG_SIGNATURE) + 25  # the IHDR chunk is first and 25 bytes long
     with path.open("wb") as file:
         file.write(coded[:header_end])
@@ -134,7 +134,7 @@ def _write_jpeg(path: Path, photo: StoredPhoto) -> None:
 
 # --- TIFF
 def _write_tiff(path: Path, photo: StoredPhoto) -> None:
-    content = encoded(".tif", photo.pixels)
+    content = encode_image(".tif", photo.pixels)
     coded, metadata = _directory(io.BytesIO(content)), _tiff_metadata(photo)
     directory = ImageFileDirectory_v2()
     for tag in TIFF_LAYOUT:

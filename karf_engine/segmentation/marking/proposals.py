@@ -12,8 +12,8 @@ import numpy as np
 
 from .grabcut import NOT, PERHAPS, PERHAPS_NOT, fit_colors
 from .prompts import Prompts
-from .regions import CLICK_RADIUS, meant_region
-from .working import WorkingPhoto, working_photo
+from .regions import CLICK_RADIUS, region_of_click
+from .working_photo import WorkingPhoto, working_photo
 
 FRAME_ITERATIONS, CLICK_ITERATIONS = 3, 1  # of GrabCut
 REFINED_WIDTH = 15  # pixels: the border is refined in a square of this side around each changed pixel
@@ -73,7 +73,7 @@ class Marker:
             clicked[photo.disk(x, y, CLICK_RADIUS)] = is_object
         if not mask.any() and not click[2]:
             return mask
-        region = meant_region(photo, mask, clicked, click)
+        region = region_of_click(photo, mask, clicked, click)
         changed = np.where(region, click[2], mask)
         trimap = np.where(clicked >= 0, clicked, np.where(changed, PERHAPS, PERHAPS_NOT)).astype(np.uint8)
         near = cv2.dilate(region.astype(np.uint8), np.ones((REFINED_WIDTH, REFINED_WIDTH))) > 0

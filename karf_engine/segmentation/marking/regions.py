@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ..random_walk import Link, random_walk
-from .working import WorkingPhoto
+from .working_photo import WorkingPhoto
 
 # tuned together on three captures
 CLICK_RADIUS = 2  # pixels
@@ -27,7 +27,7 @@ MAX_ADDED, MAX_REMOVED = 3.0, 0.5  # by one click, relative to the mask
 ALWAYS_ADDED = 0.25  # relative to the picture: allowed however small the mask is
 
 
-def meant_region(
+def region_of_click(
     photo: WorkingPhoto, mask: np.ndarray, clicked: np.ndarray, click: tuple[float, float, bool]
 ) -> np.ndarray:
     """Return the connected region that a click adds to a mask or removes from it, bool [h, w].

@@ -16,7 +16,7 @@ import torch
 from ...errors import BadRequest, DataError, KarfError, MissingDependency
 from ...io.color import to_bytes
 from ...io.failures import is_out_of_memory
-from ...io.images import over
+from ...io.images import alpha_composite
 from .prompts import Prompts
 
 HINT = "Give the folder of a Segment Anything model as saved by transformers, with config.json and model.safetensors."
@@ -37,7 +37,7 @@ class SegmentAnything:
     def __init__(self, photo: np.ndarray, folder: Path | str) -> None:
         self._folder = Path(folder)
         self._model, self._processor = _load(self._folder)
-        self._colors = to_bytes(over(photo[..., :3], photo[..., 3] if photo.shape[-1] == 4 else None))
+        self._colors = to_bytes(alpha_composite(photo[..., :3], photo[..., 3] if photo.shape[-1] == 4 else None))
         with _naming(self._folder), torch.no_grad():
             inputs = self._processor(images=self._colors, return_tensors="pt")
             self._embeddings = self._model.get_image_embeddings(inputs["pixel_values"])

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from ...capture import open_capture
-from ...capture.training_images import photo_of
+from ...capture.training_images import read_photo_of_view
 from ...errors import BadRequest
 from ...io.images import write_png
 from ...io.names import is_file_name
@@ -24,7 +24,7 @@ class Marking(Protocol):
         ...
 
 
-def marker_of(capture: Path | str, name: str, weights: Path | str | None = None) -> Marking:
+def make_marker(capture: Path | str, name: str, weights: Path | str | None = None) -> Marking:
     """Load a view for marking.
 
     Args:
@@ -35,7 +35,7 @@ def marker_of(capture: Path | str, name: str, weights: Path | str | None = None)
     Raises:
         KarfError: the capture has no such view, its photo cannot be read, or the weights cannot be used.
     """
-    photo = photo_of(open_capture(capture).view(name))
+    photo = read_photo_of_view(open_capture(capture).view(name))
     if weights is None:
         return Marker(photo)
     from .segment_anything import SegmentAnything  # needs torch

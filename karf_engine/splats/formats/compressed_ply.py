@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.reading import read_bytes
+from ...capture.reader_utils import read_bytes
 from ...io.files import atomic_write
-from ...io.ply import Element, Header, properties, read_header
+from ...io.ply import Element, Header, property_lines, read_header
 from .checking import check_count, checked, damaged, explaining, needing_packages
 from .packed import from_package, to_package
 from .splat_file import SplatFile
@@ -122,5 +122,5 @@ def _plain_header(header: Header) -> bytes:
     lines = ["ply", f"format {header.encoding} 1.0"]
     for element in header.elements:
         if element.dtype is not None and element.name in ("chunk", "vertex", "sh"):
-            lines += [f"element {element.name} {element.count}", *properties(element.dtype)]
+            lines += [f"element {element.name} {element.count}", *property_lines(element.dtype)]
     return "\n".join([*lines, "end_header", ""]).encode()

@@ -27,7 +27,7 @@ from ...io.names import file_name
 from ...version import __version__
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
-from ..similarity import turned
+from ..similarity import transform_table
 from .checking import check_count, checked, damaged, explaining, log_scales, logits, opacities
 from .gltf_document import (
     BINARY_CHUNK,
@@ -66,7 +66,7 @@ def read(path: Path) -> SplatFile:
         for primitive, matrix in placed:
             table = _table(document, primitive, count)
             count += len(table)
-            tables.append(turned(table, UPRIGHT @ matrix))
+            tables.append(transform_table(table, UPRIGHT @ matrix))
         return SplatFile(checked(path, np.concatenate(tables)))
 
 

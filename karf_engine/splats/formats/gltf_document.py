@@ -13,8 +13,8 @@ from urllib.parse import unquote
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...capture.reading import read_bytes
-from ...io.inputs import MOST_BYTES, MOST_JSON, check_file
+from ...capture.reader_utils import read_bytes
+from ...io.inputs import MAX_JSON_BYTES, MOST_BYTES, check_file
 from ...io.names import is_file_name
 from .checking import damaged
 
@@ -45,8 +45,8 @@ class Document:
     def __init__(self, path: Path) -> None:
         data = read_bytes(path)
         text, self._binary = _chunks(path, data) if data.startswith(MAGIC) else (data, None)
-        if len(text) > MOST_JSON:
-            raise damaged(path, f"its JSON has {len(text):,} bytes, where at most {MOST_JSON:,} are read")
+        if len(text) > MAX_JSON_BYTES:
+            raise damaged(path, f"its JSON has {len(text):,} bytes, where at most {MAX_JSON_BYTES:,} are read")
         self.path = path
         self.size = len(data)
         self.json = json.loads(text)

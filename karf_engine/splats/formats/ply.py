@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.reading import read_bytes
+from ...capture.reader_utils import read_bytes
 from ...errors import DataError
 from ...io.files import atomic_write
-from ...io.ply import Header, locate, properties, read_header, read_rows, vertex_file
+from ...io.ply import Header, encode_vertices, find_element, property_lines, read_header, read_rows
 from ..gaussians import DEGREES
 from ..kernels.arrays import COLOR
 from .checking import checked, damaged, explaining
@@ -91,7 +91,7 @@ def write(path: Path, splats: SplatFile) -> None:
     for name, column in splats.columns.items():
         rows[name] = column
     mode = {None: (), True: ("SplatRenderMode: mip",), False: ("SplatRenderMode: default",)}[splats.is_antialiased]
-    atomic_write(path, lambda temporary: temporary.write_bytes(vertex_file(rows, mode)))
+    atomic_write(path, lambda temporary: temporary.write_bytes(encode_vertices(rows, mode)))
 
 
 def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
@@ -118,9 +118,11 @@ def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[s
     written = _widened(changed, {name: column.dtype for name, column in new.items()}, header)
     for name, column in columns.items():
         written[name] = column
-    vertex, start = locate(header, "vertex")
+    vertex, start = find_element(header, "vertex")
     end = header.size + start + rows.nbytes
-    head = _with_properties(data[: header.size], vertex.end, properties(written.dtype)[len(rows.dtype.names or ()) :])
+    head = _with_properties(
+        data[: header.size], vertex.end, property_lines(written.dtype)[len(rows.dtype.names or ()) :]
+    )
     content = b"".join((head, data[header.size : header.size + start], written.tobytes(), data[end:]))
     atomic_write(out, lambda temporary: temporary.write_bytes(content))
 

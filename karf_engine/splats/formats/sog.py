@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.reading import read_bytes
+from ...capture.reader_utils import read_bytes
 from ...io.image_size import webp_size
-from ...io.inputs import MOST_JSON
+from ...io.inputs import MAX_JSON_BYTES
 from .checking import check_count, checked, damaged, explaining
 from .packed import from_package
 from .splat_file import SplatFile
@@ -60,7 +60,7 @@ def read(path: Path) -> SplatFile:
 def _members(path: Path, data: bytes) -> dict[str, bytes]:
     """Return the archive's files by name. Pictures are stored uncompressed, which bounds their total size."""
     with zipfile.ZipFile(io.BytesIO(data)) as file:
-        if sum(member.file_size for member in file.infolist()) > len(data) + MOST_JSON:
+        if sum(member.file_size for member in file.infolist()) > len(data) + MAX_JSON_BYTES:
             raise damaged(path, "its members are larger than itself")
         return {member.filename: file.read(member) for member in file.infolist() if not member.is_dir()}
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.reading import read_bytes
+from ...capture.reader_utils import read_bytes
 from ..kernels.arrays import C0
 from .checking import checked, damaged, log_scales, logits
 from .splat_file import SplatFile

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...capture.reading import read_bytes
+from ...capture.reader_utils import read_bytes
 from ...errors import BadRequest
 from ...io.files import atomic_write
 from .checking import check_count, checked, damaged, explaining, needing_packages

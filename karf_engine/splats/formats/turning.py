@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..similarity import turned
+from ..similarity import transform_table
 
 UPRIGHT = np.diag([1.0, -1.0, -1.0, 1.0])  # rotation by 180 degrees about x, its own inverse
 
 
 def upright(table: np.ndarray) -> np.ndarray:
     """Return a table [n, 11 + 3 K] rotated by 180 degrees about x, exactly."""
-    return turned(table, UPRIGHT)
+    return transform_table(table, UPRIGHT)

@@ -24,7 +24,7 @@ from ...io.files import atomic_write
 from ...io.inputs import check_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
-from ..similarity import turned
+from ..similarity import transform_table
 from .checking import check_count, checked, damaged, explaining, log_scales, logits, needing_packages, opacities
 from .splat_file import SplatFile
 from .turning import UPRIGHT
@@ -87,7 +87,7 @@ def _tables(path: Path, size: int) -> list[np.ndarray]:
             matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
             table = _table(path, prim, count, size)
             count += len(table)
-            tables.append(turned(table, axes @ matrix))
+            tables.append(transform_table(table, axes @ matrix))
     if not tables:
         raise damaged(path, "it has no ParticleField3DGaussianSplat")
     return tables

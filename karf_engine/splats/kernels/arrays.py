@@ -30,7 +30,7 @@ class ScreenFilter(NamedTuple):
     blur: np.float32  # variance added to the covariances, pixels squared
     # Opacities are scaled by the square root of the ratio of areas before and after the blur, but at least of this
     # ratio (Yu et al. 2024, "Mip-Splatting", Eq. 12); 1 turns the scaling off
-    least_share: np.float32
+    min_area_ratio: np.float32
 
 
 # variance of a square pixel; the lower limit keeps the gradient finite

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...io.files import naming
+from ...io.files import errors_naming_path
 
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
@@ -18,7 +18,7 @@ def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]
         `pixels`, the file; `arrays`, the `shape`, `dtype` and `offset` in bytes of each.
     """
     placed, offset = {}, 0
-    with naming(path), path.open("wb") as stream:
+    with errors_naming_path(path), path.open("wb") as stream:
         for name, array in arrays.items():
             pixels = np.ascontiguousarray(array, np.float32)
             stream.write(pixels.data)

@@ -22,7 +22,7 @@ def chart(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     Raises:
         KarfError: The photo cannot be read, no chart is found in it, or its colors do not determine the light.
     """
-    from ...commands.calibration import read_chart
+    from ...commands.calibration import fit_chart
 
-    fit = read_chart(Path(require_option(options, "photo", str)), None)
-    return {"light": fit.light.matrix.ravel().tolist(), "left": fit.mean_left}
+    fit = fit_chart(Path(require_option(options, "photo", str)), None)
+    return {"light": fit.light.matrix.ravel().tolist(), "left": fit.mean_residual}

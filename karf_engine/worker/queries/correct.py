@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...capture.camera import Camera
-from ...capture.distortion import straighten
+from ...capture.distortion import undistort_points
 from ...compute.progress import Progress
 from ...io.files import checksum
 from ...io.images import resize, write_png
 from ...project import Project
-from ...project.contents import capture_of, settings_for
+from ...project.contents import read_capture, settings_for
 from ...project.volumes import read_volumes
 from .options import require_option
 from .session import Session
@@ -21,7 +21,7 @@ from .session import Session
 if TYPE_CHECKING:
     from ...capture.capture import View
     from ...segmentation.coarse_masks import CoarseMask
-    from ...segmentation.correcting import Correcting
+    from ...segmentation.correction_session import CorrectionSession
 
 
 def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
@@ -37,23 +37,25 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         Cancelled: A later query of this kind is waiting.
     """
     from ...segmentation.coarse_masks import find_masks  # need torch
-    from ...segmentation.correcting import Correcting
+    from ...segmentation.correction_session import CorrectionSession
     from ...segmentation.corrections import find_corrections
 
     project = Project(require_option(options, "project", str))
     geometry = project.require("geometry")["fingerprint"]
-    capture = capture_of(project)
+    capture = read_capture(project)
     view = capture.view(require_option(options, "view", str))
-    masks = find_masks(project.contained(Path(options.get("masks") or project.masks_folder)), capture)
+    masks = find_masks(project.check_inside(Path(options.get("masks") or project.masks_folder)), capture)
     corrections = find_corrections(
-        project.contained(Path(options.get("corrections") or project.corrections_folder)), capture
+        project.check_inside(Path(options.get("corrections") or project.corrections_folder)), capture
     )
 
-    def start() -> Correcting:
+    def start() -> CorrectionSession:
         field = session.model(str(project.folder)).scene.field
         progress = Progress(lambda *_, **__: None, session.is_superseded, "surface", 1)
         settings = settings_for(project, "segmentation")
-        return Correcting(field, capture, masks, corrections, settings, progress, read_volumes(project.volumes_file))
+        return CorrectionSession(
+            field, capture, masks, corrections, settings, progress, read_volumes(project.volumes_file)
+        )
 
     volumes = checksum(project.volumes_file) if project.volumes_file.exists() else ""
     objects = sorted({mark.object_name for mark in (*masks, *corrections)})
@@ -67,7 +69,7 @@ def _digests(marks: list[CoarseMask]) -> list:
     return [(mark.object_name, mark.view.name, checksum(mark.path)) for mark in marks]
 
 
-def _write_masks(session: Session, correcting: Correcting, view: View) -> dict[str, str]:
+def _write_masks(session: Session, correcting: CorrectionSession, view: View) -> dict[str, str]:
     """Write the masks of a view and return the files by object."""
     files = {}
     for name, mask in correcting.masks(view).items():
@@ -81,7 +83,7 @@ def _distorted(mask: np.ndarray, stored: Camera) -> np.ndarray:
     """Resample an undistorted mask, bool [H, W] of any size, to the grid of a photo taken with this lens."""
     height, width = mask.shape
     lens = stored.scaled(width, height)
-    x, y = np.nan_to_num(straighten(lens, lens.pixel_centers()), nan=-1).T
+    x, y = np.nan_to_num(undistort_points(lens, lens.pixel_centers()), nan=-1).T
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     distorted = np.zeros(mask.size, np.float32)
     distorted[inside] = mask[y[inside].astype(int), x[inside].astype(int)]

@@ -40,7 +40,7 @@ def harmonics(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         colors = _colors(gaussians)
     else:
         colors = _rotated(gaussians, require_option(options, "points", dict))
-    answer = {"n_solid": gaussians.n_solid, "seconds": time.perf_counter() - begun}
+    answer = {"n_solid": gaussians.n_foreground, "seconds": time.perf_counter() - begun}
     return answer | write_arrays(session.file("harmonics.pixels"), {"harmonics": colors})
 
 
@@ -63,23 +63,23 @@ def _colors(gaussians: Gaussians) -> np.ndarray:
 
 def _rotated(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
     """Return the harmonics rotated like an object's points."""
-    from ...splats.similarity import turn_between, turned_harmonics
+    from ...splats.similarity import estimate_rotation, rotate_harmonics
 
     count = require_option(points, "count", int)
-    if count not in (len(gaussians), gaussians.n_solid):
+    if count not in (len(gaussians), gaussians.n_foreground):
         raise BadRequest(
             "The object has {count} points, and the scene {n} splats, {n_solid} of them without the background.",
             "Choose an object that was imported from this scene's splats.",
             count=count,
             n=len(gaussians),
-            n_solid=gaussians.n_solid,
+            n_solid=gaussians.n_foreground,
         )
     try:
         rows, positions = np.array(points["rows"], np.intp), np.array(points["positions"], np.float64)
-        turn = turn_between(gaussians.table[rows, :3], positions)
+        turn = estimate_rotation(gaussians.table[rows, :3], positions)
     except (KeyError, TypeError, IndexError, ValueError) as error:
         raise BadRequest(
             "The object's points are not where the scene's splats are.",
             "Choose an object that was imported from this scene's splats, and whose points were not moved.",
         ) from error
-    return turned_harmonics(_colors(gaussians)[:count], turn)
+    return rotate_harmonics(_colors(gaussians)[:count], turn)

@@ -26,7 +26,7 @@ def masks(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     if not model.objects:
         raise BadRequest("No object is segmented yet.", "Segment first.")
     view = model.capture.view(require_option(options, "view", str))
-    coverages = model.look(model.working_camera(view)).probabilities
+    coverages = model.render_field(model.working_camera(view)).probabilities
     files = {name: session.file(f"{name}-{view.name}.png") for name in model.objects}
     for path, coverage in zip(files.values(), coverages, strict=True):
         write_png(path, coverage)

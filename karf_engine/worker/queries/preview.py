@@ -47,15 +47,15 @@ def preview(session: Session, options: dict[str, Any]) -> dict[str, Any]:
 def _planes(session: Session, model: Model, camera: Camera, fades: bool | None) -> Planes:
     # these need torch, without which some kinds of queries can be answered
     from ...recolor.field_rendering import MASK_SAMPLES, WEIGHT_SAMPLES, frame_of
-    from ...recolor.frames import bands_of, joined, planes_of
+    from ...recolor.frames import edit_planes, split_bands, stack_bands
 
     session.check()
     if model.splats is not None:
-        return planes_of(model.render(camera, fades=fades), model.objects)
+        return edit_planes(model.render(camera, fades=fades), model.objects)
     samples = MASK_SAMPLES if max(camera.width, camera.height) <= COARSE_SIDE else WEIGHT_SAMPLES
     frames = []
-    for band in bands_of(camera, 1, BAND_RAYS):
+    for band in split_bands(camera, 1, BAND_RAYS):
         session.check()
         picture = model.scene.render(band, samples)
         frames.append(frame_of(model, picture, picture.color.cpu().numpy(), model.recoloring is not None))
-    return planes_of(joined(frames), model.objects)
+    return edit_planes(stack_bands(frames), model.objects)

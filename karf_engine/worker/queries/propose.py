@@ -25,14 +25,14 @@ def propose(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """
     from ...io.images import write_png
     from ...segmentation.marking.prompts import Prompts
-    from ...segmentation.marking.views import marker_of
+    from ...segmentation.marking.views import make_marker
 
     missing = [name for name in ("capture", "view", "prompts") if not options.get(name)]
     if missing:
         raise BadRequest(f"A mask was asked for without {' and '.join(missing)}.", "Give capture, view and prompts.")
     capture, view, weights = Path(options["capture"]), options["view"], options.get("weights")
     version = capture, view, weights, capture.stat().st_mtime_ns
-    marker = session.cached("marker", version, lambda: marker_of(capture, view, weights))
+    marker = session.cached("marker", version, lambda: make_marker(capture, view, weights))
     path = session.file("mask.png")
     write_png(path, marker.propose(Prompts.from_json(options["prompts"])))
     return {"mask": str(path)}

@@ -10,7 +10,7 @@ import numpy as np
 from ...capture.camera import Camera
 from ...capture.transforms_frames import camera_from_json
 from ...errors import BadRequest
-from ...palettes.edge_shape import shaped_edges
+from ...palettes.edge_shape import active_edges
 from .arrays import write_arrays
 from .options import edit_of, fades_of, require_option
 from .session import Session
@@ -62,9 +62,9 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
             color, frame = model.composite(frame, edit), model.with_edges(frame, edit.edges)
         arrays = {"color": color} | _passes(model, camera, frame, passes)
         if "alpha" in passes:
-            from ...recolor.frames import with_alpha
+            from ...recolor.frames import remove_background
 
-            arrays["color"] = with_alpha(color, frame.opacity, model.behind(camera))[..., :3]
+            arrays["color"] = remove_background(color, frame.opacity, model.render_background(camera))[..., :3]
     answer = {"size": [camera.width, camera.height], "seconds": time.perf_counter() - start}
     if "cryptomatte" in passes:
         from ...export.cryptomatte import NAME, header
@@ -75,13 +75,13 @@ def show(session: Session, options: dict[str, Any]) -> dict[str, Any]:
 
 def _bands(model: Model, camera: Camera) -> list[Camera]:
     """Return the whole camera for splats, else bands of rows, so that a later query can interrupt."""
-    from ...recolor.frames import bands_of  # needs torch
+    from ...recolor.frames import split_bands  # needs torch
 
-    return bands_of(camera, 1, BAND_RAYS if model.splats is None else camera.width * camera.height)
+    return split_bands(camera, 1, BAND_RAYS if model.splats is None else camera.width * camera.height)
 
 
 def _color(session: Session, model: Model, camera: Camera, edit: Edit | None, fades: bool | None) -> np.ndarray:
-    if model.splats is None and edit is not None and shaped_edges(edit.edges):  # edges reach from band to band
+    if model.splats is None and edit is not None and active_edges(edit.edges):  # edges reach from band to band
         return model.composite(_frame(session, model, camera, fades), edit)
     pictures = []
     for band in _bands(model, camera):
@@ -89,18 +89,18 @@ def _color(session: Session, model: Model, camera: Camera, edit: Edit | None, fa
         if edit is None:
             pictures.append(model.render(band, fades=fades).base)
         else:
-            pictures.append(model.shown(band, edit, fades=fades))
+            pictures.append(model.render_recolored(band, edit, fades=fades))
     return np.concatenate(pictures)
 
 
 def _frame(session: Session, model: Model, camera: Camera, fades: bool | None) -> Frame:
-    from ...recolor.frames import joined
+    from ...recolor.frames import stack_bands
 
     frames = []
     for band in _bands(model, camera):
         session.check()
         frames.append(model.render(band, fades=fades))
-    return frames[0] if len(frames) == 1 else joined(frames)
+    return frames[0] if len(frames) == 1 else stack_bands(frames)
 
 
 def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> dict[str, np.ndarray]:
@@ -119,5 +119,5 @@ def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> di
         empty = np.zeros((len(model.objects), 0, camera.height, camera.width))
         found["weights"] = empty if frame.palette_weights is None else frame.palette_weights
     if "seen" in passes:
-        found["seen"] = np.ones(frame.opacity.shape, np.float32) if frame.seen is None else frame.seen
+        found["seen"] = np.ones(frame.opacity.shape, np.float32) if frame.visibility is None else frame.visibility
     return found

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from scipy import sparse
 
-from karf_engine.compute.neighbors import tree_of
+from karf_engine.compute.neighbors import build_kd_tree
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def diffused(
 def similarities(positions: np.ndarray, features: np.ndarray, neighbors: int) -> sparse.csr_matrix:
     """S of each point and its k nearest ones, symmetric [p, p]; b is the median of the squared distances."""
     count = min(neighbors + 1, len(positions))
-    tree = tree_of(positions, balanced_tree=False, compact_nodes=False)
+    tree = build_kd_tree(positions, balanced_tree=False, compact_nodes=False)
     _, near = tree.query(positions, k=range(1, count + 1))
     apart = ((features[near] - features[:, None]) ** 2).sum(2)
     weights = np.exp(-apart / np.median(apart[:, 1:]))

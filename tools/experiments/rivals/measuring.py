@@ -10,7 +10,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from karf_engine.io.images import over
+from karf_engine.io.images import alpha_composite
 from karf_engine.metrics.scores import score_masks, score_recolor
 from karf_engine.palettes.compositing import hard_masks
 from karf_engine.recolor.field_rendering import frame_of
@@ -50,7 +50,9 @@ def measure(
         threads: Processor threads.
         known: Names of rules that have been measured.
     """
-    shutil.rmtree(model.project.looks_folder, ignore_errors=True)  # mattes kept from before would cost no seconds
+    shutil.rmtree(
+        model.project.render_cache_folder, ignore_errors=True
+    )  # mattes kept from before would cost no seconds
     recoloring = Recoloring(rendered(model), truth)
     ways = {**recolor_ways(recoloring), **segmentation_ways(recoloring, scratch, threads)}
     stages = model.project.state()["stages"]
@@ -66,7 +68,7 @@ def rendered(model: Model) -> TestViews:
     frames = []
     for image in images:
         picture = model.scene.render(image.camera, SAMPLES)
-        frames.append(frame_of(model, picture, over(image.color, image.alpha), False))
+        frames.append(frame_of(model, picture, alpha_composite(image.color, image.alpha), False))
     return TestViews(model, images, frames)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from karf_engine.compute.neighbors import tree_of
+from karf_engine.compute.neighbors import build_kd_tree
 from karf_engine.palettes.extraction.barycentric_weights import star_weights
 
 from .decomposition import Layers
@@ -79,7 +79,7 @@ class PaletteNerf(Layers):
         self._guide = torch.from_numpy(star_weights(points.colors.numpy(), palette))
         self.base = PointHead(points, 1 + 4 * self.n_colors)
         self.shine = PointHead(points, 3, sees=True)
-        tree = tree_of(points.positions.double().numpy(), balanced_tree=False, compact_nodes=False)
+        tree = build_kd_tree(points.positions.double().numpy(), balanced_tree=False, compact_nodes=False)
         near = min(NEIGHBORS + 1, len(points))
         self._neighbors = torch.from_numpy(tree.query(points.positions.double().numpy(), k=range(1, near + 1))[1])
 

@@ -44,7 +44,7 @@ class ObjectPoints:
 
 def points_of_objects(model: Model) -> dict[str, ObjectPoints]:
     """The points of each object: the rays that our own palettes and F_w are learned from, the middle sample of each."""
-    surface, names = load_surface(model.project.checked(model.project.surface_file))
+    surface, names = load_surface(model.project.verified(model.project.surface_file))
     return {name: _points(model, surface, number) for number, name in enumerate(names)}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from karf_engine.compute.neighbors import tree_of
+from karf_engine.compute.neighbors import build_kd_tree
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.segmentation.coarse_masks import find_masks
 from karf_engine.segmentation.surface_points import SurfacePoints, surface_points
@@ -60,7 +60,7 @@ class Segmenting:
         owned = [
             diffused(points.positions, features, self._seeds(number, points)) for number in range(1, self.n_objects + 1)
         ]
-        tree = tree_of(points.positions, balanced_tree=False, compact_nodes=False)
+        tree = build_kd_tree(points.positions, balanced_tree=False, compact_nodes=False)
         return [_of_points(view, tree, np.stack(owned, 1)) for view in self._test_rays()]
 
     def plain(self, folder: Path, threads: int | None) -> Masks:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from karf_engine.capture.camera import Camera
-from karf_engine.compute.neighbors import tree_of
+from karf_engine.compute.neighbors import build_kd_tree
 from karf_engine.recolor.frames import Frame
 
 DEPTH_TOLERANCE = 0.02  # relative difference of depth up to which two views see the same surface
@@ -78,5 +78,5 @@ def _looked_up(picture: np.ndarray, pixels: np.ndarray, order: int = 1) -> np.nd
 def _of_alike(colors: np.ndarray, changes: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Mean change [n, 3] of the colors [m, 3] nearest to each wanted one [n, 3]."""
     count = min(ALIKE, len(colors))
-    _, nearest = tree_of(colors, balanced_tree=False, compact_nodes=False).query(wanted, k=range(1, count + 1))
+    _, nearest = build_kd_tree(colors, balanced_tree=False, compact_nodes=False).query(wanted, k=range(1, count + 1))
     return changes[nearest].mean(1)

@@ -19,7 +19,7 @@ from karf_engine.io.files import read_json
 from karf_engine.palettes.edit_files import write_edit
 from karf_engine.palettes.palette import Edit
 from karf_engine.project import Project
-from karf_engine.project.contents import capture_of
+from karf_engine.project.contents import read_capture
 from karf_engine.project.state import write_state
 
 
@@ -221,7 +221,7 @@ def test_a_project_that_moves_with_its_photos_still_finds_them(still_life, tmp_p
     done = run_engine("geometry", str(capture), *command[2:masks], *command[masks + 2 :])
     assert done.returncode == 0, done.stderr
     (tmp_path / "film").rename(tmp_path / "elsewhere")
-    views = capture_of(Project(tmp_path / "elsewhere" / "project")).views
+    views = read_capture(Project(tmp_path / "elsewhere" / "project")).views
     assert all(view.image.is_relative_to(tmp_path / "elsewhere" / "capture") for view in views)
     assert all(view.image.is_file() for view in views)
 

@@ -17,7 +17,7 @@ from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
-from karf_engine.fields.nerf.start import fresh_fit, place_nerf
+from karf_engine.fields.nerf.start import choose_space_and_sampling, fresh_fit
 from karf_engine.fields.registry import start_fit
 from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.rendering.space import Box, Frustum
@@ -137,7 +137,7 @@ def test_the_first_rays_of_an_object_capture_go_through_the_photos_middle():
     pixel = index % (32 * 32)
     column, row = pixel % 32, pixel // 32
     assert (column.min(), column.max(), row.min(), row.max()) == (8, 23, 8, 23)
-    assert torch.bincount(dataset.view_of(index)).min() > 1000
+    assert torch.bincount(dataset.view_indices(index)).min() > 1000
 
 
 def test_cancelling_and_diverging_end_the_fit():
@@ -152,7 +152,7 @@ def test_cancelling_and_diverging_end_the_fit():
 # ------------------------------------------------------------------------------------------------------------- placing
 def test_objects_are_sampled_between_half_and_one_and_a_half_camera_distances_at_a_scale_of_four():
     views, _ = still_life()
-    space, sampling = place_nerf("alpha", "box", views, None, preset("paper").geometry.nerf)
+    space, sampling = choose_space_and_sampling("alpha", "box", views, None, preset("paper").geometry.nerf)
     assert (sampling.near, sampling.far) == pytest.approx((1.8, 5.4), rel=1e-4)
     assert (sampling.coarse, sampling.fine, sampling.in_disparity) == (64, 128, False)
     positions = space.to_grid(torch.tensor(np.stack([v.camera.position for v in views])).float())
@@ -167,20 +167,20 @@ def test_open_scenes_are_sampled_in_disparity_up_to_their_farthest_point():
     pixels = np.zeros((len(point), 2), np.float32)
     errors, colors = np.zeros(len(positions), np.float32), np.zeros((len(positions), 3), np.uint8)
     points = SparsePoints(positions, colors, errors, view, point, pixels)
-    _, sampling = place_nerf("opaque", "contraction", views, points, TINY)
+    _, sampling = choose_space_and_sampling("opaque", "contraction", views, points, TINY)
     depths = np.stack([v.camera.project(positions)[1] for v in views])
     assert sampling.in_disparity
     assert sampling.near == pytest.approx(0.9 * depths.min(), rel=0.05)
     assert sampling.far == pytest.approx(1.1 * depths.max(), rel=0.05)
     settings = replace(TINY, near=0.25, far=80.0)
-    _, sampling = place_nerf("opaque", "contraction", views, points, settings)
+    _, sampling = choose_space_and_sampling("opaque", "contraction", views, points, settings)
     assert (sampling.near, sampling.far) == (0.25, 80.0)
 
 
 def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densities():
     views, photos = still_life(1)
     views = [replace(view, depth_bounds=(2.0, 40.0)) for view in views]
-    space, sampling = place_nerf("opaque", "frustum", views, None, TINY)
+    space, sampling = choose_space_and_sampling("opaque", "frustum", views, None, TINY)
     assert isinstance(space, Frustum) and space.near == pytest.approx(1.5)
     assert (sampling.near, sampling.far, sampling.in_disparity) == (0.0, 1.0, False)
     # the picture's corners lie at +-1 on the near plane and at infinity

@@ -42,9 +42,9 @@ def test_rays_of_the_bank_are_those_of_the_cameras():
 def test_pixels_of_plates_of_mixed_sizes_are_found_in_any_order():
     dataset, colors, alphas = random_bank(with_alpha=True)
     assert len(dataset) == 7 * 5 + 4 * 9 + 6 * 6
-    assert dataset.first.tolist() == [0, 35, 71, 107]
+    assert dataset.offsets.tolist() == [0, 35, 71, 107]
     index = torch.tensor([70, 0, 106, 35, 34, 71])
-    assert dataset.view_of(index).tolist() == [1, 0, 2, 1, 0, 2]
+    assert dataset.view_indices(index).tolist() == [1, 0, 2, 1, 0, 2]
     whole = torch.arange(len(dataset))
     assert_allclose(dataset.rays(index).viewdirs, dataset.rays(whole).viewdirs[index])
     # the last pixel of the second training image is its lower right corner

@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.sampling import Samples
-from karf_engine.fields.rendering.surface_cache import MIN_OPACITY, join_caches, quantile_samples
+from karf_engine.fields.rendering.surface_cache import MIN_OPACITY, concatenate_caches, quantile_samples
 
 
 def packed(weights_of_rays, device="cpu"):
@@ -62,10 +62,10 @@ def test_a_ray_with_one_sample_repeats_it_and_thin_and_empty_rays_are_left_out()
 def test_thinning_many_samples_gives_what_few_would_have_been(n_samples):
     random = np.random.default_rng(4)
     rays = packed([random.dirichlet(np.ones(5)) for _ in range(40)])
-    few, thinned = quantile_samples(*rays, n_samples), quantile_samples(*rays, 999).thinned(n_samples)
+    few, thinned = quantile_samples(*rays, n_samples), quantile_samples(*rays, 999).subsample(n_samples)
     assert_allclose(thinned.distances, few.distances)
     assert_allclose(thinned.positions, few.positions)
-    assert few.thinned(5) is few
+    assert few.subsample(5) is few
 
 
 @pytest.mark.parametrize("n_rays", [0, 4])
@@ -76,7 +76,7 @@ def test_a_chunk_without_samples_is_empty_and_joins_with_others(n_rays):
         weights = weights[:0]
     empty = quantile_samples(rays, samples, weights, 3)
     assert len(empty) == 0 and empty.positions.shape == (0, 3, 3)
-    joined = join_caches([empty, quantile_samples(*packed([[0.5, 0.5]]), 3)])
+    joined = concatenate_caches([empty, quantile_samples(*packed([[0.5, 0.5]]), 3)])
     assert len(joined) == 1 and joined.positions.shape == (1, 3, 3)
 
 

@@ -12,7 +12,7 @@ from karf_engine.capture.capture import SparsePoints, View
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import BadRequest
-from karf_engine.fields.extent import looks_one_way, nearest_depth
+from karf_engine.fields.extent import is_forward_facing, min_depth
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import start_fit
@@ -20,10 +20,10 @@ from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box, Contraction
 from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels import fit as voxel_fit
-from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.fields.voxels.observations import observations_of
+from karf_engine.fields.voxels.observations import find_observations
 from karf_engine.fields.voxels.renderer import PointSupervision
+from karf_engine.fields.voxels.renderers import new_renderer
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 from karf_engine.metrics.images import psnr
 from karf_engine.project.settings import GeometrySettings, Level, OpenSettings
@@ -248,16 +248,16 @@ def test_the_space_follows_from_background_cameras_and_points():
 
 
 def test_cameras_look_one_way_or_round():
-    assert looks_one_way(front()) and not looks_one_way(ring())
+    assert is_forward_facing(front()) and not is_forward_facing(ring())
 
 
 def test_the_nearest_depth_is_declared_or_that_of_the_points():
     photos = [take_photo(camera) for camera in ring()]
     points = points_on_the_still_life(ring(), photos)
-    assert nearest_depth(views_of(ring()), points) == pytest.approx(3.6 - 0.8, abs=0.25)
+    assert min_depth(views_of(ring()), points) == pytest.approx(3.6 - 0.8, abs=0.25)
     declared = [replace(view, depth_bounds=(1.5 + n, 99.0)) for n, view in enumerate(views_of(ring()))]
-    assert nearest_depth(declared, points) == 1.5
-    assert nearest_depth(views_of(ring()), None) is None
+    assert min_depth(declared, points) == 1.5
+    assert min_depth(views_of(ring()), None) is None
 
 
 def test_a_frustum_without_any_depth_is_refused():
@@ -272,13 +272,13 @@ def test_each_observation_is_the_pixel_that_shows_its_point():
     photos = [take_photo(camera) for camera in ring()]
     points = points_on_the_still_life(ring(), photos)
     dataset = PixelDataset(ring(), [photo.color for photo in photos], None)
-    observations = observations_of(dataset, Box(), points)
+    observations = find_observations(dataset, Box(), points)
     assert len(observations) == len(points.view)
     rays = dataset.rays(observations.index)
     toward = torch.nn.functional.normalize(observations.positions - rays.origins, dim=1)
     assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / ring()[0].fx)  # within a pixel
     bad = replace(points, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
-    assert len(observations_of(dataset, Box(), bad)) == (points.point >= 150).sum()
+    assert len(find_observations(dataset, Box(), bad)) == (points.point >= 150).sum()
 
 
 def test_only_what_a_camera_sees_is_looked_for():

@@ -98,12 +98,12 @@ def test_a_picture_depends_neither_on_its_chunks_nor_on_threads(space, monkeypat
     try:
         whole = scene.colors(rays)
         for chunk, threads in ((1, 1), (333, 1), (100, 2)):
-            cores.use(threads)
-            cores.take_from_torch()
+            cores.set_core_count(threads)
+            cores.limit_torch_threads()
             monkeypatch.setattr(scenes, "CPU_RAYS_PER_CHUNK", chunk)
             assert torch.equal(scene.colors(rays[:200]), whole[:200])
     finally:
-        cores.use(1)
+        cores.set_core_count(1)
 
 
 @pytest.mark.parametrize("wrong", [torch.nan, torch.inf])

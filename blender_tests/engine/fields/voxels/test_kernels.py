@@ -23,13 +23,13 @@ from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.rendering.volume import accumulate, ray_weights_from_sigmas
 from karf_engine.fields.training.loop import constant, train
 from karf_engine.fields.training.state import TrainingState
-from karf_engine.fields.voxels.choice import new_renderer
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
 from karf_engine.fields.voxels.fused.marching import importance_of, uniform
 from karf_engine.fields.voxels.fused.ray_paths import paths_of
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
 from karf_engine.fields.voxels.renderer import PointSupervision, RayBatch
+from karf_engine.fields.voxels.renderers import new_renderer
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -234,7 +234,7 @@ def test_one_and_two_threads_learn_the_same_bits():
     try:
         one, two = _learn(1), _learn(2)
     finally:
-        cores.use(1)
+        cores.set_core_count(1)
     for (name, value), other in zip(one.state_dict().items(), two.state_dict().values(), strict=True):
         assert torch.equal(value, other), name
 

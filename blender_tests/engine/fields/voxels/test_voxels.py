@@ -160,4 +160,4 @@ def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, kind):
     points = random_points((6, 5, 7), 300)
     viewdirs = torch.nn.functional.normalize(points, dim=1)
     assert torch.equal(loaded.field.density(points), field.density(points))
-    assert torch.equal(loaded.behind(viewdirs), scene.behind(viewdirs))
+    assert torch.equal(loaded.background_color(viewdirs), scene.background_color(viewdirs))

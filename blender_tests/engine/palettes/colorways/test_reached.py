@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from karf_engine.palettes.colorways.reached import dominant_color, predict, reached_color, reason_in_view, shown
+from karf_engine.palettes.colorways.prediction import (
+    dominant_color,
+    edited_colors,
+    predict,
+    reached_color,
+    reason_in_view,
+)
 from karf_engine.palettes.colorways.sheet import TargetColor
 from karf_engine.palettes.object_colors import ColorHistogram
 from karf_engine.palettes.palette import Palette
@@ -36,7 +42,7 @@ def test_a_color_within_reach_is_reached(color):
     seen = red_pot()
     prediction = predict(target_color(color), PALETTE, seen)
     assert prediction.ciede2000 < 1 and not prediction.reason
-    after = shown(seen, PALETTE, prediction.colors)
+    after = edited_colors(seen, PALETTE, prediction.colors)
     at_source = np.linalg.norm(seen.colors - prediction.source, axis=1).argmin()
     assert ciede2000(srgb_to_lab(after[at_source]), srgb_to_lab(np.array(color))) < 3
 

@@ -7,8 +7,8 @@ import pytest
 
 from karf_engine.recolor.matting.closed_form import closed_form_matting
 from karf_engine.recolor.matting.color_models import fit_color_models, posterior
-from karf_engine.recolor.matting.tiles import enlarged, tiles
-from karf_engine.segmentation.random_walk import links_of, random_walk
+from karf_engine.recolor.matting.tiles import tiles, upsample_tile
+from karf_engine.segmentation.random_walk import neighbor_links, random_walk
 
 
 def test_matting_finds_the_coverage_of_a_line_of_colors():
@@ -30,7 +30,7 @@ def test_labels_of_a_random_walk_sum_to_one_and_stop_at_edges():
     priors = np.full((2, 20, 20), 0.5, np.float32)
     priors[:, :, :2] = [[[1]], [[0]]]
     priors[:, :, 18:] = [[[0]], [[1]]]
-    labels = random_walk(links_of(lab), priors, free, 1e-4)
+    labels = random_walk(neighbor_links(lab), priors, free, 1e-4)
     assert labels.sum(0) == pytest.approx(1, abs=0.01)
     assert labels[0].reshape(20, 16)[:, :8].min() > 0.9 > 0.1 > labels[0].reshape(20, 16)[:, 8:].max()
 
@@ -51,10 +51,10 @@ def test_a_color_that_two_classes_have_belongs_to_the_one_that_has_it_thereabout
 def test_tiles_cover_a_picture_once_and_enlarge_as_one():
     counted = np.zeros((70, 50), int)
     planes = np.random.default_rng(0).random((2, 20, 15))
-    whole = enlarged(planes, (70, 50), next(tiles((70, 50), side=100, margin=0)))
+    whole = upsample_tile(planes, (70, 50), next(tiles((70, 50), side=100, margin=0)))
     pieces = np.zeros_like(whole)
     for tile in tiles((70, 50), side=32, margin=4):
         counted[tile.place] += 1
-        pieces[(slice(None), *tile.place)] = enlarged(planes, (70, 50), tile)[(slice(None), *tile.inner)]
+        pieces[(slice(None), *tile.place)] = upsample_tile(planes, (70, 50), tile)[(slice(None), *tile.inner)]
     assert (counted == 1).all()
     assert np.abs(pieces - whole).max() < 1e-3

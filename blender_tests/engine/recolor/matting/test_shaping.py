@@ -10,8 +10,8 @@ pytest.importorskip("torch")
 pytest.importorskip("cv2")
 
 from karf_engine.io.image_size import ImageHeader
-from karf_engine.palettes.edge_planes import reshaped
-from karf_engine.palettes.edge_shape import EdgeShape, shaped
+from karf_engine.palettes.edge_planes import apply_edges_to_planes
+from karf_engine.palettes.edge_shape import EdgeShape, apply_edge_shape
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.full_resolution import PhotoView, dense_weights
 from karf_engine.recolor.matting.matte import Matte, dense_coverage
@@ -52,7 +52,7 @@ def with_edge(choke=0.0, feather=0.0):
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 def test_a_neutral_edge_leaves_every_bit(kind):
     finished = view(kind)
-    np.testing.assert_array_equal(finished.recolored(with_edge()).pixels, finished.recolored(GREEN).pixels)
+    np.testing.assert_array_equal(finished.recolor(with_edge()).pixels, finished.recolor(GREEN).pixels)
 
 
 @pytest.mark.parametrize("shape", [(2, 0), (-2, 0), (0, 6), (-1.5, 4), (1, 3)])
@@ -74,7 +74,7 @@ def test_the_picture_is_that_of_planes_of_the_same_size():
     weights = dense_weights([matte.own_picture(base) for matte in finished.mattes], [POT, MUG], coverages)
     for choke, feather in ((2, 0), (-2, 0), (0, 6), (-2, 5)):
         edit = with_edge(choke, feather)
-        planes, _ = reshaped(base, weights, coverages, [POT, MUG], edit.edges, 1.0)
+        planes, _ = apply_edges_to_planes(base, weights, coverages, [POT, MUG], edit.edges, 1.0)
         change = np.einsum("mhw,mc->hwc", planes[0], edit.colors["pot"] - POT.colors)
         live = np.clip(base / 255 + change, 0, 1)
         assert np.abs(live - shown(finished, edit)).max() < 0.02
@@ -84,7 +84,7 @@ def test_a_smaller_result_scales_the_edge():
     half = replace(view(), scale=0.5)
     layers = half.layers(np.ones((2, 2)), edges={"pot": EdgeShape(choke=4)})
     before = dense_coverage(half.mattes, (HEIGHT, WIDTH))[0]
-    np.testing.assert_allclose(layers.coverage[0], shaped(before, EdgeShape(choke=2)), atol=1e-3)
+    np.testing.assert_allclose(layers.coverage[0], apply_edge_shape(before, EdgeShape(choke=2)), atol=1e-3)
 
 
 @pytest.mark.parametrize("orientation", [1, 6])
@@ -94,7 +94,7 @@ def test_layers_recompose_the_picture(orientation):
     layers = finished.layers(np.ones((2, 2)), edges=edit.edges)
     change = np.einsum("mhw,mc->hwc", layers.palette_weights[0].astype(float), edit.colors["pot"] - POT.colors)
     recomposed = np.clip(layers.base / 255 + change, 0, 1)
-    assert np.abs(recomposed - finished.shown(finished.recolored(edit))).max() < 0.01
+    assert np.abs(recomposed - finished.over_white(finished.recolor(edit))).max() < 0.01
 
 
 def test_another_object_is_not_painted_however_far_it_grows():
@@ -107,12 +107,12 @@ def test_another_object_is_not_painted_however_far_it_grows():
 def test_masks_stay_the_objects():
     finished = view()
     before = finished.masks()
-    list(finished.recolored_by([with_edge(3, 5)]))
+    list(finished.recolor_all([with_edge(3, 5)]))
     np.testing.assert_array_equal(finished.masks(), before)
 
 
 def test_edits_of_several_edges_come_in_their_order():
     finished = view()
     edits = [GREEN, with_edge(2), with_edge(2), GREEN, with_edge(feather=6)]
-    for picture, edit in zip(finished.recolored_by(edits), edits, strict=True):
-        np.testing.assert_array_equal(picture.pixels, finished.recolored(edit).pixels)
+    for picture, edit in zip(finished.recolor_all(edits), edits, strict=True):
+        np.testing.assert_array_equal(picture.pixels, finished.recolor(edit).pixels)

@@ -8,7 +8,7 @@ pytest.importorskip("numba")
 from blender_tests.engine.splats.formats.files import unit_cloud
 from karf_engine.splats import similarity
 from karf_engine.splats.formats.turning import upright
-from karf_engine.splats.similarity import turned
+from karf_engine.splats.similarity import transform_table
 
 
 def random_rotation(seed):
@@ -34,7 +34,7 @@ def test_all_that_is_seen_turns(seed):
     table, rotation = unit_cloud(40).astype(np.float64), random_rotation(seed)
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = 2.5 * rotation, (1, 2, 3)
-    found = turned(table, matrix)
+    found = transform_table(table, matrix)
     np.testing.assert_allclose(found[:, :3], 2.5 * table[:, :3] @ rotation.T + (1, 2, 3), atol=1e-12)
     np.testing.assert_allclose(shapes(found), 2.5**2 * rotation @ shapes(table) @ rotation.T, atol=1e-8)
     directions = np.random.default_rng(1).normal(size=(40, 3))
@@ -59,4 +59,4 @@ def test_half_a_turn_is_exact():
 )
 def test_what_is_no_rotation_is_refused(matrix):
     with pytest.raises(ValueError, match="moved by a matrix"):
-        turned(unit_cloud(3), matrix)
+        transform_table(unit_cloud(3), matrix)

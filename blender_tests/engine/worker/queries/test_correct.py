@@ -15,7 +15,7 @@ from karf_engine.capture.camera import Camera
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project
 from karf_engine.project.volumes import Volume, write_volumes
-from karf_engine.segmentation.correcting import Correcting
+from karf_engine.segmentation.correction_session import CorrectionSession
 from karf_engine.worker.queries.correct import _distorted
 from karf_engine.worker.queries.kinds import QUERIES
 from karf_engine.worker.queries.session import Session
@@ -86,7 +86,7 @@ def test_masks_are_as_large_as_the_photo_and_bent_by_its_lens():
 def test_the_scene_is_looked_at_once(session, project, monkeypatch):
     views = [view.name for view in karf.load(project.folder).capture.split("test")[:2]]
     query(session, project, views[0])
-    monkeypatch.setattr(Correcting, "__init__", None)
+    monkeypatch.setattr(CorrectionSession, "__init__", None)
     assert set(query(session, project, views[1])["masks"]) == {"ball", "block"}
 
 
@@ -95,7 +95,7 @@ def test_an_object_ends_where_its_volume_does(session, project):
     view = model.capture.split("test")[0]
     camera = model.working_camera(view)
     origins, directions = camera.rays(camera.pixel_centers())
-    depth = model.look(camera).depth
+    depth = model.render_field(camera).depth
     x = (origins + depth.reshape(-1, 1) * directions)[:, 0].reshape(depth.shape)
     before = masks_of(query(session, project, view.name))
     half = np.diag([0.2, 2.0, 2.0, 1.0])

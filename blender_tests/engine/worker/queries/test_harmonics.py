@@ -15,7 +15,7 @@ from karf_engine.palettes.edit_files import edit_to_json
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.splats.kernels.arrays import COLOR
-from karf_engine.splats.similarity import moved
+from karf_engine.splats.similarity import transform_gaussians
 from karf_engine.worker.queries.harmonics import harmonics
 from karf_engine.worker.queries.session import Session
 
@@ -80,7 +80,7 @@ def test_an_object_gets_as_many_as_it_has_points(session, asked, model, edit, is
 
 
 def test_they_are_turned_as_the_object_is(session, asked, model, edit):
-    there = moved(model.recolored_splats(edit), MOVED).table
+    there = transform_gaussians(model.recolored_splats(edit), MOVED).table
     found = colors_of(harmonics(session, asked | {"points": points_of(there, len(there))}))
     assert_allclose(found, there[:, COLOR:], atol=2e-5)
     assert found.shape[1] > 3 and (found != model.recolored_splats(edit).table[:, COLOR:]).any()

@@ -18,7 +18,7 @@ def test_masks_are_how_far_the_segmented_objects_cover_the_view(tmp_path, learne
     model = Model.load(learned.project)
     view = model.capture.views[-1]
     answer = masks(Session(tmp_path, threads=1, device="cpu"), {"project": str(learned.project), "view": view.name})
-    expected = dict(zip(model.objects, model.look(model.working_camera(view)).probabilities, strict=True))
+    expected = dict(zip(model.objects, model.render_field(model.working_camera(view)).probabilities, strict=True))
     assert answer["masks"].keys() == expected.keys()
     for name, file in answer["masks"].items():
         pixels, _ = read_pixels(Path(file), False)

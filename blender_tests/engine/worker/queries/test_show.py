@@ -15,7 +15,7 @@ from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
 from karf_engine.palettes.edit_files import edit_to_json
 from karf_engine.project import Project
-from karf_engine.recolor.frames import with_alpha
+from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model
 from karf_engine.worker.queries.session import Session
 from karf_engine.worker.queries.show import show
@@ -114,7 +114,7 @@ def test_passes_are_those_of_the_frame(session, asked, model, camera, edit):
     answer = show(session, asked | {"passes": passes, "cryptomatte": "Layer.CryptoObject"})
     found, frame = arrays_of(answer), model.render(camera)
     assert list(found) == passes
-    expected = with_alpha(model.composite(frame, edit), frame.opacity, model.behind(camera))
+    expected = remove_background(model.composite(frame, edit), frame.opacity, model.behind(camera))
     assert np.allclose(np.dstack([found["color"], found["alpha"]]), expected, atol=1e-6)
     is_covered = frame.opacity >= 0.5
     assert np.allclose(found["depth"][is_covered], frame.depth[is_covered], atol=1e-6)

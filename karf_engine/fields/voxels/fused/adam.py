@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....compute.cores import share
+from ....compute.cores import parallel_for
 from ....compute.kernels import kernel
 from ....compute.process_group import ProcessGroup
 from ...training.adam import Adam
@@ -77,7 +77,7 @@ class LazyAdam(Adam):
         count = float(self.state[group["params"][0]]["step"])
         rate = group["lr"] / (1 - beta1**count)
         correction = 1 / math.sqrt(1 - beta2**count)
-        share(
+        parallel_for(
             adam_rows, len(tables.touched), tables.touched, density, features, tables.n_features,
             *map(np.float32, (rate, beta1, beta2, correction)),
         )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....compute.cores import share, take_from_torch
+from ....compute.cores import limit_torch_threads, parallel_for
 from ...rendering.rays import Rays
 from ...rendering.sampling import Samples
 from ...rendering.spherical_harmonics import spherical_harmonics
@@ -27,7 +27,7 @@ class FrozenField:
     """Arrays of a field that no longer changes."""
 
     def __init__(self, field: VoxelGrid) -> None:
-        take_from_torch()
+        limit_torch_threads()
         self._space, self._bounds = field.space, field.bounds
         self._grid, self._network = grid_of(field), network_of(field)
         self._features = flat(field.feature_table)
@@ -44,7 +44,7 @@ class FrozenField:
         indices, distances = np.empty(total, np.int64), np.empty(total, np.float32)
         positions, weights = np.empty((total, 3), np.float32), np.empty(total, np.float32)
         capacity = len(chunks.rays) // max(1, len(starts))
-        share(pack, len(starts), self._grid, chunks, capacity, starts, indices, distances, positions, weights)
+        parallel_for(pack, len(starts), self._grid, chunks, capacity, starts, indices, distances, positions, weights)
         indices, distances, positions, weights = map(torch.from_numpy, (indices, distances, positions, weights))
         samples = Samples(indices, distances, positions, float(step * self._grid.voxel))
         return Trace(samples, weights, torch.from_numpy(arrays.sums[:, FINAL_TRANSMITTANCE].copy()))
@@ -53,7 +53,7 @@ class FrozenField:
         """Return prior features [n, F] at positions [n, 3] (see `VoxelField.features`)."""
         result = np.empty((len(positions), len(self._n_features)), np.float32)
         points = positions.contiguous().numpy()
-        share(features_at, len(points), self._grid, points, self._features, self._n_features, result)
+        parallel_for(features_at, len(points), self._grid, points, self._features, self._n_features, result)
         return torch.from_numpy(result)
 
     def color(self, viewdirs: Tensor, features: Tensor) -> Tensor:
@@ -61,7 +61,7 @@ class FrozenField:
         result = np.empty((len(features), 3), np.float32)
         harmonics = spherical_harmonics(viewdirs).numpy()
         inputs = features.contiguous().numpy()
-        share(colors_at, len(inputs), inputs, harmonics, self._network, self._n_features, self._n_hidden, result)
+        parallel_for(colors_at, len(inputs), inputs, harmonics, self._network, self._n_features, self._n_hidden, result)
         return torch.from_numpy(result)
 
     def _march(self, rays: RayArrays, step: np.float32) -> Chunks:
@@ -70,7 +70,9 @@ class FrozenField:
         while True:
             capacity = self._capacity
             samples = new_samples(n_chunks, capacity)
-            share(march, n_chunks, self._grid, rays, samples, MarchSettings(capacity, 0, step, zero, zero, zero, one))
+            parallel_for(
+                march, n_chunks, self._grid, rays, samples, MarchSettings(capacity, 0, step, zero, zero, zero, one)
+            )
             if samples.counts.max(initial=0) < capacity:
                 return samples
             self._capacity = capacity * 3 // 2

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from torch import Tensor
 
-from ....compute.cores import share
+from ....compute.cores import parallel_for
 from ....compute.kernels import kernel
 from ...rendering.rays import Rays
-from ...rendering.space import CONTRACTION_KNOTS, FAR, Contraction, Space
+from ...rendering.space import CONTRACTION_VERTICES, FAR, Contraction, Space
 from .marching import ONE, TWO
 
 FARTHEST = np.float32(FAR)
@@ -20,10 +20,10 @@ def paths_of(space: Space, bounds: Tensor, rays: Rays) -> np.ndarray:
     """Return `space.paths` within the grid's corners `bounds` [2, 3], [R, K, 3]."""
     if not isinstance(space, Contraction):
         return space.paths(rays, *bounds).contiguous().numpy()
-    paths = np.empty((len(rays), CONTRACTION_KNOTS, 3), np.float32)
+    paths = np.empty((len(rays), CONTRACTION_VERTICES, 3), np.float32)
     origins, viewdirs = rays.origins.contiguous().numpy(), rays.viewdirs.contiguous().numpy()
     lengths = map(np.float32, (space.radius, space.room, space.near))
-    share(contracted_paths, len(rays), origins, viewdirs, space.center.numpy(), *lengths, paths)
+    parallel_for(contracted_paths, len(rays), origins, viewdirs, space.center.numpy(), *lengths, paths)
     return paths
 
 

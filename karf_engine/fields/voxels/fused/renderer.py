@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ....compute.cores import count, share, take_from_torch
+from ....compute.cores import core_count, limit_torch_threads, parallel_for
 from ....compute.runtime import Runtime
 from ...rendering.rays import Rays
 from ...rendering.spherical_harmonics import spherical_harmonics
@@ -34,7 +34,7 @@ class FusedRenderer:
     def __init__(
         self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
     ) -> None:
-        take_from_torch()
+        limit_torch_threads()
         self.field, self.runtime = field, runtime
         self.tables = FieldTables(field)
         self._settings = MarchSettings(
@@ -83,17 +83,17 @@ class FusedRenderer:
         self._harmonics = spherical_harmonics(batch.rays.viewdirs).numpy()
         self._network, self._is_diffuse = network_of(self.field), batch.is_diffuse
         self._total = total
-        share(
+        parallel_for(
             color_samples, total, ordered, samples, tables.values.features, self._harmonics, self._network,
             tables.n_features, tables.n_hidden, batch.is_diffuse,
         )  # fmt: skip
-        share(composite, len(batch.rays), self._rays, samples)
+        parallel_for(composite, len(batch.rays), self._rays, samples)
         return torch.from_numpy(self._rays.sums)
 
     def backward(self, gradients: Tensor) -> None:
         """Accumulate the gradients of tables and network from those of the last batch's sums [R, N_SUMS]."""
         tables, settings, ordered = self.tables, self._settings, self._ordered
-        share(
+        parallel_for(
             ray_gradients, len(gradients), self._rays, self._samples, gradients.contiguous().numpy(), settings.margin,
             settings.unit, np.float32(settings.step * self.field.voxel), self._gradients,
         )  # fmt: skip
@@ -101,7 +101,7 @@ class FusedRenderer:
         n_slabs = len(cuts) - 1
         sums = Network(*(np.zeros((n_slabs, *part.shape), np.float32) for part in self._network))
         for offset in range(2):  # even slabs share no vertex, neither do odd ones
-            share(
+            parallel_for(
                 slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, ordered, self._gradients,
                 self._harmonics, self._network, tables.gradients, tables.touched, sums, tables.n_features,
                 tables.n_hidden, self._is_diffuse,
@@ -119,9 +119,9 @@ class FusedRenderer:
         grid, samples, ordered, bins = self.tables.grid, self._samples, self._ordered, self._ordered.bins
         capacity, n_spans = self._settings.capacity, len(bins)
         cuts = np.arange(n_spans + 1) * self._n_chunks // n_spans
-        share(count_bins, n_spans, cuts, grid, samples, bins, capacity)
+        parallel_for(count_bins, n_spans, cuts, grid, samples, bins, capacity)
         total = bin_offsets(len(ordered.planes) - 1, bins, ordered.planes)
-        share(write_sorted, n_spans, cuts, grid, samples, ordered, bins, capacity)
+        parallel_for(write_sorted, n_spans, cuts, grid, samples, ordered, bins, capacity)
         return total
 
     def _cuts(self) -> np.ndarray:
@@ -139,7 +139,7 @@ class FusedRenderer:
         self._settings = self._settings._replace(seed=seed, step=np.float32(batch.step))
         self._grow(self._settings.capacity)
         while True:
-            share(march, self._n_chunks, self.tables.grid, self._rays, self._samples, self._settings)
+            parallel_for(march, self._n_chunks, self.tables.grid, self._rays, self._samples, self._settings)
             if self._samples.counts[: self._n_chunks].max(initial=0) < self._settings.capacity:
                 return
             self._grow(self._settings.capacity * 3 // 2)
@@ -161,7 +161,7 @@ class FusedRenderer:
             np.empty(size, np.int32),
             np.empty(size, SORTED_POINT),
             np.empty((size, self.field.n_features), np.float32),
-            np.empty((count(), max(1, BINS // n_planes) * n_planes), np.int32),
+            np.empty((core_count(), max(1, BINS // n_planes) * n_planes), np.int32),
             np.empty(n_planes + 1, np.int64),
         )
 
@@ -192,14 +192,14 @@ class _Differences(torch.autograd.Function):
         context.renderer, context.pairs = renderer, (rows, other_rows)
         tables = renderer.tables
         sums = np.zeros((-(-len(rows) // BLOCK_PAIRS), 2))
-        share(difference_sums, len(sums), rows, other_rows, *tables.values, tables.n_features, sums)
+        parallel_for(difference_sums, len(sums), rows, other_rows, *tables.values, tables.n_features, sums)
         return torch.from_numpy(sums.sum(0)).float()
 
     @staticmethod
     def backward(context: Any, gradient: Tensor) -> tuple[None, None, None, None]:
         tables = context.renderer.tables
         density, features = (np.float32(value) for value in gradient.tolist())
-        share(
+        parallel_for(
             difference_gradients, len(tables.touched), *context.pairs, tables.values, tables.gradients,
             tables.n_features, tables.touched, density, features,
         )  # fmt: skip

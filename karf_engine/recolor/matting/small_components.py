@@ -11,7 +11,7 @@ SMALL = 0.02  # area, relative to the object's largest component
 FAR = 0.25  # distance to the larger components, relative to the square root of that area
 
 
-def without_strays(probabilities: np.ndarray) -> np.ndarray:
+def remove_small_components(probabilities: np.ndarray) -> np.ndarray:
     """Zero the probabilities [K, h, w] of components that are both small and far from the larger ones.
 
     Near ones stay: an occluded object may have several components.
@@ -19,7 +19,7 @@ def without_strays(probabilities: np.ndarray) -> np.ndarray:
     Examples:
         >>> seen = np.zeros((1, 40, 40), np.float32)
         >>> seen[0, 5:25, 5:25] = seen[0, 36, 36] = seen[0, 26, 10] = 1
-        >>> int(without_strays(seen).sum()) - 400  # the near component stays
+        >>> int(remove_small_components(seen).sum()) - 400  # the near component stays
         1
     """
     return np.stack([own * ~_strays(own > 0.5) for own in probabilities])

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..capture.camera import Camera
 from .gaussians import Gaussians
-from .rasterizer import splatted
+from .rasterizer import rasterize
 
 SIDE = 256  # pixels of the reduced photos
 VISIBLE = 0.05  # pixels that a Gaussian must cover there, as the sum of its blending weights
@@ -19,7 +19,9 @@ ENOUGH = 2.0  # photos needed for full confidence
 KNOWN, UNKNOWN = np.radians(10), np.radians(40)  # angles beyond the outermost photo of full and of no confidence
 
 
-def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> np.ndarray:
+def visibility_in_photos(
+    gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
+) -> np.ndarray:
     """Compute `Gaussians.looks`.
 
     Args:
@@ -29,7 +31,7 @@ def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[],
     """
     centers, shown = gaussians.table[:, :3], []
     for camera in cameras:
-        shown.append(splatted(gaussians, camera.without_distortion().reduced(SIDE)).weights() >= VISIBLE)
+        shown.append(rasterize(gaussians, camera.without_distortion().reduced(SIDE)).weights() >= VISIBLE)
         step()
     eyes = [camera.position for camera in cameras]
     middle = sum(is_shown[:, None] * _directions(centers, eye) for is_shown, eye in zip(shown, eyes, strict=True))
@@ -40,7 +42,7 @@ def looks_at(gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[],
     return np.column_stack([middle, widest, np.sum(shown, axis=0)]).astype(np.float32)
 
 
-def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
+def confidence_from(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
     """Return the confidence in each Gaussian's appearance from a viewpoint.
 
     Args:
@@ -51,11 +53,11 @@ def sureness(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
         [n] float32 in [0, 1]: 1 if at least ENOUGH photos show it and the viewpoint is at most KNOWN beyond them,
         0 from UNKNOWN beyond them or if no photo shows it. 1 for the background.
     """
-    assert gaussians.looks is not None
-    middle, widest, count = np.split(gaussians.looks, (3, 4), axis=1)
+    assert gaussians.visibility is not None
+    middle, widest, count = np.split(gaussians.visibility, (3, 4), axis=1)
     beyond = _angles(middle, _directions(gaussians.table[:, :3], eye)) - widest[:, 0]
     known = np.clip((UNKNOWN - beyond) / (UNKNOWN - KNOWN), 0, 1) * np.minimum(count[:, 0] / ENOUGH, 1)
-    known[gaussians.n_solid :] = 1
+    known[gaussians.n_foreground :] = 1
     return (known * known * (3 - 2 * known)).astype(np.float32)  # smoothstep: no visible seam
 
 

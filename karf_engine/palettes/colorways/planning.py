@@ -13,7 +13,7 @@ from ..object_colors import read_object_colors
 from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
 from ..reference_light import ReferenceLight
-from .reached import Prediction, predict
+from .prediction import Prediction, predict
 from .sheet import Colorway, read_sheet
 
 
@@ -55,7 +55,7 @@ def plan_colorways(
             damaged.
     """
     project.require("palette")
-    palettes = {palette.name: palette for palette in read_palettes(project.checked(project.palette_file))}
+    palettes = {palette.name: palette for palette in read_palettes(project.verified(project.palette_file))}
     locked = locked or {}
     for name, numbers in locked.items():
         for number in numbers:
@@ -70,7 +70,7 @@ def plan_colorways(
                 raise DataError(
                     f"{target.where}: there is no object {target.name!r}.", f"Objects are: {', '.join(palettes)}."
                 )
-    path = project.checked(project.object_colors_file)
+    path = project.verified(project.object_colors_file)
     seen = {name: read_object_colors(path, name) for name in palettes}
     learned = {name: palette.colors for name, palette in palettes.items()}
     planned = []

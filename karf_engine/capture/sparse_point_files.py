@@ -13,7 +13,7 @@ from ..errors import DataError
 from ..io.ply import read_header, read_rows
 from .capture import SparsePoints
 from .limits import LARGEST_POSITION
-from .reading import read_bytes
+from .reader_utils import read_bytes
 
 UNCOLORED = 128
 

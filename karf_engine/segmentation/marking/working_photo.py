@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...io.color import srgb_to_lab, to_bytes
-from ...io.images import over, resize
-from ..random_walk import Link, links_of
+from ...io.images import alpha_composite, resize
+from ..random_walk import Link, neighbor_links
 
 LONG_SIDE = 256  # pixels; a click takes a fifth of a second
 LIKENESS = 0.1  # per squared Lab unit; tuned together with `regions`
@@ -20,7 +20,7 @@ class WorkingPhoto:
 
     Attributes:
         colors: [h, w, 3] uint8 sRGB.
-        links: between neighbors, see `random_walk.links_of`.
+        links: between neighbors, see `random_walk.neighbor_links`.
         scale: (x, y), working pixels per pixel of the photo.
     """
 
@@ -51,6 +51,6 @@ def working_photo(photo: np.ndarray) -> WorkingPhoto:
     factor = min(1.0, LONG_SIDE / max(height, width))
     size = max(1, round(width * factor)), max(1, round(height * factor))
     alpha = resize(photo[..., 3], *size) if photo.shape[-1] == 4 else None
-    colors = over(resize(photo[..., :3], *size), alpha)
-    links = tuple(links_of(srgb_to_lab(colors).astype(np.float32), LIKENESS))
+    colors = alpha_composite(resize(photo[..., :3], *size), alpha)
+    links = tuple(neighbor_links(srgb_to_lab(colors).astype(np.float32), LIKENESS))
     return WorkingPhoto(to_bytes(colors), links, (size[0] / width, size[1] / height))

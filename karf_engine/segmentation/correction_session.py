@@ -17,7 +17,7 @@ from ..fields.protocol import Field
 from ..project.settings import Settings
 from ..project.volumes import Volume
 from .coarse_masks import CoarseMask
-from .constraints import SeenPoints
+from .constraints import ViewObserver
 from .labels import Labelling
 from .suggestions import Suggestions, views_to_mark
 from .surface_points import surface_points
@@ -25,7 +25,7 @@ from .views import cache_views, load_masked_views
 from .votes import votes_of_rays
 
 
-class Correcting:
+class CorrectionSession:
     """Label a scene's surface, correct the labels any number of times, and render masks of any view.
 
     Attributes:
@@ -64,7 +64,7 @@ class Correcting:
         self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
         points = surface_points(cached, scene_field.voxel)
         self.objects = views.objects
-        self._seen = SeenPoints(scene_field, points, long_side)
+        self._seen = ViewObserver(scene_field, points, long_side)
         self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached), self.objects, volumes)
         constraints = self._seen.constraints(corrections, self.objects)
         random = np.random.default_rng(settings.seed)

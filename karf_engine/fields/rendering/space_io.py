@@ -47,11 +47,11 @@ def space_from_json(content: dict[str, Any], device: torch.device | str = "cpu")
     return SPACES[content["kind"]](**values)
 
 
-def space_on(space: AnySpace, device: torch.device | str) -> AnySpace:
+def space_to_device(space: AnySpace, device: torch.device | str) -> AnySpace:
     """Copy a space to a device.
 
     Example:
-        >>> space_on(Similarity(torch.eye(4)), "cpu").to_grid(torch.tensor([[1.0, 2.0, 3.0]]))
+        >>> space_to_device(Similarity(torch.eye(4)), "cpu").to_grid(torch.tensor([[1.0, 2.0, 3.0]]))
         tensor([[1., 2., 3.]])
     """
     values = {name: v.to(device) if isinstance(v, Tensor) else v for name, v in vars(space).items()}

@@ -12,9 +12,9 @@ import numpy as np
 
 from ...errors import BadRequest
 from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
-from ..matching.becomes import match_becomes, mean_weights, near
+from ..matching.becomes import is_near, match_becomes, mean_weights
 from ..object_colors import ColorHistogram
-from ..palette import BRIGHTEST, Palette, rgb_to_hex
+from ..palette import MAX_SRGB, Palette, rgb_to_hex
 from ..reference_light import ReferenceLight
 from .sheet import TargetColor
 
@@ -52,7 +52,7 @@ class Prediction:
         """The target color clipped to the gamut, sRGB [3]."""
         return np.clip(lab_to_srgb(self.target_color.lab), 0, 1)
 
-    def under(self, light: ReferenceLight | None) -> Prediction:
+    def under_light(self, light: ReferenceLight | None) -> Prediction:
         """Convert the target color, the color reached and their difference to a reference light."""
         if light is None:
             return self
@@ -100,11 +100,11 @@ def predict(
         colors, reason = palette.colors, error.sentence.rstrip(".")
     else:
         reason = ""
-    reached, difference, why = reached_by(colors, palette, seen, source, target_color.lab, locked)
+    reached, difference, why = evaluate_edit(colors, palette, seen, source, target_color.lab, locked)
     return Prediction(target_color, source, colors, reached, difference, reason if reason and why else why)
 
 
-def reached_by(
+def evaluate_edit(
     edited: np.ndarray,
     palette: Palette,
     seen: ColorHistogram,
@@ -126,22 +126,22 @@ def reached_by(
     Examples:
         >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
         >>> grey, darker = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0.5, 0.5, 0.5]])
-        >>> color, left, _ = reached_by(darker, Palette("pot", grey), seen, seen.colors[0], np.array([27.1, 0, 0]))
+        >>> color, left, _ = evaluate_edit(darker, Palette("pot", grey), seen, seen.colors[0], np.array([27.1, 0, 0]))
         >>> rgb_to_hex(color), round(left)
         ('#404040', 0)
     """
-    reached = reached_color(seen.colors, shown(seen, palette, edited), source, seen.counts)
+    reached = reached_color(seen.colors, edited_colors(seen, palette, edited), source, seen.counts)
     left = float(ciede2000(srgb_to_lab(reached), wanted))
     return reached, left, _reason(wanted, palette, seen, source, tuple(locked)) if left > TOLERANCE else ""
 
 
-def shown(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
+def edited_colors(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
     """Return an object's colors [n, 3] after an edit of its palette, clipped as in pictures.
 
     Examples:
         >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
         >>> grey, blue = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0, 0, 2]])
-        >>> shown(seen, Palette("pot", grey), blue).tolist()
+        >>> edited_colors(seen, Palette("pot", grey), blue).tolist()
         [[0.0, 0.0, 1.0]]
     """
     return np.clip(seen.colors + seen.palette_weights @ (edited - palette.colors), 0, 1)
@@ -157,9 +157,9 @@ def reached_color(
         >>> reached_color(before, before + [0.1, 0, -0.2], np.array([0.49, 0.5, 0.5])).round(2).tolist()
         [0.59, 0.5, 0.3]
     """
-    is_near = near(before, source)
-    change = np.subtract(after, before)[is_near]
-    weight = np.ones(len(change)) if counts is None else counts[is_near].astype(np.float64)
+    nearby = is_near(before, source)
+    change = np.subtract(after, before)[nearby]
+    weight = np.ones(len(change)) if counts is None else counts[nearby].astype(np.float64)
     order = np.argsort(change, axis=0)
     share = np.cumsum(weight[order], axis=0)
     middle = (share >= share[-1] / 2).argmax(axis=0)
@@ -201,7 +201,7 @@ def _is_held(
         free = match_becomes(*seen, palette.colors, source, np.clip(lab_to_srgb(lab), 0, 1))
     except BadRequest:  # a source that is black
         return False
-    reached = reached_color(seen.colors, shown(seen, palette, free), source, seen.counts)
+    reached = reached_color(seen.colors, edited_colors(seen, palette, free), source, seen.counts)
     return bool(ciede2000(srgb_to_lab(reached), lab) <= TOLERANCE)
 
 
@@ -220,7 +220,7 @@ def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.
     if _is_held(lab, palette, seen, source, locked):
         held = " and ".join(f"swatch {number}" for number in sorted(locked))
         return f"locks hold it: without that of {held} it would be reached"
-    if (wanted > source + weights[free] @ (BRIGHTEST - palette.colors[free]) + ROUNDING).any():
+    if (wanted > source + weights[free] @ (MAX_SRGB - palette.colors[free]) + ROUNDING).any():
         return (
             f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "
             "with swatches twice as bright as white"

@@ -122,8 +122,8 @@ def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]
     """
     header = image_header(image)
     if declared and header.swaps_sides and (declared[0] > declared[1]) == (header.width > header.height):
-        return header.stored
-    return header.shown
+        return header.stored_size
+    return header.display_size
 
 
 def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:

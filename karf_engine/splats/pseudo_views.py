@@ -15,15 +15,15 @@ from scipy.spatial.transform import Rotation
 from ..capture.camera import Camera
 from ..fields.extent import focus_point, upright_axes
 from ..fields.scene import Scene
-from ..fields.wide_baseline import is_wide
+from ..fields.wide_baseline import is_wide_baseline
 from ..io.color import to_bytes
 from .fit import Photo
 
-PICTURES = 6  # per photo
+PSEUDO_VIEWS_PER_PHOTO = 6  # per photo
 SIDE = 256  # largest side of a picture, pixels; the field has no finer detail
 
 
-def cameras_between(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
+def pseudo_cameras(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
     """Return PICTURES cameras per photo, rotated about the up axis through the focus point in even steps.
 
     Args:
@@ -35,12 +35,12 @@ def cameras_between(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[
         Cameras; none unless the photos have wide baselines and an opaque background.
     """
     focus = focus_point(list(cameras))
-    if scene.background_kind != "opaque" or not is_wide(list(cameras), focus):
+    if scene.background_kind != "opaque" or not is_wide_baseline(list(cameras), focus):
         return []
     up, random = upright_axes(list(cameras))[2], np.random.default_rng([seed, 2])
     found = []
     for camera in cameras:
-        for angle in 2 * np.pi * (np.arange(PICTURES) + random.random()) / PICTURES:
+        for angle in 2 * np.pi * (np.arange(PSEUDO_VIEWS_PER_PHOTO) + random.random()) / PSEUDO_VIEWS_PER_PHOTO:
             rotation = Rotation.from_rotvec(angle * up).as_matrix()
             pose = camera.camera_to_world.copy()
             pose[:3, :3] = rotation @ pose[:3, :3]
@@ -49,7 +49,9 @@ def cameras_between(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[
     return found
 
 
-def pictures_of(scene: Scene, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None) -> list[Photo]:
+def render_pseudo_photos(
+    scene: Scene, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
+) -> list[Photo]:
     """Render the field from cameras.
 
     Args:

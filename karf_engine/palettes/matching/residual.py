@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...io.color import ciede2000, srgb_to_lab
-from .becomes import with_held, with_unasked
+from .becomes import add_fixed_paints, add_preserved_paints
 from .paints import reflection_target
 
 
-def left_of_object(
+def residual_delta_e(
     before: np.ndarray,
     after: np.ndarray,
     counts: np.ndarray,
@@ -36,9 +36,9 @@ def left_of_object(
 
         >>> red, blue = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7])
         >>> before, after = np.stack([red, red / 2]), np.stack([blue, red / 2])
-        >>> round(left_of_object(before, after, np.array([3, 1]), red, blue))
+        >>> round(residual_delta_e(before, after, np.array([3, 1]), red, blue))
         9
     """
-    paints = with_unasked(before, counts, *with_held(before, source, target, held), is_metal)
+    paints = add_preserved_paints(before, counts, *add_fixed_paints(before, source, target, held), is_metal)
     difference = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *paints, is_metal)))
     return float(np.average(difference, weights=counts))
