@@ -43,7 +43,6 @@ from ..io.fingerprints import file_digest
 from ..io.images import alpha_composite, write_png
 from ..project import Project
 from ..project import settings as settings_module
-from ..project.locking import open_project
 from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import sample_surface_points
 from ..splats.importing import read_captured_gaussians
@@ -79,7 +78,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         emit("warning", code="capture", sentence=remark)
     if options.masks is not None:
         find_masks(options.masks, capture)  # refuse masks without a photo before learning
-    project = open_project(options.project)
+    project = Project(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
     capture = in_space(capture, space or _previous_space(project))
@@ -104,7 +103,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
             scene, capture = learn(job, capture, run)
         else:
             scene = import_scene(job, capture, nerf, networks, run.summary)
-        write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
+        write_json(run.output(project.capture_file), capture_to_json(capture, run.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ from ..io.fingerprints import fingerprint
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module
 from ..project.contents import read_capture, settings_for
-from ..project.locking import open_project, read_lock, write_lock
+from ..project.locking import write_lock
 from ..project.settings import Settings
 
 
@@ -70,21 +71,31 @@ class StageRun:
 
     Attributes:
         checkpoint: The training state of its fit.
+        folder: Where it writes its outputs.
         summary: Its metrics, stored with the commit.
     """
 
     checkpoint: Checkpoint
-    _outputs: Path
+    folder: Path
     summary: dict[str, Any] = field(default_factory=dict)
 
     def output(self, path: Path) -> Path:
-        """Return the temporary path of an output that the commit moves to this path of the project."""
-        return self._outputs / path.name
+        """Return where to write the output that has this path in the project."""
+        return self.folder / path.name
 
 
-def open_job(options: ProjectOptions, emit: Emit, should_stop: Callable[[], bool]) -> Job:
-    """Open the project of a command's options, with learned geometry, and the settings for the command."""
-    project = open_project(options.project)
+def open_job(
+    options: ProjectOptions, emit: Emit, should_stop: Callable[[], bool], project: Project | None = None
+) -> Job:
+    """Open the project of a command's options, with learned geometry, and the settings for the command.
+
+    Args:
+        options: The command's options.
+        emit: See `Job`.
+        should_stop: See `Job`.
+        project: A snapshot of the project, for commands that only read it.
+    """
+    project = project or Project(options.project)
     return make_job(project, options, settings_for(project, options.command), emit, should_stop)
 
 
@@ -128,15 +139,15 @@ def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
             return
         job.emit("stage", name=stage)
         start = time.perf_counter()
-        run = StageRun(Checkpoint(project.checkpoint_file(stage), own, stage, job.emit), project.outputs_folder)
+        checkpoint = Checkpoint(project.checkpoint_file(stage), own, stage, job.emit)
+        run = StageRun(checkpoint, project.new_result(stage))
         try:
             yield run
             cost = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
-            with read_lock(project):
-                project.commit(stage, own, settings_module.to_dict(job.settings), **cost, **run.summary)
-            run.checkpoint.delete()
-        except Diverged:
-            run.checkpoint.delete()  # resuming would diverge again
+            project.commit(stage, run.folder, own, settings_module.to_dict(job.settings), **cost, **run.summary)
+            checkpoint.delete()
+        except BaseException as error:
+            shutil.rmtree(run.folder, ignore_errors=True)
+            if isinstance(error, Diverged):
+                checkpoint.delete()  # resuming would diverge again
             raise
-        finally:
-            project.remove_leftovers()

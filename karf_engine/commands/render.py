@@ -33,7 +33,8 @@ from ..export.frame_options import RenderOptions
 from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
-from ..project.locking import open_project, read_lock, write_lock
+from ..project import Project
+from ..project.locking import write_lock
 from ..project.settings import with_overrides
 from ..recolor.model import Model
 from .disputes import warn_of_disputes
@@ -46,13 +47,12 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     if options.layer_space is not None:
         color_space(options.layer_space, options.ocio)  # refuse an unknown one before rendering
-    project = open_project(options.project)
+    project = Project(options.project)
     project.require("geometry")
     with write_lock(project) if options.planes else nullcontext():
-        with read_lock(project):
-            job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
-            model, learned = Model(project, job.runtime.device, job.settings), model_fingerprint(project, job.settings)
-        _render(job, model, learned, options)
+        job = _with_overrides(open_job(options, emit, should_stop, project.snapshot()), options.overrides)
+        model = Model(job.project, job.runtime.device, job.settings)
+        _render(job, model, model_fingerprint(job.project, job.settings), options)
 
 
 def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOptions) -> None:

@@ -24,7 +24,6 @@ from ..palettes.matching.painted import ObjectMatch
 from ..palettes.palette import Edit
 from ..palettes.project_edit import ProjectEdit, edit_of
 from ..project import Project
-from ..project.locking import open_project, read_lock
 from ..project.settings import Settings
 from ..splats.gaussians import Gaussians
 from . import photo_recoloring
@@ -83,10 +82,7 @@ class Model(Learned):
         Raises BadRequest if nothing is learned there or there is no such device, DataError if it is not a project or a
         file is damaged.
         """
-        project = open_project(folder)
-        project.require("geometry")  # before the lock file is made: other folders stay untouched
-        with read_lock(project):
-            return cls(project, find_device(device))
+        return cls(Project(folder).snapshot(), find_device(device))
 
     def __repr__(self) -> str:
         return one_line("Model", f"{self.project.folder}: {', '.join(self.objects) or 'no objects yet'}")

@@ -32,9 +32,8 @@ from karf_engine.palettes.object_colors import read_object_colors
 from karf_engine.palettes.palette import read_palettes
 from karf_engine.palettes.palette_files import read_edit_file
 from karf_engine.palettes.project_edit import edit_of
-from karf_engine.project import STAGE_ORDER
+from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.contents import read_capture, settings_for
-from karf_engine.project.locking import open_project
 from karf_engine.splats.formats.registry import read_splats
 from karf_engine.worker.protocol import EventReader, Request
 from tools.convert_bmild import read_bmild
@@ -92,7 +91,7 @@ def swatches(path: Path) -> None:
 
 def state(path: Path) -> None:
     """Open the project as every stage and Blender's panel do."""
-    project = open_project(path.parent)
+    project = Project(path.parent)
     settings_for(project, "render")
     for stage in STAGE_ORDER:
         if project.finished(stage):
@@ -109,7 +108,7 @@ def learned(path: Path) -> None:
 
 
 def surface(path: Path) -> None:
-    project = open_project(path.parent)
+    project = Project(path.parent)
     object_pixels(*load_surface(project.verified(project.surface_file)))
 
 
@@ -173,7 +172,7 @@ def _render(path: Path, views: str) -> None:
 def matched(path: Path) -> None:
     """Solve an edit for whatever objects the palettes name."""
     for palette in read_palettes(path):
-        edit = edit_of(open_project(path.parent))
+        edit = edit_of(Project(path.parent))
         edit.becomes(palette.name, "#b5302c", "#3059b8").save(path.parent / "out.json")
 
 

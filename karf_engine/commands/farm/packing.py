@@ -6,6 +6,7 @@ user named, are packed: an untrusted project or capture may name or link to any 
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -80,7 +81,11 @@ def project_files(project: Project, views: Sequence[View], photos: Path | None) 
         project.recoloring_file,
         project.splats_file,
     )
-    files = [PackedFile(project.verified(path), Path(PROJECT, path.name)) for path in learned if path.exists()]
+    files = [
+        PackedFile(project.verified(path), Path(PROJECT, path.relative_to(project.folder)))
+        for path in learned
+        if path.exists()
+    ]
     source = read_capture(project).source
     places = [source if source.is_dir() else source.parent, project.folder, photos]
     for view in views:
@@ -94,9 +99,10 @@ def write_project(project: Project, target: Path, views: Sequence[View]) -> None
     capture = read_capture(project)
     content = capture_to_json(replace(capture, source=Path(capture.source.name)))
     photos = {view.name: _photo_name(view) for view in views if view.image}
+    packed = target / project.capture_file.relative_to(project.folder)
+    up = Path(os.path.relpath(target.parent, packed.parent)).as_posix()
     for entry in content["views"]:
-        entry["image"] = f"../{PHOTOS}/{photos[entry['name']]}" if entry["name"] in photos else None
-    packed = target / project.capture_file.name
+        entry["image"] = f"{up}/{PHOTOS}/{photos[entry['name']]}" if entry["name"] in photos else None
     write_json(packed, content)
     state = {**project.state(), "capture": capture.source.name}
     state["stages"]["geometry"].setdefault("files", {})[packed.name] = checksum(packed)
