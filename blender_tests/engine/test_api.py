@@ -20,6 +20,7 @@ import karf_engine as karf
 from blender_tests.engine.conftest import QUICK, ROOT
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
+from karf_engine.project import Project
 
 pytest.importorskip("torch")
 distance_transform_edt = pytest.importorskip("scipy.ndimage").distance_transform_edt
@@ -312,7 +313,7 @@ def test_the_readme_runs_as_printed_from_the_wheel_alone(wheel, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1].startswith("(32, 32, 3)")
-    assert (work / "blue_pot.json").exists() and (work / "garden_karf" / "recoloring.safetensors").exists()
+    assert (work / "blue_pot.json").exists() and Project(work / "garden_karf").finished("recoloring")
 
 
 SMALL_FAST = f"""

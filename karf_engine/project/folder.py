@@ -33,7 +33,6 @@ Earlier versions wrote the outputs of stages beside project.json; they are read 
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 import time
 from collections.abc import Callable
@@ -121,14 +120,23 @@ class Project:
     render_cache_folder = _Inside("looks")
     photos_folder = _Inside("photos")
 
-    def output(self, name: str) -> Path:
-        """Return the path of a stage's output: that of the last finished stage which wrote a file of this name."""
-        stage = self._stage_of(name)
-        return self._output_of(stage, name) if stage else self.path(name)
+    def output(self, name: str, stage: str | None = None) -> Path:
+        """Return the path of an output of a finished stage, by default of the last one that wrote a file of this name.
+
+        Raises:
+            DataError: project.json names no valid path, or a link in it leads out of the project.
+        """
+        stage = stage or self._stage_of(name)
+        folder = self.state()["stages"][stage].get("folder") if stage else None
+        check_name(name, self.state_file, "a file")
+        if folder is None:
+            return self.path(name)
+        return self.path(RESULTS, check_name(folder, self.state_file, "a result"), name)
 
     def new_result(self, stage: str) -> Path:
-        """Make an empty folder for the outputs of a stage; `finish` or `remove_leftovers` decides what becomes of it."""
-        folder = self.path(RESULTS, f"{stage}-{secrets.token_hex(4)}")
+        """Make an empty folder for the outputs of a stage, numbered after its earlier ones."""
+        numbers = [int(path.name.rpartition("-")[2]) for path in self.path(RESULTS).glob(f"{stage}-*[0-9]")]
+        folder = self.path(RESULTS, f"{stage}-{max(numbers, default=0) + 1}")
         folder.mkdir(parents=True)
         return folder
 
@@ -281,7 +289,9 @@ class Project:
         Raises:
             DataError: The file is damaged or missing.
         """
-        stage = self._stage_of(path.name)
+        stages = self.state()["stages"].items()
+        owner = next((stage for stage, summary in stages if summary.get("folder") == path.parent.name), None)
+        stage = owner or self._stage_of(path.name)
         if stage is None or (path.exists() and checksum(path) == self.state()["stages"][stage]["files"][path.name]):
             return path
         raise DataError(
@@ -299,7 +309,7 @@ class Project:
             if "folder" not in summary:  # of an earlier version: a later stage may have replaced the file
                 stage = self._stage_of(name) or stage
                 expected = self.state()["stages"][stage]["files"][name]
-            path = self._output_of(stage, name)
+            path = self.output(name, stage)
             if not path.exists() or checksum(path) != expected:
                 return False
         return True
@@ -308,16 +318,6 @@ class Project:
         """Return the last finished stage that wrote a file of this name."""
         stages = self.state()["stages"] if self._state or self.state_file.exists() else {}
         return next((stage for stage in reversed(STAGE_ORDER) if name in stages.get(stage, {}).get("files", {})), None)
-
-    def _output_of(self, stage: str, name: str) -> Path:
-        """Return the path of a finished stage's output. Raises DataError where project.json names no valid path."""
-        check_name(name, self.state_file, "a file")
-        folder = self.state()["stages"][stage].get("folder")
-        return (
-            self.path(name)
-            if folder is None
-            else self.path(RESULTS, check_name(folder, self.state_file, "a result"), name)
-        )
 
     def remove_leftovers(self) -> None:
         """Delete temporary files and results that no finished stage has. Requires the lock for writing."""

@@ -173,7 +173,7 @@ def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(copy, at, mo
 def test_a_bundle_renders_the_frames_that_the_project_does(learned, tmp_path):
     sequence = write_sequence(learned.project, tmp_path, 2)
     bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views=str(sequence.cameras), edit=sequence.edit)
-    assert (bundle / "project" / "splats.safetensors").is_file()
+    assert Project(bundle / "project").splats_file.is_file()
     for project, out in ((learned.project, "here"), (bundle / "project", "there")):
         karf.render(project, tmp_path / out, views=str(sequence.cameras), edit=sequence.edit, threads=1, device="cpu")
     here = {path.name: path.read_bytes() for path in (tmp_path / "here" / "recolor").iterdir()}
