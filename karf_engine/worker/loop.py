@@ -136,7 +136,7 @@ class Worker:
 
     def _answer(self, session: Session, query: Query) -> None:
         """Answer a query with one event."""
-        from .queries.kinds import answer  # needs numpy, and the command line must start without it
+        from .queries import answer  # needs numpy, and the command line must start without it
 
         is_superseded = partial(self._inbox.is_superseded, query.kind)
         try:
