@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 HEAD = """# Commands and their options
 
-<!-- written by `python -m tools.reference` from karf_engine/commands/options/; change it there -->
+<!-- written by `python -m tools.reference` from karf_engine/commands/options.py; change it there -->
 
 Every command has one frozen dataclass of options, from which the command line (`karf VERB`, or `python karf_engine
 VERB` in a checkout), a job's `request.json` and the library's functions take their names, types, ranges and defaults.
@@ -46,7 +46,7 @@ and formats of your own: [extending](extending.md). Every module is described [i
 """
 STUB = '''"""The signatures of the library's functions, with every keyword.
 
-Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options.py; change it there.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -132,7 +132,7 @@ def seconds_of_stages(settings: Settings, samples_per_second: float, is_open: bo
 
     Args:
         settings: The settings of the stages.
-        samples_per_second: Speed of the computer, see `cli.doctor.samples_per_second`.
+        samples_per_second: Speed of the computer, see `cli.smoke.samples_per_second`.
         is_open: Whether the scene extends behind the object and the cameras.
     """
     if settings.geometry.field != "voxels":
