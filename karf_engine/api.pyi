@@ -1,6 +1,6 @@
 """The signatures of the library's functions, with every keyword.
 
-Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options.py; change it there.
 """
 
 from collections.abc import Callable, Mapping, Sequence

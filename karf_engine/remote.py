@@ -15,11 +15,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import KarfError
-from ..worker.path_map import PathMap
-from ..worker.protocol import EventReader, EventWriter
+from .errors import KarfError
+from .worker.path_map import PathMap
+from .worker.protocol import EventReader, EventWriter
 
-ENGINE = Path(__file__).resolve().parents[1]
+ENGINE = Path(__file__).resolve().parent
 UNREACHABLE = 255  # ssh's exit code where it cannot connect
 
 
