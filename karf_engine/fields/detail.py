@@ -12,8 +12,7 @@ from ..capture.camera import Camera
 from ..capture.capture import SparsePoints, View
 from ..io.images import resize
 from .extent import focus_point
-from .rendering.space import Space
-from .rendering.space_io import space_to_device
+from .rendering.space import Space, space_to_device
 
 STEP = 0.5  # of central differences, pixels
 

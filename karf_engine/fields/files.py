@@ -9,9 +9,8 @@ from torch import Tensor
 
 from ..errors import DataError
 from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
-from .background import Background
 from .registry import field_kind, field_kinds
-from .scene import Scene
+from .scene import Background, Scene
 
 SCHEMA = "karf-geometry/1"
 BACKGROUNDS = ("alpha", "black", "white", "opaque")

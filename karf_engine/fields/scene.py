@@ -8,19 +8,31 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..capture.camera import Camera
 from ..compute.cores import parallel_for
-from .background import Background
 from .protocol import Field
-from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance
+from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance, spherical_harmonics
 from .rendering.surface_cache import SurfaceCache, concatenate_caches, quantile_samples
 from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
 CPU_RAYS_PER_CHUNK = 2048  # samples fit the cache
 ACCELERATOR_RAYS_PER_CHUNK = 65536
 VALIDATION_PIXELS = 1500
+
+
+class Background(nn.Module):
+    """Learned color of rays that leave the field, by direction: an MLP with one hidden layer."""
+
+    def __init__(self, width: int = 32) -> None:
+        super().__init__()
+        self.network = nn.Sequential(nn.Linear(9 + 18, width), nn.ReLU(), nn.Linear(width, 3))
+
+    def forward(self, viewdirs: Tensor) -> Tensor:
+        """Return sRGB colors [n, 3] in (0, 1) of unit directions [n, 3]."""
+        waves = [f(k * viewdirs) for k in (2.0, 4.0, 8.0) for f in (torch.sin, torch.cos)]
+        return torch.sigmoid(self.network(torch.cat([spherical_harmonics(viewdirs), *waves], 1)))
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,9 @@ import torch
 from torch import Tensor, nn
 
 from ...kan.encoding import positional_encoding
-from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine, stratified_samples
 from ..rendering.rays import Rays
-from ..rendering.sampling import Samples
-from ..rendering.space import StraightSpace
-from ..rendering.space_io import space_from_json, space_to_json
+from ..rendering.sampling import Samples, dense_ray_weights, interval_lengths, refine, stratified_samples
+from ..rendering.space import StraightSpace, space_from_json, space_to_json
 from ..rendering.volume import Trace, make_trace, outward_normals
 
 VOXELS = 128  # along the longest side; their size is the length scale of later stages

@@ -14,8 +14,8 @@ from torch import Tensor
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
-from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine
 from ..rendering.rays import PixelDataset, Rays
+from ..rendering.sampling import dense_ray_weights, interval_lengths, refine
 from ..rendering.surface_cache import cache_surface
 from ..scene import Scene
 from ..training.adam import Adam

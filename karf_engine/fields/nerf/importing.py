@@ -17,8 +17,7 @@ from ...errors import DataError
 from ...project.settings import NerfSettings
 from ..extent import focus_point, mean_pose
 from ..rendering.rays import PixelDataset
-from ..rendering.space import Box, StraightSpace
-from ..rendering.space_io import space_to_device
+from ..rendering.space import Box, StraightSpace, space_to_device
 from ..scene import Scene, psnr_of_views
 from ..spaces import mean_frustum, similarity, to_ndc
 from .field import NerfField, NerfNetwork, NerfSampling

@@ -11,8 +11,7 @@ from ...project.settings import NerfSettings
 from ..extent import focus_point, max_depth, min_depth
 from ..fit import FitInputs
 from ..rendering.rays import PixelDataset
-from ..rendering.space import StraightSpace
-from ..rendering.space_io import space_to_device
+from ..rendering.space import StraightSpace, space_to_device
 from ..spaces import mean_frustum, similarity, to_ndc
 from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .fit import NerfFit

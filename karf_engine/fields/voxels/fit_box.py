@@ -21,9 +21,9 @@ from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
 from ...project.settings import GeometrySettings, Level
-from ..background import Background
 from ..extent import box_around_focus, upright_axes
 from ..rendering.rays import PixelDataset
+from ..scene import Background
 from ..spaces import OPAQUE_REACH
 from ..wide_baseline import PARAMETERS as WIDE_BASELINE
 from ..wide_baseline import is_photo_consistent, is_wide_baseline, rotate_about_vertical

@@ -9,8 +9,7 @@ from ...project.settings import Level
 from ..fit import FitInputs
 from ..free_space import FreeSpace
 from ..horizon import estimate_horizon
-from ..rendering.space import OpenSpace
-from ..rendering.space_io import space_to_device
+from ..rendering.space import OpenSpace, space_to_device
 from ..spaces import contraction_around_focus, mean_frustum
 from .fit import VoxelFit
 from .fit_box import start_box_fit
