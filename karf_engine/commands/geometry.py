@@ -26,9 +26,9 @@ from ..compute.process_group import ProcessGroup, current_group
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import Cancelled, DataError, KarfError
-from ..fields.detail import psnr_without_detail, typical_pixels_per_voxel
 from ..fields.exposures import PARAMETERS as EXPOSURES
 from ..fields.exposures import gains_from_render
+from ..fields.extent import psnr_without_detail, typical_pixels_per_voxel
 from ..fields.files import save_scene
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf

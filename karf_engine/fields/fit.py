@@ -21,7 +21,7 @@ class FitInputs:
 
     dataset: PixelDataset  # all pixels of the training photos
     background_kind: str  # alpha, black, white or opaque; the background of the photos
-    space: str  # box, contraction or frustum (see spaces.py)
+    space: str  # box, contraction or frustum (see extent.py)
     views: list[View]  # of the dataset, with cameras of its image sizes
     points: SparsePoints | None  # sparse points as observed by these views, or None
     settings: GeometrySettings  # of the geometry stage

@@ -12,10 +12,10 @@ from ..capture.training_images import TrainingImage, background_kind, solid_pixe
 from ..compute import cores
 from ..compute.runtime import Runtime
 from ..project.settings import GeometrySettings
+from .extent import choose_space
 from .fit import Fit, FitInputs
 from .registry import start_fit
 from .rendering.rays import PixelDataset
-from .spaces import choose_space
 
 
 @dataclass(frozen=True)

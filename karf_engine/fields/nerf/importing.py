@@ -15,11 +15,10 @@ from ...capture.camera import Camera
 from ...capture.capture import View
 from ...errors import DataError
 from ...project.settings import NerfSettings
-from ..extent import focus_point, mean_pose
+from ..extent import focus_point, mean_frustum, mean_pose, similarity, to_ndc
 from ..rendering.rays import PixelDataset
 from ..rendering.space import Box, StraightSpace, space_to_device
 from ..scene import Scene, psnr_of_views
-from ..spaces import mean_frustum, similarity, to_ndc
 from .field import NerfField, NerfNetwork, NerfSampling
 from .fit import MEASURED_RAYS, surface_bounds
 from .start import OBJECT_DISTANCE

@@ -8,11 +8,10 @@ import torch
 from ...capture.capture import SparsePoints, View
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
-from ..extent import focus_point, max_depth, min_depth
+from ..extent import focus_point, max_depth, mean_frustum, min_depth, similarity, to_ndc
 from ..fit import FitInputs
 from ..rendering.rays import PixelDataset
 from ..rendering.space import StraightSpace, space_to_device
-from ..spaces import mean_frustum, similarity, to_ndc
 from .field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from .fit import NerfFit
 

@@ -16,8 +16,7 @@ from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
 from ...project.settings import Level, OpenSettings
-from ..free_space import FreeSpace
-from ..horizon import Horizon
+from ..priors import FreeSpace, Horizon
 from ..rendering.rays import PixelDataset
 from ..rendering.space import OpenSpace
 from ..scene import Background

@@ -12,13 +12,12 @@ from karf_engine.capture.capture import SparsePoints, View
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import BadRequest
-from karf_engine.fields.extent import is_forward_facing, min_depth
+from karf_engine.fields.extent import choose_space, is_forward_facing, min_depth
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import start_fit
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box, Contraction
-from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.observations import find_observations
