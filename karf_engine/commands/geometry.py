@@ -33,10 +33,9 @@ from ..fields.files import save_scene
 from ..fields.nerf.field import NerfNetwork
 from ..fields.nerf.files import read_nerf
 from ..fields.nerf.importing import import_nerf
-from ..fields.registry import field_kind
+from ..fields.registry import background_kind_of, build_pixel_dataset, field_kind, make_fit_task
 from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
-from ..fields.task import background_kind_of, build_pixel_dataset, make_fit_task
 from ..io.color_spaces import ColorSpace, color_space
 from ..io.files import write_json
 from ..io.fingerprints import file_digest

@@ -30,9 +30,9 @@ from karf_engine.compute.progress import Progress, peak_memory_bytes
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
 from karf_engine.fields.fit import Fit
+from karf_engine.fields.registry import FitTask, background_kind_of, build_pixel_dataset, make_fit_task
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.scene import Scene, rendered_and_photographed_pixels
-from karf_engine.fields.task import FitTask, background_kind_of, build_pixel_dataset, make_fit_task
 from karf_engine.io.images import alpha_composite
 from karf_engine.metrics.images import psnr
 from karf_engine.project import settings as settings_module

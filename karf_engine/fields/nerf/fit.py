@@ -14,14 +14,22 @@ from torch import Tensor
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
+from ..fit import Checkpoint
 from ..rendering.rays import PixelDataset, Rays
 from ..rendering.sampling import dense_ray_weights, interval_lengths, refine
 from ..rendering.surface_cache import cache_surface
 from ..scene import Scene
-from ..training.adam import Adam
-from ..training.checkpoint import Checkpoint
-from ..training.loop import Metrics, train
-from ..training.state import TrainingState, add_prefix, check_same_layout, read_integer, scalar_tensor, strip_prefix
+from ..training import (
+    Adam,
+    Metrics,
+    TrainingState,
+    add_prefix,
+    check_same_layout,
+    read_integer,
+    scalar_tensor,
+    strip_prefix,
+    train,
+)
 from .field import NerfField, NerfNetwork, points_along
 
 CROP_SHARE = 0.5  # central share of the image sides where the first rays are drawn, to see the object early

@@ -20,8 +20,7 @@ from ..priors import FreeSpace, Horizon
 from ..rendering.rays import PixelDataset
 from ..rendering.space import OpenSpace
 from ..scene import Background
-from ..training.adam import Adam
-from ..training.state import TrainingState
+from ..training import Adam, TrainingState
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations

@@ -6,17 +6,17 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.fields.training.waits import Waits
+from blender_tests.engine.fields.waits import Waits
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
+from karf_engine.fields import training
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
-from karf_engine.fields.training import loop
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
@@ -29,7 +29,7 @@ ITERATIONS, RAYS = 4, 64
 @pytest.fixture
 def waits(monkeypatch):
     """What is waited for in the forward and backward passes of each iteration."""
-    found, gradients = [], loop._gradients
+    found, gradients = [], training._gradients
 
     def counted(*arguments):
         with Waits() as waits, _refused_by_cuda():
@@ -37,7 +37,7 @@ def waits(monkeypatch):
         found.append(waits.found)
         return result
 
-    monkeypatch.setattr(loop, "_gradients", counted)
+    monkeypatch.setattr(training, "_gradients", counted)
     return found
 
 
