@@ -53,13 +53,7 @@ class Field(Protocol):
         ...
 
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-        """Return sRGB colors [n, 3] in [0, 1].
-
-        Args:
-            positions: [n, 3].
-            viewdirs: Unit directions [n, 3] in the world.
-            features: [n, F], of these positions.
-        """
+        """Return sRGB colors [n, 3] in [0, 1], for unit directions [n, 3] in the world and the features [n, F] there."""
         ...
 
     def normals(self, positions: Tensor) -> Tensor:

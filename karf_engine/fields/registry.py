@@ -26,7 +26,7 @@ from ..project.settings import FIELD_KINDS, GeometrySettings
 from .extent import choose_space
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
-from .nerf.start import start_nerf_fit
+from .nerf.fit import start_nerf_fit
 from .protocol import Field
 from .rendering.rays import PixelDataset
 from .voxels.field import VoxelField

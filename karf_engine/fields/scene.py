@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
@@ -62,12 +61,7 @@ class Scene:
 
     @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
-        """Render a camera. Not differentiable.
-
-        Args:
-            camera: In world units; the picture has its lens distortion.
-            n_quantiles: Quantile samples per ray, >= 1.
-        """
+        """Render a camera, with its lens distortion and `n_quantiles` >= 1 samples per ray. Not differentiable."""
         device = self.field.bounds.device
         colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
         shape = (camera.height, camera.width)
@@ -115,18 +109,9 @@ class Scene:
 
 def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS, seed: int = 0) -> list[float]:
     """Return the PSNR of each training image over random pixels, dB, at most 100. The seed determines the pixels."""
-    errors = [
-        ((shown - photo) ** 2).mean()
-        for shown, photo in rendered_and_photographed_pixels(scene, dataset, n_pixels, seed)
-    ]
-    return [-10 * math.log10(float(error) + 1e-10) for error in errors]
-
-
-def rendered_and_photographed_pixels(
-    scene: Scene, dataset: PixelDataset, n_pixels: int, seed: int = 0
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield rendered and photographed colors [n, 3] at random pixels of each training image."""
-    random = torch.Generator().manual_seed(seed)
+    random, found = torch.Generator().manual_seed(seed), []
     for first, last in itertools.pairwise(dataset.offsets.tolist()):
         index = torch.randint(first, last, (n_pixels,), generator=random).to(dataset.color.device)
-        yield scene.colors(dataset.rays(index)), dataset.color[index].float() / 255
+        error = ((scene.colors(dataset.rays(index)) - dataset.color[index].float() / 255) ** 2).mean()
+        found.append(-10 * math.log10(float(error) + 1e-10))
+    return found

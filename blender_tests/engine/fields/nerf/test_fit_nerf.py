@@ -17,7 +17,7 @@ from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
-from karf_engine.fields.nerf.start import choose_space_and_sampling, fresh_fit
+from karf_engine.fields.nerf.fit import choose_space_and_sampling, fresh_fit
 from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.rendering.space import Box, Frustum
