@@ -48,7 +48,7 @@ def estimate_photo_gains(scene: Scene, dataset: PixelDataset) -> np.ndarray:
         return np.ones((len(cameras), 3), np.float32)
     samples = [_sample_view(scene, dataset, number) for number in range(len(cameras))]
     medians, half, other = (
-        _remove_view_dependence(_log_gains(each, len(cameras)), cameras) for each in _medians(list(_pairs(samples)))
+        _remove_view_dependence(_log_gains(each, len(cameras)), cameras) for each in _medians(_pairs(samples))
     )
     return _shrunk_gains(medians, half, other)
 
@@ -92,16 +92,6 @@ class _ViewSample:
     distances: np.ndarray
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Log color ratios [n, 3] of two photos at n shared points, NaN where unusable, and their checkerboard half [n]."""
-
-    first: int
-    second: int
-    ratios: np.ndarray
-    half: np.ndarray
-
-
 def _sample_view(scene: Scene, dataset: PixelDataset, number: int) -> _ViewSample:
     camera = dataset.cameras[number].reduced(LONG_SIDE)
     picture = scene.render(camera, 1)
@@ -112,8 +102,11 @@ def _sample_view(scene: Scene, dataset: PixelDataset, number: int) -> _ViewSampl
     return _ViewSample(camera, photo, origins + steps, np.where(is_solid, np.linalg.norm(steps, axis=1), 0))
 
 
-def _pairs(samples: Sequence[_ViewSample]) -> Iterator[_Pair]:
-    """Pair each photo with its nearest neighbors."""
+def _pairs(samples: Sequence[_ViewSample]) -> Iterator[tuple[int, int, np.ndarray, np.ndarray]]:
+    """Yield each photo with each of its nearest neighbors, and their n shared points.
+
+    Log color ratios [n, 3], NaN where unusable, and the points' halves of the checkerboard, [n] bool.
+    """
     points = np.concatenate([sample.points[sample.distances > 0] for sample in samples])
     if not len(points):
         return
@@ -126,7 +119,7 @@ def _pairs(samples: Sequence[_ViewSample]) -> Iterator[_Pair]:
         for other in nearest[number]:
             if other != number:
                 pixels, ratios = _ratios(sample, samples[other])
-                yield _Pair(number, int(other), ratios, half[pixels])
+                yield number, int(other), ratios, half[pixels]
 
 
 def _ratios(sample: _ViewSample, other: _ViewSample) -> tuple[np.ndarray, np.ndarray]:
@@ -153,15 +146,15 @@ def _log_ratios(own: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.log(np.where(usable, own, np.nan) / np.where(usable, other, 1))
 
 
-def _medians(pairs: Sequence[_Pair]) -> tuple[list[list[tuple]], ...]:
+def _medians(pairs: Iterator[tuple[int, int, np.ndarray, np.ndarray]]) -> tuple[list[list[tuple]], ...]:
     """Return (first, second, median, count) of the pairs of each channel: of all points and of either half."""
     found = tuple([[] for _ in range(3)] for _ in range(3))
-    for pair in pairs:
-        for kind, chosen in enumerate((slice(None), pair.half, ~pair.half)):
-            for channel, ratios in enumerate(pair.ratios[chosen].T):
-                known = ratios[~np.isnan(ratios)]
+    for first, second, ratios, half in pairs:
+        for kind, chosen in enumerate((slice(None), half, ~half)):
+            for channel, values in enumerate(ratios[chosen].T):
+                known = values[~np.isnan(values)]
                 if len(known) >= MIN_POINTS:
-                    found[kind][channel].append((pair.first, pair.second, np.median(known), len(known)))
+                    found[kind][channel].append((first, second, np.median(known), len(known)))
     return found
 
 

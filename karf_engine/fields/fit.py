@@ -43,14 +43,9 @@ class Resumable(Protocol):
     """A fit that can be interrupted."""
 
     @property
-    def iterations(self) -> int:
-        """Iterations of the whole fit."""
-        ...
-
+    def iterations(self) -> int: ...  # iterations of the whole fit
     @property
-    def done(self) -> int:
-        """Iterations done so far."""
-        ...
+    def done(self) -> int: ...  # iterations done so far
 
     def state(self) -> dict[str, Tensor]:
         """Return all tensors needed to resume."""
@@ -82,14 +77,7 @@ class Checkpoint:
     """The checkpoint file of one stage, from which a cancelled or killed fit resumes."""
 
     def __init__(self, path: Path, fingerprint: str, stage: str, emit: Emit) -> None:
-        """Set up a checkpoint; the file is not read yet.
-
-        Args:
-            path: The file.
-            fingerprint: Of the stage; a state with another one is not resumed.
-            stage: Name of the stage in events.
-            emit: Receives events.
-        """
+        """Set up a checkpoint of a stage; the file is not read yet. A state with another fingerprint is not resumed."""
         self.notes: dict[str, Any] = {}  # JSON values stored with the fit, and restored when it resumes
         self._path, self._fingerprint, self._stage, self._emit = path, fingerprint, stage, emit
         self._fit: Resumable | None = None

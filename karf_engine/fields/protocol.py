@@ -16,29 +16,15 @@ class Field(Protocol):
     """A frozen radiance field, usually an `nn.Module`. Positions, boxes and lengths are in grid coordinates."""
 
     @property
-    def kind(self) -> str:
-        """Name in the registry and in files (see registry.py)."""
-        ...
-
+    def kind(self) -> str: ...  # name in the registry and in files (see registry.py)
     @property
-    def space(self) -> Space:
-        """The map from the world to grid coordinates."""
-        ...
-
+    def space(self) -> Space: ...  # the map from the world to grid coordinates
     @property
-    def bounds(self) -> Tensor:
-        """Lowest and highest corner of the contents, [2, 3]."""
-        ...
-
+    def bounds(self) -> Tensor: ...  # lowest and highest corner of the contents, [2, 3]
     @property
-    def voxel(self) -> float:
-        """The finest resolved length, the scale of normals and of the label solve."""
-        ...
-
+    def voxel(self) -> float: ...  # the finest resolved length, the scale of normals and of the label solve
     @property
-    def n_features(self) -> int:
-        """F, the number of prior features."""
-        ...
+    def n_features(self) -> int: ...  # F, the number of prior features
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
         """Sample rays in world units. Fields that do not march ignore `step_in_voxels`."""

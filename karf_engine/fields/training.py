@@ -65,10 +65,10 @@ def train(
     Each process of a group takes an equal share of the batch.
 
     Args:
-        training_state: Optimizer and iterations done; advanced in place.
+        training_state: Advanced in place.
         until: At most `training_state.iterations`.
         step: Maps iteration and batch_scale, the share of the batch to take, to a loss [] and metrics.
-        schedule: Factor of the learning rate of every parameter group, from iteration and `training_state.iterations`.
+        schedule: Factor of the learning rate of every parameter group.
         progress: Receives the metrics of each iteration; may raise Cancelled.
         checkpoint: Saved when due, and on cancellation.
 
@@ -220,11 +220,7 @@ def scalar_tensor(value: float) -> Tensor:
 
 
 def read_integer(state: dict[str, Tensor], name: str, most: int) -> int:
-    """Return an integer of a state.
-
-    Raises:
-        DataError: It is not an integer from 0 to `most`.
-    """
+    """Return an integer of a state. Raise DataError if it is not one from 0 to `most`."""
     value = float(state[name])
     if not (value.is_integer() and 0 <= value <= most):
         raise DataError(f"{name!r} of what was learned is {value}, not a whole number up to {most}.")
@@ -243,11 +239,7 @@ def strip_prefix(prefix: str, state: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def check_same_layout(state: dict[str, Tensor], like: dict[str, Tensor]) -> None:
-    """Check that two states have the same names, shapes and dtypes.
-
-    Raises:
-        DataError: They differ; the sentence names the first difference.
-    """
+    """Check that two states have the same names, shapes and dtypes. Raise DataError with the first difference."""
     found, expected = ({n: (tuple(t.shape), t.dtype) for n, t in tensors.items()} for tensors in (state, like))
     for name in sorted(found.keys() | expected.keys()):
         if found.get(name) != expected.get(name):

@@ -12,7 +12,7 @@ from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields import training
-from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
@@ -129,15 +129,12 @@ def test_learning_the_weights_waits_for_nothing(waits, tools, field, cache):
 
 def test_learning_a_nerf_waits_for_nothing(waits, tools):
     runtime, progress = tools
-    networks = [NerfNetwork(NerfShape(depth=2, width=8, skips=(), view_width=4)) for _ in range(2)]
     sampling = NerfSampling(1.0, 4.0, coarse=6, fine=6)
-    bounds = torch.tensor(CORNERS, device=runtime.device)
-    nerf = NerfField(*[network.to(runtime.device) for network in networks], sampling, Box(), bounds)
     cameras = [camera_at(angle, 0.5, 8) for angle in (0.0, 1.0)]
     colors = [torch.rand(8, 8, 3).numpy() for _ in cameras]
     dataset = PixelDataset(cameras, colors, [color[..., 0] for color in colors], device=runtime.device)
-    settings = NerfSettings(iterations=ITERATIONS, rays=32, crop_iterations=2, look_every=ITERATIONS)
-    for _ in NerfFit(dataset, "alpha", settings, runtime, nerf).scenes(progress):
+    settings = NerfSettings(iterations=ITERATIONS, depth=2, width=8, rays=32, crop_iterations=2, look_every=ITERATIONS)
+    for _ in NerfFit(dataset, "alpha", Box(), sampling, settings, runtime).scenes(progress):
         pass
     assert waits == [[]] * ITERATIONS
 

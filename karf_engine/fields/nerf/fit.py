@@ -54,28 +54,7 @@ def start_nerf_fit(inputs: FitInputs) -> NerfFit:
     """
     settings, kind, runtime = inputs.settings.nerf, inputs.background_kind, inputs.runtime
     space, sampling = choose_space_and_sampling(kind, inputs.space, inputs.views, inputs.points, settings)
-    return fresh_fit(inputs.dataset, kind, space_to_device(space, runtime.device), sampling, settings, runtime)
-
-
-def fresh_fit(
-    dataset: PixelDataset,
-    kind: str,
-    space: StraightSpace,
-    sampling: NerfSampling,
-    settings: NerfSettings,
-    runtime: Runtime,
-) -> NerfFit:
-    """Begin a fit of fresh networks in a space."""
-    shape = NerfShape(
-        depth=settings.depth,
-        width=settings.width,
-        view_width=settings.width // 2,
-        position_frequencies=settings.position_frequencies,
-        direction_frequencies=settings.direction_frequencies,
-    )
-    unit_box = torch.tensor([[-1.0] * 3, [1.0] * 3])
-    field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, unit_box).to(runtime.device)
-    return NerfFit(dataset, kind, settings, runtime, field)
+    return NerfFit(inputs.dataset, kind, space_to_device(space, runtime.device), sampling, settings, runtime)
 
 
 def choose_space_and_sampling(
@@ -119,11 +98,26 @@ def tf32_matmul(device: torch.device) -> Iterator[None]:
 
 
 class NerfFit:
-    """A `Fit` of a NeRF, whose members ../fit.py documents."""
+    """A `Fit` of fresh networks, whose members ../fit.py documents."""
 
     def __init__(
-        self, dataset: PixelDataset, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField
+        self,
+        dataset: PixelDataset,
+        kind: str,
+        space: StraightSpace,
+        sampling: NerfSampling,
+        settings: NerfSettings,
+        runtime: Runtime,
     ) -> None:
+        shape = NerfShape(
+            depth=settings.depth,
+            width=settings.width,
+            view_width=settings.width // 2,
+            position_frequencies=settings.position_frequencies,
+            direction_frequencies=settings.direction_frequencies,
+        )
+        unit_box = torch.tensor([[-1.0] * 3, [1.0] * 3])
+        field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, unit_box).to(runtime.device)
         self.dataset, self.background_kind, self.settings = dataset, kind, settings
         self.runtime, self.field = runtime, field
         self._white = kind in ("alpha", "white")

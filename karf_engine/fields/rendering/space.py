@@ -34,7 +34,7 @@ BORDER = 0.02  # margin around an image that counts as visible, share of its sid
 class Space(Protocol):
     """Map between world and grid."""
 
-    is_forward_facing: ClassVar[bool]  # whether the space is for cameras that all face about the same direction
+    is_forward_facing: ClassVar[bool] = False  # whether the space is for cameras that all face about the same direction
 
     def to_grid(self, positions: Tensor) -> Tensor:
         """Map world positions [.., 3] to grid coordinates."""
@@ -67,6 +67,9 @@ class StraightSpace(Space, Protocol):
         """Rotate unit directions [n, 3] from the world to the axes of the grid."""
         ...
 
+    def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
+        return clipped_paths(*self.to_grid_rays(rays), minimum, maximum)
+
 
 class OpenSpace(Space, Protocol):
     """Space for scenes that extend behind the object and the cameras."""
@@ -81,19 +84,14 @@ class OpenSpace(Space, Protocol):
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(StraightSpace):
     """The world without a transform."""
-
-    is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
         return positions
 
     def to_world(self, positions: Tensor) -> Tensor:
         return positions
-
-    def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
-        return clipped_paths(*self.to_grid_rays(rays), minimum, maximum)
 
     def to_grid_rays(self, rays: Rays) -> tuple[Tensor, Tensor]:
         return rays.origins, rays.viewdirs
@@ -103,20 +101,16 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Similarity:
+class Similarity(StraightSpace):
     """The world rotated, scaled and translated."""
 
     world_to_grid: Tensor  # [4, 4], rotation times uniform scale, and translation
-    is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
         return positions @ self.world_to_grid[:3, :3].T + self.world_to_grid[:3, 3]
 
     def to_world(self, positions: Tensor) -> Tensor:
         return (positions - self.world_to_grid[:3, 3]) @ torch.linalg.inv(self.world_to_grid[:3, :3]).T
-
-    def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
-        return clipped_paths(*self.to_grid_rays(rays), minimum, maximum)
 
     def to_grid_rays(self, rays: Rays) -> tuple[Tensor, Tensor]:
         return self.to_grid(rays.origins), rays.viewdirs @ self.world_to_grid[:3, :3].T
@@ -126,14 +120,13 @@ class Similarity:
 
 
 @dataclass(frozen=True)
-class Contraction:
+class Contraction(OpenSpace):
     """All of space contracted to a ball."""
 
     center: Tensor  # [3], of the inner ball, where the map is a similarity; world units
     radius: float  # of the inner ball, world units
     room: float  # thickness of the outer shell in the grid, inner radii
     near: float  # distance from the camera where rays begin, world units
-    is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
         local = (positions - self.center) / self.radius
@@ -175,7 +168,7 @@ class Contraction:
 
 
 @dataclass(frozen=True)
-class Frustum:
+class Frustum(StraightSpace, OpenSpace):
     """Viewing frustum of a central camera, from a near plane to infinity."""
 
     world_to_camera: Tensor  # [4, 4]

@@ -50,14 +50,10 @@ class SurfaceCache:
 
 @torch.no_grad()
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
-    """Compute the quantile samples of rays, in world units, through a frozen `Field`. Not differentiable.
+    """Compute the K = `n_samples` >= 1 quantile samples of rays, in world units, through a frozen field.
 
-    Args:
-        field: Any object with the method `trace` of `fields.protocol.Field`.
-        rays: R rays.
-        n_samples: K >= 1.
-        step: Stride in voxels, for fields that march.
-        progress: Receives the number of rays at the end; may raise Cancelled.
+    Not differentiable. The field is any object with the method `trace` of `fields.protocol.Field`, `step` its stride.
+    `progress` receives the number of rays at the end; it may raise Cancelled.
     """
     starts, parts = range(0, len(rays), RAYS_PER_CHUNK), {}
 

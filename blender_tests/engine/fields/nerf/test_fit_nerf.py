@@ -17,7 +17,7 @@ from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
-from karf_engine.fields.nerf.fit import choose_space_and_sampling, fresh_fit
+from karf_engine.fields.nerf.fit import NerfFit, choose_space_and_sampling
 from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.rendering.space import Box, Frustum
@@ -206,7 +206,7 @@ def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densitie
 def test_what_is_white_stays_white_where_nothing_is():
     _, photos = still_life(2)
     sampling = NerfSampling(2.0, 5.0, coarse=8, fine=8)
-    fit = fresh_fit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
+    fit = NerfFit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
     for network in (fit.field.coarse, fit.field.fine):
         network.alpha_linear.bias.data[:] = -100.0
     coarse, fine = fit._render(fit.dataset.rays(torch.arange(5)))
