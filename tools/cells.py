@@ -49,7 +49,7 @@ SLOW = tuple(
         "fields/test_registry.py", "fields/nerf/test_fit_nerf.py", "fields/voxels/test_fit.py",
         "fields/voxels/test_fit_open.py", "capture/poses/test_triangulation.py", "commands/test_commits.py",
         "commands/test_geometry.py", "commands/test_kills.py", "commands/test_nerf.py", "commands/test_nothing_seen.py",
-        "commands/test_poses.py", "commands/test_sequences.py", "fields/training/test_resuming.py",
+        "commands/test_poses.py", "commands/test_sequences.py", "fields/test_resuming.py",
     )
 )  # fmt: skip
 

@@ -15,7 +15,7 @@ from ..capture.training_images import TrainingImage, load_views
 from ..compute.progress import Emit, Progress, peak_memory_bytes
 from ..compute.runtime import Runtime, start_runtime
 from ..errors import Diverged
-from ..fields.training.checkpoint import Checkpoint
+from ..fields.fit import Checkpoint
 from ..io.fingerprints import fingerprint
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module

@@ -1,7 +1,7 @@
 """Pictures of the field from cameras between distant photos, used as additional photos.
 
 Photos far apart do not constrain a Gaussian that floats in front of a camera that took none. The field's own priors
-(fields/wide_baseline.py) do.
+(fields/priors.py) do.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
-from ..fields.extent import focus_point, upright_axes
+from ..fields.extent import focus_point, is_wide_baseline, upright_axes
 from ..fields.scene import Scene
-from ..fields.wide_baseline import is_wide_baseline
 from ..io.color import to_bytes
 from .fit import Photo
 

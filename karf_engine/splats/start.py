@@ -33,7 +33,7 @@ def initial_gaussians(
         step: Called after each rendered view, `len(surface_views(views))` times; may raise Cancelled.
 
     Raises:
-        NothingSolid: The scene has no surface.
+        NoSurface: The scene has no surface.
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])

@@ -161,7 +161,7 @@ def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(copy, at, mo
         return len(asked) > {"the surface": 3, "a photo": 24}[at]
 
     # savings on the way are what a killed job resumes from
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     with pytest.raises(Cancelled):
         learn(copy, should_stop=should_stop)
     assert copy.state() == before and not copy.splats_file.exists()

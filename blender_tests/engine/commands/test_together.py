@@ -14,7 +14,7 @@ from karf_engine.commands.options import GeometryOptions
 from karf_engine.compute import process_group as process_group_module
 from karf_engine.compute.process_group import ProcessGroup
 from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.fields.training import loop
+from karf_engine.fields import training
 from karf_engine.io.checkpoints import load_tensors
 from karf_engine.project import Project
 
@@ -55,7 +55,7 @@ def learn_in_turn(capture, project, until=1000):
     done = []
     options = GeometryOptions(capture=capture, project=project, overrides=SETTINGS, threads=1)
     with pytest.MonkeyPatch.context() as patch, suppress(Cancelled):
-        patch.setattr(loop, "_gradients", lambda *given: (done.append(1), in_turn(*given))[1])
+        patch.setattr(training, "_gradients", lambda *given: (done.append(1), in_turn(*given))[1])
         geometry.run(options, lambda *_, **__: None, lambda: len(done) >= until)
     return Project(project).geometry_file
 

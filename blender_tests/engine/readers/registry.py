@@ -20,7 +20,7 @@ from karf_engine.commands.options import RenderOptions
 from karf_engine.commands.recoloring import rays_of
 from karf_engine.errors import KarfError
 from karf_engine.export.layer_names import read_layer_names
-from karf_engine.fields.nerf.files import read_nerf
+from karf_engine.fields.nerf.importing import read_nerf
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.object_surface import object_pixels
 from karf_engine.io.image_size import image_header

@@ -6,17 +6,17 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.fields.training.waits import Waits
+from blender_tests.engine.fields.waits import Waits
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
-from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
+from karf_engine.fields import training
+from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
-from karf_engine.fields.training import loop
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
@@ -29,7 +29,7 @@ ITERATIONS, RAYS = 4, 64
 @pytest.fixture
 def waits(monkeypatch):
     """What is waited for in the forward and backward passes of each iteration."""
-    found, gradients = [], loop._gradients
+    found, gradients = [], training._gradients
 
     def counted(*arguments):
         with Waits() as waits, _refused_by_cuda():
@@ -37,7 +37,7 @@ def waits(monkeypatch):
         found.append(waits.found)
         return result
 
-    monkeypatch.setattr(loop, "_gradients", counted)
+    monkeypatch.setattr(training, "_gradients", counted)
     return found
 
 
@@ -129,15 +129,12 @@ def test_learning_the_weights_waits_for_nothing(waits, tools, field, cache):
 
 def test_learning_a_nerf_waits_for_nothing(waits, tools):
     runtime, progress = tools
-    networks = [NerfNetwork(NerfShape(depth=2, width=8, skips=(), view_width=4)) for _ in range(2)]
     sampling = NerfSampling(1.0, 4.0, coarse=6, fine=6)
-    bounds = torch.tensor(CORNERS, device=runtime.device)
-    nerf = NerfField(*[network.to(runtime.device) for network in networks], sampling, Box(), bounds)
     cameras = [camera_at(angle, 0.5, 8) for angle in (0.0, 1.0)]
     colors = [torch.rand(8, 8, 3).numpy() for _ in cameras]
     dataset = PixelDataset(cameras, colors, [color[..., 0] for color in colors], device=runtime.device)
-    settings = NerfSettings(iterations=ITERATIONS, rays=32, crop_iterations=2, look_every=ITERATIONS)
-    for _ in NerfFit(dataset, "alpha", settings, runtime, nerf).scenes(progress):
+    settings = NerfSettings(iterations=ITERATIONS, depth=2, width=8, rays=32, crop_iterations=2, look_every=ITERATIONS)
+    for _ in NerfFit(dataset, "alpha", Box(), sampling, settings, runtime).scenes(progress):
         pass
     assert waits == [[]] * ITERATIONS
 

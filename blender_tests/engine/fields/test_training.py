@@ -1,16 +1,18 @@
 """The training loop: schedules by hand, and how it stops."""
 
 import math
+import subprocess
+import sys
 
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from blender_tests.engine.conftest import ROOT
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged, OutOfMemory
-from karf_engine.fields.training.loop import cosine_with_warmup, exponential_with_warmup, train
-from karf_engine.fields.training.state import TrainingState
+from karf_engine.fields.training import Adam, TrainingState, cosine_with_warmup, exponential_with_warmup, train
 
 
 class Recorder:
@@ -125,3 +127,32 @@ def test_progress_counts_reports_the_last_step_and_estimates_the_rest():
     assert len(record.events) == 1  # at most four events a second
     record.progress.step(loss=0.123456)
     assert record.events[-1]["step"] == 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
+
+
+def learn_by(optimizer_of):
+    torch.manual_seed(0)
+    network = torch.nn.Linear(5, 3)
+    groups = [{"params": [network.weight], "lr": 0.1}, {"params": [network.bias]}]
+    optimizer, again = (optimizer_of(groups, lr=0.01, betas=(0.9, 0.99)) for _ in range(2))
+    for _ in range(4):
+        optimizer.zero_grad()
+        (network(torch.ones(2, 5)) ** 2).sum().backward()
+        optimizer.step()
+        again.load_state_dict(optimizer.state_dict())  # as a training that is resumed
+        optimizer, again = again, optimizer
+    return network
+
+
+def test_adam_learns_the_bits_that_torch_does():
+    ours, theirs = learn_by(Adam), learn_by(torch.optim.Adam)
+    assert torch.equal(ours.weight, theirs.weight) and torch.equal(ours.bias, theirs.bias)
+
+
+def test_adam_does_not_load_the_compiler():
+    code = (
+        "import sys, torch; from karf_engine.fields.training import Adam; x = torch.nn.Parameter(torch.ones(2));"
+        "adam = Adam([x]); x.sum().backward(); adam.step(); adam.zero_grad(); adam.state_dict();"
+        "print('torch._dynamo' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "False", done.stderr

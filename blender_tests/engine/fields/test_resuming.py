@@ -14,8 +14,8 @@ from blender_tests.engine.reference.still_life import cameras, take_photo
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
+from karf_engine.fields.fit import CHECKPOINT_SCHEMA, Checkpoint
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
-from karf_engine.fields.training.checkpoint import SCHEMA, Checkpoint
 from karf_engine.fields.voxels.fit_box import start_box_fit
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
@@ -66,7 +66,7 @@ GEOMETRIES = {
 def learn_geometry(start, progress, checkpoint):
     """Everything that a scene is made of, after each level."""
     fit = start()
-    checkpoint.follow(fit, progress)
+    checkpoint.attach(fit, progress)
     found = []
     for scene in fit.scenes(progress, checkpoint):
         background = {} if scene.background is None else scene.background.state_dict()
@@ -157,7 +157,7 @@ def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one
 @pytest.mark.parametrize("name", ["box, sky", "open", "nerf", "recoloring"])
 def test_saving_on_the_way_changes_nothing_of_what_is_learned(name, checkpoint, monkeypatch):
     whole = LEARNERS[name](Stopwatch(), checkpoint("uninterrupted"))
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     assert same(LEARNERS[name](Stopwatch(), checkpoint()), whole)
 
 
@@ -169,11 +169,11 @@ def interrupted(learn, checkpoint, after=3):
 def rewrite(path, change):
     """Write the file with other tensors, under a checksum that is right: no damage of the disk, but what a careless hand
     or another program has done."""
-    state, facts = load_tensors(path, SCHEMA)
+    state, facts = load_tensors(path, CHECKPOINT_SCHEMA)
     change(state)
-    from karf_engine.fields.training.checkpoint import _checksum
+    from karf_engine.fields.fit import _checksum
 
-    save_tensors(path, state, SCHEMA, facts | {"checksum": _checksum(state, facts["notes"])})
+    save_tensors(path, state, CHECKPOINT_SCHEMA, facts | {"checksum": _checksum(state, facts["notes"])})
 
 
 DAMAGES = {
@@ -183,7 +183,7 @@ DAMAGES = {
         path, {}, "karf-unfinished-nerf/1", {"fingerprint": "of these inputs"}
     ),
     "one bit": lambda path: path.write_bytes(path.read_bytes()[:-9] + bytes([path.read_bytes()[-9] ^ 4]) + b"\0" * 8),
-    "no facts": lambda path: save_tensors(path, {}, SCHEMA, {}),
+    "no facts": lambda path: save_tensors(path, {}, CHECKPOINT_SCHEMA, {}),
     "nothing in it": lambda path: rewrite(path, dict.clear),
     "one missing": lambda path: rewrite(path, lambda state: state.pop(min(state))),
     "one too many": lambda path: rewrite(path, lambda state: state.update(more=torch.zeros(2))),
@@ -252,8 +252,8 @@ def test_a_disk_that_takes_nothing_is_a_warning_said_once(checkpoint, events, mo
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.save_tensors", fail)
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.fit.save_tensors", fail)
     whole = LEARNERS["points"](Stopwatch(), checkpoint())
     assert len(whole) > 3
     assert ["No space left" in values["sentence"] for values in events] == [True]
