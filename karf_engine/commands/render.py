@@ -29,7 +29,6 @@ from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.finished_frames import ModelFingerprint, model_fingerprint, pending_frames
 from ..export.frame_files import write_view
-from ..export.frame_options import RenderOptions
 from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
@@ -38,6 +37,7 @@ from ..project.settings import with_overrides
 from ..recolor.model import Model
 from .disputes import warn_of_disputes
 from .job import Job, open_job
+from .options import RenderOptions
 
 
 def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import BadRequest
-from ...export.frame_options import RenderOptions
 from ...io.options import Options
 from .capturing import ImportSplatOptions, InspectOptions, MarkOptions, PosesOptions
 from .editing import (
@@ -20,6 +19,7 @@ from .editing import (
     FarmOptions,
     MatchOptions,
     PointsOptions,
+    RenderOptions,
 )
 from .learning import (
     GeometryOptions,
