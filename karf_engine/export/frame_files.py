@@ -18,11 +18,9 @@ from ..palettes.compositing import write_planes
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import AddedColor, Edit
 from ..project.state import result_fingerprint
-from ..recolor.frames import Frame, edit_planes, remove_background
+from ..recolor.frames import Frame, Layers, edit_planes, remove_background
 from ..recolor.full_resolution import PhotoView
-from ..recolor.layers import Layers
-from ..recolor.model import Model
-from ..recolor.photo_recoloring import base_of
+from ..recolor.model import Model, base_of
 from ..recolor.photos import suffix_for, write_mask, write_photo
 from .frame_formats import write_frame
 from .frame_options import FORMATS, FrameFileOptions

@@ -40,10 +40,7 @@ def field_frame(learned: Learned, pinhole: Camera) -> Frame:
 
 
 def photo_frame(learned: Learned, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
-    """Render the view of a loaded photo, with the photo as base.
-
-    weights_from: palette weights by the photo's colors (`photo`) or by F_w (`field`).
-    """
+    """Render the view of a photo, with it as base and palette weights by its colors (`photo`) or by F_w (`field`)."""
     from_field = learned.recoloring is not None and weights_from == "field"
     picture = learned.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
     base = alpha_composite(training_image.color, training_image.alpha)  # over the background of renderings
@@ -63,22 +60,14 @@ def segmented_frame(learned: Learned, camera: Camera) -> Frame:
 def frame_of(
     learned: Learned,
     picture: Picture,
-    base: np.ndarray,
+    base: np.ndarray,  # [H, W, 3] sRGB in [0, 1]
     from_field: bool,
     *,
     gains: tuple[float, float, float] = UNIT_GAINS,
 ) -> Frame:
-    """Add probabilities and palette weights to a picture that the scene has rendered.
+    """Add probabilities and palette weights to a picture with a surface cache.
 
-    Args:
-        learned: What is learned.
-        picture: With its surface cache.
-        base: [H, W, 3] sRGB in [0, 1], of the picture's size.
-        from_field: Palette weights by F_w, else by the colors of the base.
-        gains: Exposure of the base, see `View`.
-
-    Raises:
-        BadRequest: The base has another size, or the picture has no surface cache.
+    from_field: weights by F_w, else by the colors of the base. gains: exposure of the base, see `View`.
     """
     check_array("base", base, (*picture.opacity.shape, 3))
     samples, weights = None, None

@@ -27,10 +27,7 @@ from .splatted_scene import SplattedScene
 
 
 class Learned:
-    """The finished stages of a project, in memory. Attributes are described at `Model`.
-
-    Capture and doubts are read when first used, the rest at once.
-    """
+    """The finished stages of a project, in memory: the attributes of `Model`."""
 
     def __init__(self, project: Project, device: torch.device, settings: Settings | None) -> None:
         project.require("geometry")
@@ -61,12 +58,12 @@ class Learned:
 
     @cached_property
     def capture(self) -> Capture:
-        """The photos and cameras that the model was learned from. Raises DataError if their file is damaged."""
+        """Raises DataError if its file is damaged."""
         return read_capture(self.project)
 
     @cached_property
     def doubts(self) -> SurfaceUncertainty:
-        """Uncertainty of the labels on the surface. Raises DataError if the segmentation has none."""
+        """Raises DataError if the segmentation has none."""
         return SurfaceUncertainty.read(self.project.verified(self.project.uncertainty_file))
 
     @property

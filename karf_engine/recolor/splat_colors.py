@@ -32,19 +32,12 @@ POINTS_PER_CHUNK = 1 << 16
 
 @dataclass(frozen=True)
 class ObjectSplats:
-    """The m Gaussians of one object.
+    """The m Gaussians of one object."""
 
-    Attributes:
-        rows: [m] of the table.
-        shares: [m] float32 in (0, 1], probabilities of the object.
-        weights: [m, M] float32 >= 0, over the palette with its sets of added colors; rows sum to 1.
-        slopes: [m, M, 3] float32, derivatives of the weights by the color.
-    """
-
-    rows: np.ndarray
-    shares: np.ndarray
-    weights: np.ndarray
-    slopes: np.ndarray
+    rows: np.ndarray  # [m] of the table
+    shares: np.ndarray  # [m] float32 in (0, 1], probabilities of the object
+    weights: np.ndarray  # [m, M] float32 >= 0, over the palette with its sets of added colors; rows sum to 1
+    slopes: np.ndarray  # [m, M, 3] float32, derivatives of the weights by the color
 
 
 @torch.no_grad()
@@ -67,20 +60,15 @@ def shares_of_objects(gaussians: Gaussians, segmentation: SegmentationField, sce
 def splats_of_objects(
     gaussians: Gaussians, shares: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> tuple[ObjectSplats, ...]:
-    """Return the Gaussians of each of K objects with their palette weights.
-
-    shares: [n, K], see `shares_of_objects`. added: added colors by the objects' names.
-    """
+    """Return the Gaussians of each of K objects with their palette weights. shares: [n, K], of `shares_of_objects`."""
     colors = np.clip(0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], 0, 1)
     result = []
     for own, palette in zip(shares.T, palettes, strict=True):
         rows = np.flatnonzero(own > NEGLIGIBLE)
 
         def weights_of(some: np.ndarray, palette: Palette = palette) -> np.ndarray:
-            weights = star_weights(some, palette.colors)
-            return (
-                split_weights(weights.T, palette.colors, added[palette.name]).T if added.get(palette.name) else weights
-            )
+            weights, own_added = star_weights(some, palette.colors), added.get(palette.name)
+            return split_weights(weights.T, palette.colors, own_added).T if own_added else weights
 
         steps = STEP * np.eye(3, dtype=np.float32)
         slopes = [(weights_of(colors[rows] + s) - weights_of(colors[rows] - s)) / (2 * STEP) for s in steps]
@@ -91,9 +79,9 @@ def splats_of_objects(
 def bake_edit(
     gaussians: Gaussians, objects: Sequence[ObjectSplats], palettes: Sequence[Palette], edit: Edit
 ) -> Gaussians:
-    """Bake an additive (`delta`) edit into the colors of Gaussians; unaffected ones keep their bits.
+    """Bake an additive (`delta`) edit into the colors of Gaussians, whose objects have the edit's added colors.
 
-    objects: of these Gaussians, with the edit's added colors. palettes: as learned.
+    Unaffected Gaussians keep their bits.
     """
     table = gaussians.table.copy()
     for own, palette in zip(objects, extended_palettes(palettes, edit.added), strict=True):
@@ -108,12 +96,7 @@ def bake_edit(
 
 
 def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str, np.ndarray]:
-    """Return object and palette weights of each Gaussian as columns of a file.
-
-    Returns:
-        `karf_object`, [n] uint8: 0 for none, else the number of the most probable object from 1; `karf_probability`, [n]
-        float32, of that object; `karf_weight_0` and so on, [n] float32, its palette weights, padded with 0.
-    """
+    """Return columns of a file: each Gaussian's most probable object (from 1; 0 for none), its probability, its weights."""
     best = shares.argmax(1)
     probability = np.take_along_axis(shares, best[:, None], 1)[:, 0]
     is_object = probability > 0.5
@@ -128,12 +111,7 @@ def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str,
 def render_planes(
     view: RasterizedView, gaussians: Gaussians, objects: Sequence[ObjectSplats]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Render the objects of a view of these Gaussians.
-
-    Returns:
-        Probabilities [K, H, W] float32 in [0, 1], and palette weights [K, M, H, W] times these; M is that of the largest
-        palette.
-    """
+    """Render probabilities [K, H, W] float32 in [0, 1], and palette weights [K, M, H, W] times these, of a view."""
     n_colors = max((own.weights.shape[1] for own in objects), default=0)
     values = np.zeros((len(gaussians), len(objects), 1 + n_colors), np.float32)
     constant, seen = 0.5 + C0 * gaussians.table[:, COLOR : COLOR + 3], view.colors

@@ -15,41 +15,39 @@ from ..capture.capture import View
 from ..fields.scene import Picture, Scene
 from ..heads.fields import SegmentationField
 from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.palette import Edit, Palette
+from ..palettes.edges_in_space import MAX_EDGE_REACH, Borders, apply_edges_to_points
+from ..palettes.palette import AddedColor, Edit, Palette
 from ..splats.gaussians import Gaussians
-from .borders import EdgedSplats
+from .borders import measure_borders
 from .frames import Frame
-from .splat_colors import ObjectSplats, bake_edit, render_planes, shares_of_objects, splats_of_objects
+from .splat_colors import NEGLIGIBLE, ObjectSplats, bake_edit, render_planes, shares_of_objects, splats_of_objects
 
 if TYPE_CHECKING:
     from ..splats.rasterizer import RasterizedView  # needs numba
 
+OPACITY = 10  # column of a table of Gaussians
+MIN_LOGIT = -2.0  # of the opacity of Gaussians that form a border: 12 %
+
 
 class SplattedScene:
-    """A model's Gaussians, with their objects and palette weights.
-
-    Args:
-        gaussians: As learned.
-        scene: The field that F_s was learned on.
-        segmentation: F_s, or None before segmentation.
-        palettes: Of the K objects, as learned; empty before palettes are learned.
-        views: Returns the views of the capture, when edges are first moved.
-        fades: Whether colors that no photo shows fade to gray, unless a call says otherwise.
-    """
+    """A model's Gaussians, with their objects and palette weights."""
 
     def __init__(
         self,
         gaussians: Gaussians,
-        scene: Scene,
+        scene: Scene,  # the field that F_s was learned on
         segmentation: SegmentationField | None,
-        palettes: Sequence[Palette],
-        views: Callable[[], Sequence[View]],
-        fades: bool,
+        palettes: Sequence[Palette],  # of the K objects, as learned; empty before palettes are learned
+        views: Callable[[], Sequence[View]],  # of the capture, when edges are first moved
+        fades: bool,  # whether colors that no photo shows fade to gray, unless a call says otherwise
     ) -> None:
         self.gaussians = gaussians
         self._scene, self._segmentation, self._palettes, self._views = scene, segmentation, palettes, views
         self.fade_unseen = fades
-        self._baked: tuple[Any, Gaussians] | None = None  # the last edit, and its result
+        # the last results, by their arguments
+        self._baked: tuple[Any, Gaussians] | None = None
+        self._reachable: tuple[str, tuple[ObjectSplats, ...]] | None = None
+        self._edged: tuple[tuple[str, str], tuple[ObjectSplats, ...]] | None = None
 
     @cached_property
     def shares(self) -> np.ndarray:
@@ -64,8 +62,31 @@ class SplattedScene:
         return splats_of_objects(self.gaussians, self.shares, self._palettes, {})
 
     @cached_property
-    def _edged(self) -> EdgedSplats:
-        return EdgedSplats(self.gaussians, self.shares, self._palettes, self._views())
+    def _borders(self) -> Borders:
+        solid = self.gaussians.table[: self.gaussians.n_foreground]
+        near = measure_borders(solid[:, :3], self.shares[: len(solid)], solid[:, OPACITY] > MIN_LOGIT, self._views())
+        distances = np.full(self.shares.shape, -np.inf, np.float32)
+        distances[: len(solid)] = near.distances
+        return replace(near, distances=distances)
+
+    def _edged_objects(
+        self, edges: Mapping[str, EdgeShape], added: Mapping[str, Sequence[AddedColor]]
+    ) -> tuple[ObjectSplats, ...]:
+        """Return the Gaussians of each object with these edges and added colors, both by object."""
+        key = repr(active_edges(edges)), repr(added)
+        if self._edged is None or self._edged[0] != key:
+            names = [palette.name for palette in self._palettes]
+            shares = apply_edges_to_points(self.shares, self._borders, names, edges)
+            self._edged = key, tuple(_within(own, shares[:, k]) for k, own in enumerate(self._reachable_objects(added)))
+        return self._edged[1]
+
+    def _reachable_objects(self, added: Mapping[str, Sequence[AddedColor]]) -> tuple[ObjectSplats, ...]:
+        """Return the Gaussians that each object could cover with any edge."""
+        if self._reachable is None or self._reachable[0] != repr(added):
+            is_near = self._borders.distances > -MAX_EDGE_REACH * self._borders.pixels
+            reached = np.maximum(self.shares, np.where(is_near, 2 * NEGLIGIBLE, 0))
+            self._reachable = repr(added), splats_of_objects(self.gaussians, reached, self._palettes, added)
+        return self._reachable[1]
 
     def frame(self, camera: Camera, edges: Mapping[str, EdgeShape] | None = None, fades: bool | None = None) -> Frame:
         """Render a pinhole, with edges of these objects moved; without palette weights before palettes are learned."""
@@ -81,7 +102,7 @@ class SplattedScene:
         picture = Picture(torch.from_numpy(color), torch.from_numpy(opacity), torch.from_numpy(depth), None)
         if not self._palettes:
             return Frame(picture, view.blended(self.shares), None, color, visibility=seen)
-        objects = self._edged.objects(edges, {}) if edges else self.objects
+        objects = self._edged_objects(edges, {}) if edges else self.objects
         if fades:
             objects = tuple(replace(own, shares=own.shares * visibility[own.rows]) for own in objects)
         return Frame(picture, *render_planes(view, self.gaussians, objects), color, visibility=seen)
@@ -106,7 +127,7 @@ class SplattedScene:
         if self._baked is None or self._baked[0] != key:
             objects = self.objects
             if edges:
-                objects = self._edged.objects(edges, edit.added)
+                objects = self._edged_objects(edges, edit.added)
             elif any(edit.added.values()):
                 objects = splats_of_objects(self.gaussians, self.shares, self._palettes, edit.added)
             self._baked = key, bake_edit(self.gaussians, objects, self._palettes, edit)
@@ -123,3 +144,9 @@ def rasterize(gaussians: Gaussians, camera: Camera, sure: np.ndarray | None = No
     from ..splats.rasterizer import rasterize as rasterized  # needs numba
 
     return rasterized(gaussians, camera, sure)
+
+
+def _within(reachable: ObjectSplats, shares: np.ndarray) -> ObjectSplats:
+    own = shares[reachable.rows]
+    kept = own > NEGLIGIBLE
+    return ObjectSplats(reachable.rows[kept], own[kept], reachable.weights[kept], reachable.slopes[kept])

@@ -25,16 +25,6 @@ def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.nd
         colors: [h, w, 3] float32 in [0, 1], linear light.
         coverage: [h, w] float32 in [0, 1]; a guess in unknown pixels.
         unknown: [h, w] bool; pixels on the image border count as known.
-
-    Examples:
-        A gray pixel between a black and a white one is half covered:
-
-        >>> ramp = np.repeat(np.array([[0, 0, 0.5, 1, 1]], np.float32), 3, 0)
-        >>> unknown = np.zeros((3, 5), bool)
-        >>> unknown[1, 2] = True
-        >>> guess = np.where(unknown, 0, ramp)
-        >>> closed_form_matting(np.stack([ramp] * 3, -1), guess, unknown).round(2).tolist()
-        [0.5]
     """
     inner = np.zeros_like(unknown)
     inner[1:-1, 1:-1] = True

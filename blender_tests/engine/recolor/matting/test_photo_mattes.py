@@ -11,11 +11,9 @@ import pytest
 from blender_tests.engine.reference.cut_outs import CutOut, canvas, paint
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.metrics.masks import iou
-from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.matte import Matte, dense_coverage
-from karf_engine.recolor.matting.photo_mattes import TILE, cover, refine_mattes, steps
-from karf_engine.recolor.matting.refine import field_mattes
-from karf_engine.recolor.matting.sharpness import sharp_size
+from karf_engine.recolor.matting.photo_mattes import TILE, cover, field_mattes, refine_mattes, sharp_size, steps
+from karf_engine.recolor.matting.thin_parts import Marks
 
 SIZE, SMALL = 192, 48
 GRAY, RED, GREEN = (188, 192, 196), (190, 40, 35), (20, 100, 30)
