@@ -35,23 +35,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from .commands.dispatch import run_command
-from .commands.options import (
-    ColorwaysOptions,
-    ExportSplatOptions,
-    FarmOptions,
-    GeometryOptions,
-    ImportSplatOptions,
-    InspectOptions,
-    LearnOptions,
-    MarkOptions,
-    PaletteOptions,
-    PointsOptions,
-    PosesOptions,
-    RecoloringOptions,
-    RenderOptions,
-    SegmentationOptions,
-    SplatsOptions,
-)
+from .commands.options import COMMANDS, GeometryOptions
 from .compute.interrupts import stop_on_interrupt
 from .compute.progress import Emit, TerminalEmit
 from .compute.torch_state import preserved_torch_state
@@ -81,48 +65,20 @@ LISTENERS = {
 OBJECTS = {"device": "torch.device", "overrides": "Mapping[str, Any]", "edit": "Edit", "edges": "Edit"}
 
 
-def _documented(
-    kind: type[Options], *, hidden: Collection[str] = (), listens: bool = True
-) -> Callable[[Function], Function]:
-    """Extend the signature and the docstring of a function that takes `**options` by a command's options.
-
-    Args:
-        kind: The options.
-        hidden: Names of options that the function sets.
-        listens: Whether the function takes `LISTENERS` too.
-    """
-
-    def document(function: Function) -> Function:
-        signature = inspect.signature(function)
-        own = {name: each for name, each in signature.parameters.items() if each.kind is not each.VAR_KEYWORD}
-        shown = {item.name: item for item in fields_in_help_order(kind) if item.name not in hidden}
-        more = {
-            name: inspect.Parameter.empty if item.default is MISSING else item.default
-            for name, item in shown.items()
-            if name not in own
-        } | dict.fromkeys(LISTENERS if listens else ())
-        keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=more[name]) for name in more]
-        function.__signature__ = signature.replace(parameters=[*own.values(), *keywords])
-        function.options = kind
-        order = [*(name for name in own if name in shown), *(name for name in shown if name not in own)]
-        lines = [f"    {name}: {shown[name].metadata['help']}." for name in order]
-        function.__doc__ = "\n".join([inspect.cleandoc(function.__doc__ or ""), "", "Args:", *lines])
-        return function
-
-    return document
-
-
 def _command(
-    kind: type[Options], *, hidden: Collection[str] = (), source: str = "", listens: bool = True
+    name: str, *, hidden: Collection[str] = (), source: str = "", listens: bool = True
 ) -> Callable[[Function], Function]:
-    """Make a function that runs a command of a declaration: its parameters and a docstring.
+    """Make a function that runs a command, with its options as keywords, of a declaration with `**options`.
+
+    The declaration's body, if it has one, runs after the command and makes the result.
 
     Args:
-        kind: The options.
-        hidden: As for `_documented`.
+        name: Of the command.
+        hidden: Options that the function does not have.
         source: The parameter that is the option `source`.
-        listens: As for `_documented`; others take seconds.
+        listens: Whether the function takes `LISTENERS` too; others take seconds.
     """
+    kind = COMMANDS[name]
 
     def declared(function: Function) -> Function:
         signature = inspect.signature(function)
@@ -133,15 +89,26 @@ def _command(
             given |= given.pop("options", {})
             if source:
                 given["source"] = given.pop(source)
-            return _run(kind, given) if listens else _answer(kind, given)
+            result = _run(kind, given) if listens else _answer(kind, given)
+            return function(*arguments, **keywords) if result is None else result
 
-        return _documented(kind, hidden={*hidden, "source"}, listens=listens)(cast(Function, run))
+        own = {name: each for name, each in signature.parameters.items() if name != "options"}
+        shown = {item.name: item for item in fields_in_help_order(kind) if item.name not in {*hidden, "source"}}
+        more = {name: item.default for name, item in shown.items() if name not in own}
+        more |= dict.fromkeys(LISTENERS) if listens else {}
+        empty, keyword = inspect.Parameter.empty, inspect.Parameter.KEYWORD_ONLY
+        keywords = [inspect.Parameter(n, keyword, default=empty if v is MISSING else v) for n, v in more.items()]
+        run.__signature__ = signature.replace(parameters=[*own.values(), *keywords])
+        run.options = kind
+        order = sorted(shown, key=lambda name: list(own).index(name) if name in own else len(own))
+        lines = [f"    {name}: {shown[name].metadata['help']}." for name in order]
+        run.__doc__ = "\n".join([inspect.cleandoc(function.__doc__ or ""), "", "Args:", *lines])
+        return cast(Function, run)
 
     return declared
 
 
-# -------------------------------------------------------------------------------------------------------------- capture
-@_command(PosesOptions)
+@_command("poses")
 def find_poses(photos: PathLike, out: PathLike, **options: Any) -> None:
     """Make a capture of photos without camera poses, or of a video; needs the extra `photos`.
 
@@ -150,7 +117,7 @@ def find_poses(photos: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
-@_command(ImportSplatOptions)
+@_command("import-splat")
 def import_splat(splat: PathLike, out: PathLike, **options: Any) -> None:
     """Make a capture of Gaussian splats of another program; needs the extra `fast`, and `splats` for some files.
 
@@ -161,7 +128,7 @@ def import_splat(splat: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
-@_command(InspectOptions, listens=False)
+@_command("inspect", listens=False)
 def inspect_capture(capture: Capture | PathLike, **options: Any) -> Advice:
     """Check photos, cameras and masks before learning, in seconds; needs no torch.
 
@@ -173,7 +140,7 @@ def inspect_capture(capture: Capture | PathLike, **options: Any) -> Advice:
     """
 
 
-@_command(MarkOptions, listens=False)
+@_command("mark", listens=False)
 def mark(capture: Capture | PathLike, view: str, object_name: str, masks: PathLike, **options: Any) -> Path:
     """Write the mask of an object in one photo, from a box, clicks or a lasso. Returns the file.
 
@@ -182,19 +149,17 @@ def mark(capture: Capture | PathLike, view: str, object_name: str, masks: PathLi
     """
 
 
-# ------------------------------------------------------------------------------------------------------------- learning
-@_documented(LearnOptions)
+@_command("all")
 def learn(capture: Capture | PathLike, masks: PathLike, *, project: PathLike, **options: Any) -> Model:
     """Learn everything: geometry, segmentation, palettes and their weights, and splats. Returns the learned model.
 
     Example:
         model = learn("garden", "masks", project="garden_karf", preset="fast", progress=print)
     """
-    _run(LearnOptions, {"capture": capture, "masks": masks, "project": project, **options})
     return load(project, device=options.get("device"))
 
 
-@_command(GeometryOptions)
+@_command("geometry")
 def learn_geometry(capture: Capture | PathLike, *, project: PathLike, **options: Any) -> None:
     """Learn the radiance field of a capture, from all marked photos among others.
 
@@ -203,7 +168,7 @@ def learn_geometry(capture: Capture | PathLike, *, project: PathLike, **options:
     """
 
 
-@_command(SegmentationOptions)
+@_command("segmentation")
 def segment(project: PathLike, masks: PathLike | None = None, **options: Any) -> None:
     """Learn the segmentation field F_s, which part of the scene is which object, after the geometry.
 
@@ -212,7 +177,7 @@ def segment(project: PathLike, masks: PathLike | None = None, **options: Any) ->
     """
 
 
-@_command(PaletteOptions)
+@_command("palette")
 def extract_palettes(project: PathLike, **options: Any) -> None:
     """Extract a palette from the colors of every segmented object.
 
@@ -221,7 +186,7 @@ def extract_palettes(project: PathLike, **options: Any) -> None:
     """
 
 
-@_command(RecoloringOptions)
+@_command("recoloring")
 def learn_recoloring(project: PathLike, **options: Any) -> None:
     """Learn F_w, the palette weights of every point, and adapt the extracted palettes.
 
@@ -230,7 +195,7 @@ def learn_recoloring(project: PathLike, **options: Any) -> None:
     """
 
 
-@_command(SplatsOptions)
+@_command("splats")
 def learn_splats(project: PathLike, **options: Any) -> None:
     """Learn the scene as Gaussians, which show it sharply from any camera, after the geometry.
 
@@ -256,8 +221,7 @@ def load(project: PathLike, device: torch.device | str | None = None) -> Model:
         return Model.load(project, name)
 
 
-# ------------------------------------------------------------------------------------------------------------- pictures
-@_command(RenderOptions)
+@_command("render")
 def render(project: PathLike, out: PathLike, **options: Any) -> None:
     """Write frames of many views as files: OUT/render, OUT/masks/<object>, and with an edit OUT/recolor.
 
@@ -266,7 +230,7 @@ def render(project: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
-@_command(ColorwaysOptions)
+@_command("colorways")
 def colorways(project: PathLike, sheet: PathLike, out: PathLike, **options: Any) -> None:
     """Write every colorway of a sheet in every view: OUT/<colorway>/<view>, OUT/colorways.csv, OUT/contact_sheet.png.
 
@@ -278,7 +242,7 @@ def colorways(project: PathLike, sheet: PathLike, out: PathLike, **options: Any)
     """
 
 
-@_command(PointsOptions)
+@_command("points")
 def write_points(project: PathLike, out: PathLike, **options: Any) -> None:
     """Write the scene as points on its surface, for viewers; a `.npz` can be recolored (`export.scene_points`).
 
@@ -287,7 +251,7 @@ def write_points(project: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
-@_command(ExportSplatOptions)
+@_command("export-splat")
 def export_splat(project: PathLike, out: PathLike, **options: Any) -> None:
     """Write the scene as Gaussian splats for other programs, with an edit baked in; some files need the extra `splats`.
 
@@ -296,8 +260,7 @@ def export_splat(project: PathLike, out: PathLike, **options: Any) -> None:
     """
 
 
-# ------------------------------------------------------------------------------------------------------- other computers
-@_command(FarmOptions, hidden=("masks", "preset", "holdout"), source="project", listens=False)
+@_command("farm", hidden=("masks", "preset", "holdout"), source="project", listens=False)
 def render_bundle(project: PathLike, out: PathLike, **options: Any) -> Path:
     """Write a job bundle that renders frames of a learned project on a render farm. Returns its absolute folder.
 
@@ -306,7 +269,7 @@ def render_bundle(project: PathLike, out: PathLike, **options: Any) -> Path:
     """
 
 
-@_command(FarmOptions, source="capture", listens=False)
+@_command("farm", source="capture", listens=False)
 def learning_bundle(capture: Capture | PathLike, masks: PathLike, out: PathLike, **options: Any) -> Path:
     """Write a job bundle that learns a capture, a step for every stage, and renders frames. Returns its absolute folder.
 
@@ -317,7 +280,6 @@ def learning_bundle(capture: Capture | PathLike, masks: PathLike, out: PathLike,
     """
 
 
-# -------------------------------------------------------------------------------------------------------------- running
 def _run(kind: type[Options], given: dict[str, Any]) -> None:
     """Run a command that learns or renders, with the keywords of its options and of `LISTENERS`."""
     listeners = {name: given.pop(name, None) for name in LISTENERS}
