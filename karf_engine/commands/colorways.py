@@ -34,8 +34,7 @@ from ..project import Project
 from ..project.locking import open_project, read_lock
 from ..recolor.model import Model
 from .calibration import reference_light
-from .disputes import warn_of_disputes
-from .job import Job, open_job
+from .job import Job, open_job, warn_of_disputes
 from .options import ColorwaysOptions
 
 VERSION = 1  # of the pictures; incremented when the same inputs would give others
