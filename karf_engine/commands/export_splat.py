@@ -19,7 +19,7 @@ from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
 from ..project.locking import open_project, read_lock
 from ..recolor.model import Model
-from ..recolor.splat_colors import WEIGHT, columns_of
+from ..recolor.splatted_scene import WEIGHT, columns_of
 from ..splats.formats import ply
 from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile

@@ -17,7 +17,7 @@ from karf_engine.project import Project
 from karf_engine.recolor import field_rendering
 from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model
-from karf_engine.recolor.splat_colors import bake_edit, render_planes, shares_of_objects, splats_of_objects
+from karf_engine.recolor.splatted_scene import bake_edit, render_planes, shares_of_objects, splats_of_objects
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import rasterize

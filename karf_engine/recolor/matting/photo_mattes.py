@@ -15,10 +15,9 @@ import numpy as np
 from ...io.images import resize
 from ...palettes.compositing import hard_masks
 from ...segmentation.random_walk import neighbor_links, random_walk
-from .closed_form import closed_form_matting
 from .color_models import ColorModels, fit_color_models, posterior
-from .foreground import LINEAR, unmix
 from .matte import NEGLIGIBLE, Matte, cropped
+from .mixed_pixels import LINEAR, closed_form_matting, unmix
 from .thin_parts import Marks, difference_nearby, lost_parts
 from .tiles import distance_to, tiles, upsample_tile
 
