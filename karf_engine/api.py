@@ -24,6 +24,7 @@ torch's number of threads, random state and treatment of denormal numbers.
 from __future__ import annotations
 
 import inspect
+import io
 import json
 import sys
 import tempfile
@@ -361,21 +362,16 @@ def _edit_files(edit: Any, folder: Path) -> Any:
     return path
 
 
-class _Lines:
+class _Lines(io.TextIOBase):
     """A text stream that passes its lines to a function."""
 
     def __init__(self, receive: Callable[[str], None]) -> None:
         self._receive = receive
 
-    def isatty(self) -> bool:
-        return False
-
-    def write(self, text: str) -> None:
+    def write(self, text: str) -> int:
         if text.strip():
             self._receive(text.rstrip("\n"))
-
-    def flush(self) -> None:
-        pass
+        return len(text)
 
 
 def _emit_to(progress: Callable[[str], None] | None) -> Emit:

@@ -1,7 +1,7 @@
 """Export a project's Gaussian splats for other programs, with an edit baked into their colors, or a file per colorway.
 
-Gaussians that the edit does not change keep their bits. An imported .ply file that is exported whole, as .ply and without
-a transform, keeps all other bytes too.
+Gaussians that the edit does not change keep their bits. An imported .ply file, exported whole, as .ply and without a
+transform, keeps all other bytes too.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
 MIN_PSNR = 15.0  # dB
 MIN_FILTER_GAIN = 0.5  # dB between the two screen filters for the photos to decide
-THUMBNAIL = 100  # pixels of the renderings that are searched for an empty background
+THUMBNAIL = 100  # pixels of the renderings that decide whether the background is empty
 MIN_VIEWS = 3
 MAX_EMPTY = 0.1  # share of empty pixels above which the views get an alpha channel
 AXES = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))

@@ -17,7 +17,8 @@ from ..capture.limits import check_camera
 from ..capture.training_images import TrainingImage, load_target_image, load_views
 from ..compute.runtime import find_device
 from ..errors import BadRequest
-from ..io.arguments import check_arguments, check_choice, check_number
+from ..fields.rendering.rays import camera_rays
+from ..io.arguments import check_arguments, check_array, check_choice, check_number
 from ..io.color import to_bytes
 from ..io.failures import translate_errors
 from ..io.images import alpha_composite
@@ -33,10 +34,9 @@ from ..project import Project
 from ..project.locking import open_project, read_lock
 from ..project.settings import Settings
 from ..splats.gaussians import Gaussians
-from .field_rendering import background, field_frame, in_bands, label_uncertainty, photo_frame
-from .frames import Frame, one_line
+from .field_rendering import Learned, field_frame, in_bands, photo_frame
+from .frames import BAND_RAYS, Frame, one_line
 from .full_resolution import FindMattes, PhotoView, denoise, dense_weights, estimate_noise, make_photo_view
-from .learned import Learned
 from .matting.matte import dense_coverage, disputed_objects
 from .matting.thin_parts import Marks, read_marks, undistort_marks
 from .render_cache import RenderCache
@@ -155,7 +155,12 @@ class Model(Learned):
     def render_background(self, camera: Camera) -> np.ndarray:
         """Render the background of a camera's pinhole, [H, W, 3] float32 sRGB. Raises DataError for an invalid camera."""
         pinhole = _checked_camera(camera).without_distortion()
-        return background(self, pinhole) if self.splatted is None else self.splatted.render_background(pinhole)
+        if self.splatted is not None:
+            return self.splatted.render_background(pinhole)
+        with torch.no_grad():
+            bands = camera_rays(pinhole, self.device).viewdirs.split(BAND_RAYS)
+            colors = torch.cat([self.scene.background_color(band) for band in bands])
+        return colors.cpu().numpy().reshape(pinhole.height, pinhole.width, 3)
 
     @check_arguments
     def recolored_splats(self, edit: Edit) -> Gaussians:
@@ -190,7 +195,11 @@ class Model(Learned):
         Raises BadRequest for a frame of another size or model, DataError if the uncertainties are missing or damaged.
         """
         _checked_camera(pinhole)
-        return label_uncertainty(self, pinhole, frame)
+        self.check_frame(frame)
+        check_array("frame.depth", frame.depth, (pinhole.height, pinhole.width))
+        origins, directions = pinhole.rays(pinhole.pixel_centers())
+        doubts = self.doubts.at(origins + frame.depth.reshape(-1, 1) * directions)
+        return np.ascontiguousarray(doubts.T).reshape(-1, *frame.depth.shape) * frame.opacity
 
     @check_arguments
     def working_camera(self, view: View) -> Camera:

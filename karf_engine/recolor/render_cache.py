@@ -27,9 +27,8 @@ from ..fields.scene import Picture
 from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from ..io.containment import is_link
 from ..project import Project
-from .field_rendering import segmented_frame
+from .field_rendering import Learned, segmented_frame
 from .frames import Frame
-from .learned import Learned
 from .matting.matte import Matte
 from .matting.photo_mattes import make_mattes
 from .matting.thin_parts import Marks

@@ -133,7 +133,7 @@ class SplattedScene:
         return rasterize(self.recolored(edit), camera, self._visibility(camera) if fades else None).picture()
 
     def _visibility(self, camera: Camera) -> np.ndarray:
-        """How well photos cover each Gaussian's color from this position, [n] float32 in [0, 1]; 1 if unknown."""
+        """Return how well photos cover each Gaussian's color from this position, [n] float32 in [0, 1]; 1 if unknown."""
         if self.gaussians.visibility is None:
             return np.ones(len(self.gaussians), np.float32)
         from ..splats.visibility import confidence_from  # needs numba
