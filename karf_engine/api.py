@@ -20,6 +20,7 @@ full disks, missing rights and exhausted memory.
 Ctrl-C saves what is learned so far and then raises KeyboardInterrupt; a second one does not wait. Each call restores
 torch's number of threads, random state and treatment of denormal numbers.
 """
+# pyright: reportReturnType=false (functions of commands are declarations without a body)
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ from contextlib import ExitStack
 from dataclasses import MISSING, asdict
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .commands.dispatch import run_command
 from .commands.options import COMMANDS, GeometryOptions
@@ -85,7 +86,7 @@ def _command(
         signature = inspect.signature(function)
 
         @wraps(function)
-        def run(*arguments: Any, **keywords: Any) -> Any:
+        def call(*arguments: Any, **keywords: Any) -> Any:
             given = signature.bind(*arguments, **keywords).arguments
             given |= given.pop("options", {})
             if source:
@@ -99,12 +100,13 @@ def _command(
         more |= dict.fromkeys(LISTENERS) if listens else {}
         empty, keyword = inspect.Parameter.empty, inspect.Parameter.KEYWORD_ONLY
         keywords = [inspect.Parameter(n, keyword, default=empty if v is MISSING else v) for n, v in more.items()]
-        run.__signature__ = signature.replace(parameters=[*own.values(), *keywords])
-        run.options = kind
+        made: Any = call
+        made.__signature__ = signature.replace(parameters=[*own.values(), *keywords])
+        made.options = kind
         order = sorted(shown, key=lambda name: list(own).index(name) if name in own else len(own))
         lines = [f"    {name}: {shown[name].metadata['help']}." for name in order]
-        run.__doc__ = "\n".join([inspect.cleandoc(function.__doc__ or ""), "", "Args:", *lines])
-        return cast(Function, run)
+        made.__doc__ = "\n".join([inspect.cleandoc(function.__doc__ or ""), "", "Args:", *lines])
+        return made
 
     return declared
 

@@ -43,7 +43,7 @@ MIN_FILTER_GAIN = 0.5  # dB between the two screen filters for the photos to dec
 THUMBNAIL = 100  # pixels of the renderings that decide whether the background is empty
 MIN_VIEWS = 3
 MAX_EMPTY = 0.1  # share of empty pixels above which the views get an alpha channel
-AXES = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
+AXES: dict[str, np.ndarray] = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
 
 
 def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
