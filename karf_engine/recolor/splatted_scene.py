@@ -228,7 +228,7 @@ def bake_edit(
 
 
 def columns_of(shares: np.ndarray, objects: Sequence[ObjectSplats]) -> dict[str, np.ndarray]:
-    """Return columns of a file: each Gaussian's most probable object (from 1; 0 for none), its probability, its weights."""
+    """Return columns of a file: each Gaussian's object (from 1; 0 for none), its probability and palette weights."""
     best = shares.argmax(1)
     probability = np.take_along_axis(shares, best[:, None], 1)[:, 0]
     is_object = probability > 0.5

@@ -25,15 +25,7 @@ class Matte:
     disputed: bool = False  # photo and field disagree so much that the coverage is the field's
 
     def colors(self, photo: np.ndarray, top: int, bottom: int) -> np.ndarray:
-        """Return the object's own colors in rows `top` to `bottom` of its box, from the photo's pixels there, uint8 [h, w, 3].
-
-        Examples:
-            The second pixel is half red object, half white wall:
-
-            >>> matte = Matte((0, 1), (0, 2), np.array([[1, 0.5]], np.float16), np.array([1]), np.array([[255, 0, 0]]))
-            >>> matte.colors(np.array([[[250, 5, 5], [255, 128, 128]]], np.uint8), 0, 1).tolist()
-            [[[250, 5, 5], [255, 0, 0]]]
-        """
+        """Return the object's own colors in rows `top` to `bottom` of its box, by the photo's, uint8 [h, w, 3]."""
         width = self.columns[1] - self.columns[0]
         first, last = np.searchsorted(self.mixed, (top * width, bottom * width))
         result = photo.copy()
@@ -88,7 +80,7 @@ def cropped(
 def shape_mattes(
     mattes: Sequence[Matte], objects: Sequence[str], edges: Mapping[str, EdgeShape], photo: np.ndarray, scale: float
 ) -> list[Matte]:
-    """Move and fade the edges of the K objects' mattes in a photo, uint8 [H, W, 3]. No edge spreads into another object.
+    """Move and fade the edges of mattes in a photo, uint8 [H, W, 3]. No edge spreads into another object.
 
     Newly covered pixels keep the color of the background there: see `palettes.edge_planes`. scale: size of this photo
     relative to its full size.

@@ -1,8 +1,9 @@
 """Mattes of a photo's objects, by the field alone or refined: the field locates objects roughly, the photo exactly.
 
-Refinement is coarse to fine. At the field's picture size, pixels near an object are labeled by the field's class probabilities and by how well their
-colors fit each class there. The labels are then upsampled to the photo's size in factors of two; those near a border are
-decided again at every step, up to the size at which the photo is sharp (many have more pixels than their lens resolves).
+Refinement is coarse to fine. At the field's picture size, pixels near an object are labeled by the field's class
+probabilities and by how well their colors fit each class there. The labels are then upsampled in factors of two, up to
+the size that the photo is sharp at (many have more pixels than their lens resolves); those near a border are decided
+again at every step.
 """
 
 from __future__ import annotations
@@ -84,24 +85,6 @@ def make_mattes(
     """
     if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
-    return refine_mattes(photo, probabilities, rendered, marks, seed)
-
-
-def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
-    """Enlarge probabilities [K, h, w] to mattes of a photo of this width and height."""
-    return [_field_matte(size, own) for own in probabilities]
-
-
-def _field_matte(size: tuple[int, int], probability: np.ndarray) -> Matte:
-    coverage = resize(probability, *size)
-    dtype = np.float32 if probability.shape == coverage.shape else np.float16  # interpolated values need less precision
-    return cropped(np.where(coverage > NEGLIGIBLE, coverage, 0), dtype)
-
-
-def refine_mattes(
-    photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks | None = None, seed: int = 0
-) -> list[Matte]:
-    """Make mattes from the field's probabilities and the photo. Arguments are those of `make_mattes`."""
     marks = marks or Marks(None, (False,) * len(probabilities))
     probabilities = remove_small_components(probabilities)
     if not hard_masks(probabilities).any():
@@ -124,6 +107,14 @@ def refine_mattes(
             own[:] = cv2.resize(probability, own.shape[::-1], interpolation=cv2.INTER_LINEAR)
     mattes = unmix(photo, coverage)
     return [replace(matte, disputed=is_disputed) for matte, is_disputed in zip(mattes, disputed, strict=True)]
+
+
+def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
+    """Enlarge probabilities [K, h, w] to mattes of a photo of this width and height."""
+    coverages = [resize(own, *size) for own in probabilities]
+    # interpolated values need less precision
+    dtype = np.float32 if probabilities.shape[1:] == (size[1], size[0]) else np.float16
+    return [cropped(np.where(own > NEGLIGIBLE, own, 0), dtype) for own in coverages]
 
 
 def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
@@ -284,11 +275,11 @@ def _strays(mask: np.ndarray) -> np.ndarray:
 
 # --------------------------------------------------------------------------------------------------------- blur
 def sharp_size(photo: np.ndarray, border: np.ndarray) -> tuple[int, int]:
-    """Return the largest size (rows, columns), at most its own, at which a photo, uint8 [H, W, 3], is sharp.
+    """Return the largest size (rows, columns) that a photo, uint8 [H, W, 3], is sharp at, no larger than its own.
 
-    Blurring an edge of blur s again by s0 divides its gradient by R = sqrt(s^2 + s0^2) / s, so that s = s0 / sqrt(R^2 - 1)
-    (Zhuo and Sim, "Defocus map estimation from a single image", 2011). border: bool [h, w], where edges are measured; of
-    any smaller size.
+    Blurring an edge of blur s again by s0 divides its gradient by R = sqrt(s^2 + s0^2) / s: s = s0 / sqrt(R^2 - 1)
+    (Zhuo and Sim, "Defocus map estimation from a single image", 2011). border: bool [h, w], where edges are measured,
+    of any smaller size.
     """
     height, width = photo.shape[:2]
     blurs = []
