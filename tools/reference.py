@@ -81,6 +81,7 @@ def library() -> str:
     parts = [LIBRARY]
     for module, names in karf_engine._DEFINES.items():
         parts += [f"## {TITLES[module]}\n"] if module in TITLES else []
+        parts += [f"{inspect.getdoc(api)}\n"] if module == "api" else []
         parts += [_name(name) for name in names]
     return "\n".join(parts)
 

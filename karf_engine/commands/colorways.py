@@ -33,8 +33,7 @@ from ..palettes.reference_light import ReferenceLight
 from ..project import Project
 from ..recolor.model import Model
 from .calibration import reference_light
-from .disputes import warn_of_disputes
-from .job import Job, open_job
+from .job import Job, open_job, warn_of_disputes
 from .options import ColorwaysOptions
 
 VERSION = 1  # of the pictures; incremented when the same inputs would give others

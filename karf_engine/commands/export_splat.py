@@ -1,7 +1,7 @@
 """Export a project's Gaussian splats for other programs, with an edit baked into their colors, or a file per colorway.
 
-Gaussians that the edit does not change keep their bits. An imported .ply file that is exported whole, as .ply and without
-a transform, keeps all other bytes too.
+Gaussians that the edit does not change keep their bits. An imported .ply file, exported whole, as .ply and without a
+transform, keeps all other bytes too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
 from ..project import Project
 from ..recolor.model import Model
-from ..recolor.splat_colors import WEIGHT, columns_of
+from ..recolor.splatted_scene import WEIGHT, columns_of
 from ..splats.formats import ply
 from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ..errors import BadRequest
-from ..export.frame_options import CONFIG, FrameOptions, RenderOptions, parse_size
+from ..export.frame_options import CONFIG, FrameFileOptions, FrameOptions, parse_size
 from ..io.options import Options, option
 from ..project.settings import PRESETS
 
@@ -295,6 +295,19 @@ class MatchOptions(CalibrationOptions):
     def is_of_picture(self) -> bool:
         """True to match a painted picture instead of color pairs."""
         return bool(self.view or self.picture)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RenderOptions(FrameFileOptions):
+    """Render masks, pictures and recolored frames, of captured views or of any cameras."""
+
+    command: ClassVar[str] = "render"
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+    views: str = option("train, test, val, all, names with commas, or CAMERAS.json (transforms.json with sizes)", "all")
+    first: int | None = option("the first of these views to write, counted from 1", None, metavar="N")
+    last: int | None = option("the last one; beyond the end: the end", None, metavar="N")
+    count: int | None = option("how many at most", None, metavar="N")
 
 
 @dataclass(frozen=True, kw_only=True)

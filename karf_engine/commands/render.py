@@ -29,7 +29,6 @@ from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.finished_frames import ModelFingerprint, model_fingerprint, pending_frames
 from ..export.frame_files import write_view
-from ..export.frame_options import RenderOptions
 from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
@@ -37,8 +36,8 @@ from ..project import Project
 from ..project.locking import write_lock
 from ..project.settings import with_overrides
 from ..recolor.model import Model
-from .disputes import warn_of_disputes
-from .job import Job, open_job
+from .job import Job, open_job, warn_of_disputes
+from .options import RenderOptions
 
 
 def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -56,7 +55,6 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
 
 
 def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOptions) -> None:
-    """Render the unfinished frames. learned: `model_fingerprint` of the model."""
     if options.unsure:
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
@@ -89,17 +87,9 @@ def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
 def read_edits(
     wanted: Path | Sequence[Path] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """Read the edit of each view.
+    """Read the edit of each view, from one file for all, one for each, or a folder with `<view>.json` for each.
 
-    Args:
-        wanted: One file for all, one for each, a folder with `<view>.json` for each, or None.
-        views: The views.
-        palettes: The learned palettes.
-        compositing: See `read_edit_file`.
-
-    Raises:
-        BadRequest: The number of edits is not that of the views.
-        DataError: A file is not an edit of these palettes.
+    Raises BadRequest if there are not as many edits as views. compositing: see `read_edit_file`.
     """
     if isinstance(wanted, Path) and wanted.is_dir():
         wanted = [wanted / f"{view.name}.json" for view in views]

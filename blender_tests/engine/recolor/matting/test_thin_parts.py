@@ -11,7 +11,7 @@ from PIL import Image
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.recolor.matting.marks import Marks, read_marks, undistort_marks
+from karf_engine.recolor.matting.thin_parts import Marks, read_marks, undistort_marks
 
 CAMERA = Camera(24, 16, 20.0, 20.0, 12.0, 8.0, np.eye(4))
 VIEW = View("left", "left", CAMERA, Path("left.jpg"), "train")

@@ -1,4 +1,4 @@
-"""Thin parts of objects that the field misses, such as a leaf's tip or a wire.
+"""Thin parts of objects that the field misses, such as a leaf's tip or a wire, and rough masks as hints for them.
 
 A pixel belongs to a lost part if the photo has the object's color there, the field renders no similar color nearby, and
 it is connected with the object through its color. A neighbor of the same color is not lost: the field renders it.
@@ -11,15 +11,26 @@ are searched for objects with a thin part in any mask.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
+from pathlib import Path
 
 import cv2
 import numpy as np
 
+from ...capture.camera import Camera
+from ...capture.capture import View
+from ...capture.mask_names import mask_files, masks_of_view
+from ...capture.training_images import undistort
+from ...errors import DataError
+from ...io.images import read_mask
 from .color_models import ColorModels, posterior
-from .distances import distance_to
-from .marks import Marks
+from .tiles import distance_to
 
+THIN_WIDTH = 0.02  # of the photo's width: a wire and the brush stroke along it
+THIN_LENGTH = 2.5  # of that width: longer than the corner of a hasty mask
 REACH = 32  # from the object, pixels of the field's picture
 NEARBY = 2  # pixels of the field's picture: tolerance for its blur and inexact poses
 UNLIKE = 10.0  # Lab units: difference to all that the field renders nearby
@@ -33,6 +44,76 @@ MARKED_LIKELY = 0.25  # as LIKELY, under a mask
 THIN_PROBABILITY = 0.8  # as PROBABILITY, of thin parts
 
 
+@dataclass(frozen=True)
+class Marks:
+    """Rough masks of K objects, as hints for the mattes of one photo."""
+
+    drawn: np.ndarray | None  # bool [K, H, W], the masks of this photo in its grid, at any size
+    thin: tuple[bool, ...]  # of each object, whether a mask in this photo or another has a thin part
+
+
+def read_marks(folder: Path, objects: Sequence[str], view: View) -> Marks:
+    """Read the rough masks `<object>/<view>.png` in a folder for a view, with its lens distortion."""
+    thin = tuple(any(_is_thin(path) for path in mask_files(folder / name)) for name in objects)
+    drawn = {k: paths[0] for k, name in enumerate(objects) if (paths := masks_of_view(folder / name, view))}
+    if not drawn:
+        return Marks(None, thin)
+    size = view.camera.height, view.camera.width
+    marks = np.zeros((len(objects), *size), bool)
+    for k, path in drawn.items():
+        marks[k] = _of_size(_read(path), size, view.camera.is_pinhole)
+    return Marks(marks, thin)
+
+
+def undistort_marks(marks: Marks, camera: Camera) -> Marks:
+    """Undistort the marks of a camera's photo."""
+    if marks.drawn is None or camera.is_pinhole:
+        return marks
+    planes = (undistort(mark[..., None].astype(np.float32), camera)[0][..., 0] for mark in marks.drawn)
+    return Marks(np.stack([plane >= 0.5 for plane in planes]), marks.thin)
+
+
+def has_thin_part(mask: np.ndarray) -> bool:
+    """Return whether a mask, bool [H, W], has a part that is thin and long."""
+    width = THIN_WIDTH * mask.shape[1]
+    padded = np.pad(mask, 1)
+    core = distance_to(~padded) > width / 2
+    thin = padded & (distance_to(core) > width / 2)
+    _, _, figures, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
+    longest = figures[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(initial=0)
+    return bool(longest >= THIN_LENGTH * width)
+
+
+def _is_thin(path: Path) -> bool:
+    try:
+        file = path.stat()
+    except OSError:  # deleted meanwhile
+        return False
+    return _is_thin_as_of(path, file.st_mtime_ns, file.st_size)
+
+
+@lru_cache(maxsize=256)
+def _is_thin_as_of(path: Path, changed: int, size: int) -> bool:
+    return has_thin_part(_read(path))
+
+
+def _read(path: Path) -> np.ndarray:
+    try:
+        return read_mask(path)
+    except DataError:  # learning refuses it; recoloring works without it
+        return np.zeros((1, 1), bool)
+
+
+def _of_size(mask: np.ndarray, size: tuple[int, int], is_pinhole: bool) -> np.ndarray:
+    """Resize a mask to its photo's size (rows, columns). Of a distorted camera, other sizes are undistorted: ignored."""
+    if mask.shape == size:
+        return mask
+    if not is_pinhole:
+        return np.zeros(size, bool)
+    return cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST) > 0
+
+
+# --------------------------------------------------------------------------------------------------------- lost parts
 def lost_parts(
     lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels, marks: Marks
 ) -> np.ndarray:
@@ -43,7 +124,7 @@ def lost_parts(
         rendered: The field's rendering, [h', w', 3] CIE Lab, of the same view at a smaller size.
         labels: [K+1, h, w], current labels of the photo; class 0 is the background.
         models: Colors of the classes.
-        marks: Rough masks of this photo, at any size.
+        marks: Of this photo.
     """
     scale = lab.shape[0] / rendered.shape[0]
     hard = labels.argmax(0)
@@ -69,7 +150,6 @@ def lost_parts(
 
 
 def _drawn(marks: Marks, labels: np.ndarray) -> np.ndarray:
-    """Resize the drawn masks to the size of the labels [h, w], bool [K, h, w]."""
     if marks.drawn is None:
         return np.zeros((len(marks.thin), *labels.shape), bool)
     size = labels.shape[::-1]
