@@ -13,10 +13,9 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ..errors import DataError
-from .camera import Camera
+from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
-from .limits import LARGEST_POSITION, read_camera
 from .reader_utils import (
     PHOTO_SUFFIXES,
     at_size,

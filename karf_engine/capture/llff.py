@@ -16,9 +16,8 @@ import numpy as np
 
 from ..errors import DataError, is_out_of_memory
 from ..io.image_size import image_size
-from .camera import Camera
+from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture
-from .limits import LARGEST_POSITION, read_camera
 from .reader_utils import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
 
 POSES = "poses_bounds.npy"

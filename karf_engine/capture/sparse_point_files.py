@@ -11,8 +11,8 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.ply import read_header, read_rows
+from .camera import LARGEST_POSITION
 from .capture import SparsePoints
-from .limits import LARGEST_POSITION
 from .reader_utils import read_bytes
 
 UNCOLORED = 128

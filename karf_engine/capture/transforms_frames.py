@@ -13,9 +13,8 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.files import read_json
-from .camera import Camera
+from .camera import LARGEST_SIDE, Camera, check_camera, read_camera
 from .capture import SPLITS
-from .limits import LARGEST_SIDE, check_camera, read_camera
 from .reader_utils import LENS_KEYS, at_size, opencv_distortion, photo_size, rigid_pose
 
 PERSPECTIVE = ("PERSPECTIVE", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from karf_engine.capture import Camera, Capture, Format
-from karf_engine.capture.limits import read_camera
+from karf_engine.capture.camera import read_camera
 from karf_engine.capture.reader_utils import at_size, make_views, merge_notes, photo_size, read_text, rigid_pose
 from karf_engine.errors import DataError
 

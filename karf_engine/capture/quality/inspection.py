@@ -12,8 +12,7 @@ import numpy as np
 from ...errors import DataError
 from ...io.color import to_bytes
 from ...io.images import alpha_composite, read_mask, resize
-from ..capture import Capture, View
-from ..mask_names import masks_of_view
+from ..capture import Capture, View, masks_of_view
 from ..poses.triangulation import neighbor_pairs
 from ..reprojection import reprojection_errors, summarize
 from ..training_images import load_views
