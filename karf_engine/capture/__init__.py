@@ -17,7 +17,7 @@ from .camera import Camera
 from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View, hold_out, in_space
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
-from .transforms_json import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
+from .transforms import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
 
 __all__ = [
     "FORMATS",

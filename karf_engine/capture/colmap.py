@@ -184,9 +184,8 @@ def _at_photo(camera: Camera, photo: Path | None) -> tuple[Camera, list[str]]:
 def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list[str]]:
     """Return the photo of each sorted image name, and remarks.
 
-    The pairing rules are tried from the strictest to the loosest: same path, same path with another suffix, same file
-    name in one folder, same order. Each rule is tried from the model's folder upwards, since outer folders may have
-    photos of the same names before undistortion. All photos come from the folder with the most pairs.
+    Pairing rules are tried from the strictest to the loosest, each from the model's folder upwards, since outer folders
+    may have photos of the same names before undistortion. All photos come from the folder with the most pairs.
     """
     paths = [_relative(model, name) for name in names]
     for pair in (_by_name, _by_stem, _by_file_name, _by_order):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from karf_engine.capture.camera import Camera
-from karf_engine.capture.undistortion import ROWS, undistorted
+from karf_engine.capture.distortion import BLOCK_ROWS, undistorted
 
 training_images = pytest.importorskip("karf_engine.capture.training_images")
 LENSES = {
@@ -17,7 +17,7 @@ LENSES = {
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 def test_pixels_are_those_that_the_engine_learns_from(lens):
     distortion, fisheye = lens
-    camera = Camera(120, ROWS + 40, 90.0, 95.0, 63.0, 80.0, np.eye(4), distortion, fisheye)
+    camera = Camera(120, BLOCK_ROWS + 40, 90.0, 95.0, 63.0, 80.0, np.eye(4), distortion, fisheye)
     photo = np.random.default_rng(0).random((camera.height, camera.width, 3), np.float32)
     expected, _, valid = training_images.undistort(photo, camera)
     found = undistorted(photo, camera)

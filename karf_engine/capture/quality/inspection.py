@@ -14,7 +14,7 @@ from ...io.color import to_bytes
 from ...io.images import alpha_composite, read_mask, resize
 from ..capture import Capture, View, masks_of_view
 from ..poses.triangulation import neighbor_pairs
-from ..reprojection import reprojection_errors, summarize
+from ..sparse_points import reprojection_errors, summarize
 from ..training_images import load_views
 from . import matches, photos
 from .placement import Placement, measure_placement, seen_by_few

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ...capture.camera import Camera
-from ...capture.transforms_frames import camera_from_json
+from ...capture.transforms import camera_from_json
 from ...errors import BadRequest
 from ...palettes.compositing import Planes, write_planes
 from .options import fades_of, require_option
