@@ -62,8 +62,8 @@ from .project.settings import Level
 if TYPE_CHECKING:
     import torch
 
+    from .capture.advice import Advice
     from .capture.capture import Capture
-    from .capture.quality.advice import Advice
     from .recolor.model import Model
 
 PathLike = Path | str

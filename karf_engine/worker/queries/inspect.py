@@ -22,7 +22,7 @@ def inspect(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     Raises:
         KarfError: The capture or a mask cannot be read.
     """
-    from ...capture.quality.drawing import draw_map
+    from ...capture.advice import draw_map
     from ...commands.inspect import run
     from ...commands.options import InspectOptions
 

@@ -1,17 +1,24 @@
-"""Turn an inspection into advice: one sentence for an artist, and findings to fix."""
+"""Turn an inspection into advice: a predicted PSNR, one sentence for an artist, findings to fix, and a map of the cameras.
+
+PSNR with preset `demo` is predicted by linear regression. The coefficients were fitted to 25 captures of 12 scenes by
+`tools/scenes/inspections.py`; docs/benchmark.md has their accuracy on other scenes. All are in dB.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
-from ...errors import Message
-from .inspection import Inspection
-from .photos import THIN
-from .prediction import RMS_ERROR, predict_psnr, psnr_gain
+from ..errors import Message
+from ..io.images import write_png
+from .inspection import THIN, Inspection
+from .placement import Placement
 
 MOST_NAMED = 3  # photos listed in a sentence
 POOR_PSNR = 26.5  # dB
@@ -24,31 +31,34 @@ REPROJECTION = 1.5  # pixels
 POOR_PAIRS = 0.5  # share of pairs with few matches
 SEEN_BY_FEW = 0.15  # share of the visible scene
 THIN_SHARE = 0.2  # share of an object
+# prediction, dB
+INTERCEPT = 13.8
+OF_AGREED = 24.5  # coefficient of the share of matches that agree with the cameras
+OF_MATTE = 5.6  # coefficient of a matte
+MOST_ABOVE_PLAINNESS = 4.0  # detail finer than voxels is not learned
+RMS_ERROR = 2.8  # in leave-one-scene-out cross-validation
+OF_SPACING = -6.3  # for each doubling of the angle to the nearest photo
+NEAR_ANGLE = 4.0  # degrees; nearer photos gain nothing
+# the map
+SIDE, MARGIN, LINE, FONT_SIZE = 720, 60, 30, 19  # pixels
+PAPER, INK, WANTED = (250, 250, 250), (40, 40, 40), (225, 95, 20)
+NEAR_COLOR, FAR_COLOR = np.array([214, 234, 214]), np.array([240, 150, 140])  # of directions
+FAR = 25.0  # degrees to the nearest camera, drawn in `FAR_COLOR`
+CAMERA_RADIUS, DIRECTION_RADIUS, PROPOSAL_RADIUS = 5, 9, 14  # pixels
 
 
 @dataclass(frozen=True)
 class Advice:
-    """Advice about a capture.
+    """Advice about a capture."""
 
-    Attributes:
-        inspection: The figures behind it.
-        psnr: Predicted PSNR of new views with preset `demo`, dB.
-        error: Root mean square error of the prediction, dB.
-        gain: Predicted gain of `more` photos, dB.
-        is_poor: Whether more photos are needed before training.
-        sentence: The main message.
-        findings: Further problems.
-        more: Directions from the scene's center where more photos would help most, [k, 3].
-    """
-
-    inspection: Inspection
-    psnr: float
-    error: float
-    gain: float
-    is_poor: bool
-    sentence: Message
-    findings: tuple[Message, ...]
-    proposed_directions: np.ndarray
+    inspection: Inspection  # the figures behind it
+    psnr: float  # predicted for new views with preset `demo`, dB
+    error: float  # root mean square error of the prediction, dB
+    gain: float  # predicted for photos from the proposed directions, dB
+    is_poor: bool  # more photos are needed before training
+    sentence: Message  # the main message
+    findings: tuple[Message, ...]  # further problems
+    proposed_directions: np.ndarray  # from the scene's center, where more photos would help most, [k, 3]
 
     def to_json(self) -> dict[str, Any]:
         """Return advice and figures as JSON values."""
@@ -71,12 +81,12 @@ class Advice:
 def advise(found: Inspection) -> Advice:
     """Derive the advice from an inspection."""
     placement = found.placement
-    psnr = predict_psnr(found.agreed, found.plainness, found.is_matte)
+    psnr = _predict_psnr(found.agreed, found.plainness, found.is_matte)
     more = placement.propose_directions(MORE_PHOTOS)
     improved = placement
     for direction in more:
         improved = improved.with_camera(direction)
-    gain = psnr_gain(placement.spacing, improved.spacing)
+    gain = _psnr_gain(placement.spacing, improved.spacing)
     is_poor = psnr < POOR_PSNR
     sentence = _too_few(found, psnr, gain) if is_poor else _enough(found, psnr, gain)
     return Advice(found, psnr, RMS_ERROR, gain, is_poor, sentence, tuple(_findings(found)), more)
@@ -180,3 +190,69 @@ def _listed(names: np.ndarray, order: np.ndarray) -> str:
     worst = [str(name) for name in names[np.argsort(order)]]
     more = f" (+{len(worst) - MOST_NAMED})" if len(worst) > MOST_NAMED else ""
     return ", ".join(worst[:MOST_NAMED]) + more
+
+
+# ----------------------------------------------------------------------------------------------------------- prediction
+def _predict_psnr(agreed: float, plainness: float, is_matte: bool) -> float:
+    """Predict the PSNR of held-out views, dB, from the figures of an `Inspection`."""
+    on_line = INTERCEPT + OF_AGREED * agreed + OF_MATTE * is_matte
+    return round(min(on_line, plainness + MOST_ABOVE_PLAINNESS), 3)
+
+
+def _psnr_gain(spacing: float, new_spacing: float) -> float:
+    """Predict the gain of more photos, dB, from the angle to the nearest photo in degrees, before and after."""
+    return OF_SPACING * math.log2(max(new_spacing, NEAR_ANGLE) / max(spacing, NEAR_ANGLE)) + 0.0
+
+
+# -------------------------------------------------------------------------------------------------------------- the map
+def draw_map(path: Path, advice: Advice) -> None:
+    """Write the map as PNG, atomically.
+
+    A full capture is drawn from above, with the zenith at the center and the horizon at the rim; a capture of one side
+    by azimuth and elevation, facing the scene.
+    """
+    inspection, place = advice.inspection, advice.inspection.placement
+    everything = np.concatenate([place.directions, place.wanted, advice.proposed_directions])
+    positions = _to_pixels(_flatten(place, everything))
+    cameras, wanted, more = np.split(positions, np.cumsum([len(place.directions), len(place.wanted)]))
+    canvas = Image.new("RGB", (SIDE, SIDE + 3 * LINE), PAPER)
+    draw = ImageDraw.Draw(canvas)
+    for position, angle in zip(wanted, place.nearest_angles, strict=True):
+        weight = min(1.0, angle / max(1e-6, min(FAR, place.nearest_angles.max())))
+        color = tuple((NEAR_COLOR + weight * (FAR_COLOR - NEAR_COLOR)).astype(int))
+        _draw_disk(draw, position, DIRECTION_RADIUS, color)
+    for position in cameras:
+        _draw_disk(draw, position, CAMERA_RADIUS, INK)
+    font = ImageFont.load_default(FONT_SIZE)
+    for number, position in enumerate(more, 1):
+        _draw_disk(draw, position, PROPOSAL_RADIUS, WANTED)
+        draw.text(tuple(position), str(number), PAPER, font, anchor="mm")
+    for number in place.beside_hole():
+        label = inspection.views[number][:24]
+        draw.text(tuple(cameras[number] + (CAMERA_RADIUS + 3, 0)), label, INK, font, anchor="lm")
+    view = "Seen towards the scene: left, right, up and down" if place.is_open else "Seen from above: the rim is level"
+    legend = "Dark: photos. Red: far from any photo. Orange: take more here, in this order."
+    for number, text in enumerate((view, legend)):
+        draw.text((MARGIN / 2, SIDE + LINE * number), text, INK, font)
+    write_png(path, np.asarray(canvas))
+
+
+def _flatten(place: Placement, directions: np.ndarray) -> np.ndarray:
+    """Project directions [m, 3] to the map, x to the right and y up, [m, 2]."""
+    azimuth, elevation = np.radians(place.angles(directions)).T
+    if not place.is_open:
+        return (np.pi / 2 - elevation)[:, None] * np.stack([np.cos(azimuth), np.sin(azimuth)], -1)
+    middle = np.angle(np.exp(1j * np.radians(place.angles(place.wanted)[:, 0])).sum())
+    relative = np.angle(np.exp(1j * (azimuth - middle)))
+    return np.stack([relative * np.cos(elevation.mean()), elevation], -1)
+
+
+def _to_pixels(flat: np.ndarray) -> np.ndarray:
+    """Fit map positions [m, 2] into the canvas."""
+    low, high = flat.min(0), flat.max(0)
+    factor = (SIDE - 2 * MARGIN) / max(float((high - low).max()), 1e-6)
+    return SIDE / 2 + (flat - (low + high) / 2) * factor * (1, -1)
+
+
+def _draw_disk(draw: ImageDraw.ImageDraw, position: np.ndarray, radius: float, color: tuple[int, ...]) -> None:
+    draw.ellipse((*(position - radius), *(position + radius)), color)

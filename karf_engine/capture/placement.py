@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera import Camera
+from .camera import Camera
 
 OPEN_GAP = 120.0  # degrees
 ROUND, HIGH = 72, 12  # sampled azimuths and elevations
@@ -24,23 +24,14 @@ GRID = 8  # sampled positions along each side of a photo
 
 @dataclass(frozen=True)
 class Placement:
-    """Cameras around the scene's center.
+    """Cameras around the scene's center."""
 
-    Attributes:
-        center: Center of the scene, [3], world.
-        up: Common up axis, [3], unit, world.
-        radius: Median distance of the cameras from the center, world units.
-        directions: Unit vectors from the center to the cameras, [n, 3].
-        wanted: Unit vectors to be covered, [k, 3].
-        is_open: Whether the capture is of one side.
-    """
-
-    center: np.ndarray
-    up: np.ndarray
-    radius: float
-    directions: np.ndarray
-    wanted: np.ndarray
-    is_open: bool
+    center: np.ndarray  # [3], world
+    up: np.ndarray  # common up axis, [3], unit, world
+    radius: float  # median distance of the cameras from the center, world units
+    directions: np.ndarray  # unit vectors from the center to the cameras, [n, 3]
+    wanted: np.ndarray  # unit vectors to be covered, [k, 3]
+    is_open: bool  # the capture is of one side
 
     @property
     def nearest_angles(self) -> np.ndarray:
@@ -49,7 +40,7 @@ class Placement:
 
     @property
     def spacing(self) -> float:
-        """Root mean square of `empty`, degrees."""
+        """Root mean square of `nearest_angles`, degrees."""
         return float(np.sqrt((self.nearest_angles**2).mean()))
 
     @property
