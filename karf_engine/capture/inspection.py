@@ -20,9 +20,9 @@ from ..io.images import alpha_composite, read_mask, resize
 from .camera import Camera
 from .capture import Capture, View, masks_of_view
 from .placement import Placement, measure_placement, seen_by_few
-from .poses.triangulation import neighbor_pairs
 from .sparse_points import reprojection_errors, summarize
 from .training_images import load_views
+from .triangulation import neighbor_pairs
 
 SIDE = 400  # longer side of the inspected photos, pixels
 MOST_PHOTOS = 150  # photos opened at most, evenly spaced; all cameras are used
