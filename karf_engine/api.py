@@ -50,9 +50,8 @@ from .commands.options import (
     SegmentationOptions,
     SplatsOptions,
 )
-from .compute.interrupts import stop_on_interrupt
+from .compute.process_state import preserved_torch_state, stop_on_interrupt
 from .compute.progress import Emit, TerminalEmit
-from .compute.torch_state import preserved_torch_state
 from .errors import missing_package
 from .io.arguments import check_type
 from .io.failures import translate_errors

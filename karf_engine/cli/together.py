@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 
 from ..commands.geometry import help_to_learn
-from ..compute.process_group import join, leave
+from ..compute.runtime import join, leave
 
 
 def run_together(command: Callable[[], int]) -> int:

@@ -22,9 +22,8 @@ from ..capture.training_images import TrainingImage
 from ..capture.triangulation import triangulate
 from ..compute import cores
 from ..compute.kernels import has_kernels
-from ..compute.process_group import ProcessGroup, current_group
 from ..compute.progress import Emit, Progress
-from ..compute.runtime import start_runtime
+from ..compute.runtime import ProcessGroup, current_group, start_runtime
 from ..errors import Cancelled, DataError, KarfError
 from ..fields.detail import psnr_without_detail, typical_pixels_per_voxel
 from ..fields.exposures import PARAMETERS as EXPOSURES
