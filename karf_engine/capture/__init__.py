@@ -14,7 +14,7 @@ from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera
-from .capture import SPLITS, Capture, CapturedSplats, SparsePoints, View, hold_out, in_space
+from .capture import SPLITS, Capture, View, hold_out, in_space
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
 from .transforms import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
@@ -23,9 +23,7 @@ __all__ = [
     "FORMATS",
     "Camera",
     "Capture",
-    "CapturedSplats",
     "Format",
-    "SparsePoints",
     "View",
     "choose_views",
     "hold_out",

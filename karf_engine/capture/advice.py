@@ -82,43 +82,40 @@ def advise(found: Inspection) -> Advice:
     """Derive the advice from an inspection."""
     placement = found.placement
     psnr = _predict_psnr(found.agreed, found.plainness, found.is_matte)
-    more = placement.propose_directions(MORE_PHOTOS)
-    improved = placement
-    for direction in more:
-        improved = improved.with_camera(direction)
-    gain = _psnr_gain(placement.spacing, improved.spacing)
-    is_poor = psnr < POOR_PSNR
-    sentence = _too_few(found, psnr, gain) if is_poor else _enough(found, psnr, gain)
-    return Advice(found, psnr, RMS_ERROR, gain, is_poor, sentence, tuple(_findings(found)), more)
+    improved = placement.extended(MORE_PHOTOS)
+    doublings = math.log2(max(improved.spacing, NEAR_ANGLE) / max(placement.spacing, NEAR_ANGLE))
+    gain = OF_SPACING * doublings + 0.0
+    sentence, more = _main_message(found, psnr, gain), improved.directions[len(placement.directions) :]
+    return Advice(found, psnr, RMS_ERROR, gain, psnr < POOR_PSNR, sentence, tuple(_findings(found)), more)
 
 
-def _too_few(found: Inspection, psnr: float, gain: float) -> Message:
-    return Message(
-        "{count} photos are too few here: new views will be soft or foggy, about {psnr} dB. {more} more where the picture "
-        "shows it would give about {gain} dB; the widest hole is {hole} degrees, {where}.",
-        **_figures(found, psnr, gain),
-    )
+def _predict_psnr(agreed: float, plainness: float, is_matte: bool) -> float:
+    """Predict the PSNR of held-out views, dB, from the figures of an `Inspection`."""
+    on_line = INTERCEPT + OF_AGREED * agreed + OF_MATTE * is_matte
+    return round(min(on_line, plainness + MOST_ABOVE_PLAINNESS), 3)
 
 
-def _enough(found: Inspection, psnr: float, gain: float) -> Message:
-    return Message(
-        "{count} photos: new views will have about {psnr} dB (give or take {error}). {more} more would give about {gain} dB; "
-        "the widest hole is {hole} degrees, {where}.",
-        error=f"{RMS_ERROR:.0f}",
-        **_figures(found, psnr, gain),
-    )
-
-
-def _figures(found: Inspection, psnr: float, gain: float) -> dict[str, str | Message]:
-    width, _ = found.placement.hole
-    return {
+def _main_message(found: Inspection, psnr: float, gain: float) -> Message:
+    figures = {
         "count": str(len(found.views)),
         "psnr": f"{psnr:.0f}",
         "more": str(MORE_PHOTOS),
         "gain": f"{gain:.1f}",
-        "hole": f"{width:.0f}",
+        "hole": f"{found.placement.hole[0]:.0f}",
         "where": _beside_hole(found),
     }
+    if psnr < POOR_PSNR:
+        return Message(
+            "{count} photos are too few here: new views will be soft or foggy, about {psnr} dB. {more} more where the "
+            "picture shows it would give about {gain} dB; the widest hole is {hole} degrees, {where}.",
+            **figures,
+        )
+    return Message(
+        "{count} photos: new views will have about {psnr} dB (give or take {error}). {more} more would give about {gain} dB; "
+        "the widest hole is {hole} degrees, {where}.",
+        error=f"{RMS_ERROR:.0f}",
+        **figures,
+    )
 
 
 def _beside_hole(found: Inspection) -> Message:
@@ -190,18 +187,6 @@ def _listed(names: np.ndarray, order: np.ndarray) -> str:
     worst = [str(name) for name in names[np.argsort(order)]]
     more = f" (+{len(worst) - MOST_NAMED})" if len(worst) > MOST_NAMED else ""
     return ", ".join(worst[:MOST_NAMED]) + more
-
-
-# ----------------------------------------------------------------------------------------------------------- prediction
-def _predict_psnr(agreed: float, plainness: float, is_matte: bool) -> float:
-    """Predict the PSNR of held-out views, dB, from the figures of an `Inspection`."""
-    on_line = INTERCEPT + OF_AGREED * agreed + OF_MATTE * is_matte
-    return round(min(on_line, plainness + MOST_ABOVE_PLAINNESS), 3)
-
-
-def _psnr_gain(spacing: float, new_spacing: float) -> float:
-    """Predict the gain of more photos, dB, from the angle to the nearest photo in degrees, before and after."""
-    return OF_SPACING * math.log2(max(new_spacing, NEAR_ANGLE) / max(spacing, NEAR_ANGLE)) + 0.0
 
 
 # -------------------------------------------------------------------------------------------------------------- the map

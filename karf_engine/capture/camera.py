@@ -205,10 +205,10 @@ def check_camera(camera: Camera, label: str, hint: str = "Export the cameras aga
     return camera
 
 
-def read_camera(label: str, hint: str = "Export the cameras again.", **numbers: Any) -> Camera:
-    """Make a camera from the attributes of `Camera`. Raises DataError as `check_camera`."""
+def read_camera(label: str, *args: Any, hint: str = "Export the cameras again.", **kwargs: Any) -> Camera:
+    """Make a camera from the arguments of `Camera`. Raises DataError as `check_camera`."""
     try:
-        camera = Camera(**numbers)
+        camera = Camera(*args, **kwargs)
     except BadRequest as error:
         wrong = error.sentence.values.get("wrong", error.sentence)
         raise DataError("{label} has {wrong}, which cannot be.", hint, label=label, wrong=wrong) from error

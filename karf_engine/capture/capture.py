@@ -198,12 +198,15 @@ def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
 
 def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
     """Convert a capture to its canonical JSON, with paths relative to `folder` besides the absolute ones."""
-    splats = None
+    splats, schema = None, SCHEMA  # the oldest that can represent the capture
     if capture.splats is not None:
+        schema = WITH_SPLATS
         path, is_antialiased = capture.splats.path, capture.splats.is_antialiased
         splats = {"path": str(path), **_from_folder("path", path, folder), "is_antialiased": is_antialiased}
+    if any(view.space is not None for view in capture.views):
+        schema = WITH_SPACES
     return {
-        "schema": _schema_of(capture),
+        "schema": schema,
         "source": str(capture.source),
         "format": capture.format,
         "remarks": list(capture.warnings),
@@ -229,13 +232,6 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
     }
 
 
-def _schema_of(capture: Capture) -> str:
-    """Return the oldest schema that can represent a capture."""
-    if any(view.space is not None for view in capture.views):
-        return WITH_SPACES
-    return SCHEMA if capture.splats is None else WITH_SPLATS
-
-
 def capture_from_json(content: Any, path: Path) -> Capture:
     """Read a capture from its canonical JSON in the file `path`.
 
@@ -256,21 +252,11 @@ def capture_from_json(content: Any, path: Path) -> Capture:
 
 
 def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
-    width, height = entry["size"]
+    width, height = map(int, entry["size"])
     fx, fy, cx, cy = map(float, entry["intrinsics"])
-    camera = read_camera(
-        label,
-        "Import the capture again.",
-        width=int(width),
-        height=int(height),
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        camera_to_world=np.array(entry["camera_to_world"], np.float64).reshape(4, 4),
-        distortion=tuple(map(float, entry["distortion"])),
-        fisheye=bool(entry.get("fisheye", False)),
-    )
+    pose = np.array(entry["camera_to_world"], np.float64).reshape(4, 4)
+    lens = tuple(map(float, entry["distortion"])), bool(entry.get("fisheye", False))
+    camera = read_camera(label, width, height, fx, fy, cx, cy, pose, *lens, hint="Import the capture again.")
     if len(camera.distortion) > 8 or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
     space, bounds = entry.get("color_space"), entry.get("depth_bounds")

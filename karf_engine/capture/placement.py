@@ -52,16 +52,12 @@ class Placement:
         """Return the indices of the two cameras nearest to the center of the widest hole."""
         return np.argsort(-(self.directions @ self.hole[1]))[:2].tolist()
 
-    def propose_directions(self, count: int) -> np.ndarray:
-        """Return directions [count, 3] for more photos, each at the center of the then widest hole."""
+    def extended(self, count: int) -> Placement:
+        """Return the placement with more cameras, each at the center of the then widest hole."""
         extended = self
         for _ in range(count):
-            extended = extended.with_camera(extended.hole[1])
-        return extended.directions[len(self.directions) :]
-
-    def with_camera(self, direction: np.ndarray) -> Placement:
-        """Return the placement with one more camera."""
-        return replace(self, directions=np.concatenate([self.directions, direction[None]]))
+            extended = replace(extended, directions=np.concatenate([extended.directions, extended.hole[1][None]]))
+        return extended
 
     def angles(self, directions: np.ndarray) -> np.ndarray:
         """Return azimuth in (-180, 180] and elevation of directions [m, 3], degrees, [m, 2]."""

@@ -111,6 +111,11 @@ def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
     return camera.scaled(*size), [note + "their intrinsics were scaled."]
 
 
+def at_photo(camera: Camera, image: Path | None) -> tuple[Camera, list[str]]:
+    """Scale a camera to its photo's size, as `at_size`; without a photo it stays."""
+    return at_size(camera, photo_size(image, (camera.width, camera.height))) if image else (camera, [])
+
+
 # ---------------------------------------------------------------------------------------------------------------- views
 def make_views(
     cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]

@@ -195,21 +195,12 @@ def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
     width, height = declared or size
     fx, fy = _focal_lengths(frame, width, height)
     camera_to_world, pose_notes = _pose(frame)
-    camera = read_camera(
-        frame.label,
-        "Correct it in the file.",
-        width=width,
-        height=height,
-        fx=fx,
-        fy=fy,
-        cx=_number_or(frame, "cx", width / 2),
-        cy=_number_or(frame, "cy", height / 2),
-        camera_to_world=camera_to_world,
-        distortion=opencv_distortion({key: _number_or(frame, key, 0.0) for key in LENS_KEYS}, fisheye),
-        fisheye=fisheye,
-    )
+    cx, cy = _number_or(frame, "cx", width / 2), _number_or(frame, "cy", height / 2)
+    lens = opencv_distortion({key: _number_or(frame, key, 0.0) for key in LENS_KEYS}, fisheye)
+    hint = "Correct it in the file."
+    camera = read_camera(frame.label, width, height, fx, fy, cx, cy, camera_to_world, lens, fisheye, hint=hint)
     camera, size_notes = at_size(camera, size)
-    return check_camera(camera, frame.label, "Correct it in the file."), size_notes + pose_notes
+    return check_camera(camera, frame.label, hint), size_notes + pose_notes
 
 
 def camera_from_json(fields: Any, source: str) -> Camera:

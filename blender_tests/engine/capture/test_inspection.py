@@ -114,9 +114,7 @@ def test_the_widest_hole_is_where_photos_were_left_out(cameras):
 
 def test_more_photos_go_into_the_holes_and_narrow_them(cameras):
     placement = measure_placement(cameras[:12], np.zeros((0, 3)))
-    then = placement
-    for direction in placement.propose_directions(4):
-        then = then.with_camera(direction)
+    then = placement.extended(4)
     assert then.spacing < 0.9 * placement.spacing and then.hole[0] < placement.hole[0]
 
 
