@@ -162,6 +162,26 @@ class _Frame:
     def label(self) -> str:
         return f"{self.file}, frame {self.index} ({self.fields['file_path']!r:.200})"
 
+    def number(self, key: str) -> float | None:
+        value = self.fields.get(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
+            raise DataError(
+                f"{self.label} has {key} = {value!r:.200}, which is not a number.", "Correct it in the file."
+            )
+        return float(value)
+
+    def number_or(self, key: str, default: float) -> float:
+        value = self.number(key)
+        return default if value is None else value
+
+    def positive(self, key: str) -> float | None:
+        value = self.number(key)
+        if value is not None and value <= 0:
+            raise DataError(f"{self.label} has {key} = {value:g}, which must be positive.", "Correct it in the file.")
+        return value
+
 
 def _read_frames(file: Path, split: str) -> list[_Frame]:
     """Read all frames of a transforms file; an empty `split` means those that the file declares."""
@@ -195,8 +215,8 @@ def _camera(frame: _Frame, image: Path | None) -> tuple[Camera, list[str]]:
     width, height = declared or size
     fx, fy = _focal_lengths(frame, width, height)
     camera_to_world, pose_notes = _pose(frame)
-    cx, cy = _number_or(frame, "cx", width / 2), _number_or(frame, "cy", height / 2)
-    lens = opencv_distortion({key: _number_or(frame, key, 0.0) for key in LENS_KEYS}, fisheye)
+    cx, cy = frame.number_or("cx", width / 2), frame.number_or("cy", height / 2)
+    lens = opencv_distortion({key: frame.number_or(key, 0.0) for key in LENS_KEYS}, fisheye)
     hint = "Correct it in the file."
     camera = read_camera(frame.label, width, height, fx, fy, cx, cy, camera_to_world, lens, fisheye, hint=hint)
     camera, size_notes = at_size(camera, size)
@@ -218,7 +238,7 @@ def _is_fisheye(frame: _Frame) -> bool:
 
 
 def _declared_size(frame: _Frame) -> tuple[int, int] | None:
-    width, height = _positive(frame, "w"), _positive(frame, "h")
+    width, height = frame.positive("w"), frame.positive("h")
     if not (width and height):
         return None
     if max(width, height) > LARGEST_SIDE:
@@ -227,8 +247,8 @@ def _declared_size(frame: _Frame) -> tuple[int, int] | None:
 
 
 def _focal_lengths(frame: _Frame, width: int, height: int) -> tuple[float, float]:
-    fx = _positive(frame, "fl_x") or _focal_from_angle(frame, "camera_angle_x", width)
-    fy = _positive(frame, "fl_y") or _focal_from_angle(frame, "camera_angle_y", height)
+    fx = frame.positive("fl_x") or _focal_from_angle(frame, "camera_angle_x", width)
+    fy = frame.positive("fl_y") or _focal_from_angle(frame, "camera_angle_y", height)
     if fx is None:
         fx = fy
     if fx is None:
@@ -238,7 +258,7 @@ def _focal_lengths(frame: _Frame, width: int, height: int) -> tuple[float, float
 
 def _focal_from_angle(frame: _Frame, key: str, extent: int) -> float | None:
     """Convert a full field of view in radians to a focal length in pixels."""
-    angle = _positive(frame, key)
+    angle = frame.positive(key)
     if angle is None:
         return None
     if angle >= math.pi:
@@ -256,27 +276,6 @@ def _pose(frame: _Frame) -> tuple[np.ndarray, list[str]]:
     if matrix.shape != (4, 4):
         raise DataError(f"{frame.label} has no 4x4 transform_matrix of numbers.", "Export the cameras again.")
     return rigid_pose(matrix, frame.label, "transform_matrix")
-
-
-def _number_or(frame: _Frame, key: str, default: float) -> float:
-    value = _number(frame, key)
-    return default if value is None else value
-
-
-def _number(frame: _Frame, key: str) -> float | None:
-    value = frame.fields.get(key)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-        raise DataError(f"{frame.label} has {key} = {value!r:.200}, which is not a number.", "Correct it in the file.")
-    return float(value)
-
-
-def _positive(frame: _Frame, key: str) -> float | None:
-    value = _number(frame, key)
-    if value is not None and value <= 0:
-        raise DataError(f"{frame.label} has {key} = {value:g}, which must be positive.", "Correct it in the file.")
-    return value
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
