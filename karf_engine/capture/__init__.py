@@ -65,7 +65,6 @@ def open_capture(path: Path | str, photos: bool = True, holdout: int = 0) -> Cap
 
     Example:
         capture = open_capture("garden", holdout=8)
-        [view.name for view in capture.split("test")]
     """
     path = Path(path)
     if not path.exists():

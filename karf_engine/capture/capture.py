@@ -43,6 +43,9 @@ class View:
         depth_bounds: Nearest and farthest depth in world units; None if unknown.
         space: Color space of the photo's file; None: sRGB, for EXR linear light with its primaries.
         gains: Exposure relative to the mean of all photos: factors of red, green and blue in sRGB.
+
+    Example:
+        height, width = capture.view("r_003").camera.height, capture.view("r_003").camera.width
     """
 
     name: str
@@ -111,6 +114,10 @@ class Capture:
         points: Sparse points if the format has them; not in the canonical JSON.
         holdout: N if every Nth photo was held out (see `hold_out`), else 0; not in the canonical JSON.
         splats: Splats of another program, which replace training them.
+
+    Example:
+        capture = open_capture("garden", holdout=8)
+        [view.name for view in capture.split("test")]
     """
 
     source: Path

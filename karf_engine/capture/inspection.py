@@ -188,7 +188,7 @@ class _Matches:
     errors: np.ndarray  # their reprojection errors, [m] float64, pixels
     tried: np.ndarray  # number of matched features, [p]
     agreed: np.ndarray  # number of these that agree with the cameras, [p]
-    stops: np.ndarray  # by which the second photo is brighter, [p, 3] float64 RGB; nan with few agreeing matches
+    stops: np.ndarray  # brightness of the second over the first photo, [p, 3] float64 RGB; nan if few matches agree
 
 
 def _match_neighbors(

@@ -1,4 +1,4 @@
-"""Compile kernels with numba, and cache them on disk in files that are verified by checksum before unpickling."""
+"""Compile kernels with numba, and cache them on disk, verified by checksum before unpickling."""
 
 from __future__ import annotations
 
