@@ -6,18 +6,10 @@ from .. import karf_engine
 from ..karf_engine.api import render_bundle
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera, wrong_size_error
-from ..karf_engine.capture.capture import UNIT_GAINS, Capture, SparsePoints, View
-from ..karf_engine.capture.distortion import distort
-from ..karf_engine.capture.mask_names import masks_of_view
-from ..karf_engine.capture.reprojection import (
-    ErrorSummary,
-    observed_points,
-    reprojection_errors,
-    summarize,
-    undistort_points_near,
-)
-from ..karf_engine.capture.transforms_json import camera_to_json
-from ..karf_engine.capture.undistortion import undistorted
+from ..karf_engine.capture.capture import UNIT_GAINS, Capture, SparsePoints, View, masks_of_view
+from ..karf_engine.capture.distortion import distort, undistort_points_near, undistorted
+from ..karf_engine.capture.sparse_points import ErrorSummary, observed_points, reprojection_errors, summarize
+from ..karf_engine.capture.transforms import camera_to_json
 from ..karf_engine.commands.options import FarmOptions, PointsOptions
 from ..karf_engine.errors import (
     BadRequest,

@@ -20,7 +20,8 @@ full disks, missing rights and exhausted memory.
 Ctrl-C saves what is learned so far and then raises KeyboardInterrupt; a second one does not wait. Each call restores
 torch's number of threads, random state and treatment of denormal numbers.
 """
-# pyright: reportReturnType=false (functions of commands are declarations without a body)
+# functions of commands are declarations without a body
+# pyright: reportReturnType=false
 
 from __future__ import annotations
 
@@ -38,9 +39,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from .commands.dispatch import run_command
 from .commands.options import COMMANDS, GeometryOptions
-from .compute.interrupts import stop_on_interrupt
+from .compute.process_state import preserved_torch_state, stop_on_interrupt
 from .compute.progress import Emit, TerminalEmit
-from .compute.torch_state import preserved_torch_state
 from .errors import missing_package
 from .io.arguments import check_type
 from .io.failures import translate_errors
@@ -50,8 +50,8 @@ from .project.settings import Level
 if TYPE_CHECKING:
     import torch
 
+    from .capture.advice import Advice
     from .capture.capture import Capture
-    from .capture.quality.advice import Advice
     from .recolor.model import Model
 
 PathLike = Path | str

@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run_together(command: Callable[[], int]) -> int:
     """Run a command on rank 0, while the other processes of torchrun take part in learning the scene."""
     from ..commands.geometry import help_to_learn  # need torch, and `doctor` must run without it
-    from ..compute.process_group import join, leave
+    from ..compute.runtime import join, leave
 
     process_group = join()
     if process_group.rank:

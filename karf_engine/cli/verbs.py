@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ..commands.dispatch import run_command
-from ..compute.interrupts import stop_on_interrupt
+from ..compute.process_state import stop_on_interrupt
 from ..compute.progress import TerminalEmit
 from ..errors import BadRequest
 from ..io.failures import log

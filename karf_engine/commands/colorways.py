@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ..capture import choose_views
 from ..capture.capture import View
-from ..capture.chosen_views import choose_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.colorway_pictures import ColorProbe, pictures_of

@@ -16,14 +16,13 @@ import numpy as np
 
 from ..capture import hold_out, in_space, open_capture
 from ..capture.capture import UNIT_GAINS, Capture, SparsePoints, capture_to_json, with_gains, with_split
-from ..capture.poses.triangulation import triangulate
 from ..capture.reader_utils import read_bytes
 from ..capture.training_images import TrainingImage
+from ..capture.triangulation import triangulate
 from ..compute import cores
 from ..compute.kernels import has_kernels
-from ..compute.process_group import ProcessGroup, current_group
 from ..compute.progress import Emit, Progress
-from ..compute.runtime import start_runtime
+from ..compute.runtime import ProcessGroup, current_group, start_runtime
 from ..errors import Cancelled, DataError, KarfError
 from ..fields.exposures import LONG_SIDE as EXPOSURE_LONG_SIDE
 from ..fields.exposures import gains_from_render

@@ -18,7 +18,7 @@ from ..capture.camera import Camera
 from ..capture.capture import Capture, CapturedSplats, View
 from ..capture.splat_cameras import cameras_beside, folders_around, read_splat_cameras
 from ..capture.training_images import load_views
-from ..capture.transforms_json import write_capture
+from ..capture.transforms import write_capture
 from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit, Progress

@@ -15,10 +15,10 @@ from pathlib import Path
 
 from PIL import Image, ImageOps
 
-from ..capture.poses.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct
-from ..capture.poses.video import write_sharpest_frames
-from ..capture.poses.work_folder import work_folder
+from ..capture.child_process import work_folder
 from ..capture.reader_utils import photos_in
+from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct
+from ..capture.video import write_sharpest_frames
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
 from ..io.files import errors_naming_path

@@ -23,8 +23,8 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+from ..capture import choose_views, slice_of_views
 from ..capture.capture import View
-from ..capture.chosen_views import choose_views, slice_of_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.finished_frames import ModelFingerprint, model_fingerprint, pending_frames

@@ -12,8 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..capture.capture import Capture, View, capture_to_json
-from ..capture.mask_names import mask_files
+from ..capture.capture import Capture, View, capture_to_json, mask_files
 from ..io.files import errors_naming_path
 from ..io.fingerprints import file_digest, fingerprint
 from ..io.inputs import check_file

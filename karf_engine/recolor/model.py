@@ -11,9 +11,8 @@ from typing import NoReturn
 import numpy as np
 import torch
 
-from ..capture.camera import Camera
+from ..capture.camera import Camera, check_camera
 from ..capture.capture import View
-from ..capture.limits import check_camera
 from ..capture.training_images import TrainingImage, load_target_image, load_views
 from ..compute.runtime import find_device
 from ..errors import BadRequest

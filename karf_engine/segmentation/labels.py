@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from scipy.sparse import csr_matrix
 
-from ..compute.convergence import convergence_as_event
 from ..compute.neighbors import build_kd_tree
 from ..compute.progress import Emit
+from ..compute.sparse_systems import convergence_as_event
 from ..errors import DataError
 from ..fields.protocol import Field
 from ..heads.volumes import Volumes

@@ -24,8 +24,8 @@ import torch
 from torch import Tensor
 
 from karf_engine.capture import open_capture
-from karf_engine.capture.poses.triangulation import triangulate
 from karf_engine.capture.training_images import TrainingImage, load_views
+from karf_engine.capture.triangulation import triangulate
 from karf_engine.compute.progress import Progress, peak_memory_bytes
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled

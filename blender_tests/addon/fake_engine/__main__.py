@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json
-from karf_engine.capture.transforms_frames import camera_from_json
-from karf_engine.capture.transforms_json import write_capture
+from karf_engine.capture.transforms import camera_from_json, write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json

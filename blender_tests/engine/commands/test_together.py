@@ -11,8 +11,8 @@ pytest.importorskip("scipy")
 from blender_tests.engine.conftest import run_engine
 from karf_engine.commands import geometry
 from karf_engine.commands.options import GeometryOptions
-from karf_engine.compute import process_group as process_group_module
-from karf_engine.compute.process_group import ProcessGroup
+from karf_engine.compute import runtime as runtime_module
+from karf_engine.compute.runtime import ProcessGroup
 from karf_engine.errors import BadRequest, Cancelled
 from karf_engine.fields import training
 from karf_engine.io.checkpoints import load_tensors
@@ -143,7 +143,7 @@ def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
 def test_processes_whose_grids_differ_are_told_apart(monkeypatch):
     parameter = torch.nn.Parameter(torch.zeros(4))
     parameter.grad = torch.ones(4)
-    monkeypatch.setattr(process_group_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
+    monkeypatch.setattr(runtime_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
     with pytest.raises(BadRequest, match="come apart: 4 and 5 numbers"):
         ProcessGroup(0, 2).average([parameter])
 

@@ -16,7 +16,8 @@ from blender_tests.engine.reference.capture_files import centered, put_json, ran
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
-from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json, unique_names
+from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json
+from karf_engine.capture.reader_utils import unique_names
 from karf_engine.errors import DataError
 from karf_engine.io.files import read_json
 from karf_engine.io.names import LONGEST, file_name, is_file_name

@@ -13,7 +13,7 @@ from blender_tests.engine.faults.checksums import renew_checksum
 from blender_tests.engine.readers import mutations, samples
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
-from karf_engine.capture.sparse_point_files import read_points
+from karf_engine.capture.sparse_points import read_points
 from karf_engine.capture.splat_cameras import read_splat_cameras
 from karf_engine.commands.job import open_job
 from karf_engine.commands.options import RenderOptions

@@ -23,9 +23,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...capture import open_capture
+from ...capture import choose_views, open_capture
 from ...capture.capture import View
-from ...capture.chosen_views import choose_views
 from ...compute.progress import Emit
 from ...errors import BadRequest
 from ...export.frame_options import FrameOptions

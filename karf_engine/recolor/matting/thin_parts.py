@@ -21,8 +21,7 @@ import cv2
 import numpy as np
 
 from ...capture.camera import Camera
-from ...capture.capture import View
-from ...capture.mask_names import mask_files, masks_of_view
+from ...capture.capture import View, mask_files, masks_of_view
 from ...capture.training_images import undistort
 from ...errors import DataError
 from ...io.images import read_mask

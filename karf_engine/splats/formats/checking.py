@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...capture.limits import LARGEST_POSITION
+from ...capture.camera import LARGEST_POSITION
 from ...errors import DataError, KarfError, is_out_of_memory, missing_extra
 from ...io.inputs import MOST_BYTES
 from ..kernels.arrays import COLOR, LOG_SCALE, LOGIT, ROTATION

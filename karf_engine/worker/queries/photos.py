@@ -45,7 +45,7 @@ def inspect(session: Session, capture: str, holdout: int | None = None, masks: s
         `advice`, the sentence and the findings, see `Message.to_json`; `is_poor`; and `picture`, the path of a map of
         where more photos would help.
     """
-    from ...capture.quality.drawing import draw_map
+    from ...capture.advice import draw_map
     from ...commands.inspect import run
     from ...commands.options import InspectOptions
 

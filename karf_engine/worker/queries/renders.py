@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...capture.camera import Camera
-from ...capture.transforms_frames import camera_from_json
+from ...capture.transforms import camera_from_json
 from ...errors import BadRequest
 from ...io.arguments import check_choice, check_number
 from ...palettes.compositing import Planes, write_planes

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ....compute.cores import parallel_for
 from ....compute.kernels import kernel
-from ....compute.process_group import ProcessGroup
+from ....compute.runtime import ProcessGroup
 from ...training import Adam
 from .arrays import DENSITY, FEATURES, Table
 from .marching import ONE, ZERO

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..camera import Camera
+from .camera import Camera
 
 OPEN_GAP = 120.0  # degrees
 ROUND, HIGH = 72, 12  # sampled azimuths and elevations
@@ -24,23 +24,14 @@ GRID = 8  # sampled positions along each side of a photo
 
 @dataclass(frozen=True)
 class Placement:
-    """Cameras around the scene's center.
+    """Cameras around the scene's center."""
 
-    Attributes:
-        center: Center of the scene, [3], world.
-        up: Common up axis, [3], unit, world.
-        radius: Median distance of the cameras from the center, world units.
-        directions: Unit vectors from the center to the cameras, [n, 3].
-        wanted: Unit vectors to be covered, [k, 3].
-        is_open: Whether the capture is of one side.
-    """
-
-    center: np.ndarray
-    up: np.ndarray
-    radius: float
-    directions: np.ndarray
-    wanted: np.ndarray
-    is_open: bool
+    center: np.ndarray  # [3], world
+    up: np.ndarray  # common up axis, [3], unit, world
+    radius: float  # median distance of the cameras from the center, world units
+    directions: np.ndarray  # unit vectors from the center to the cameras, [n, 3]
+    wanted: np.ndarray  # unit vectors to be covered, [k, 3]
+    is_open: bool  # the capture is of one side
 
     @property
     def nearest_angles(self) -> np.ndarray:
@@ -49,7 +40,7 @@ class Placement:
 
     @property
     def spacing(self) -> float:
-        """Root mean square of `empty`, degrees."""
+        """Root mean square of `nearest_angles`, degrees."""
         return float(np.sqrt((self.nearest_angles**2).mean()))
 
     @property
@@ -61,16 +52,12 @@ class Placement:
         """Return the indices of the two cameras nearest to the center of the widest hole."""
         return np.argsort(-(self.directions @ self.hole[1]))[:2].tolist()
 
-    def propose_directions(self, count: int) -> np.ndarray:
-        """Return directions [count, 3] for more photos, each at the center of the then widest hole."""
+    def extended(self, count: int) -> Placement:
+        """Return the placement with more cameras, each at the center of the then widest hole."""
         extended = self
         for _ in range(count):
-            extended = extended.with_camera(extended.hole[1])
-        return extended.directions[len(self.directions) :]
-
-    def with_camera(self, direction: np.ndarray) -> Placement:
-        """Return the placement with one more camera."""
-        return replace(self, directions=np.concatenate([self.directions, direction[None]]))
+            extended = replace(extended, directions=np.concatenate([extended.directions, extended.hole[1][None]]))
+        return extended
 
     def angles(self, directions: np.ndarray) -> np.ndarray:
         """Return azimuth in (-180, 180] and elevation of directions [m, 3], degrees, [m, 2]."""

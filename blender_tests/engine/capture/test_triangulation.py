@@ -8,8 +8,8 @@ pytest.importorskip("pycolmap")
 
 from blender_tests.engine.conftest import ROOT
 from karf_engine.capture import open_capture
-from karf_engine.capture.poses.triangulation import neighbor_pairs, triangulate
 from karf_engine.capture.training_images import load_views
+from karf_engine.capture.triangulation import neighbor_pairs, triangulate
 from karf_engine.compute.progress import Progress
 from karf_engine.errors import Cancelled
 

@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, SparsePoints, View
-from karf_engine.capture.distortion import distort
-from karf_engine.capture.reprojection import reprojection_errors, summarize, undistort_points_near
+from karf_engine.capture.distortion import distort, undistort_points_near
+from karf_engine.capture.sparse_points import reprojection_errors, summarize
 from karf_engine.errors import DataError
 
 BARREL = (-0.2, 0.05, 0.003, -0.002)

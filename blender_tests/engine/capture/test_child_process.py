@@ -11,8 +11,7 @@ import pytest
 pytest.importorskip("filelock")
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.capture.poses.child import child_messages
-from karf_engine.capture.poses.work_folder import LOCK, work_folder
+from karf_engine.capture.child_process import LOCK, child_messages, work_folder
 from karf_engine.errors import KarfError
 
 
@@ -60,8 +59,8 @@ def note_and_sleep(send, task):
 
 PARENT = """
 import sys
-from blender_tests.engine.capture.poses.test_child import note_and_sleep
-from karf_engine.capture.poses.child import child_messages
+from blender_tests.engine.capture.test_child_process import note_and_sleep
+from karf_engine.capture.child_process import child_messages
 if __name__ == "__main__":
     with child_messages("sleeping", note_and_sleep, sys.argv[1]) as messages:
         for _ in messages:
@@ -101,7 +100,7 @@ def wait_for(condition):
 LEAVING = """
 import os, sys
 from pathlib import Path
-from karf_engine.capture.poses.work_folder import work_folder
+from karf_engine.capture.child_process import work_folder
 with work_folder(Path(sys.argv[1]), "work-") as folder:
     (folder / "large.db").write_text("x")
     os.kill(os.getpid(), 9)
@@ -123,8 +122,8 @@ def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
 
 
 SCRIPT = """
-from blender_tests.engine.capture.poses.test_child import count
-from karf_engine.capture.poses.child import child_messages
+from blender_tests.engine.capture.test_child_process import count
+from karf_engine.capture.child_process import child_messages
 
 print("run")
 with child_messages("counting", count, 1) as messages:

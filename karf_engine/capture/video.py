@@ -9,10 +9,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...errors import Cancelled, DataError
-from ...io.images import write_png
-from ...io.inputs import check_file
-from ...io.library_paths import library_path
+from ..errors import Cancelled, DataError
+from ..io.images import write_png
+from ..io.inputs import check_file
+from ..io.library_paths import library_path
 
 MOST_FRAMES = 100
 SHARPNESS_WIDTH = 480  # width of the measured frame, pixels; at full size grain counts as sharpness
@@ -21,11 +21,7 @@ SHARPNESS_WIDTH = 480  # width of the measured frame, pixels; at full size grain
 def write_sharpest_frames(video: Path, folder: Path, should_stop: Callable[[], bool]) -> list[str]:
     """Write about 100 frames at most, evenly spaced, as `frame_0001.png` ... into `folder`, and return their names.
 
-    Frames are rotated as the video declares.
-
-    Raises:
-        DataError: The file is not a readable video.
-        Cancelled: `should_stop` returned True.
+    Frames are rotated as the video declares. Raises DataError if the file is not a readable video, or Cancelled.
     """
     names: list[str] = []
     segment = max(1, round(_count_frames(video, should_stop) / MOST_FRAMES))

@@ -14,7 +14,7 @@ from blender_tests.engine.reference.capture_files import jpeg_head, png_bytes, p
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, CapturedSplats, View
-from karf_engine.capture.transforms_json import write_capture
+from karf_engine.capture.transforms import write_capture
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.image_size import image_header, image_size
 

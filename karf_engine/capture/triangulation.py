@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ...compute.progress import Progress
-from ...io.color import to_bytes
-from ...io.files import errors_naming_path
-from ...io.images import encode_image
-from ..camera import Camera
-from ..capture import SparsePoints
-from ..training_images import TrainingImage
-from .child import child_messages
-from .work_folder import work_folder
+from ..compute.progress import Progress
+from ..io.color import to_bytes
+from ..io.files import errors_naming_path
+from ..io.images import encode_image
+from .camera import Camera
+from .capture import SparsePoints
+from .child_process import child_messages, work_folder
+from .training_images import TrainingImage
 
 MAX_FEATURES = 2500  # per photo
 AT_ONCE = 16  # photos per batch of feature extraction
@@ -41,11 +40,8 @@ class _Task:
 def triangulate(training_images: list[TrainingImage], threads: int, progress: Progress) -> SparsePoints:
     """Triangulate the points that at least two images share; `progress` counts the images.
 
-    Returns:
-        Points whose `view` is an index of the images; pixels and errors are in their pixels.
-
-    Raises:
-        KarfError: pycolmap failed, or `progress` was cancelled.
+    `view`, `pixels` and `errors` of the points refer to the images. Raises KarfError if pycolmap failed or `progress`
+    was cancelled.
     """
     with work_folder(Path(tempfile.gettempdir()), "karf-points-") as folder, errors_naming_path(folder):
         names, cameras = [f"{n:05d}.png" for n in range(len(training_images))], [p.camera for p in training_images]

@@ -7,7 +7,7 @@ import pytest
 from scipy import sparse
 
 from karf_engine.compute import sparse_systems
-from karf_engine.compute.convergence import NotConverged, convergence_as_event, warn_not_converged
+from karf_engine.compute.sparse_systems import NotConverged, convergence_as_event, warn_not_converged
 from karf_engine.segmentation import neighbor_graph
 
 N = 200

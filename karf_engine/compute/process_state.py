@@ -1,7 +1,8 @@
-"""Ctrl-C as a request to stop, so that what was learned so far is saved."""
+"""State of the whole process that a call of the library restores: the handler of Ctrl-C and torch's settings."""
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -15,14 +16,8 @@ from ..errors import Cancelled
 def stop_on_interrupt(should_stop: Callable[[], bool] | None = None) -> Iterator[Callable[[], bool]]:
     """Turn the first Ctrl-C in the block into a request to stop; a second one interrupts at once.
 
-    Args:
-        should_stop: Another reason to stop.
-
-    Yields:
-        A function that returns whether to stop.
-
-    Raises:
-        KeyboardInterrupt: The block has stopped after a Ctrl-C.
+    Yields a function that returns whether to stop, for this reason or `should_stop`. Raises KeyboardInterrupt when the
+    block has stopped after a Ctrl-C.
     """
     stop = threading.Event()
 
@@ -47,3 +42,21 @@ def stop_on_interrupt(should_stop: Callable[[], bool] | None = None) -> Iterator
         raise
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def preserved_torch_state() -> Iterator[None]:
+    """Restore torch's number of threads, random state and treatment of denormal numbers after the block."""
+    try:
+        import torch
+    except ModuleNotFoundError:  # the block says what is missing
+        yield
+        return
+    threads, random_state = torch.get_num_threads(), torch.get_rng_state()
+    flushes_denormals = math.ulp(0.0) * 1.0 == 0.0
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_rng_state(random_state)
+        torch.set_flush_denormal(flushes_denormals)

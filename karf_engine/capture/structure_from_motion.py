@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ...compute.progress import Emit, Progress
-from ...io.files import errors_naming_path
-from .child import Message, child_messages
+from ..compute.progress import Emit, Progress
+from ..io.files import errors_naming_path
+from .child_process import Message, child_messages
 
 LONG_SIDE = 1600  # longer side for feature extraction, pixels
 MOST_FEATURES = 4096  # per photo; matching time grows with the square
@@ -29,31 +29,19 @@ EPIPOLAR_TOLERANCE = 4.0  # pixels; matches closer to their epipolar line agree 
 
 @dataclass(frozen=True)
 class SfmTask:
-    """Options of a structure-from-motion run.
+    """Options of a structure-from-motion run."""
 
-    Attributes:
-        photos: Folder of the photos.
-        names: Names of the photos.
-        work: Existing folder for temporary files.
-        model: Existing folder for the best model, as COLMAP's binary tables.
-        one_lens: Whether all photos share one lens.
-        sequential: Whether to match only neighbors in the order of the names.
-        threads: Number of threads; -1 for all cores.
-        sensitive: For small or smooth photos: more features, looser matches and a pinhole model.
-    """
-
-    photos: Path
+    photos: Path  # folder of the photos
     names: tuple[str, ...]
-    work: Path
-    model: Path
-    single_camera: bool
-    sequential: bool
-    threads: int
-    sensitive: bool = False
+    work: Path  # existing folder for temporary files
+    model: Path  # existing folder for the best model, as COLMAP's binary tables
+    single_camera: bool  # all photos share one lens
+    sequential: bool  # match only neighbors in the order of the names
+    threads: int  # -1 for all cores
+    sensitive: bool = False  # for small or smooth photos: more features, looser matches and a pinhole model
 
     @property
     def database(self) -> Path:
-        """Path of COLMAP's database."""
         return self.work / "database.db"
 
     @property
@@ -65,25 +53,15 @@ class SfmTask:
 
 @dataclass(frozen=True)
 class SfmResult:
-    """Result of a structure-from-motion run.
+    """Result of a structure-from-motion run."""
 
-    Attributes:
-        registered: Number of photos with a pose; 0 if no model was written.
-        agreement: Share in [0, 1] of the pairwise verified matches that fit the poses. Much below 1 for wrong models of
-            scenes with repeated structures.
-    """
-
-    registered: int = 0
+    registered: int = 0  # number of photos with a pose; 0 if no model was written
+    # share in [0, 1] of the pairwise verified matches that fit the poses; low for wrong models of repeated structures
     agreement: float = 0.0
 
 
 def reconstruct(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
-    """Estimate the photos' poses and write the model.
-
-    Raises:
-        Cancelled: `should_stop` returned True.
-        KarfError: pycolmap failed.
-    """
+    """Estimate the photos' poses and write the model. Raises Cancelled, or KarfError if pycolmap failed."""
     with errors_naming_path(task.work), child_messages("pycolmap", _reconstruct, task) as messages:
         return _follow(messages, task, emit, should_stop)
 
