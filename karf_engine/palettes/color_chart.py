@@ -57,7 +57,7 @@ class ChartFit:
 
     Attributes:
         light: The reference light.
-        left: [24] CIEDE2000 between each patch's published and calibrated color; NaN for clipped or dark patches.
+        residuals: [24] CIEDE2000 between each patch's published and calibrated color; NaN for clipped or dark patches.
     """
 
     light: ReferenceLight
@@ -200,4 +200,4 @@ def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
                 refused.append(error)
     if not fits:
         raise refused[0]
-    return min(fits, key=lambda fit: fit.mean_left)
+    return min(fits, key=lambda fit: fit.mean_residual)

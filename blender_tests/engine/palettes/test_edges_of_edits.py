@@ -52,8 +52,10 @@ def test_edges_of_another_object_are_refused():
 
 
 def test_a_frame_with_other_edges_is_another_frame():
-    frame_mark = pytest.importorskip("karf_engine.export.finished_frames").frame_mark
-    plain = frame_mark("view", Edit(COLORS))
-    assert frame_mark("view", Edit(COLORS, edges={"pot": EdgeShape()})) == plain
-    marks = [frame_mark("view", Edit(COLORS, edges={"pot": EdgeShape(*each)})) for each in ((1, 0), (2, 0), (0, 1))]
+    frame_fingerprint = pytest.importorskip("karf_engine.export.finished_frames").frame_fingerprint
+    plain = frame_fingerprint("view", Edit(COLORS))
+    assert frame_fingerprint("view", Edit(COLORS, edges={"pot": EdgeShape()})) == plain
+    marks = [
+        frame_fingerprint("view", Edit(COLORS, edges={"pot": EdgeShape(*each)})) for each in ((1, 0), (2, 0), (0, 1))
+    ]
     assert len({plain, *marks}) == 4

@@ -35,7 +35,7 @@ class ObjectMatch:
         name: The object's name.
         colors: Its fitted palette, [M, 3] float32 in [0, BRIGHTEST].
         before: Mean CIEDE2000 of its pixels to the wanted picture before the fit.
-        left: The same after the fit.
+        after: The same after the fit.
         painted: Share of painted pixels, 0 to 1.
     """
 
@@ -110,10 +110,10 @@ def match_picture(
             stays = (locked or {}).get(palette.name, ())
             colors = _fit(weights, shown, aim, painted, edited[palette.name], stays)
             reached = shown + weights @ (colors - edited[palette.name])
-            before, left = _difference(shown, aim), _difference(reached, aim)
-            matches.append(ObjectMatch(palette.name, colors, before, left, float(painted.mean())))
+            before, after = _difference(shown, aim), _difference(reached, aim)
+            matches.append(ObjectMatch(palette.name, colors, before, after, float(painted.mean())))
     strongest = max((match.strength for match in matches), default=0.0)
-    return tuple(match for match in matches if match.left < match.before or match.strength >= SPILL * strongest)
+    return tuple(match for match in matches if match.after < match.before or match.strength >= SPILL * strongest)
 
 
 def _subsampled(pixels: np.ndarray) -> np.ndarray:
