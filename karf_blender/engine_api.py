@@ -48,6 +48,7 @@ from ..karf_engine.palettes.added import (
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
 from ..karf_engine.palettes.color_chart import ChartFit, fit_photo
+from ..karf_engine.palettes.color_histogram import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
 from ..karf_engine.palettes.colorways.planning import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.colorways.prediction import dominant_color, evaluate_edit, reached_color
@@ -69,7 +70,6 @@ from ..karf_engine.palettes.matching.becomes import (
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
 from ..karf_engine.palettes.matching.residual import residual_delta_e
 from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
-from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     COMPOSITING_MODES,
     MAX_ADDED,

@@ -43,7 +43,7 @@ SHARED = [
     "worker/requirements",
 ]
 # files of those rooms that the engine alone imports
-ENGINE_ALONE = {"training_images", "locking"}
+ENGINE_ALONE = {"training_images", "locking", "extraction", "palette_weights"}
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("engine_api", "translations"),

@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..io.color import lab_chroma, lab_hue, lab_saturation, srgb_to_lab
+from .color_histogram import ColorHistogram
 from .matching.becomes import match_pigment
 from .matching.paints import GREY_CHROMA, HUE_GATE, pigment_gate
-from .object_colors import ColorHistogram
 from .palette import PROTECT, AddedColor, Palette
 
 FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments

@@ -13,11 +13,11 @@ from ..io.arguments import check_arguments
 from ..project.folder import Project
 from ..project.settings import from_dict
 from .added import extended_palettes, match_added_color, split_weights
+from .color_histogram import read_object_colors
 from .colorways.prediction import edited_colors
 from .edge_shape import EdgeShape, active_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .matching.surface import Surface, match_surface
-from .object_colors import read_object_colors
 from .palette import (
     MAX_ADDED,
     MAX_PROTECT,

@@ -24,8 +24,8 @@ from ..palettes.added import append_added_sets, extended_palettes, split_weights
 from ..palettes.compositing import hard_masks
 from ..palettes.edge_shape import EdgeShape, active_edges
 from ..palettes.exposure import to_photo_exposure
-from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
+from ..palettes.palette_weights import palette_weights_of_image, star_weights
 from .frames import Frame, one_line
 from .grain import RADIUS, denoise, estimate_noise
 from .layers import Layers

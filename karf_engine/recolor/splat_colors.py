@@ -17,8 +17,8 @@ from ..fields.scene import Scene
 from ..heads.fields import SegmentationField
 from ..heads.rendering import NEGLIGIBLE
 from ..palettes.added import extended_palettes, split_weights
-from ..palettes.extraction.barycentric_weights import star_weights
 from ..palettes.palette import AddedColor, Edit, Palette
+from ..palettes.palette_weights import star_weights
 from ..splats.gaussians import Gaussians
 from ..splats.kernels.arrays import C0, COLOR
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ...errors import BadRequest, DataError
 from ...project.folder import Project
+from ..color_histogram import read_object_colors
 from ..edge_shape import EdgeShape
-from ..object_colors import read_object_colors
 from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
 from ..reference_light import ReferenceLight

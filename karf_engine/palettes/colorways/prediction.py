@@ -12,8 +12,8 @@ import numpy as np
 
 from ...errors import BadRequest
 from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
+from ..color_histogram import ColorHistogram
 from ..matching.becomes import is_near, match_becomes, mean_weights
-from ..object_colors import ColorHistogram
 from ..palette import MAX_SRGB, Palette, rgb_to_hex
 from ..reference_light import ReferenceLight
 from .sheet import TargetColor

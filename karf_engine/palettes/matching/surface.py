@@ -16,7 +16,7 @@ import numpy as np
 
 from ...io.arguments import check_fields, check_number
 from ...io.color import linear_to_srgb, srgb_to_linear
-from ..extraction.cells import weighted_quantile
+from ..color_histogram import weighted_quantile
 from .fitting import match_pixels
 from .paints import pigment_gate, separate_dichromatic, smooth_step
 
