@@ -98,8 +98,8 @@ def _learn(job: Job) -> None:
         if judged:
             held_out, gains = _photos(judged, settings.long_side), _gains_of(judged, capture, fit.gains)
             run.summary["held_out"] = [_held_out(job, each, held_out, gains) for each in (start, fit.gaussians)]
-        looks = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
-        save_gaussians(replace(fit.gaussians, looks=looks), run.output(job.project.splats_file))
+        visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
+        save_gaussians(replace(fit.gaussians, visibility=visibility), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
 

@@ -160,7 +160,7 @@ def _thinned(gaussians: Gaussians) -> Gaussians:
         return gaussians
     table = gaussians.table[np.random.default_rng(0).choice(len(gaussians), MAX_THUMBNAIL_GAUSSIANS, replace=False)]
     table[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(len(gaussians) / MAX_THUMBNAIL_GAUSSIANS)
-    return replace(gaussians, table=table, n_behind=0)
+    return replace(gaussians, table=table, n_background=0)
 
 
 def _dome(target: Target, distance: float, count: int) -> list[Camera]:

@@ -237,7 +237,7 @@ def test_large_photos_are_learned_from_in_windows_all_over_them(monkeypatch):
 # ------------------------------------------------------------------------------------------------------- what is behind
 def test_what_lies_behind_keeps_its_place_and_shape_and_looks_the_same_from_everywhere():
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
-    start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_behind=len(shell))
+    start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_background=len(shell))
     learned = learn(start, [photo_of(camera) for camera in CAMERAS], 30)
     behind = learned.table[learned.n_foreground :]
     assert_array_equal(behind[:, :COLOR], shell[:, :COLOR])
