@@ -57,7 +57,6 @@ from ..karf_engine.palettes.compositing import Planes, planes_made_from, read_pl
 from ..karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
 from ..karf_engine.palettes.edge_shape import MAX_CHOKE, MAX_FEATHER, EdgeShape
 from ..karf_engine.palettes.edges_in_space import Borders
-from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
 from ..karf_engine.palettes.exposure import to_mean_exposure, to_photo_exposure
 from ..karf_engine.palettes.matching.becomes import (
     add_fixed_paints,
@@ -81,9 +80,12 @@ from ..karf_engine.palettes.palette import (
     AddedColor,
     Edit,
     Palette,
+    edit_from_json,
+    edit_to_json,
     hex_to_rgb,
     read_palettes,
     rgb_to_hex,
+    write_edit,
 )
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file

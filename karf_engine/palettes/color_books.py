@@ -1,7 +1,7 @@
 """Color books of ink and paint makers, and the names nearest to a color.
 
 A book is a file of the user's: Adobe's `.acb` and `.ase`, GIMP's `.gpl`, or a CSV table with the column `name` and a
-color (see `color_rows`).
+color (see `color_text`).
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_array, check_fields, check_number
 from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
-from .color_rows import color_of_row, csv_rows
-from .named_colors import READERS, read_named_colors
+from .color_text import color_of_row, csv_rows
 from .palette import rgb_to_hex
+from .palette_files import READERS, read_named_colors
 
 SUFFIXES = (*READERS, ".csv")
 LONGEST = 100  # characters of a name
@@ -42,9 +42,6 @@ class ColorBook:
         >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
         >>> print(book["traffic RED"].round(2))
         [0.72 0.16 0.12]
-        >>> book["Traffic rad"]
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: paints has no color 'Traffic rad'. Its nearest name is 'Traffic red'.
     """
 
     name: str
@@ -68,14 +65,7 @@ class ColorBook:
 
     @check_arguments
     def lab_of(self, name: str) -> np.ndarray:
-        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut.
-
-        Args:
-            name: One of `names`; case and spaces are ignored.
-
-        Raises:
-            BadRequest: The book lacks the name; the hint is the nearest one.
-        """
+        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut; raise BadRequest with the nearest name as hint."""
         number = self._numbers.get(_key(name))
         if number is None:
             near = get_close_matches(_key(name), self._numbers, 1, 0)
@@ -99,13 +89,7 @@ class NamedDifference(NamedTuple):
 
 @check_arguments
 def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
-    """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first.
-
-    Examples:
-        >>> book = ColorBook("paints", ("Red", "Sky"), np.array([[53.24, 80.09, 67.2], [48.0, -14, -32]]))
-        >>> [(each.name, round(each.ciede2000)) for each in nearest_names(book, np.array([1.0, 0, 0]))]
-        [('Red', 0), ('Sky', 57)]
-    """
+    """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first."""
     check_array("color", color, (3,))
     check_number("count", count, 1)
     if not np.isfinite(color).all():
@@ -129,15 +113,6 @@ def read_color_book(path: Path | str) -> ColorBook:
 
     Raises:
         DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
-
-    Examples:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "paints.csv"
-        ...     _ = path.write_text("name,L,a,b\\nTraffic red,41,56,42\\n")
-        ...     book = read_color_book(path)
-        >>> book.name, book.names, book.lab.tolist()
-        ('paints', ('Traffic red',), [[41.0, 56.0, 42.0]])
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -177,7 +152,6 @@ def _csv_entry(row: dict, where: str) -> tuple[str, np.ndarray]:
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
-    """Number repeated names."""
     found: dict[str, str] = {}
     repeats: dict[str, int] = {}
     for name in names:
@@ -195,5 +169,4 @@ def _readable(name: str) -> str:
 
 
 def _key(name: str) -> str:
-    """Return a name as key, without case and spaces."""
     return "".join(name.split()).casefold()

@@ -23,10 +23,9 @@ from karf_engine.palettes.added import (
 )
 from karf_engine.palettes.color_histogram import ColorHistogram
 from karf_engine.palettes.compositing import delta_composite, paper_composite
-from karf_engine.palettes.edit_files import read_edit, write_edit
 from karf_engine.palettes.matching.becomes import match_becomes
 from karf_engine.palettes.matching.paints import pigment_gate
-from karf_engine.palettes.palette import PROTECT, AddedColor, Edit, Palette
+from karf_engine.palettes.palette import PROTECT, AddedColor, Edit, Palette, read_edit, write_edit
 from karf_engine.palettes.palette_files import write_edit_file
 from karf_engine.palettes.palette_weights import star_weights
 

@@ -7,8 +7,7 @@ import pytest
 
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.palettes.edge_shape import EdgeShape
-from karf_engine.palettes.edit_files import edit_from_json, edit_to_json, read_edit, write_edit
-from karf_engine.palettes.palette import Edit, Palette, check_edit
+from karf_engine.palettes.palette import Edit, Palette, check_edit, edit_from_json, edit_to_json, read_edit, write_edit
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.2, 0.9]], np.float32))

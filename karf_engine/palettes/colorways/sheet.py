@@ -1,6 +1,6 @@
 """Read sheets of colorways: CSV or JSON files of target colors per object and colorway.
 
-A row has a `colorway`, an `object`, and one color in a column of its kind (see `color_rows`). The object's color to be
+A row has a `colorway`, an `object`, and one color in a column of its kind (see `color_text`). The object's color to be
 replaced may be given as `source_hex`, `source_lab`, `source_srgb` or `source_srgb8`. Instead of object and color, a
 row may have an edit or palette file in the column `edit`, relative to the sheet's folder; the colorway then is this
 edit. Other columns are ignored. A JSON sheet is a list of rows with the same keys.
@@ -19,7 +19,7 @@ from ...errors import DataError
 from ...io.color import lab_to_srgb
 from ...io.files import read_json
 from ...io.names import file_name
-from ..color_rows import KINDS, color_of_row, csv_rows
+from ..color_text import KINDS, color_of_row, csv_rows
 
 MAX_ROWS = 10_000
 

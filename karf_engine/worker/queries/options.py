@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...errors import BadRequest
 from ...io.arguments import check_choice
-from ...palettes.edit_files import edit_from_json
+from ...palettes.palette import edit_from_json
 
 if TYPE_CHECKING:
     from ...palettes.palette import Edit
