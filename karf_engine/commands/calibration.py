@@ -9,9 +9,8 @@ import numpy as np
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.images import read_photo
-from ..palettes.color_chart import MAX_CONDITION, ChartFit, fit_photo
+from ..palettes.calibration import MAX_CONDITION, ChartFit, ReferenceLight, fit_photo
 from ..palettes.project_edit import as_color
-from ..palettes.reference_light import ReferenceLight
 from ..recolor.chart_detection import find_corners
 from .options import CalibrationOptions
 

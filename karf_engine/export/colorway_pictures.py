@@ -10,8 +10,8 @@ import numpy as np
 
 from ..capture.capture import View
 from ..io.images import write_png
+from ..palettes.calibration import to_mean_exposure
 from ..palettes.colorways.prediction import Prediction, reached_color
-from ..palettes.exposure import to_mean_exposure
 from ..palettes.matching.becomes import is_near
 from ..palettes.palette import Edit
 from ..recolor.frames import Frame

@@ -33,16 +33,6 @@ def propose_added_color(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
 
     The reach ends at a gap in the object's hues, before the next pigment. Neutrals are protected if much of the object
     is neutral (silver, foil, paper).
-
-    Examples:
-        Red letters on silver, and a red beside an orange:
-
-        >>> red, silver, orange = [0.7, 0.1, 0.1], [0.6, 0.6, 0.62], [0.8, 0.4, 0.1]
-        >>> for other in (silver, orange):
-        ...     color = propose_added_color(ColorHistogram(np.array([red, other]), np.array([9, 9]), np.eye(2)), np.array(red))
-        ...     print(round(color.reach, 2), color.protect)
-        0.75 0.1
-        0.38 0.0
     """
     lab, source = srgb_to_lab(seen.colors), srgb_to_lab(np.asarray(picked, np.float64))
     if lab_chroma(source) < GREY_CHROMA:  # no hue to compare others with
@@ -59,27 +49,14 @@ def propose_added_color(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
 
 
 def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
-    """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch.
-
-    Examples:
-        >>> weights = np.array([[0, 0.9], [0.8, 0.2]])
-        >>> seen = ColorHistogram(np.array([[0.8, 0, 0], [0.5, 0.4, 0.4]]), np.array([5, 9]), weights)
-        >>> pigment_of_swatch(seen, 1).tolist()
-        [0.8, 0.0, 0.0]
-    """
+    """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch."""
     shares = seen.palette_weights[:, index]
     weights = np.where(shares >= shares.max() / 2, shares * seen.counts, 0)
     return np.average(seen.colors, axis=0, weights=weights if weights.any() else None)
 
 
 def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
-    """Append the sets of added colors to a learned palette [M, 3]: [M (1 + A), 3] float32.
-
-    Examples:
-        >>> palette = np.array([[0, 0, 0], [1, 0.5, 0]])
-        >>> append_added_sets(palette, [AddedColor(np.array([0.5, 0.25, 0]))]).tolist()
-        [[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [0.5, 0.25, 0.0], [1.0, 0.5, 0.0]]
-    """
+    """Append the sets of added colors to a learned palette [M, 3]: [M (1 + A), 3] float32."""
     sets = [[each.picked, *palette[1:]] for each in added]
     return np.array([*palette, *(color for one in sets for color in one)], np.float32)
 
@@ -87,22 +64,13 @@ def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.nd
 def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
     """Distribute an object's palette weights over the sets of its added colors; later colors take precedence.
 
+    Returns [M (1 + A), ...] of the same dtype. The parts of a weight add up to it exactly, so that unedited sets change no
+    picture. Without added colors, the weights themselves.
+
     Args:
         weights: [M, ...] of pixels, points or colors, >= 0.
         palette: As learned, sRGB [M, 3] in [0, 1].
         added: The A added colors.
-
-    Returns:
-        [M (1 + A), ...] of the same dtype. The parts of a weight add up to it exactly, so that unedited sets change no
-        picture. Without added colors, the weights themselves.
-
-    Examples:
-        The blue one of two pixels moves to the added set:
-
-        >>> palette = np.array([[0, 0, 0], [0.8, 0.1, 0.1], [0.1, 0.1, 0.8]])
-        >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
-        >>> split_weights(np.array([[0, 0], [1.0, 0], [0, 1.0]]), palette, [blue]).round(2).tolist()[1:]
-        [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]
     """
     if not added:
         return weights
@@ -128,14 +96,7 @@ def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[Adde
 def split_weights_of_objects(
     weights: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> np.ndarray:
-    """Apply `split_weights` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A).
-
-    Examples:
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
-        >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
-        >>> split_weights_of_objects(np.array([[[0.5], [0.5]]]), [pot], {"pot": [blue]})[0, :, 0].round(2).tolist()
-        [0.5, 0.0, 0.0, 0.5]
-    """
+    """Apply `split_weights` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A)."""
     if not any(added.get(palette.name) for palette in palettes):
         return weights
     parts = [
@@ -149,14 +110,7 @@ def split_weights_of_objects(
 
 
 def extended_palettes(palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> tuple[Palette, ...]:
-    """Append the sets of added colors, given by object name, to learned palettes.
-
-    Examples:
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
-        >>> (longer,) = extended_palettes([pot], {"pot": [AddedColor(np.array([0.1, 0.1, 0.7]))]})
-        >>> longer.colors.shape
-        (4, 3)
-    """
+    """Append the sets of added colors, given by object name, to learned palettes."""
     return tuple(Palette(each.name, append_added_sets(each.colors, added.get(each.name, ()))) for each in palettes)
 
 
@@ -167,17 +121,10 @@ def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedCol
         seen: The object's colors.
         palette: As learned, sRGB [M, 3] in [0, 1].
         added: The added color; not black.
-        wanted: New color of the picked one, sRGB [3] in [0, BRIGHTEST].
+        wanted: New color of the picked one, sRGB [3] in [0, MAX_SRGB].
 
     Returns:
         [M, 3] float32 sRGB, the wanted color first; exactly as learned if that is the picked one.
-
-    Examples:
-        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
-        >>> seen = ColorHistogram(np.array([[0.7, 0.1, 0.1]]), np.array([9]), np.array([[0.0, 1.0]]))
-        >>> print(match_added_color(seen, palette, AddedColor(palette[1]), np.array([0.1, 0.2, 0.7])).round(2))
-        [[0.1 0.2 0.7]
-         [0.1 0.2 0.7]]
     """
     colors = match_pigment(*seen, palette, added.picked, wanted, added.reach, added.protect)
     return np.array([wanted, *colors[1:]], np.float32)

@@ -69,9 +69,8 @@ class ObjectEdge:
     def shaped(self, shape: EdgeShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Update `weights` to an edge of this shape.
 
-        Returns:
-            Coverage [h, w] float32 in `place`; flat indices [n] in `place` of the pixels changed since the previous
-            call, and their weights [N, n].
+        Returns the coverage [h, w] float32 in `place`; flat indices [n] in `place` of the pixels changed since the previous
+        call, and their weights [N, n].
         """
         if self._choked[0] != shape.choke:
             self._choked = shape.choke, erode(self._before, shape.choke * self._scale)
@@ -106,7 +105,6 @@ class ObjectEdge:
 
     @cached_property
     def _mixed(self) -> _MixedPixels:
-        """Quantities of partly covered pixels that do not depend on the new coverage."""
         before, learned = self._before.ravel(), self._learned.reshape(len(self._learned), -1)
         pixels = np.flatnonzero((before > 0) & (before < FULL))
         old, weights = before[pixels, None], learned[:, pixels]
@@ -124,19 +122,12 @@ class ObjectEdge:
 
 @dataclass(frozen=True)
 class _MixedPixels:
-    """Partly covered pixels.
+    """Quantities of partly covered pixels that do not depend on the new coverage."""
 
-    Attributes:
-        pixels: [n], flat indices, ascending.
-        own: [n, 3], the object's color times coverage.
-        beside: [n, 3], the color of the rest.
-        residual: [M, n], weights minus those of the own color: rendered weights are not a function of the color.
-    """
-
-    pixels: np.ndarray
-    own: np.ndarray
-    beside: np.ndarray
-    residual: np.ndarray
+    pixels: np.ndarray  # [n], flat indices, ascending
+    own: np.ndarray  # [n, 3], the object's color times coverage
+    beside: np.ndarray  # [n, 3], the color of the rest
+    residual: np.ndarray  # [M, n], weights minus those of the own color: rendered weights are not a function of it
 
 
 def apply_edges_to_planes(
@@ -147,7 +138,7 @@ def apply_edges_to_planes(
     edges: Mapping[str, EdgeShape],
     scale: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights and probabilities of a picture after moving and fading edges; unchanged if all are neutral.
+    """Return a picture's weights and probabilities after moving and fading edges; unchanged if all are neutral.
 
     Args:
         base: The unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1].
@@ -156,17 +147,6 @@ def apply_edges_to_planes(
         palettes: Of the K objects, as learned.
         edges: By object; other edges stay.
         scale: Pixels of this picture per pixel of the photo at full size.
-
-    Examples:
-        A pot in the right half of a red picture grows by a pixel:
-
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]]))
-        >>> coverage = np.array([[[0, 0, 1, 1]]], np.float32)
-        >>> base = np.array([[[255, 0, 0]] * 4], np.uint8)
-        >>> weights = np.stack([0 * coverage, coverage], axis=1)
-        >>> weights, coverage = apply_edges_to_planes(base, weights, coverage, [pot], {"pot": EdgeShape(choke=-1)}, 1.0)
-        >>> weights[0, :, 0].tolist()
-        [[0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0]]
     """
     edges = active_edges(edges)
     if not edges:

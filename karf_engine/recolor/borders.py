@@ -9,8 +9,7 @@ import numpy as np
 
 from ..capture.capture import View
 from ..compute.neighbors import build_kd_tree
-from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.edges_in_space import MAX_EDGE_REACH, Borders, apply_edges_to_points
+from ..palettes.edge_shape import MAX_EDGE_REACH, Borders, EdgeShape, active_edges, apply_edges_to_points
 from ..palettes.palette import AddedColor, Palette
 from ..splats.gaussians import Gaussians
 from .splat_colors import NEGLIGIBLE, ObjectSplats, splats_of_objects

@@ -9,7 +9,7 @@ from ..io.color import to_bytes
 
 
 def find_corners(photo: np.ndarray) -> np.ndarray | None:
-    """Find the corners of a chart's block of patches, as `palettes.color_chart.patch_colors` takes them, or None.
+    """Find the corners of a chart's block of patches, as `palettes.calibration.patch_colors` takes them, or None.
 
     Args:
         photo: sRGB [H, W, 3] in [0, 1].

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from ...errors import BadRequest, DataError
 from ...project.folder import Project
+from ..calibration import ReferenceLight
 from ..color_histogram import read_object_colors
 from ..edge_shape import EdgeShape
 from ..palette import Edit, read_palettes
 from ..palette_files import read_edit_file
-from ..reference_light import ReferenceLight
 from .prediction import Prediction, predict
 from .sheet import Colorway, read_sheet
 

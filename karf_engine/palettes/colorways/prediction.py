@@ -12,10 +12,10 @@ import numpy as np
 
 from ...errors import BadRequest
 from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
+from ..calibration import ReferenceLight
 from ..color_histogram import ColorHistogram
 from ..matching.becomes import is_near, match_becomes, mean_weights
 from ..palette import MAX_SRGB, Palette, rgb_to_hex
-from ..reference_light import ReferenceLight
 from .sheet import TargetColor
 
 TOLERANCE = 2.0  # CIEDE2000 of a target color that counts as reached
