@@ -63,9 +63,9 @@ from ..karf_engine.palettes.matching.becomes import (
     match_fewest,
     mean_weights,
     nearest_weights,
+    residual_delta_e,
 )
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
-from ..karf_engine.palettes.matching.residual import residual_delta_e
 from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.palette import (
     COMPOSITING_MODES,

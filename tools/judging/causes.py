@@ -22,8 +22,7 @@ from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
 from karf_engine.palettes.added import append_added_sets, split_weights
 from karf_engine.palettes.color_histogram import cell_index, color_cells
 from karf_engine.palettes.extraction import extract_palette
-from karf_engine.palettes.matching.fitting import bounds
-from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.matching.fitting import bounded_least_squares, bounds
 from karf_engine.palettes.palette import MAX_SRGB, AddedColor, Edit
 from karf_engine.palettes.palette_weights import palette_weights_of_image
 from karf_engine.recolor.frames import Frame

@@ -14,8 +14,7 @@ from ...errors import BadRequest
 from ...io.color import ciede2000, srgb_to_lab
 from ..compositing import hard_masks
 from ..palette import MAX_SRGB, Palette
-from .fitting import bounds, moved
-from .least_squares import bounded_least_squares
+from .fitting import bounded_least_squares, bounds, moved
 
 PAINTED = 4 / 255  # difference in one channel of a painted pixel; less can be rounding or noise
 MIN_PAINTED = 0.002  # least share of painted pixels of a fitted object
@@ -29,21 +28,13 @@ MAX_PIXELS = 20_000  # sampled pixels of an object
 
 @dataclass(frozen=True)
 class ObjectMatch:
-    """Result of the fit for one object.
-
-    Attributes:
-        name: The object's name.
-        colors: Its fitted palette, [M, 3] float32 in [0, BRIGHTEST].
-        before: Mean CIEDE2000 of its pixels to the wanted picture before the fit.
-        after: The same after the fit.
-        painted: Share of painted pixels, 0 to 1.
-    """
+    """Result of the fit for one object."""
 
     name: str
-    colors: np.ndarray
-    before: float
+    colors: np.ndarray  # fitted palette, [M, 3] float32 in [0, MAX_SRGB]
+    before: float  # mean CIEDE2000 of its pixels to the wanted picture before the fit
     after: float
-    painted: float
+    painted: float  # share of painted pixels, 0 to 1
 
     @property
     def strength(self) -> float:
@@ -64,7 +55,7 @@ def match_picture(
 
     Only differences between the picture and the edited view count. Unpainted objects stay. The unpainted pixels of
     others have a low weight, and none where they contradict the painted ones. Objects that only reflect the new colors
-    of others, faintly and in parts, stay too.
+    of others, faintly and in parts, stay too. Raises BadRequest if the picture has another size than the view.
 
     Args:
         palette_weights: [K, M, H, W].
@@ -74,21 +65,6 @@ def match_picture(
         palettes: As learned, of the K objects.
         edited: The current palettes, by object name.
         locked: Swatches that stay, by object name.
-
-    Raises:
-        BadRequest: The picture has another size than the view.
-
-    Examples:
-        One of two pixels of a pot, lit and half in the shade, is painted over:
-
-        >>> weights = np.array([[[[0.0, 0.5]], [[1.0, 0.5]]]])
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.8, 0.2, 0]], np.float32))
-        >>> base = np.array([[[0.8, 0.2, 0], [0.4, 0.1, 0]]])
-        >>> wanted = np.array([[[0, 0.2, 0.8], [0.4, 0.1, 0]]])
-        >>> (match,) = match_picture(weights, np.ones((1, 1, 2)), base, wanted, [pot], {"pot": pot.colors})
-        >>> print(match.colors.round(1), round(match.painted, 1))
-        [[0.  0.  0. ]
-         [0.  0.2 0.8]] 0.5
     """
     if wanted.shape != base.shape:
         raise BadRequest(
@@ -138,8 +114,7 @@ def _fit(
     palette: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by iteratively reweighted least
-    squares.
+    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by reweighted least squares.
 
     The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
     no palette can explain, such as a stray brush stroke. At least one pixel is painted.
