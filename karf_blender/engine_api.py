@@ -50,9 +50,7 @@ from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
 from ..karf_engine.palettes.color_histogram import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
-from ..karf_engine.palettes.colorways.planning import PlannedColorway, plan_colorways
-from ..karf_engine.palettes.colorways.prediction import dominant_color, evaluate_edit, reached_color
-from ..karf_engine.palettes.colorways.prediction import edited_colors as shown_colors
+from ..karf_engine.palettes.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.compositing import Planes, planes_made_from, read_planes, stack_palettes
 from ..karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
 from ..karf_engine.palettes.edge_shape import MAX_CHOKE, MAX_FEATHER, Borders, EdgeShape
@@ -87,6 +85,8 @@ from ..karf_engine.palettes.palette import (
 )
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
+from ..karf_engine.palettes.prediction import dominant_color, evaluate_edit, reached_color
+from ..karf_engine.palettes.prediction import edited_colors as shown_colors
 from ..karf_engine.palettes.swatch_picture import ObjectPlanes, SwatchPicture, delta_picture, paper_picture
 from ..karf_engine.project import Project
 from ..karf_engine.project.jobs import new_job

@@ -319,7 +319,7 @@ def colorways(project: PathLike, sheet: PathLike, out: PathLike, **options: Any)
 
     Args:
         project: A project with learned palettes.
-        sheet: CSV or JSON, each row a colorway, an object and a color; see `palettes.colorways.sheet`.
+        sheet: CSV or JSON, each row a colorway, an object and a color; see `palettes.colorways`.
         out: The folder to write to.
 
     Raises:

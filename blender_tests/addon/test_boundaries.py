@@ -31,7 +31,6 @@ SHARED = [
     "project/settings/*",
     "palettes/*",
     "palettes/matching/*",
-    "palettes/colorways/*",
     "export/frame_options",
     "export/layer_names",
     "export/scene_points",

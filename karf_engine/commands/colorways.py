@@ -25,11 +25,11 @@ from ..export.colorway_table import Reached, write_table, write_view_table
 from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_fingerprint, model_fingerprint, view_fingerprint
 from ..palettes.calibration import ReferenceLight
-from ..palettes.colorways.planning import PlannedColorway, plan_colorways
-from ..palettes.colorways.prediction import Prediction
+from ..palettes.colorways import PlannedColorway, plan_colorways
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import read_palettes, rgb_to_hex
 from ..palettes.palette_files import read_edit_file
+from ..palettes.prediction import Prediction
 from ..project import Project
 from ..project.locking import open_project, read_lock
 from ..recolor.model import Model

@@ -12,9 +12,9 @@ from ..errors import BadRequest
 from ..io.color import srgb_to_lab
 from ..palettes.calibration import ReferenceLight
 from ..palettes.color_histogram import read_object_colors
-from ..palettes.colorways.prediction import evaluate_edit
 from ..palettes.matching.paints import pigment_gate
 from ..palettes.palette import rgb_to_hex
+from ..palettes.prediction import evaluate_edit
 from ..palettes.project_edit import ProjectEdit, as_color, edit_of
 from ..project import Project
 from ..project.locking import open_project, read_lock

@@ -14,7 +14,6 @@ from ..project.folder import Project
 from ..project.settings import from_dict
 from .added import extended_palettes, match_added_color, split_weights
 from .color_histogram import read_object_colors
-from .colorways.prediction import edited_colors
 from .edge_shape import EdgeShape, active_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .matching.surface import Surface, match_surface
@@ -31,6 +30,7 @@ from .palette import (
     read_palettes,
 )
 from .palette_files import read_edit_file, write_edit_file
+from .prediction import edited_colors
 
 RULES = ("becomes", "fewest")
 Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers from 0 to 1
@@ -123,16 +123,9 @@ class ProjectEdit(Edit):
 
     @check_arguments
     def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
-        """Set one swatch of an object.
+        """Set one swatch of an object, from 1, to a color; numbers may go up to 2, brighter than white.
 
-        Args:
-            name: The object.
-            index: The swatch, from 1; swatch 0 is black and frozen.
-            color: Its new color; numbers may go up to 2, brighter than white.
-
-        Raises:
-            BadRequest: The object or swatch is unknown.
-            DataError: The color is invalid.
+        Raises BadRequest if the object or swatch is unknown, DataError if the color is invalid.
         """
         self._check_swatch(self._palette(name), index)
         colors = self.colors[name].copy()
@@ -204,9 +197,8 @@ class ProjectEdit(Edit):
 def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     """Return an unchanged edit of a project, or the edit in a file.
 
-    Raises:
-        BadRequest: The project has no palettes.
-        DataError: The palettes' file is damaged, or the edit's file is not an edit of them.
+    Raises BadRequest if the project has no palettes, DataError if their file is damaged, or the edit's file is not an edit
+    of them.
     """
     project.require("palette")
     palettes = read_palettes(project.verified(project.palette_file))
@@ -222,9 +214,8 @@ def solve(
 ) -> np.ndarray:
     """Return the edited palette [M, 3] that turns `source` [P, 3] into `target` [P, 3], sRGB.
 
-    Raises:
-        BadRequest: The rule is not one of `RULES`, or takes one pair only.
-        DataError: The object's color histogram is damaged.
+    Raises BadRequest if the rule is not one of `RULES`, or takes one pair only, DataError if the object's color histogram
+    is damaged.
     """
     if rule not in RULES:
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")

@@ -25,7 +25,7 @@ from karf_engine.capture.transforms_json import write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
-from karf_engine.palettes.colorways.planning import plan_colorways
+from karf_engine.palettes.colorways import plan_colorways
 from karf_engine.palettes.compositing import Planes, write_planes
 from karf_engine.palettes.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.project import Project
