@@ -15,15 +15,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..io.color import lab_chroma, lab_hue, lab_saturation, srgb_to_lab
+from ..io.color import lab_chroma, lab_saturation, srgb_to_lab
 from .color_histogram import ColorHistogram
-from .matching.becomes import match_pigment
-from .matching.paints import GREY_CHROMA, HUE_GATE, pigment_gate
+from .matching.becomes import append_sources
+from .matching.fitting import match_pixels
+from .matching.paints import GREY_CHROMA, HUE_GATE, hue_difference, pigment_gate, repainted
 from .palette import PROTECT, AddedColor, Palette
 
 FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments
 MIN_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
 HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # hue differences, in units of reach
+EMPHASIS_OF_SQUARES = 10.0  # weight of the picked color relative to the whole object
 SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
 GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
 
@@ -38,8 +40,8 @@ def propose_added_color(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
     if lab_chroma(source) < GREY_CHROMA:  # no hue to compare others with
         return AddedColor(np.asarray(picked, np.float32))
     is_neutral = lab_saturation(lab) < PROTECT * lab_saturation(source)
-    hue_difference = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    distance, counts = np.abs(hue_difference[~is_neutral]) / HUE_GATE, seen.counts[~is_neutral] / seen.counts.sum()
+    distance = np.abs(hue_difference(lab, source)[~is_neutral]) / HUE_GATE
+    counts = seen.counts[~is_neutral] / seen.counts.sum()
     is_gap = np.histogram(distance, HUE_BINS, weights=counts)[0] <= SPARSE
     is_other_pigment = ~is_gap & np.logical_or.accumulate(is_gap)
     next_hue = HUE_BINS[is_other_pigment.argmax()] if is_other_pigment.any() else np.inf
@@ -64,8 +66,8 @@ def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.nd
 def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
     """Distribute an object's palette weights over the sets of its added colors; later colors take precedence.
 
-    Returns [M (1 + A), ...] of the same dtype. The parts of a weight add up to it exactly, so that unedited sets change no
-    picture. Without added colors, the weights themselves.
+    Returns [M (1 + A), ...] of the same dtype; without added colors, the weights themselves. The parts of a weight add
+    up to it exactly, so that unedited sets change no picture.
 
     Args:
         weights: [M, ...] of pixels, points or colors, >= 0.
@@ -117,8 +119,9 @@ def extended_palettes(palettes: Sequence[Palette], added: Mapping[str, Sequence[
 def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, wanted: np.ndarray) -> np.ndarray:
     """Solve for the set of an added color that gives its pigment the wanted color and keeps shading and gloss.
 
+    Other colors of the object `seen` do not count, as they have separate swatches.
+
     Args:
-        seen: The object's colors.
         palette: As learned, sRGB [M, 3] in [0, 1].
         added: The added color; not black.
         wanted: New color of the picked one, sRGB [3] in [0, MAX_SRGB].
@@ -126,5 +129,10 @@ def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedCol
     Returns:
         [M, 3] float32 sRGB, the wanted color first; exactly as learned if that is the picked one.
     """
-    colors = match_pigment(*seen, palette, added.picked, wanted, added.reach, added.protect)
-    return np.array([wanted, *colors[1:]], np.float32)
+    colors, counts, weights = seen
+    counts = counts * pigment_gate(colors, added.picked, added.reach, added.protect)
+    targets = repainted(colors, added.picked, wanted)
+    weights, colors, targets, counts = append_sources(
+        colors, counts, weights, targets, added.picked, wanted, EMPHASIS_OF_SQUARES
+    )
+    return np.array([wanted, *match_pixels(weights, colors, targets, palette, counts)[1:]], np.float32)

@@ -82,10 +82,10 @@ def to_mean_exposure(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
 class ReferenceLight:
     """Difference between the reference light and the light and exposure of the photos.
 
-    `matrix` [3, 3], invertible, is from linear light under the reference to that of the photos; diagonal for a gray card.
+    `matrix` converts linear light under the reference to that of the photos.
     """
 
-    matrix: np.ndarray
+    matrix: np.ndarray  # [3, 3], invertible; diagonal for a gray card
 
     @classmethod
     def of_card(cls, photographed: np.ndarray, lightness: float = CARD_LIGHTNESS) -> ReferenceLight:
@@ -138,8 +138,8 @@ class ChartFit:
     def __str__(self) -> str:
         worst = int(np.nanargmax(self.residuals))
         return (
-            f"color chart: CIEDE2000 {self.mean_residual:.1f} left in the mean of {int(np.isfinite(self.residuals).sum())} patches, "
-            f"{self.residuals[worst]:.1f} at most ({PATCHES[worst][0]})"
+            f"color chart: CIEDE2000 {self.mean_residual:.1f} left in the mean of "
+            f"{np.isfinite(self.residuals).sum()} patches, {self.residuals[worst]:.1f} at most ({PATCHES[worst][0]})"
         )
 
 
@@ -207,7 +207,8 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
     counts = (patches.min(-1) > DARKEST) & (patches.max(-1) < CLIPPED)
     if counts.sum() < MIN_PATCHES:
         raise BadRequest(
-            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the photo.",
+            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the "
+            "photo.",
             "Take a photo in which the chart is well lit.",
         )
     photographed, wanted = srgb_to_linear(patches[counts]), srgb_to_linear(known[counts])
@@ -224,7 +225,7 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
 
 
 def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
-    """Like `fit_chart` for a photo; the chart's corners (see `patch_colors`) may start anywhere, in either direction."""
+    """Like `fit_chart` for a photo; the corners (see `patch_colors`) may start anywhere, in either direction."""
     corners, fits, refused = np.asarray(corners, np.float64), [], []
     for ordered in (corners, corners[::-1]):
         for begin in range(4):

@@ -65,7 +65,10 @@ class ColorBook:
 
     @check_arguments
     def lab_of(self, name: str) -> np.ndarray:
-        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut; raise BadRequest with the nearest name as hint."""
+        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut; case and spaces are ignored.
+
+        Raises BadRequest for an unknown name; the hint is the nearest one.
+        """
         number = self._numbers.get(_key(name))
         if number is None:
             near = get_close_matches(_key(name), self._numbers, 1, 0)

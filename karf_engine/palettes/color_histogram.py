@@ -26,7 +26,7 @@ class ColorHistogram(NamedTuple):
 
 
 def color_cells(pixels: np.ndarray, drop: float = 0.0005) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean colors [c, 3] and pixel counts [c] of the occupied histogram cells of pixels, sRGB [n, 3] in [0, 1].
+    """Return the mean colors [c, 3] and pixel counts [c] of the histogram cells that pixels, sRGB [n, 3], occupy.
 
     The rarest cells with at most `drop` of the pixels together are left out. Cells are in the order of `cell_index`.
     """

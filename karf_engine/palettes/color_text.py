@@ -69,9 +69,9 @@ def csv_rows(path: Path) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def color_of_row(row: dict[str, Any], where: str, prefix: str = "") -> np.ndarray | None:
-    """Parse the color of a row, cells by lower-case column name: CIE L*a*b* [3] (D65); None if all its columns are empty.
+    """Parse the color of a row, cells by lower-case column name: CIE L*a*b* [3] (D65); None without a color.
 
-    A `prefix` is that of the column names; only without one, a color may have three columns. Raises DataError, which names
+    Column names have the `prefix`; only without one, a color may have three columns. Raises DataError, which names
     `where`, if two columns have a color, or a color is invalid.
     """
     if not prefix:

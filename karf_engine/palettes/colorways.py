@@ -114,8 +114,8 @@ def plan_colorways(
 def read_sheet(path: Path) -> tuple[Colorway, ...]:
     """Read a sheet, JSON by suffix, otherwise CSV: its colorways in order of first occurrence.
 
-    Raises DataError if the file is missing or not a sheet, a row is incomplete or has an invalid color, or a colorway has
-    two target colors for one object, two edits, or both.
+    Raises DataError if the file is missing or not a sheet, a row is incomplete or has an invalid color, or a colorway
+    has two target colors for one object, two edits, or both.
     """
     rows = list(_json_rows(path) if path.suffix.lower() == ".json" else csv_rows(path))
     if not 0 < len(rows) <= MAX_ROWS:

@@ -69,8 +69,8 @@ class ObjectEdge:
     def shaped(self, shape: EdgeShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Update `weights` to an edge of this shape.
 
-        Returns the coverage [h, w] float32 in `place`; flat indices [n] in `place` of the pixels changed since the previous
-        call, and their weights [N, n].
+        Returns the coverage [h, w] float32 in `place`; flat indices [n] in `place` of the pixels changed since the
+        previous call, and their weights [N, n].
         """
         if self._choked[0] != shape.choke:
             self._choked = shape.choke, erode(self._before, shape.choke * self._scale)

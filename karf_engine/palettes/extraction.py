@@ -73,8 +73,8 @@ def extract_palette(
 ) -> np.ndarray:
     """Extract a palette whose convex combinations give an object's colors, [M, 3] float32 sRGB in [0, 1].
 
-    Black comes first, then the others, most used first. Gray and single-hue clouds give black and one color, flat ones 3
-    or more colors, others 4 or more. Raises DataError without cells.
+    Black comes first, then the others, most used first. Gray and single-hue clouds give black and one color, flat ones
+    3 or more colors, others 4 or more. Raises DataError without cells.
 
     Args:
         cells: [c, 3] sRGB in [0, 1].

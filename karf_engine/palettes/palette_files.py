@@ -1,8 +1,10 @@
 """Palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase` and color book `.acb`.
 
 An edit is written as `.gpl` or `.ase`, or as our JSON. A swatch is named `<object> <number>`, from 1; black is not
-written. Both foreign formats are limited to white, `.gpl` to 8 bits per channel, and neither stores added colors or edge
-shapes. The parsers follow GIMP's manual, Olivier Berten's list of palette formats, and Ates Goral's "Unofficial
+written. Both foreign formats are limited to white, `.gpl` to 8 bits per channel, and neither stores added colors or
+edge shapes.
+
+The parsers follow GIMP's manual, Olivier Berten's list of palette formats, and Ates Goral's "Unofficial
 Photoshop Color Book File Format Specification". Adobe's Lab (D50, as in ICC profiles) is adapted to D65.
 """
 
@@ -56,8 +58,8 @@ def write_edit_file(path: Path, edit: Edit) -> None:
 def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read an edit of the learned palettes from edit.json (see `read_edit`) or a palette file, `.gpl` or `.ase`.
 
-    Colors of a palette file are assigned to swatches by name, such as `pot 1`; if no name matches, in order, provided that
-    their number matches. Raises DataError otherwise, and if the file is missing, damaged or too large.
+    Colors of a palette file are assigned to swatches by name, such as `pot 1`; if no name matches, in order, provided
+    that their number matches. Raises DataError otherwise, and if the file is missing, damaged or too large.
     """
     if path.suffix.lower() not in (".gpl", ".ase"):
         return read_edit(path, palettes, compositing)

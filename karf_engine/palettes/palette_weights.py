@@ -1,4 +1,4 @@
-"""Palette weights of colors: barycentric in the star tessellation (`star`), or by color and position as in LoCoPalettes.
+"""Palette weights of colors: barycentric in the `star` tessellation, or by color and position as in LoCoPalettes.
 
 Palettes are [M, 3] sRGB in [0, 1] with black as entry 0, possibly flat or of a single hue.
 """
@@ -18,9 +18,9 @@ CHUNK = 65536
 def star_weights(colors: np.ndarray, palette: np.ndarray) -> np.ndarray:
     """Return the barycentric weights [n, M] float32 of colors, sRGB [n, 3], in a palette's star tessellation.
 
-    weights @ palette is the color, or its projection to the hull. Rows sum to 1 and have at most 4 nonzeros. Weights are
-    continuous and depend on the color alone, so they are equal in every view; entries inside the hull of the others get
-    none.
+    weights @ palette is the color, or its projection to the hull. Rows sum to 1 and have at most 4 nonzeros. Weights
+    are continuous and depend on the color alone, so they are equal in every view; entries inside the hull of the others
+    get none.
     """
     return star_weights_in(_star(palette), colors, len(palette))
 
@@ -59,8 +59,8 @@ def loco_weights(
     """Return the palette weights of n pixels by color and position, [n, M] float32 >= 0; rows sum to 1.
 
     Two levels (Chao, Klein, Tan, Echevarria, Gingold 2023, after Tan, Echevarria, Gingold 2018): a pixel is a convex
-    combination of the corners of its simplex in color and position (RGBXY), and each corner has `star_weights`. weights @
-    palette is the color if the colors are in the palette's hull. Pixels without extent in some direction get
+    combination of the corners of its simplex in color and position (RGBXY), and each corner has `star_weights`.
+    weights @ palette is the color if the colors are in the palette's hull. Pixels without extent in some direction get
     `star_weights`.
 
     Args:

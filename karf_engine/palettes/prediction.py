@@ -94,9 +94,9 @@ def evaluate_edit(
     wanted: np.ndarray,
     locked: Iterable[int] = (),
 ) -> tuple[np.ndarray, float, str]:
-    """Return the color that an edited palette [M, 3] reaches, its CIEDE2000, and the reason if that exceeds 2.
+    """Return the color, sRGB [3], that an edited palette [M, 3] reaches, its CIEDE2000, and the reason if that exceeds 2.
 
-    The object shows the colors `seen`; `source`, sRGB [3], is to become `wanted`, Lab [3]. The color reached is sRGB [3].
+    The object shows the colors `seen`; `source`, sRGB [3], is to become `wanted`, Lab [3].
     """
     reached = reached_color(seen.colors, edited_colors(seen, palette, edited), source, seen.counts)
     left = float(ciede2000(srgb_to_lab(reached), wanted))
@@ -111,7 +111,7 @@ def edited_colors(seen: ColorHistogram, palette: Palette, edited: np.ndarray) ->
 def reached_color(
     before: np.ndarray, after: np.ndarray, source: np.ndarray, counts: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return a color, sRGB [3], plus the median change of the colors near it, sRGB [n, 3] with counts [n] (default 1)."""
+    """Return a color, sRGB [3], plus the median change of the colors near it, sRGB [n, 3] with counts [n]."""
     nearby = is_near(before, source)
     change = np.subtract(after, before)[nearby]
     weight = np.ones(len(change)) if counts is None else counts[nearby].astype(np.float64)
@@ -167,8 +167,8 @@ def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.
         return f"locks hold it: without that of {held} it would be reached"
     if (wanted > source + weights[free] @ (MAX_SRGB - palette.colors[free]) + ROUNDING).any():
         return (
-            f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "
-            "with swatches twice as bright as white"
+            f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, "
+            "even with swatches twice as bright as white"
         )
     if (wanted < source - weights[free] @ palette.colors[free] - ROUNDING).any():
         return f"locked swatches in its color {color} are brighter than this"

@@ -18,14 +18,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ...io.color import ciede2000, srgb_to_lab
-from .fitting import bounds, match_perceptually, match_pixels, moved
-from .paints import angles, is_black, paints_of, pigment_gate, reflection_target, repainted
+from .fitting import apply_change, bounds, match_perceptually, match_pixels
+from .paints import angles, is_black, paints_of, pigment_gate, reflection_target
 
 OTHER_PAINT = 0.2  # angle in linear light, radians, between different paints; sun and open shade are 0.12 apart
 AFFECTED = 0.1  # least gate of a paint that would change too
 NEAR = 5.0  # Lab distance of similar colors of one paint
-# weight of the picked colors relative to the whole object, for `match_perceptually` and `match_pixels`
-EMPHASIS, EMPHASIS_OF_SQUARES = 1.0, 10.0
+EMPHASIS = 1.0  # weight of the picked colors relative to the whole object
 
 
 def match_becomes(
@@ -45,7 +44,9 @@ def match_becomes(
     """
     source, target = add_preserved_paints(colors, counts, source, target, is_metal)
     targets = reflection_target(colors, source, target, is_metal)
-    weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, EMPHASIS)
+    weights, colors, targets, counts = append_sources(
+        colors, counts, palette_weights, targets, source, target, EMPHASIS
+    )
     return match_perceptually(weights, colors, targets, palette, counts, locked)
 
 
@@ -75,26 +76,6 @@ def match_dragged(
     return match_pixels(palette_weights, moved_alone, targets, start, counts, [index, *locked])
 
 
-def match_pigment(
-    colors: np.ndarray,
-    counts: np.ndarray,
-    palette_weights: np.ndarray,
-    palette: np.ndarray,
-    source: np.ndarray,
-    target: np.ndarray,
-    reach: float,
-    protect: float = 0.0,
-) -> np.ndarray:
-    """Like `match_becomes` for one pigment (see `pigment_gate`), ignoring all other colors, which have separate
-    swatches.
-    """
-    counts = counts * pigment_gate(colors, source, reach, protect)
-    targets = repainted(colors, source, target)
-    emphasis = EMPHASIS_OF_SQUARES
-    weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, emphasis)
-    return match_pixels(weights, colors, targets, palette, counts)
-
-
 def match_fewest(
     palette_weights_of_pixel: np.ndarray,
     palette: np.ndarray,
@@ -120,7 +101,7 @@ def match_fewest(
         )
         # the floor keeps unmoved swatches movable
         penalty = 1 / np.maximum(np.linalg.norm(change, axis=1), 1e-6)
-    return moved(palette, change)
+    return apply_change(palette, change)
 
 
 def residual_delta_e(
@@ -196,7 +177,7 @@ def is_near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> n
     return distance <= (max(NEAR, distance.min()) if or_nearest else NEAR)
 
 
-def _with_sources(
+def append_sources(
     colors: np.ndarray,
     counts: np.ndarray,
     palette_weights: np.ndarray,

@@ -39,7 +39,7 @@ def match_pixels(
     """
     lower, upper = bounds(palette, locked, MAX_SRGB)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
-    return moved(palette, change)
+    return apply_change(palette, change)
 
 
 def match_perceptually(
@@ -65,7 +65,7 @@ def match_perceptually(
         weight = difference / (((palette_weights @ change - wanted) ** 2).sum(axis=1) + MET**2)
         if not weight @ counts > 0:  # all targets are met
             break
-    return moved(palette, change)
+    return apply_change(palette, change)
 
 
 def bounds(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,7 +77,7 @@ def bounds(palette: np.ndarray, locked: Iterable[int], brightest: float | np.nda
     return lower, upper
 
 
-def moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
+def apply_change(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Apply a change to a palette, within [0, MAX_SRGB]; swatches with an invisible change keep their bits."""
     palette = np.asarray(palette, np.float32)
     is_invisible = np.abs(change).max(axis=1, keepdims=True) < INVISIBLE

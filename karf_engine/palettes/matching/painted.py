@@ -14,7 +14,7 @@ from ...errors import BadRequest
 from ...io.color import ciede2000, srgb_to_lab
 from ..compositing import hard_masks
 from ..palette import MAX_SRGB, Palette
-from .fitting import bounded_least_squares, bounds, moved
+from .fitting import apply_change, bounded_least_squares, bounds
 
 PAINTED = 4 / 255  # difference in one channel of a painted pixel; less can be rounding or noise
 MIN_PAINTED = 0.002  # least share of painted pixels of a fitted object
@@ -68,7 +68,8 @@ def match_picture(
     """
     if wanted.shape != base.shape:
         raise BadRequest(
-            f"The picture has {wanted.shape[1]} x {wanted.shape[0]} pixels, the view {base.shape[1]} x {base.shape[0]}.",
+            f"The picture has {wanted.shape[1]} x {wanted.shape[0]} pixels, "
+            f"the view {base.shape[1]} x {base.shape[0]}.",
             "Take a picture of this view.",
         )
     matches = []
@@ -131,4 +132,4 @@ def _fit(
         reached = shown + weights @ change
         residual = np.linalg.norm(np.clip(reached, 0, 1) - aim, axis=1)
         confidence = 1 / (1 + (residual / OUTLIER) ** 2) ** 2
-    return moved(palette, change)
+    return apply_change(palette, change)

@@ -29,14 +29,14 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
     """Return colors, sRGB [n, 3] float64 in [0, 1], after the paints of color `source` have changed to color `target`.
 
     By the dichromatic model of Shafer (1985), "Using color to separate reflection components", linear light is
-    c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`separate_dichromatic`). The result is
-    c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other pigments. k, per
-    channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
+    c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`separate_dichromatic`). The
+    result is c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other pigments.
+    k, per channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
 
-    A metal, whose highlights take its color too, shows reflections times its own color: c + gate c (t / r - 1), averaged
-    over the metals by nearness.
+    A metal, whose highlights take its color too, shows reflections times its own color: c + gate c (t / r - 1),
+    averaged over the metals by nearness.
 
-    Source and target are sRGB [3] or [P, 3] in [0, 1]. Raises BadRequest if a source is black, as its shading is unknown.
+    Source and target are sRGB [3] or [P, 3] in [0, 1]. Raises BadRequest if a source is black: its shading is unknown.
     """
     light, sources, targets = _linear(colors, source, target)
     gate = np.max([pigment_gate(colors, each) for each in np.atleast_2d(source)], axis=0)[:, None]
@@ -121,11 +121,11 @@ def is_black(color: np.ndarray) -> bool:
 
 
 def separate_dichromatic(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tuple[np.ndarray, np.ndarray]:
-    """Decompose linear light [n, 3] into sum_p a_p r_p + s (1, 1, 1) + rest with a, s >= 0, by least squares plus
-    gloss_cost s^2.
+    """Decompose linear light [n, 3] into sum_p a_p r_p + s (1, 1, 1) + rest with a, s >= 0.
 
-    Paints r [P, 3] are linear light, none black. The cost attributes light to paint rather than gloss where the paint is
-    pale. Returns shadings a [n, P] and gloss s [n]; at most three of them per color are not 0.
+    Paints r [P, 3] are linear light, none black. Minimises the squared rest plus gloss_cost s^2, which attributes light
+    to paint rather than gloss where the paint is pale. Returns shadings a [n, P] and gloss s [n]; at most three of them
+    per color are not 0.
     """
     parts = np.hstack([np.vstack([paints, np.ones(CHANNELS)]), np.zeros((len(paints) + 1, 1))])
     parts[-1, -1] = np.sqrt(gloss_cost)
@@ -159,15 +159,18 @@ def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, pro
     lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
     if lab_chroma(source) < GREY_CHROMA:
         return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
-    hue_difference = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    hue_difference *= lab_chroma(source) / (
-        lab_chroma(source) + PALE
-    )  # the hue of pale paint varies with light and noise
-    gate = np.exp(-((hue_difference / (reach * HUE_GATE)) ** 4))
+    # the hue of pale paint varies with light and noise
+    difference = hue_difference(lab, source) * (lab_chroma(source) / (lab_chroma(source) + PALE))
+    gate = np.exp(-((difference / (reach * HUE_GATE)) ** 4))
     if protect:
         share = lab_saturation(lab) / lab_saturation(source)
         gate *= smooth_step(share, protect / 2, 3 * protect / 2)
     return gate
+
+
+def hue_difference(lab: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """Return the hue of Lab colors [n, 3] minus that of a source [3], radians in [-pi, pi)."""
+    return (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
 
 
 def smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -60,9 +60,9 @@ def match_surface(
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 in [0, MAX_SRGB] that gives the paints of some swatches other surfaces.
 
-    Other paints stay; if all surfaces are neutral, so do the palette's bits. Several surfaces of one paint are applied in
-    order of their swatches. `moved`, [M, 3], is an earlier change of each entry by surfaces; locked entries keep it, the
-    others compensate.
+    Other paints stay; if all surfaces are neutral, so do the palette's bits. Several surfaces of one paint are applied
+    in order of their swatches. `moved`, [M, 3], is an earlier change of each entry by surfaces; locked entries keep it,
+    the others compensate.
     """
     targets, reached = colors, np.zeros(len(colors))
     moved = np.zeros_like(palette) if moved is None else moved
