@@ -92,7 +92,11 @@ class NamedDifference(NamedTuple):
 
 @check_arguments
 def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
-    """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first."""
+    """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first.
+
+    Example:
+        nearest_names(read_color_book("paints.acb"), np.array([0.5, 0.2, 0.1]))[0].name
+    """
     check_array("color", color, (3,))
     check_number("count", count, 1)
     if not np.isfinite(color).all():
@@ -116,6 +120,9 @@ def read_color_book(path: Path | str) -> ColorBook:
 
     Raises:
         DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
+
+    Example:
+        read_color_book("paints.csv").names
     """
     path = Path(path)
     suffix = path.suffix.lower()

@@ -57,19 +57,13 @@ class PlannedColorway:
 def plan_colorways(
     project: Project,
     sheet: Path,
-    locked: Mapping[str, Sequence[int]] | None = None,
-    light: ReferenceLight | None = None,
-    edges: Mapping[str, EdgeShape] | None = None,
+    locked: Mapping[str, Sequence[int]] | None = None,  # swatches that stay as learned, by object
+    light: ReferenceLight | None = None,  # of the sheet's colors; None if they are as in the photos
+    edges: Mapping[str, EdgeShape] | None = None,  # by object
 ) -> tuple[PlannedColorway, ...]:
     """Plan the colorways of a sheet for a project with palettes.
 
-    Args:
-        project: The project.
-        sheet: CSV or JSON.
-        locked: Swatches that stay as learned, by object; ignored for colorways that are edits.
-        light: Reference light of the sheet's colors; None if they are as in the photos. Predictions are as in the
-            photos.
-        edges: Edge shapes by object; ignored for colorways that are edits.
+    Locked swatches and edges do not count for colorways that are edits. Predictions are as in the photos.
 
     Raises:
         BadRequest: The project has no palettes, or a locked swatch is unknown.

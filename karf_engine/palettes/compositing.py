@@ -24,8 +24,7 @@ from ..io.files import atomic_write
 from ..io.names import check_names
 from ..io.npz import has_arrays, read_arrays
 
-# pixels per block of rows, so that a block's working set stays in a core's cache
-BLOCK_PIXELS = 16384
+BLOCK_PIXELS = 16384  # per block of rows, so that a block's working set stays in a core's cache
 RENDER_AGAIN_HINT = "Run the render stage again, with planes."
 
 
@@ -37,9 +36,7 @@ class Planes:
     palette_weights: np.ndarray  # [K, M, H, W] float16 in [0, 1], object probability included
     probabilities: np.ndarray  # [K, H, W] float16 in [0, 1]
     base: np.ndarray  # the picture without the edit, [H, W, 3] uint8 sRGB
-    gains: tuple[float, float, float] = (
-        UNIT_GAINS  # exposure of the base (see `calibration`); palettes are of the mean exposure
-    )
+    gains: tuple[float, float, float] = UNIT_GAINS  # exposure of the base; palettes have the mean exposure
 
 
 def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
@@ -61,11 +58,22 @@ def read_planes(path: Path) -> Planes:
     """Read planes written by `write_planes`; raise DataError if they are missing, damaged or inconsistent."""
     parts = ("objects", "palette_weights", "probabilities", "base")
     objects, weights, probabilities, base = read_arrays(path, parts, "edit planes", RENDER_AGAIN_HINT)
-    gains = _gains(path) if has_arrays(path, ("gains",)) else UNIT_GAINS
-    names = check_names(np.atleast_1d(objects).tolist(), path, "an object")
-    planes = Planes(tuple(names), weights, probabilities, base, gains)
-    _check(path, planes)
-    return planes
+    names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))
+    fits = weights.ndim == 4 and probabilities.shape == (len(names), *base.shape[:2])
+    fits = fits and (weights.shape[0], *weights.shape[2:]) == probabilities.shape
+    is_float = weights.dtype.kind == probabilities.dtype.kind == "f"
+    if not (fits and is_float) or base.dtype != np.uint8 or base.shape[2:] != (3,):
+        raise DataError(
+            f"{path} (edit planes) has weights {weights.shape}, probabilities {probabilities.shape} "
+            f"and base {base.shape}.",
+            RENDER_AGAIN_HINT,
+        )
+    if not has_arrays(path, ("gains",)):
+        return Planes(names, weights, probabilities, base)
+    (gains,) = read_arrays(path, ("gains",), "edit planes", RENDER_AGAIN_HINT)
+    if gains.shape != (3,) or gains.dtype.kind != "f" or not (np.isfinite(gains) & (gains > 0)).all():
+        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", RENDER_AGAIN_HINT)
+    return Planes(names, weights, probabilities, base, tuple(gains.tolist()))
 
 
 def planes_made_from(path: Path) -> str:
@@ -75,26 +83,6 @@ def planes_made_from(path: Path) -> str:
     except DataError:
         return ""
     return str(made_from)
-
-
-def _gains(path: Path) -> tuple[float, float, float]:
-    (gains,) = read_arrays(path, ("gains",), "edit planes", RENDER_AGAIN_HINT)
-    if gains.shape != (3,) or gains.dtype.kind != "f" or not (np.isfinite(gains) & (gains > 0)).all():
-        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", RENDER_AGAIN_HINT)
-    return tuple(gains.tolist())
-
-
-def _check(path: Path, planes: Planes) -> None:
-    size = planes.base.shape[:2]
-    count = len(planes.objects)
-    weights, probabilities = planes.palette_weights.shape, planes.probabilities.shape
-    fits = len(weights) == 4 and weights[0] == count and weights[2:] == size and probabilities == (count, *size)
-    is_float = planes.palette_weights.dtype.kind == planes.probabilities.dtype.kind == "f"
-    if not (fits and is_float) or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
-        raise DataError(
-            f"{path} (edit planes) has weights {weights}, probabilities {probabilities} and base {planes.base.shape}.",
-            RENDER_AGAIN_HINT,
-        )
 
 
 def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -25,15 +25,6 @@ FULL = 1 - 1 / 64  # coverage above which nothing remains to cover
 class ObjectEdge:
     """An object in a picture whose edge can be reshaped repeatedly.
 
-    Args:
-        base: The unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1].
-        weights: [M, H, W], coverage included.
-        coverage: [H, W] in [0, 1].
-        room: [H, W], the part of each pixel not covered by other objects.
-        palette: [M, 3] as learned.
-        scale: Pixels of this picture per pixel of the photo at full size.
-        added: The object's added colors, over whose sets the weights are spread: N entries in all.
-
     Attributes:
         place: Rows and columns of the box [h, w] that contains every possible edge.
         weights: [N, h, w] float32 in `place`, updated in place.
@@ -41,13 +32,13 @@ class ObjectEdge:
 
     def __init__(
         self,
-        base: np.ndarray,
-        weights: np.ndarray,
-        coverage: np.ndarray,
-        room: np.ndarray,
-        palette: np.ndarray,
-        scale: float,
-        added: Sequence[AddedColor] = (),
+        base: np.ndarray,  # the unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1]
+        weights: np.ndarray,  # [M, H, W], coverage included
+        coverage: np.ndarray,  # [H, W] in [0, 1]
+        room: np.ndarray,  # [H, W], the part of each pixel not covered by other objects
+        palette: np.ndarray,  # [M, 3] as learned
+        scale: float,  # pixels of this picture per pixel of the photo at full size
+        added: Sequence[AddedColor] = (),  # over their sets the weights are spread: N entries in all
     ) -> None:
         coverage = np.asarray(coverage, np.float32)
         margin = EdgeShape(-MAX_CHOKE, MAX_FEATHER).reach(scale)
@@ -131,23 +122,14 @@ class _MixedPixels:
 
 
 def apply_edges_to_planes(
-    base: np.ndarray,
-    weights: np.ndarray,
-    probabilities: np.ndarray,
-    palettes: Sequence[Palette],
-    edges: Mapping[str, EdgeShape],
-    scale: float,
+    base: np.ndarray,  # the unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1]
+    weights: np.ndarray,  # [K, M, H, W]
+    probabilities: np.ndarray,  # [K, H, W]
+    palettes: Sequence[Palette],  # of the K objects, as learned
+    edges: Mapping[str, EdgeShape],  # by object; other edges stay
+    scale: float,  # pixels of this picture per pixel of the photo at full size
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a picture's weights and probabilities after moving and fading edges; unchanged if all are neutral.
-
-    Args:
-        base: The unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1].
-        weights: [K, M, H, W].
-        probabilities: [K, H, W].
-        palettes: Of the K objects, as learned.
-        edges: By object; other edges stay.
-        scale: Pixels of this picture per pixel of the photo at full size.
-    """
+    """Return a picture's weights and probabilities after moving and fading edges; unchanged if all are neutral."""
     edges = active_edges(edges)
     if not edges:
         return weights, probabilities

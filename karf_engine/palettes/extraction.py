@@ -64,26 +64,19 @@ def color_histograms(palettes: Sequence[Palette], pixels: Sequence[Sequence[np.n
 
 
 def extract_palette(
-    cells: np.ndarray,
-    counts: np.ndarray,
-    n_colors: int | None = None,
-    tolerance: float = 2 / 255,
-    n_max: int = 8,
-    support: np.ndarray | None = None,
+    cells: np.ndarray,  # [c, 3] sRGB in [0, 1]
+    counts: np.ndarray,  # [c] number of pixels
+    n_colors: int | None = None,  # M with black, at least 2; fewer if the cloud is too flat
+    tolerance: float = 2 / 255,  # RMS distance in units of color
+    n_max: int = 8,  # at least 2
+    support: np.ndarray | None = None,  # [c] number of views of each cell
 ) -> np.ndarray:
     """Extract a palette whose convex combinations give an object's colors, [M, 3] float32 sRGB in [0, 1].
 
     Black comes first, then the others, most used first. Gray and single-hue clouds give black and one color, flat ones
-    3 or more colors, others 4 or more. Raises DataError without cells.
-
-    Args:
-        cells: [c, 3] sRGB in [0, 1].
-        counts: [c] number of pixels.
-        n_colors: M with black, at least 2; fewer if the cloud is too flat. None for the smallest number up to n_max
-            whose hull leaves the pixels within `tolerance`.
-        tolerance: RMS distance in units of color.
-        n_max: At least 2.
-        support: [c] number of views of each cell; if any is 3 or more, cells of a single view are dropped as spill.
+    3 or more colors, others 4 or more. Without `n_colors`, M is the smallest number up to n_max whose hull leaves the
+    pixels within `tolerance`. If any cell is in 3 or more views, cells of a single view are dropped as spill. Raises
+    DataError without cells.
     """
     if not len(cells):
         raise DataError("An object without pixels has no palette.", "Check its masks and the segmentation.")

@@ -40,6 +40,9 @@ class Palette:
 
     Raises:
         BadRequest: The colors have the wrong shape, are not finite or are out of range, or the name is empty.
+
+    Example:
+        Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
     """
 
     name: str
@@ -152,12 +155,12 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
     Raises:
         DataError: The file is missing, has another schema, an invalid name or color, or other objects.
     """
-    content = read_schema(path, "palettes", PALETTE_SCHEMA)
+    content = _read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
-    for entry in list_of(content.get("objects"), f"{path}: 'objects'", MAX_OBJECTS):
+    for entry in _list_of(content.get("objects"), f"{path}: 'objects'", MAX_OBJECTS):
         name = check_name(entry.get("name") if isinstance(entry, dict) else None, path, "an object")
         where = f"{path}: palette of {name!r}"
-        colors = np.stack([color_of(c, where, 1) for c in list_of(entry.get(which), where, MAX_COLORS)])
+        colors = np.stack([color_of(c, where, 1) for c in _list_of(entry.get(which), where, MAX_COLORS)])
         if colors[0].any():
             raise DataError(f"{where} does not begin with black.", "Entry 0 is black and frozen; put [0, 0, 0] there.")
         palettes.append(Palette(name, colors))
@@ -179,7 +182,7 @@ def write_palettes(
     """
     initial = palettes if initial is None else initial
     objects = [
-        {"name": palette.name, "colors": rows_of(palette.colors), "initial": rows_of(first.colors)}
+        {"name": palette.name, "colors": _rows_of(palette.colors), "initial": _rows_of(first.colors)}
         for palette, first in zip(palettes, initial, strict=True)
     ]
     write_json(path, {"schema": PALETTE_SCHEMA, "shared": shared, "objects": objects})
@@ -197,9 +200,12 @@ def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = 
     Raises:
         DataError: The file is missing or has another schema, an unknown object, a wrong number of colors, an invalid
             color, a changed black or an invalid edge.
+
+    Example:
+        edit = read_edit("night.json", model.palettes)
     """
     check_choice("compositing", compositing, COMPOSITING_MODES)
-    return edit_from_json(read_schema(Path(path), "edit", EDIT_SCHEMA), path, palettes, compositing)
+    return edit_from_json(_read_schema(Path(path), "edit", EDIT_SCHEMA), path, palettes, compositing)
 
 
 def edit_from_json(
@@ -221,7 +227,7 @@ def edit_from_json(
         if name not in colors:
             raise DataError(f"{path} edits the unknown object {name!r:.200}.", f"Objects are: {', '.join(colors)}.")
         where = f"{path}: edit of {name!r}"
-        entries = list_of(entry.get("colors") if isinstance(entry, dict) else None, where, MAX_COLORS)
+        entries = _list_of(entry.get("colors") if isinstance(entry, dict) else None, where, MAX_COLORS)
         if len(entries) != len(colors[name]):
             raise DataError(
                 f"{where} has {len(entries)} colors, its palette has {len(colors[name])}.",
@@ -234,7 +240,7 @@ def edit_from_json(
             raise DataError(f"{where} changes entry 0.", "Entry 0 is black and frozen; write null or #000000 there.")
         if "added" in entry:
             sets = [
-                _added(each, where, len(entries)) for each in list_of(entry["added"], f"{where}: 'added'", MAX_ADDED)
+                _added(each, where, len(entries)) for each in _list_of(entry["added"], f"{where}: 'added'", MAX_ADDED)
             ]
             added[name] = tuple(each for each, _ in sets)
             colors[name] = np.concatenate([colors[name], *(own for _, own in sets)])
@@ -249,7 +255,7 @@ def _edge(entry: Any, where: str) -> EdgeShape:
     values = {}
     for key, low, high in (("choke", -MAX_CHOKE, MAX_CHOKE), ("feather", 0.0, MAX_FEATHER)):
         value = entry.get(key, 0.0)
-        if not is_number(value) or not low <= value <= high:
+        if not _is_number(value) or not low <= value <= high:
             raise DataError(f"{where} has the {key} {value!r:.200}.", f"Write pixels from {low:g} to {high:g}.")
         values[key] = float(value)
     return EdgeShape(**values)
@@ -260,10 +266,10 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
     if not isinstance(entry, dict):
         raise DataError(f"{where} has the added color {entry!r:.200}.", "Add colors again, and save the edit.")
     reach, protect = entry.get("reach", REACH), entry.get("protect", 0.0)
-    colors = list_of(entry.get("colors"), f"{where}: an added color", MAX_COLORS)
-    if not is_number(reach) or not 0 < reach <= MAX_REACH:
+    colors = _list_of(entry.get("colors"), f"{where}: an added color", MAX_COLORS)
+    if not _is_number(reach) or not 0 < reach <= MAX_REACH:
         raise DataError(f"{where} has the reach {reach!r:.200}.", f"Write a number above 0, up to {MAX_REACH:g}.")
-    if not is_number(protect) or not 0 <= protect <= MAX_PROTECT:
+    if not _is_number(protect) or not 0 <= protect <= MAX_PROTECT:
         raise DataError(f"{where} protects {protect!r:.200}.", f"Write a number from 0 to {MAX_PROTECT:g}.")
     if len(colors) != size:
         raise DataError(
@@ -278,7 +284,11 @@ def _added(entry: Any, where: str, size: int) -> tuple[AddedColor, np.ndarray]:
 
 @check_arguments
 def write_edit(path: Path | str, edit: Edit) -> None:
-    """Write edit.json atomically, with exact sRGB numbers; raise BadRequest for another suffix."""
+    """Write edit.json atomically, with exact sRGB numbers; raise BadRequest for another suffix.
+
+    Example:
+        write_edit("night.json", model.edit().becomes("pot", "#803020", "#305980"))
+    """
     check_choice("The suffix of path", Path(path).suffix.lower(), (".json",))
     write_json(Path(path), edit_to_json(edit))
 
@@ -289,7 +299,7 @@ def edit_to_json(edit: Edit) -> dict[str, Any]:
     for name, colors in edit.colors.items():
         added = edit.added.get(name, ())
         palette, *sets = np.split(np.asarray(colors), 1 + len(added))
-        objects[name] = {"colors": rows_of(palette)}
+        objects[name] = {"colors": _rows_of(palette)}
         if added:
             objects[name]["added"] = [_added_to_json(each, own) for each, own in zip(added, sets, strict=True)]
     for name, shape in active_edges(edit.edges).items():
@@ -299,11 +309,10 @@ def edit_to_json(edit: Edit) -> dict[str, Any]:
 
 def _added_to_json(color: AddedColor, own: np.ndarray) -> dict[str, Any]:
     protect = {"protect": float(color.protect)} if color.protect else {}
-    return {"picked": rows_of(color.picked[None])[0], "reach": float(color.reach), **protect, "colors": rows_of(own)}
+    return {"picked": _rows_of(color.picked[None])[0], "reach": float(color.reach), **protect, "colors": _rows_of(own)}
 
 
-def read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
-    """Read a JSON file and check its schema; raise DataError if it is missing or has another."""
+def _read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
     content = read_json(path, what)
     found = content.get("schema") if isinstance(content, dict) else None
     if found != schema:
@@ -311,8 +320,7 @@ def read_schema(path: Path, what: str, schema: str) -> dict[str, Any]:
     return content
 
 
-def list_of(value: Any, where: str, most: int) -> list:
-    """Return `value` if it is a list of 1 to `most` entries, otherwise raise DataError."""
+def _list_of(value: Any, where: str, most: int) -> list:
     if not isinstance(value, list) or not 0 < len(value) <= most:
         raise DataError(f"{where} is not a list of 1 to {most} entries.", "Write a list, black first.")
     return value
@@ -325,17 +333,16 @@ def color_of(value: Any, where: str, highest: float) -> np.ndarray:
             return hex_to_rgb(value)
         except DataError as error:
             raise DataError(f"{where}: {error.sentence}", error.hint) from error
-    if not isinstance(value, list) or len(value) != 3 or not all(is_number(v) and 0 <= v <= highest for v in value):
+    if not isinstance(value, list) or len(value) != 3 or not all(_is_number(v) and 0 <= v <= highest for v in value):
         hint = f"Write #rrggbb or three sRGB numbers from 0 to {highest:g}."
         raise DataError(f"{where} has the color {value!r:.200}.", hint)
     return np.array(value, np.float32)
 
 
-def is_number(value: Any) -> bool:
-    """Return whether a JSON value is a number and not a bool."""
+def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def rows_of(colors: np.ndarray) -> list[list[float]]:
+def _rows_of(colors: np.ndarray) -> list[list[float]]:
     """Return colors [n, 3] as JSON rows: the shortest decimals that read back as the same float32."""
     return [[float(str(v)) for v in row] for row in np.asarray(colors, np.float32)]

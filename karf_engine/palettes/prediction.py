@@ -87,17 +87,14 @@ def predict(
 
 
 def evaluate_edit(
-    edited: np.ndarray,
-    palette: Palette,
-    seen: ColorHistogram,
-    source: np.ndarray,
-    wanted: np.ndarray,
-    locked: Iterable[int] = (),
+    edited: np.ndarray,  # palette [M, 3]
+    palette: Palette,  # as learned
+    seen: ColorHistogram,  # the object's colors
+    source: np.ndarray,  # the color to be replaced, sRGB [3]
+    wanted: np.ndarray,  # the target color, Lab [3]
+    locked: Iterable[int] = (),  # swatches that stay
 ) -> tuple[np.ndarray, float, str]:
-    """Return the color, sRGB [3], that an edited palette [M, 3] reaches, its CIEDE2000, and the reason if that exceeds 2.
-
-    The object shows the colors `seen`; `source`, sRGB [3], is to become `wanted`, Lab [3].
-    """
+    """Return the color that an edit reaches, sRGB [3], its CIEDE2000, and the reason if that exceeds 2, or ""."""
     reached = reached_color(seen.colors, edited_colors(seen, palette, edited), source, seen.counts)
     left = float(ciede2000(srgb_to_lab(reached), wanted))
     return reached, left, _reason(wanted, palette, seen, source, tuple(locked)) if left > TOLERANCE else ""

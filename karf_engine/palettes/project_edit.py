@@ -108,7 +108,7 @@ class ProjectEdit(Edit):
     @check_arguments
     def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
         """Set one swatch of an object, from 1, to a color; numbers may go up to 2, brighter than white."""
-        self._check_swatch(self._palette(name), index)
+        self._palette(name, index)
         colors = self.colors[name].copy()
         colors[index] = as_color(color, MAX_SRGB)
         return replace(self, colors=self.colors | {name: colors})
@@ -140,8 +140,7 @@ class ProjectEdit(Edit):
             brightness: Lifts or lowers the mid-tones, -2 to 2; black and white stay.
             gloss: Factor of the highlights, 0 to 4; 0 is matte.
         """
-        surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name), self.colors[name]
-        self._check_swatch(palette, index)
+        surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name, index), self.colors[name]
         (whole,), added = extended_palettes([palette], self.added), self.added.get(name, ())
         seen = read_object_colors(self.project.verified(self.project.object_colors_file), name)
         seen = seen._replace(palette_weights=split_weights(seen.palette_weights.T, palette.colors, added).T)
@@ -156,16 +155,15 @@ class ProjectEdit(Edit):
         """Write the edit atomically, as JSON or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
 
-    def _palette(self, name: str) -> Palette:
+    def _palette(self, name: str, index: int | None = None) -> Palette:
+        """Return an object's palette; raise BadRequest if the object or swatch is unknown."""
         for palette in self.palettes:
             if palette.name == name:
+                if index is not None and not 1 <= index < len(palette.colors):
+                    last = len(palette.colors) - 1
+                    raise BadRequest(f"{name!r} has no swatch {index}.", f"Its swatches are 1 to {last}.")
                 return palette
         raise BadRequest(f"There is no object {name!r}.", f"Objects are: {', '.join(p.name for p in self.palettes)}.")
-
-    def _check_swatch(self, palette: Palette, index: int) -> None:
-        size = len(palette.colors)
-        if not 1 <= index < size:
-            raise BadRequest(f"{palette.name!r} has no swatch {index}.", f"Its swatches are 1 to {size - 1}.")
 
 
 def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:

@@ -77,7 +77,7 @@ class SwatchPicture:
         self._parts[k] = part
 
     def retouch(self, k: int, pixels: np.ndarray, planes: np.ndarray) -> None:
-        """Announce new values [M, n] of object k's planes, changed in place at flat indices [n] in the box of its part."""
+        """Announce new values [M, n] of object k's planes, changed in place at flat indices [n] in its box."""
         self._retouched.append((k, pixels, planes))
 
     def _paint_retouched(self) -> None:

@@ -105,25 +105,15 @@ def match_fewest(
 
 
 def residual_delta_e(
-    before: np.ndarray,
-    after: np.ndarray,
-    counts: np.ndarray,
-    source: np.ndarray,
-    target: np.ndarray,
-    held: Sequence[np.ndarray] = (),
+    before: np.ndarray,  # the object's colors when the source was picked, sRGB [n, 3] in [0, 1]
+    after: np.ndarray,  # the same colors after the edit
+    counts: np.ndarray,  # frequency of each color, [n]
+    source: np.ndarray,  # the picked color, sRGB [3]
+    target: np.ndarray,  # its wanted color
+    held: Sequence[np.ndarray] = (),  # colors of other paints that should stay, sRGB [3] each
     is_metal: bool = False,
 ) -> float:
-    """Return the mean CIEDE2000 between an edited object and its target, all paints and highlights included.
-
-    Args:
-        before: The object's colors when the source was picked, sRGB [n, 3] in [0, 1].
-        after: The same colors after the edit, [n, 3].
-        counts: Frequency of each color, [n].
-        source: The picked color, sRGB [3].
-        target: Its wanted color, sRGB [3].
-        held: Colors of other paints that should stay, sRGB [3] each.
-        is_metal: Whether highlights take the paint's color rather than the light's.
-    """
+    """Return the mean CIEDE2000 between an edited object and its target, all paints and highlights included."""
     paints = add_preserved_paints(before, counts, *add_fixed_paints(before, source, target, held), is_metal)
     difference = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *paints, is_metal)))
     return float(np.average(difference, weights=counts))

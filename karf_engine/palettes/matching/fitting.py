@@ -85,25 +85,17 @@ def apply_change(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
 
 
 def bounded_least_squares(
-    matrix: np.ndarray,
-    values: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    counts: np.ndarray | None = None,
-    ridge: float = 0.0,
+    matrix: np.ndarray,  # [n, M]
+    values: np.ndarray,  # [n, C]; the columns are solved independently
+    lower: np.ndarray,  # [M, C], <= 0
+    upper: np.ndarray,  # [M, C], >= 0; entries with equal bounds are fixed
+    counts: np.ndarray | None = None,  # [n], >= 0; by default 1 each
+    ridge: float = 0.0,  # per unit of counts, >= 0
 ) -> np.ndarray:
     """Minimise `sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2` with lower <= x <= upper, exactly.
 
     A primal active-set method (Nocedal and Wright, "Numerical Optimization", 2006, 16.5) in numpy alone, as Blender's
     Python lacks scipy. Returns x [M, C] float64.
-
-    Args:
-        matrix: [n, M].
-        values: [n, C]; the columns are solved independently.
-        lower: [M, C], <= 0.
-        upper: [M, C], >= 0; entries with equal bounds are fixed.
-        counts: [n], >= 0; by default 1 each.
-        ridge: Per unit of counts, >= 0.
     """
     matrix, values = np.asarray(matrix, np.float64), np.asarray(values, np.float64)
     importance = np.ones(len(matrix)) if counts is None else np.asarray(counts, np.float64)

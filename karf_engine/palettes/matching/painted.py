@@ -45,26 +45,17 @@ class ObjectMatch:
 def match_picture(
     palette_weights: np.ndarray,
     probabilities: np.ndarray,
-    base: np.ndarray,
-    wanted: np.ndarray,
-    palettes: Sequence[Palette],
-    edited: Mapping[str, np.ndarray],
-    locked: Mapping[str, Iterable[int]] | None = None,
+    base: np.ndarray,  # the unedited view, [H, W, 3] in [0, 1]
+    wanted: np.ndarray,  # the painted view, in the same shape
+    palettes: Sequence[Palette],  # as learned, of the K objects
+    edited: Mapping[str, np.ndarray],  # current palettes by object
+    locked: Mapping[str, Iterable[int]] | None = None,  # swatches that stay, by object
 ) -> tuple[ObjectMatch, ...]:
     """Fit the palettes to a painted picture of a view; return one match for each visible painted object.
 
     Only differences between the picture and the edited view count. Unpainted objects stay. The unpainted pixels of
     others have a low weight, and none where they contradict the painted ones. Objects that only reflect the new colors
     of others, faintly and in parts, stay too. Raises BadRequest if the picture has another size than the view.
-
-    Args:
-        palette_weights: [K, M, H, W].
-        probabilities: [K, H, W], of the objects.
-        base: The unedited view, [H, W, 3] in [0, 1].
-        wanted: The painted view, [H, W, 3] in [0, 1].
-        palettes: As learned, of the K objects.
-        edited: The current palettes, by object name.
-        locked: Swatches that stay, by object name.
     """
     if wanted.shape != base.shape:
         raise BadRequest(
@@ -74,7 +65,8 @@ def match_picture(
         )
     matches = []
     for k, mask in enumerate(hard_masks(np.asarray(probabilities, np.float32))):
-        palette, pixels = palettes[k], _subsampled(np.flatnonzero(mask))
+        palette, pixels = palettes[k], np.flatnonzero(mask)
+        pixels = pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MAX_PIXELS)).astype(np.intp)]
         shown = base.reshape(-1, 3)[pixels].astype(np.float64)
         for other, planes in zip(palettes, palette_weights, strict=True):
             change = edited[other.name] - other.colors
@@ -91,11 +83,6 @@ def match_picture(
             matches.append(ObjectMatch(palette.name, colors, before, after, float(painted.mean())))
     strongest = max((match.strength for match in matches), default=0.0)
     return tuple(match for match in matches if match.after < match.before or match.strength >= SPILL * strongest)
-
-
-def _subsampled(pixels: np.ndarray) -> np.ndarray:
-    """Return at most MAX_PIXELS of the pixels, evenly spaced."""
-    return pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MAX_PIXELS)).astype(np.intp)]
 
 
 def _weights_at(planes: np.ndarray, pixels: np.ndarray, size: int) -> np.ndarray:

@@ -30,8 +30,8 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
 
     By the dichromatic model of Shafer (1985), "Using color to separate reflection components", linear light is
     c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`separate_dichromatic`). The
-    result is c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other pigments.
-    k, per channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
+    result is c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other
+    pigments. k, per channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
 
     A metal, whose highlights take its color too, shows reflections times its own color: c + gate c (t / r - 1),
     averaged over the metals by nearness.

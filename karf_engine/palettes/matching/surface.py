@@ -54,15 +54,13 @@ def match_surface(
     counts: np.ndarray,
     palette_weights: np.ndarray,
     palette: np.ndarray,
-    surfaces: Mapping[int, Surface],
+    surfaces: Mapping[int, Surface],  # by swatch; several of one paint are applied in order
     locked: Iterable[int] = (),
-    moved: np.ndarray | None = None,
+    moved: np.ndarray | None = None,  # [M, 3], earlier change of each entry by surfaces; locked ones keep it
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 in [0, MAX_SRGB] that gives the paints of some swatches other surfaces.
 
-    Other paints stay; if all surfaces are neutral, so do the palette's bits. Several surfaces of one paint are applied
-    in order of their swatches. `moved`, [M, 3], is an earlier change of each entry by surfaces; locked entries keep it,
-    the others compensate.
+    Other paints stay; if all surfaces are neutral, so do the palette's bits.
     """
     targets, reached = colors, np.zeros(len(colors))
     moved = np.zeros_like(palette) if moved is None else moved
