@@ -207,8 +207,8 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
     counts = (patches.min(-1) > DARKEST) & (patches.max(-1) < CLIPPED)
     if counts.sum() < MIN_PATCHES:
         raise BadRequest(
-            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the "
-            "photo.",
+            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright "
+            "in the photo.",
             "Take a photo in which the chart is well lit.",
         )
     photographed, wanted = srgb_to_linear(patches[counts]), srgb_to_linear(known[counts])

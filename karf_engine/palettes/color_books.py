@@ -7,8 +7,9 @@ color (see `color_text`).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,15 +48,16 @@ class ColorBook:
     name: str
     names: tuple[str, ...]
     lab: np.ndarray
-    _numbers: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_numbers", {})
         check_fields(self)
         check_array("lab", self.lab, ("n", 3))
         if not 0 < len(self.names) == len(self.lab) or not np.isfinite(self.lab).all():
             raise BadRequest("lab is not a color for each name.", "Give finite numbers, [n, 3], and n names.")
-        self._numbers.update({_key(name): number for number, name in enumerate(self.names)})
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {_key(name): number for number, name in enumerate(self.names)}
 
     def __len__(self) -> int:
         return len(self.names)

@@ -92,23 +92,15 @@ def star_weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.nda
         return weights
     for start in range(0, len(colors), CHUNK):
         chunk = slice(start, start + CHUNK)
-        weights[chunk] = _weights(star, to_hull(star, colors[chunk] @ star.span)[0])
+        # [G, n, r]: barycentric in each cone; those of the cone that contains the point are not negative
+        barycentric = to_hull(star, colors[chunk] @ star.span)[0] @ star.to_cone
+        cone = barycentric.min(axis=2).argmax(axis=0)
+        rows = np.arange(len(cone))
+        corners = np.maximum(barycentric[cone, rows], 0)
+        corners /= np.maximum(corners.sum(axis=1), 1)[:, None]  # rounding may put a point slightly outside
+        weights[start + rows[:, None], star.cones[cone]] = corners
+        weights[chunk, 0] = np.maximum(1 - corners.sum(axis=1), 0)
     return weights
-
-
-def _weights(star: Star, points: np.ndarray) -> np.ndarray:
-    """Return the weights [n, M] of points [n, r] inside the hull."""
-    # [G, n, r]: barycentric in each cone; those of the cone that contains the point are not negative
-    barycentric = points @ star.to_cone
-    cone = barycentric.min(axis=2).argmax(axis=0)
-    rows = np.arange(len(points))
-    weight = np.maximum(barycentric[cone, rows], 0)
-    # rounding may put a point slightly outside
-    weight /= np.maximum(weight.sum(axis=1), 1)[:, None]
-    weights = np.zeros((len(points), len(star.points)))
-    weights[rows[:, None], star.cones[cone]] = weight
-    weights[:, 0] = 1 - weight.sum(axis=1)
-    return np.maximum(weights, 0)
 
 
 def to_hull(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -45,7 +45,7 @@ class Surface:
         check_number("brightness", self.brightness, -MAX_BRIGHTNESS, MAX_BRIGHTNESS)
 
     @property
-    def is_identity(self) -> bool:
+    def is_neutral(self) -> bool:
         return self == Surface()
 
 
@@ -64,7 +64,7 @@ def match_surface(
     """
     targets, reached = colors, np.zeros(len(colors))
     moved = np.zeros_like(palette) if moved is None else moved
-    for index in sorted(index for index, surface in surfaces.items() if not surface.is_identity):
+    for index in sorted(index for index, surface in surfaces.items() if not surface.is_neutral):
         gate = _gate(colors, np.clip(palette[index], 0, 1))
         targets = surface_target(targets, counts, gate, surfaces[index])
         reached = np.maximum(reached, gate)
