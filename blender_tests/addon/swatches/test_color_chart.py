@@ -92,4 +92,4 @@ def test_the_engine_gets_the_light_of_the_chart_for_a_sheet_of_colorways(bpy, ad
     light = addon.reference.light(learned)
     wanted, seen = plain.predictions[0].target, planned.predictions[0].target
     np.testing.assert_allclose(seen, light.photographed(wanted), atol=1e-4)
-    np.testing.assert_allclose(planned.predictions[0].under(light).target, wanted, atol=1e-4)
+    np.testing.assert_allclose(planned.predictions[0].under_light(light).target, wanted, atol=1e-4)
