@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from .capture.capture import Capture, View
     from .errors import KarfError
     from .palettes.color_books import ColorBook, nearest_names, read_color_book
-    from .palettes.edit_files import read_edit, write_edit
-    from .palettes.palette import Edit, Palette
+    from .palettes.palette import Edit, Palette, read_edit, write_edit
     from .project.settings import PRESETS, Settings
     from .recolor.frames import Frame
     from .recolor.model import Model
@@ -57,8 +56,7 @@ _DEFINES = {
     "capture.camera": ("Camera",),
     "capture.capture": ("Capture", "View"),
     "errors": ("KarfError",),
-    "palettes.edit_files": ("read_edit", "write_edit"),
-    "palettes.palette": ("Edit", "Palette"),
+    "palettes.palette": ("Edit", "Palette", "read_edit", "write_edit"),
     "palettes.color_books": ("ColorBook", "nearest_names", "read_color_book"),
     "project.settings": ("PRESETS", "Settings"),
     "recolor.frames": ("Frame",),

@@ -352,8 +352,7 @@ def _plain(value: Any) -> Any:
 
 def _edit_files(edit: Any, folder: Path) -> Any:
     """Write an edit, or each of a list, to a file in a folder and return the path; other values as they are."""
-    from .palettes.edit_files import write_edit  # needs numpy
-    from .palettes.palette import Edit
+    from .palettes.palette import Edit, write_edit  # needs numpy
 
     if isinstance(edit, list | tuple):
         return [_edit_files(each, folder / str(number)) for number, each in enumerate(edit)]

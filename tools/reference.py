@@ -68,7 +68,7 @@ TITLES = {
     "api": "Functions",
     "capture": "Captures",
     "errors": "Errors",
-    "palettes.edit_files": "Edits and palettes",
+    "palettes.palette": "Edits and palettes",
     "palettes.color_books": "Color books",
     "project.settings": "Settings",
     "recolor.frames": "What is learned and rendered",

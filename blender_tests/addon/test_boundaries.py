@@ -31,7 +31,6 @@ SHARED = [
     "project/settings/*",
     "palettes/*",
     "palettes/matching/*",
-    "palettes/colorways/*",
     "export/frame_options",
     "export/layer_names",
     "export/scene_points",
@@ -42,7 +41,7 @@ SHARED = [
     "worker/findings",
 ]
 # files of those rooms that the engine alone imports
-ENGINE_ALONE = {"training_images", "locking"}
+ENGINE_ALONE = {"training_images", "locking", "extraction", "palette_weights"}
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("engine_api", "translations"),

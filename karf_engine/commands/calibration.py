@@ -11,9 +11,8 @@ from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.color import to_bytes
 from ..io.images import read_photo
-from ..palettes.color_chart import MAX_CONDITION, ChartFit, fit_photo
+from ..palettes.calibration import MAX_CONDITION, ChartFit, ReferenceLight, fit_photo
 from ..palettes.project_edit import as_color
-from ..palettes.reference_light import ReferenceLight
 from .options import CalibrationOptions
 
 

@@ -24,12 +24,12 @@ from ..export.colorway_pictures import ColorProbe, pictures_of
 from ..export.colorway_table import Reached, write_table, write_view_table
 from ..export.contact_sheet import Line, Row, write_contact_sheet
 from ..export.finished_frames import FinishedFrames, frame_fingerprint, model_fingerprint, view_fingerprint
-from ..palettes.colorways.planning import PlannedColorway, plan_colorways
-from ..palettes.colorways.prediction import Prediction
+from ..palettes.calibration import ReferenceLight
+from ..palettes.colorways import PlannedColorway, plan_colorways
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import read_palettes, rgb_to_hex
 from ..palettes.palette_files import read_edit_file
-from ..palettes.reference_light import ReferenceLight
+from ..palettes.prediction import Prediction
 from ..project import Project
 from ..recolor.model import Model
 from .calibration import reference_light

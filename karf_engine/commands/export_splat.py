@@ -14,7 +14,7 @@ import numpy as np
 
 from ..compute.progress import Emit
 from ..errors import BadRequest, DataError, missing_package
-from ..palettes.colorways.planning import plan_colorways
+from ..palettes.colorways import plan_colorways
 from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
 from ..project import Project

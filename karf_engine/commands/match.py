@@ -10,12 +10,12 @@ import numpy as np
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.color import srgb_to_lab
-from ..palettes.colorways.prediction import evaluate_edit
+from ..palettes.calibration import ReferenceLight
+from ..palettes.color_histogram import read_object_colors
 from ..palettes.matching.paints import pigment_gate
-from ..palettes.object_colors import read_object_colors
 from ..palettes.palette import rgb_to_hex
+from ..palettes.prediction import evaluate_edit
 from ..palettes.project_edit import ProjectEdit, as_color, edit_of
-from ..palettes.reference_light import ReferenceLight
 from ..project import Project
 from .calibration import reference_light
 from .options import MatchOptions

@@ -19,9 +19,9 @@ from ..heads.fit import ObjectRays, fit_recoloring
 from ..heads.object_surface import ObjectSurface, object_pixels
 from ..heads.rendering import segment_cache
 from ..heads.training_rays import palettes_of_objects, training_rays
+from ..palettes.color_histogram import write_object_colors
 from ..palettes.compositing import stack_palettes
-from ..palettes.extraction.extraction import color_histograms
-from ..palettes.object_colors import write_object_colors
+from ..palettes.extraction import color_histograms
 from ..palettes.palette import Palette, read_palettes, write_palettes
 from ..segmentation.coarse_masks import find_masks
 from ..segmentation.object_rays import whole_surface

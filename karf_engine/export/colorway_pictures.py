@@ -10,10 +10,10 @@ import numpy as np
 
 from ..capture.capture import View
 from ..io.images import write_png
-from ..palettes.colorways.prediction import Prediction, reached_color
-from ..palettes.exposure import to_mean_exposure
+from ..palettes.calibration import to_mean_exposure
 from ..palettes.matching.becomes import is_near
 from ..palettes.palette import Edit
+from ..palettes.prediction import Prediction, reached_color
 from ..recolor.frames import Frame
 from ..recolor.model import Model
 from ..recolor.photos import StoredPhoto, suffix_for, write_photo

@@ -15,10 +15,10 @@ import numpy as np
 
 from ..io.color import ciede2000, srgb_to_lab
 from ..io.files import atomic_write
-from ..palettes.colorways.planning import PlannedColorway
-from ..palettes.colorways.prediction import Prediction, reason_in_view
+from ..palettes.calibration import ReferenceLight
+from ..palettes.colorways import PlannedColorway
 from ..palettes.palette import rgb_to_hex
-from ..palettes.reference_light import ReferenceLight
+from ..palettes.prediction import Prediction, reason_in_view
 
 COLUMNS = ("colorway", "object", "folder", "source", "wanted", "wanted_lab", "predicted", "predicted_ciede2000",
            "reached", "reached_ciede2000", "pixels", "views", "cannot_be_reached_because")  # fmt: skip

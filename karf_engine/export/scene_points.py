@@ -14,8 +14,7 @@ from ..io.names import check_names
 from ..io.npz import has_arrays, read_arrays
 from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import delta_composite, stack_palettes
-from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.edges_in_space import Borders, apply_edges_to_points
+from ..palettes.edge_shape import Borders, EdgeShape, active_edges, apply_edges_to_points
 from ..palettes.palette import AddedColor, Palette
 from ..palettes.star import plain_hull, star_of, star_weights_in
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..capture.capture import View
 from ..compute.neighbors import build_kd_tree
-from ..palettes.edges_in_space import Borders
+from ..palettes.edge_shape import Borders
 
 # The border is at the third nearest point of the other side, since single points may be outliers. On evenly spaced points
 # this distance exceeds that of the border by 0.75 spacings.

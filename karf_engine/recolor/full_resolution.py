@@ -2,7 +2,7 @@
 
 As in `palettes.compositing`, the result is linear in the edit: photo + sum over objects and palette entries of
 coverage x weight(own color) x gains x (edited - learned). Palettes are of the mean exposure of all photos, gains are the
-photo's (`palettes.exposure`). The own color is the object's unmixed and denoised color in the pixel: weights of noisy
+photo's (`palettes.calibration`). The own color is the object's unmixed and denoised color in the pixel: weights of noisy
 colors would amplify the noise, weights of the denoised photo leave it as it is. Bands of rows bound the memory.
 """
 
@@ -22,11 +22,11 @@ from ..io.arguments import check_arguments, check_array, check_fields, check_num
 from ..io.color import to_bytes
 from ..io.images import INVERSE_EXIF_ORIENTATION, alpha_composite, apply_exif_orientation, apply_exif_orientation_copy
 from ..palettes.added import append_added_sets, extended_palettes, split_weights
+from ..palettes.calibration import to_photo_exposure
 from ..palettes.compositing import hard_masks
 from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.exposure import to_photo_exposure
-from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
+from ..palettes.palette_weights import palette_weights_of_image, star_weights
 from .frames import Frame, Layers, one_line
 from .matting.matte import NEGLIGIBLE, Matte, disputed_objects, shape_mattes
 from .matting.thin_parts import Marks

@@ -22,10 +22,10 @@ from ..io.color import to_bytes
 from ..io.failures import translate_errors
 from ..io.images import alpha_composite
 from ..palettes.added import extended_palettes, split_weights_of_objects
+from ..palettes.calibration import to_mean_exposure, to_photo_exposure
 from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
 from ..palettes.edge_planes import apply_edges_to_planes
 from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.exposure import to_mean_exposure, to_photo_exposure
 from ..palettes.matching.painted import ObjectMatch, match_picture
 from ..palettes.palette import Edit
 from ..palettes.project_edit import ProjectEdit, edit_of

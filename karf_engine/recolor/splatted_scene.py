@@ -20,10 +20,9 @@ from ..fields.scene import Picture, Scene
 from ..heads.fields import SegmentationField
 from ..heads.rendering import NEGLIGIBLE
 from ..palettes.added import extended_palettes, split_weights
-from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.edges_in_space import MAX_EDGE_REACH, Borders, apply_edges_to_points
-from ..palettes.extraction.barycentric_weights import star_weights
+from ..palettes.edge_shape import MAX_EDGE_REACH, Borders, EdgeShape, active_edges, apply_edges_to_points
 from ..palettes.palette import AddedColor, Edit, Palette
+from ..palettes.palette_weights import star_weights
 from ..splats.gaussians import Gaussians
 from ..splats.kernels.arrays import C0, COLOR
 from .borders import measure_borders

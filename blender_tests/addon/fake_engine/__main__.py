@@ -24,10 +24,9 @@ from karf_engine.capture.transforms import camera_from_json, write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
-from karf_engine.palettes.colorways.planning import plan_colorways
+from karf_engine.palettes.colorways import plan_colorways
 from karf_engine.palettes.compositing import Planes, write_planes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import Palette, read_palettes, write_palettes
+from karf_engine.palettes.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.project import Project
 from karf_engine.project.state import result_fingerprint
 from karf_engine.worker.protocol import PROTOCOL, WARM, EventWriter, Request, decode_line

@@ -26,8 +26,7 @@ from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
 from karf_engine.palettes.compositing import planes_made_from, read_planes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import read_palettes, rgb_to_hex
+from karf_engine.palettes.palette import read_edit, read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes

@@ -26,10 +26,9 @@ from karf_engine.heads.object_surface import object_pixels
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.palettes.color_books import read_color_book
+from karf_engine.palettes.color_histogram import read_object_colors
 from karf_engine.palettes.compositing import read_planes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.object_colors import read_object_colors
-from karf_engine.palettes.palette import read_palettes
+from karf_engine.palettes.palette import read_edit, read_palettes
 from karf_engine.palettes.palette_files import read_edit_file
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import STAGE_ORDER, Project

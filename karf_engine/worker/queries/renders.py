@@ -13,7 +13,7 @@ from ...errors import BadRequest
 from ...io.arguments import check_choice, check_number
 from ...palettes.compositing import Planes, write_planes
 from ...palettes.edge_shape import active_edges
-from ...palettes.edit_files import edit_from_json
+from ...palettes.palette import edit_from_json
 from .session import Session, check_option, query
 
 if TYPE_CHECKING:

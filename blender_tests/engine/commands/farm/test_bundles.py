@@ -16,8 +16,7 @@ from karf_engine.commands.farm import run as write_bundle
 from karf_engine.commands.options import FarmOptions
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.files import checksum, read_json
-from karf_engine.palettes.edit_files import write_edit
-from karf_engine.palettes.palette import Edit
+from karf_engine.palettes.palette import Edit, write_edit
 from karf_engine.project import Project
 from karf_engine.project.contents import read_capture
 from karf_engine.project.state import write_state

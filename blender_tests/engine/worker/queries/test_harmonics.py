@@ -11,7 +11,7 @@ pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.palettes.edit_files import edit_to_json
+from karf_engine.palettes.palette import edit_to_json
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.splats.kernels.arrays import COLOR

@@ -13,7 +13,7 @@ from blender_tests.engine.conftest import of_field
 from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
-from karf_engine.palettes.edit_files import edit_to_json
+from karf_engine.palettes.palette import edit_to_json
 from karf_engine.project import Project
 from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model

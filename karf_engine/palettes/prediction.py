@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...errors import BadRequest
-from ...io.color import ciede2000, lab_to_srgb, srgb_to_lab
-from ..matching.becomes import is_near, match_becomes, mean_weights
-from ..object_colors import ColorHistogram
-from ..palette import MAX_SRGB, Palette, rgb_to_hex
-from ..reference_light import ReferenceLight
-from .sheet import TargetColor
+from ..errors import BadRequest
+from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
+from .calibration import ReferenceLight
+from .color_histogram import ColorHistogram
+from .matching.becomes import is_near, match_becomes, mean_weights
+from .palette import MAX_SRGB, Palette, rgb_to_hex
 
 TOLERANCE = 2.0  # CIEDE2000 of a target color that counts as reached
 SPREAD = 6.0  # of a paint's colors about its dominant one, in Lab
@@ -28,24 +27,25 @@ ROUNDING = 0.005  # tolerance of sRGB numbers and palette weights
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """Predicted result of an edit for one target color.
+class TargetColor:
+    """Target color of one object in a colorway."""
 
-    Attributes:
-        target_color: The target color.
-        source: The object's color to be replaced, sRGB [3].
-        colors: The object's edited palette [M, 3].
-        reached: The source's new color, sRGB [3].
-        ciede2000: Difference of the color reached from the target color.
-        reason: Why the target color is missed, to follow "because"; empty if it is reached.
-    """
+    name: str  # of the object
+    lab: np.ndarray  # the target color, CIE L*a*b* [3]
+    source: np.ndarray | None  # the object's color in the photos to be replaced, sRGB [3]; None for the dominant one
+    where: str  # file and line, for messages
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted result of an edit for one target color."""
 
     target_color: TargetColor
-    source: np.ndarray
-    colors: np.ndarray
-    reached: np.ndarray
-    ciede2000: float
-    reason: str
+    source: np.ndarray  # the object's color to be replaced, sRGB [3]
+    colors: np.ndarray  # the object's edited palette [M, 3]
+    reached: np.ndarray  # the source's new color, sRGB [3]
+    ciede2000: float  # of the color reached to the target color
+    reason: str  # why the target color is missed, to follow "because"; empty if it is reached
 
     @property
     def target(self) -> np.ndarray:
@@ -62,13 +62,7 @@ class Prediction:
 
 
 def dominant_color(seen: ColorHistogram) -> np.ndarray:
-    """Return the dominant color of an object, sRGB [3]: the mean about the densest of its colors in Lab.
-
-    Examples:
-        >>> colors = np.array([[0.7, 0.1, 0.1], [0.72, 0.1, 0.1], [1.0, 1, 1]])
-        >>> print(dominant_color(ColorHistogram(colors, np.array([30, 30, 40]), np.ones((3, 1)))).round(2))
-        [0.71 0.1  0.1 ]
-    """
+    """Return the dominant color of an object, sRGB [3]: the mean about the densest of its colors in Lab."""
     lab = srgb_to_lab(seen.colors)
     candidates = np.argsort(seen.counts)[-MAX_CANDIDATES:]
     distance = np.linalg.norm(lab[candidates, None] - lab, axis=-1)
@@ -79,19 +73,7 @@ def dominant_color(seen: ColorHistogram) -> np.ndarray:
 def predict(
     target_color: TargetColor, palette: Palette, seen: ColorHistogram, locked: Iterable[int] = ()
 ) -> Prediction:
-    """Solve for a target color, by `delta` compositing, and predict the color reached.
-
-    Examples:
-        A red pot becomes blue; it cannot become brighter than its illumination permits:
-
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0.1, 0.1]], np.float32))
-        >>> seen = ColorHistogram(np.array([[0.2, 0.02, 0.02]]), np.array([10]), np.array([[0.8, 0.2]]))
-        >>> for color in ([0.05, 0.1, 0.3], [0.6, 0.7, 1.0]):
-        ...     result = predict(TargetColor("pot", srgb_to_lab(np.array(color)), None, "sheet.csv, line 2"), pot, seen)
-        ...     print(rgb_to_hex(result.reached), round(result.ciede2000), result.reason[:54] or "reached")
-        #0d194c 0 reached
-        #666666 35 80 % of its color #330505 are the palette's black: too
-    """
+    """Solve for a target color, by `delta` compositing, and predict the color reached."""
     source = dominant_color(seen) if target_color.source is None else np.asarray(target_color.source, np.float64)
     target = np.clip(lab_to_srgb(target_color.lab), 0, 1)
     try:
@@ -105,58 +87,28 @@ def predict(
 
 
 def evaluate_edit(
-    edited: np.ndarray,
-    palette: Palette,
-    seen: ColorHistogram,
-    source: np.ndarray,
-    wanted: np.ndarray,
-    locked: Iterable[int] = (),
+    edited: np.ndarray,  # palette [M, 3]
+    palette: Palette,  # as learned
+    seen: ColorHistogram,  # the object's colors
+    source: np.ndarray,  # the color to be replaced, sRGB [3]
+    wanted: np.ndarray,  # the target color, Lab [3]
+    locked: Iterable[int] = (),  # swatches that stay
 ) -> tuple[np.ndarray, float, str]:
-    """Return the color that an edit reaches, sRGB [3], its CIEDE2000 to the wanted one, and the reason if that exceeds
-    2.
-
-    Args:
-        edited: The edited palette [M, 3].
-        palette: As learned.
-        seen: The object's colors.
-        source: The color to be replaced, sRGB [3].
-        wanted: The target color, Lab [3].
-        locked: Swatches that stay.
-
-    Examples:
-        >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
-        >>> grey, darker = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0.5, 0.5, 0.5]])
-        >>> color, left, _ = evaluate_edit(darker, Palette("pot", grey), seen, seen.colors[0], np.array([27.1, 0, 0]))
-        >>> rgb_to_hex(color), round(left)
-        ('#404040', 0)
-    """
+    """Return the color that an edit reaches, sRGB [3], its CIEDE2000, and the reason if that exceeds 2, or ""."""
     reached = reached_color(seen.colors, edited_colors(seen, palette, edited), source, seen.counts)
     left = float(ciede2000(srgb_to_lab(reached), wanted))
     return reached, left, _reason(wanted, palette, seen, source, tuple(locked)) if left > TOLERANCE else ""
 
 
 def edited_colors(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
-    """Return an object's colors [n, 3] after an edit of its palette, clipped as in pictures.
-
-    Examples:
-        >>> seen = ColorHistogram(np.array([[0.5, 0.5, 0.5]]), np.array([1]), np.array([[0.5, 0.5]]))
-        >>> grey, blue = np.array([[0.0, 0, 0], [1, 1, 1]]), np.array([[0.0, 0, 0], [0, 0, 2]])
-        >>> edited_colors(seen, Palette("pot", grey), blue).tolist()
-        [[0.0, 0.0, 1.0]]
-    """
+    """Return an object's colors [n, 3] after an edit of its palette, clipped as in pictures."""
     return np.clip(seen.colors + seen.palette_weights @ (edited - palette.colors), 0, 1)
 
 
 def reached_color(
     before: np.ndarray, after: np.ndarray, source: np.ndarray, counts: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return a color, sRGB [3], plus the median change of the colors near it, sRGB [n, 3] with counts [n] (default 1).
-
-    Examples:
-        >>> before = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.9, 0.1, 0.1]])
-        >>> reached_color(before, before + [0.1, 0, -0.2], np.array([0.49, 0.5, 0.5])).round(2).tolist()
-        [0.59, 0.5, 0.3]
-    """
+    """Return a color, sRGB [3], plus the median change of the colors near it, sRGB [n, 3] with counts [n]."""
     nearby = is_near(before, source)
     change = np.subtract(after, before)[nearby]
     weight = np.ones(len(change)) if counts is None else counts[nearby].astype(np.float64)
@@ -167,17 +119,7 @@ def reached_color(
 
 
 def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
-    """Return why one view misses a target color, from the color measured there; empty if it is reached.
-
-    Examples:
-        >>> target = TargetColor("pot", srgb_to_lab(np.array([0.9, 0.5, 0.5])), None, "line 2")
-        >>> reached = np.array([0.9, 0.5, 0.5])
-        >>> predicted = Prediction(target, np.array([0.2, 0.2, 0.2]), np.zeros((2, 3)), reached, 0.0, "")
-        >>> reason_in_view(predicted, reached)
-        ''
-        >>> reason_in_view(predicted, np.array([1.0, 0.5, 0.5]))
-        'its red is as bright here as a picture can show'
-    """
+    """Return why one view misses a target color, from the color measured there; empty if it is reached."""
     if ciede2000(srgb_to_lab(reached), prediction.target_color.lab) <= TOLERANCE:
         return ""
     if prediction.reason:
@@ -222,8 +164,8 @@ def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.
         return f"locks hold it: without that of {held} it would be reached"
     if (wanted > source + weights[free] @ (MAX_SRGB - palette.colors[free]) + ROUNDING).any():
         return (
-            f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, even "
-            "with swatches twice as bright as white"
+            f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, "
+            "even with swatches twice as bright as white"
         )
     if (wanted < source - weights[free] @ palette.colors[free] - ROUNDING).any():
         return f"locked swatches in its color {color} are brighter than this"

@@ -14,9 +14,11 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ...errors import DataError
-from .barycentric_weights import outside_distance, star_weights
-from .cells import weighted_quantile
+from ..errors import DataError
+from ..project.settings import PaletteSettings
+from .color_histogram import ColorHistogram, cell_support, color_cells, weighted_quantile
+from .palette import Palette
+from .palette_weights import outside_distance, star_weights
 
 FLAT_EXTENT, FLAT_SHARE = 8 / 255, 0.995  # a cloud is flat if this share of its pixels is thinner
 OUTLIER_SHARE = 0.0005  # share of the pixels in a cell and its 26 neighbors below which it is an outlier
@@ -27,37 +29,54 @@ COARSE_VERTICES = 48  # limit for round clouds, which would keep hundreds
 TOUCH = 1e-9
 
 
-def extract_palette(
-    cells: np.ndarray,
-    counts: np.ndarray,
-    n_colors: int | None = None,
-    tolerance: float = 2 / 255,
-    n_max: int = 8,
-    support: np.ndarray | None = None,
-) -> np.ndarray:
-    """Extract a palette whose convex combinations give the colors of an object (Tan, Echevarria, Gingold 2018).
-
-    Gray and single-hue clouds give black and one color, flat ones 3 or more colors, others 4 or more.
+def extract_palettes(
+    names: Sequence[str], pixels: Sequence[Sequence[np.ndarray]], settings: PaletteSettings, seed: int = 0
+) -> list[Palette]:
+    """Extract one palette per object, or a shared one from all colors if the settings ask for it.
 
     Args:
-        cells: [c, 3] sRGB in [0, 1].
-        counts: [c] number of pixels.
-        n_colors: M with black, at least 2; fewer if the cloud is too flat. None for the smallest number up to n_max
-            whose hull leaves the pixels within `tolerance`.
-        tolerance: RMS distance in units of color.
-        n_max: At least 2.
-        support: [c] number of views of each cell; if any is 3 or more, cells of a single view are dropped as spill.
+        names: Of the objects.
+        pixels: Photo colors of each object in each view, [n, 3] sRGB in [0, 1]; at least one color per object.
+        settings: Size, tolerance, start and sharing.
+        seed: For the random colors of `start="random"`.
+    """
+    random = np.random.default_rng(seed)
+    groups = [[view for own in pixels for view in own]] if settings.shared else pixels
+    found = []
+    for views in groups:
+        cells, counts = color_cells(np.concatenate(views))
+        colors = extract_palette(
+            cells, counts, settings.colors or None, settings.tolerance, support=cell_support(cells, views)
+        )
+        if settings.start == "random":
+            colors = np.concatenate([colors[:1], random.random((len(colors) - 1, 3), np.float32)])
+        found.append(colors)
+    return [Palette(name, found[0 if settings.shared else k]) for k, name in enumerate(names)]
 
-    Returns:
-        [M, 3] float32 sRGB in [0, 1]: black, then the others, most used first.
 
-    Raises:
-        DataError: There are no cells.
+def color_histograms(palettes: Sequence[Palette], pixels: Sequence[Sequence[np.ndarray]]) -> dict[str, ColorHistogram]:
+    """Return each object's color histogram with palette weights, from its photo colors [n, 3] in each view."""
+    histograms = {}
+    for palette, views in zip(palettes, pixels, strict=True):
+        cells, counts = color_cells(np.concatenate(views))
+        histograms[palette.name] = ColorHistogram(cells.astype(np.float32), counts, star_weights(cells, palette.colors))
+    return histograms
 
-    Examples:
-        >>> palette = extract_palette(np.array([[0.2, 0.1, 0.1], [0.8, 0.4, 0.4]]), np.array([10, 5]))
-        >>> (100 * palette).round().tolist()
-        [[0.0, 0.0, 0.0], [80.0, 40.0, 40.0]]
+
+def extract_palette(
+    cells: np.ndarray,  # [c, 3] sRGB in [0, 1]
+    counts: np.ndarray,  # [c] number of pixels
+    n_colors: int | None = None,  # M with black, at least 2; fewer if the cloud is too flat
+    tolerance: float = 2 / 255,  # RMS distance in units of color
+    n_max: int = 8,  # at least 2
+    support: np.ndarray | None = None,  # [c] number of views of each cell
+) -> np.ndarray:
+    """Extract a palette whose convex combinations give an object's colors, [M, 3] float32 sRGB in [0, 1].
+
+    Black comes first, then the others, most used first. Gray and single-hue clouds give black and one color, flat ones
+    3 or more colors, others 4 or more. Without `n_colors`, M is the smallest number up to n_max whose hull leaves the
+    pixels within `tolerance`. If any cell is in 3 or more views, cells of a single view are dropped as spill. Raises
+    DataError without cells.
     """
     if not len(cells):
         raise DataError("An object without pixels has no palette.", "Check its masks and the segmentation.")
@@ -118,13 +137,12 @@ class _Cloud:
         return float(np.sqrt(self.counts @ squared / self.counts.sum()))
 
     def palette(self, vertices: np.ndarray) -> np.ndarray:
-        """Convert vertices [V, r] to colors [V, 3]."""
         return np.clip(vertices @ self.lift.T, 0, 1)
 
 
 @dataclass
 class _Mesh:
-    """Shrinking hull: all points ever made, the ids of the current vertices (0 is black), and cached collapses."""
+    """Shrinking hull: all points ever made, ids of the current vertices (0 is black), and cached collapses."""
 
     lift: np.ndarray
     points: list[np.ndarray]
@@ -135,7 +153,6 @@ class _Mesh:
         return np.array([self.points[i] for i in (self.ids if ids is None else ids)])
 
     def replaced(self, pair: tuple[int, int], point: np.ndarray) -> np.ndarray:
-        """Return the vertices after collapsing the pair into the point."""
         return np.vstack([self.vertices([i for i in self.ids if i not in pair]), point])
 
     def collapse(self, pair: tuple[int, int], point: np.ndarray) -> None:

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from karf_engine.palettes.colorways.prediction import (
+from karf_engine.palettes.color_histogram import ColorHistogram
+from karf_engine.palettes.palette import Palette
+from karf_engine.palettes.prediction import (
+    TargetColor,
     dominant_color,
     edited_colors,
     predict,
     reached_color,
     reason_in_view,
 )
-from karf_engine.palettes.colorways.sheet import TargetColor
-from karf_engine.palettes.object_colors import ColorHistogram
-from karf_engine.palettes.palette import Palette
 
 PALETTE = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.15], [1, 1, 0.95]], np.float32))
 SHADES = np.linspace(0.05, 0.8, 40)

@@ -1,20 +1,28 @@
-"""Calibrate the reference light by a photographed color chart of 24 patches.
+"""Color calibration: convert colors between the photos, their mean exposure, and a reference light.
 
-The chart is the ColorChecker Classic as made since November 2014, by its published CIE L*a*b* (D50, 2 degree
-observer). Its four corners are picked or detected (`commands.calibration`); a homography maps them to the patches,
-which are averaged in linear light. A 3x3 matrix from the photos to the reference is fitted by least squares.
+A photo's gains of red, green and blue are factors of sRGB (`capture.View.gains`) from the mean exposure, that of
+palettes and edits, so colors and changes of colors scale alike.
+
+Color books give colors under daylight (D65); photos have the scene's light, exposure, white balance and filters. A
+gray card determines one factor of linear light per channel (von Kries), a chart of 24 patches a full matrix. The chart
+is the ColorChecker Classic as made since November 2014, by its published CIE L*a*b* (D50, 2 degree observer). Its four
+corners are picked or detected (`commands.calibration`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..capture.capture import UNIT_GAINS
 from ..errors import BadRequest
 from ..io.color import ciede2000, lab_d50_to_d65, lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
-from .reference_light import CLIPPED, DARKEST, ReferenceLight
+from .palette import MAX_SRGB
 
+CARD_LIGHTNESS = 50.0  # L* of an 18 % gray card
+DARKEST, CLIPPED = 0.02, 0.995  # range of usable sRGB values
 # row by row from the upper left, with the gray row at the bottom
 PATCHES = (
     ("dark skin", 37.54, 14.37, 14.92),
@@ -51,38 +59,92 @@ MAX_CONDITION = 1e3  # of the matrix
 EVEN = 0.1  # added to a patch's light when its error is weighted by 1 / light, so that dark patches do not dominate
 
 
-@dataclass(frozen=True)
-class ChartFit:
-    """Reference light fitted to a chart, with its residuals.
+def to_photo_exposure(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
+    """Convert colors, or changes of colors, from the mean exposure to that of a photo with these gains.
 
-    Attributes:
-        light: The reference light.
-        left: [24] CIEDE2000 between each patch's published and calibrated color; NaN for clipped or dark patches.
+    Returns float32 [..., 3], not clipped; gains of 1 keep the bits.
+    """
+    return np.asarray(colors, np.float32) * np.asarray(gains, np.float32)
+
+
+def to_mean_exposure(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
+    """Convert colors of a photo with these gains, sRGB in [0, 1] or uint8, to the mean exposure.
+
+    Returns float32 [..., 3] in [0, 1]; gains of 1 return the array itself. Clipped values stay clipped.
+    """
+    if tuple(gains) == UNIT_GAINS:
+        return colors
+    values = np.asarray(colors, np.float32) / (255 if np.asarray(colors).dtype == np.uint8 else 1)
+    return np.clip(values / np.asarray(gains, np.float32), 0, 1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class ReferenceLight:
+    """Difference between the reference light and the light and exposure of the photos.
+
+    `matrix` converts linear light under the reference to that of the photos.
     """
 
+    matrix: np.ndarray  # [3, 3], invertible; diagonal for a gray card
+
+    @classmethod
+    def of_card(cls, photographed: np.ndarray, lightness: float = CARD_LIGHTNESS) -> ReferenceLight:
+        """Calibrate by the photographed color, sRGB [3], of a neutral card with this L*.
+
+        Raises BadRequest if the card is too dark or clipped, or the lightness is out of range.
+        """
+        photographed = np.asarray(photographed, np.float64)
+        if not 0 < lightness <= 100:
+            raise BadRequest(f"A card cannot have the lightness {lightness!r}.", "Give its L*, over 0 up to 100.")
+        if not ((photographed > DARKEST) & (photographed < CLIPPED)).all():
+            raise BadRequest(
+                "The gray card is too dark or too bright in the photo.", "Pick a spot where it is lit, and not clipped."
+            )
+        card = srgb_to_linear(np.clip(lab_to_srgb(np.array([lightness, 0, 0])), 0, 1))
+        return cls(np.diag(srgb_to_linear(photographed) / card))
+
+    def photographed(self, color: np.ndarray) -> np.ndarray:
+        """Convert colors under the reference light, sRGB [..., 3] in [0, 1], to the photos, in [0, MAX_SRGB]."""
+        return np.minimum(_transformed(self.matrix, color), MAX_SRGB)
+
+    def reference(self, color: np.ndarray) -> np.ndarray:
+        """Convert colors of the photos to the reference light, both sRGB [..., 3] in [0, MAX_SRGB]."""
+        return np.minimum(_transformed(np.linalg.inv(self.matrix), color), MAX_SRGB)
+
+    def lab_photographed(self, lab: np.ndarray) -> np.ndarray:
+        """Convert colors under the reference light, CIE L*a*b* [..., 3], to the photos, without clipping."""
+        return srgb_to_lab(_transformed(self.matrix, lab_to_srgb(lab)))
+
+    def lab_reference(self, lab: np.ndarray) -> np.ndarray:
+        """Invert `lab_photographed`."""
+        return srgb_to_lab(_transformed(np.linalg.inv(self.matrix), lab_to_srgb(lab)))
+
+
+def _transformed(matrix: np.ndarray, color: np.ndarray) -> np.ndarray:
+    return linear_to_srgb(srgb_to_linear(color) @ matrix.T)
+
+
+@dataclass(frozen=True)
+class ChartFit:
+    """Reference light fitted to a chart, with its residuals."""
+
     light: ReferenceLight
-    residuals: np.ndarray
+    residuals: np.ndarray  # [24], CIEDE2000 of each patch to its published color; NaN if clipped or dark
 
     @property
     def mean_residual(self) -> float:
-        """Mean CIEDE2000 of the usable patches."""
         return float(np.nanmean(self.residuals))
 
     def __str__(self) -> str:
         worst = int(np.nanargmax(self.residuals))
         return (
-            f"color chart: CIEDE2000 {self.mean_residual:.1f} left in the mean of {int(np.isfinite(self.residuals).sum())} patches, "
-            f"{self.residuals[worst]:.1f} at most ({PATCHES[worst][0]})"
+            f"color chart: CIEDE2000 {self.mean_residual:.1f} left in the mean of "
+            f"{np.isfinite(self.residuals).sum()} patches, {self.residuals[worst]:.1f} at most ({PATCHES[worst][0]})"
         )
 
 
 def reference_colors() -> np.ndarray:
-    """Return the patches under daylight (D65), sRGB [24, 3]; cyan is slightly out of gamut.
-
-    Examples:
-        >>> reference_colors()[[14, 21]].round(2).tolist()
-        [[0.7, 0.21, 0.22], [0.47, 0.47, 0.47]]
-    """
+    """Return the patches under daylight (D65), sRGB [24, 3]; cyan is slightly out of gamut."""
     return lab_to_srgb(lab_d50_to_d65(np.array([lab for _, *lab in PATCHES])))
 
 
@@ -107,18 +169,12 @@ def _homography(corners: np.ndarray) -> np.ndarray:
 def patch_colors(photo: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return the mean colors of the patches in a photo, sRGB [24, 3], averaged in linear light.
 
+    Raises BadRequest if the corners are not those of a chart, or outside the photo.
+
     Args:
         photo: sRGB [H, W, 3] in [0, 1].
         corners: [4, 2], pixels (u, v) from the photo's upper left: the outer corners of the brown, bluish green, black
             and white patches, in this order.
-
-    Raises:
-        BadRequest: The corners are not those of a chart, or outside the photo.
-
-    Examples:
-        >>> photo = np.full((40, 60, 3), 0.5)
-        >>> patch_colors(photo, np.array([[5, 5], [55, 5], [55, 35], [5, 35]])).round(2)[0].tolist()
-        [0.5, 0.5, 0.5]
     """
     _check_corners(corners, photo.shape[1], photo.shape[0])
     places = _sample_points()
@@ -143,24 +199,16 @@ def _check_corners(corners: np.ndarray, width: int, height: int) -> None:
 
 
 def fit_chart(patches: np.ndarray) -> ChartFit:
-    """Fit the reference light to the patches in the photos, sRGB [24, 3] in [0, 1].
+    """Fit the reference light to the patches in the photos, sRGB [24, 3] in [0, 1], by least squares in linear light.
 
-    Raises:
-        BadRequest: Too many patches are clipped or dark, or they are not those of this chart.
-
-    Examples:
-        >>> warm = linear_to_srgb(srgb_to_linear(reference_colors()) * [1.0, 0.8, 0.5])
-        >>> found = fit_chart(np.clip(warm, 0, 1))
-        >>> print(found.light.matrix.round(2) + 0.0)
-        [[1.  0.  0. ]
-         [0.  0.8 0. ]
-         [0.  0.  0.5]]
+    Raises BadRequest if too many patches are clipped or dark, or they are not those of this chart.
     """
     known = reference_colors()
     counts = (patches.min(-1) > DARKEST) & (patches.max(-1) < CLIPPED)
     if counts.sum() < MIN_PATCHES:
         raise BadRequest(
-            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright in the photo.",
+            f"Only {counts.sum()} of the chart's {len(known)} patches are neither too dark nor too bright "
+            "in the photo.",
             "Take a photo in which the chart is well lit.",
         )
     photographed, wanted = srgb_to_linear(patches[counts]), srgb_to_linear(known[counts])
@@ -177,20 +225,7 @@ def fit_chart(patches: np.ndarray) -> ChartFit:
 
 
 def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
-    """Fit the reference light to a chart in a photo; its corners (see `patch_colors`) may start anywhere, in either direction.
-
-    Raises BadRequest as `patch_colors` and `fit_chart` do.
-
-    Examples:
-        A flat chart at half the light, of patches 10 pixels wide and 1 apart:
-
-        >>> photo = np.zeros((43, 65, 3))
-        >>> for (row, column), color in zip(np.ndindex(4, 6), srgb_to_linear(reference_colors())):
-        ...     photo[11 * row : 11 * row + 10, 11 * column : 11 * column + 10] = linear_to_srgb(color / 2)
-        >>> photo = photo.clip(0, 1)
-        >>> fit_photo(photo, np.array([[0, 0], [65, 0], [65, 43], [0, 43]])).light.matrix.diagonal().round(2).tolist()
-        [0.5, 0.5, 0.5]
-    """
+    """Like `fit_chart` for a photo; the corners (see `patch_colors`) may start anywhere, in either direction."""
     corners, fits, refused = np.asarray(corners, np.float64), [], []
     for ordered in (corners, corners[::-1]):
         for begin in range(4):
@@ -200,4 +235,4 @@ def fit_photo(photo: np.ndarray, corners: np.ndarray) -> ChartFit:
                 refused.append(error)
     if not fits:
         raise refused[0]
-    return min(fits, key=lambda fit: fit.mean_left)
+    return min(fits, key=lambda fit: fit.mean_residual)

@@ -12,9 +12,9 @@ pytest.importorskip("scipy")
 from scipy.spatial import ConvexHull
 
 from karf_engine.errors import DataError
-from karf_engine.palettes.extraction.barycentric_weights import outside_distance, star_weights
-from karf_engine.palettes.extraction.cells import cell_support, color_cells
-from karf_engine.palettes.extraction.hull import _least_vertex, extract_palette
+from karf_engine.palettes.color_histogram import cell_support, color_cells
+from karf_engine.palettes.extraction import _least_vertex, extract_palette
+from karf_engine.palettes.palette_weights import outside_distance, star_weights
 
 BLACK = np.zeros(3)
 LEGO = np.array([(0, 0, 0), (255, 252, 61), (255, 144, 6), (71, 92, 130), (255, 0, 0), (255, 255, 255)]) / 255

@@ -8,7 +8,7 @@ import pytest
 
 from karf_engine.errors import DataError
 from karf_engine.io.color import srgb_to_lab
-from karf_engine.palettes.colorways.sheet import read_sheet
+from karf_engine.palettes.colorways import read_sheet
 
 MINT = np.array([0x80, 0xD0, 0xA0]) / 255
 
