@@ -130,17 +130,9 @@ def _reprojection(capture: Capture, views: Sequence[View], found: _Matches) -> f
 def _thin_objects(folder: Path, views: Sequence[View]) -> Iterator[tuple[str, float]]:
     """Yield the name of each masked object, and the share of its masks that is thin in photos of `SIDE` pixels."""
     for masks in sorted(each for each in folder.iterdir() if each.is_dir()):
-        shares = [_thin_share(_small_mask(path)) for view in views for path in masks_of_view(masks, view)[:1]]
+        shares = [_thin_share(read_mask(path)) for view in views for path in masks_of_view(masks, view)[:1]]
         if shares:
             yield masks.name, float(np.mean(shares))
-
-
-def _small_mask(path: Path) -> np.ndarray:
-    """Read a mask scaled down to `SIDE` pixels, bool [H, W]."""
-    mask = read_mask(path)
-    height, width = mask.shape
-    factor = min(1.0, SIDE / max(height, width))
-    return resize(mask.astype(np.float32), max(1, round(width * factor)), max(1, round(height * factor))) >= 0.5
 
 
 # ----------------------------------------------------------------------------------------------------- photos and masks
@@ -173,7 +165,10 @@ def _plainness(pictures: Sequence[np.ndarray]) -> float:
 
 
 def _thin_share(mask: np.ndarray) -> float:
-    """Return the share of a mask's pixels in parts narrower than `THIN` pixels, in [0, 1]."""
+    """Return the share of a mask in parts narrower than `THIN` pixels, scaled down to `SIDE` pixels."""
+    height, width = mask.shape
+    factor = min(1.0, SIDE / max(height, width))
+    mask = resize(mask.astype(np.float32), max(1, round(width * factor)), max(1, round(height * factor))) >= 0.5
     area = int(np.count_nonzero(mask))
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((THIN, THIN), np.uint8))
     return 1 - int(np.count_nonzero(opened)) / area if area else 0.0

@@ -1,22 +1,28 @@
-"""Estimate camera poses by pycolmap's incremental mapper (Schönberger and Frahm 2016) on the CPU.
+"""Estimate camera poses of photos, or of a video's sharpest frames, by pycolmap's incremental mapper on the CPU.
 
-pycolmap cannot be interrupted everywhere, and may abort its process, so it runs in a child process. The child reports by a
-pipe; progress within a phase is read from its database.
+pycolmap (Schönberger and Frahm 2016) cannot be interrupted everywhere, and may abort its process, so it runs in a child
+process. The child reports by a pipe; progress within a phase is read from its database.
 """
 
 from __future__ import annotations
 
 import sqlite3
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from ..compute.progress import Emit, Progress
+from ..errors import Cancelled, DataError
 from ..io.files import errors_naming_path
+from ..io.images import write_png
+from ..io.inputs import check_file
+from ..io.library_paths import library_path
 from .child_process import Message, child_messages
 
 LONG_SIDE = 1600  # longer side for feature extraction, pixels
@@ -24,6 +30,8 @@ MOST_FEATURES = 4096  # per photo; matching time grows with the square
 SEQUENTIAL_OVERLAP = 12  # neighbors matched on each side, then those 2, 4, 8, ... times as far away
 PAIR_BLOCK = 10  # photos matched between two reports
 FEWEST_PHOTOS = 3
+MOST_FRAMES = 100  # of a video
+SHARPNESS_WIDTH = 480  # width of the measured frame, pixels; at full size grain counts as sharpness
 EPIPOLAR_TOLERANCE = 4.0  # pixels; matches closer to their epipolar line agree with the poses
 
 
@@ -161,7 +169,11 @@ def _map(pycolmap: Any, task: SfmTask, report: Callable[[int], None]) -> SfmResu
         report(registered)
 
     models = pycolmap.incremental_mapping(task.database, task.photos, task.work, options, next_image_callback=count)
-    plausible = [model for model in models.values() if not _is_bogus(model)]
+    plausible = [  # too few matches allow impossible intrinsics
+        model
+        for model in models.values()
+        if not any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in model.cameras.values())
+    ]
     if not plausible:
         return SfmResult()
     best = max(plausible, key=lambda model: model.num_reg_images())
@@ -203,6 +215,54 @@ def _sampson_errors(second_from_first: np.ndarray, first: np.ndarray, second: np
     return np.abs((second * lines).sum(1)) / np.maximum(slopes, np.finfo(float).tiny)
 
 
-def _is_bogus(model: Any) -> bool:
-    """Test for impossible intrinsics, which too few matches allow."""
-    return any(camera.has_bogus_params(0.1, 10.0, 1.0) for camera in model.cameras.values())
+# ---------------------------------------------------------------------------------------------------------------- video
+def write_sharpest_frames(video: Path, folder: Path, should_stop: Callable[[], bool]) -> list[str]:
+    """Write about 100 frames at most, evenly spaced, as `frame_0001.png` ... into `folder`, and return their names.
+
+    Frames are rotated as the video declares. Raises DataError if the file is not a readable video, or Cancelled.
+    """
+    names: list[str] = []
+    segment = max(1, round(_count_frames(video, should_stop) / MOST_FRAMES))
+    best, best_sharpness = np.empty(0), -1.0
+    for number, reader in enumerate(_frames(video, should_stop), 1):
+        frame = reader.retrieve()[1]
+        sharpness = _sharpness(frame)
+        if sharpness > best_sharpness:
+            best, best_sharpness = frame, sharpness
+        if number % segment == 0:
+            names.append(f"frame_{len(names) + 1:04d}.png")
+            write_png(folder / names[-1], cv2.cvtColor(best, cv2.COLOR_BGR2RGB))
+            best_sharpness = -1.0
+    return names
+
+
+def _count_frames(video: Path, should_stop: Callable[[], bool]) -> int:
+    """Count the frames, since headers are unreliable."""
+    check_file(video, sys.maxsize)
+    count = sum(1 for _ in _frames(video, should_stop))
+    if count == 0:
+        raise DataError(
+            "{path} is not a video that can be read.", "Give a folder of photos, or an MP4 video.", path=video
+        )
+    return count
+
+
+def _frames(video: Path, should_stop: Callable[[], bool]) -> Iterator[cv2.VideoCapture]:
+    """Yield the reader at each frame; its `retrieve` decodes the frame as BGR."""
+    with library_path(video) as readable:
+        reader = cv2.VideoCapture(readable)
+    try:
+        while reader.grab():
+            if should_stop():
+                raise Cancelled(f"Reading {video} was cancelled.", "Start it again when you like.")
+            yield reader
+    finally:
+        reader.release()
+
+
+def _sharpness(frame: np.ndarray) -> float:
+    """Return the variance of the Laplacian, which blur lowers."""
+    gray = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)
+    scale = min(1.0, SHARPNESS_WIDTH / gray.shape[1])
+    small = cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return float(cv2.Laplacian(small, cv2.CV_32F).var())

@@ -17,8 +17,7 @@ from PIL import Image, ImageOps
 
 from ..capture.child_process import work_folder
 from ..capture.reader_utils import photos_in
-from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct
-from ..capture.video import write_sharpest_frames
+from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct, write_sharpest_frames
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
 from ..io.files import errors_naming_path
