@@ -79,13 +79,6 @@ def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_sample
     """Select the packed samples at the K mid-quantiles of each ray's weights [S]. `first` is added to `index`.
 
     Not differentiable.
-
-    Example:
-        >>> samples = Samples(torch.tensor([0, 0]), torch.tensor([1.0, 2.0]), torch.zeros(2, 3), 1.0)
-        >>> rays = Rays(torch.zeros(2, 3), torch.zeros(2, 3))
-        >>> cache = quantile_samples(rays, samples, torch.tensor([0.6, 0.2]), 2)
-        >>> cache.index, cache.distances  # the second ray is empty; 1/4 and 3/4 of the first's 0.8 are 0.2 and 0.6
-        (tensor([0]), tensor([[1., 1.]]))
     """
     n_rays = len(rays)
     mass = torch.cumsum(ray_weights.double(), 0)
@@ -102,10 +95,5 @@ def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_sample
     chosen = torch.searchsorted(key, kept[:, None] + quantiles)
     # rounding may lead past the ray's last sample
     chosen = torch.minimum(chosen, end[kept, None] - 1)
-    return SurfaceCache(
-        samples.positions[chosen],
-        samples.distances[chosen],
-        rays.viewdirs[kept],
-        opacity[kept].float(),
-        kept + first,
-    )
+    positions, distances = samples.positions[chosen], samples.distances[chosen]
+    return SurfaceCache(positions, distances, rays.viewdirs[kept], opacity[kept].float(), kept + first)
