@@ -10,10 +10,9 @@ import torch
 from torch import Tensor, nn
 
 from ..capture.camera import Camera
-from ..compute.cores import parallel_for
 from .protocol import Field
 from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance, spherical_harmonics
-from .rendering.surface_cache import SurfaceCache, concatenate_caches, quantile_samples
+from .rendering.surface_cache import SurfaceCache, concatenate_caches, map_chunks, quantile_samples
 from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
 CPU_RAYS_PER_CHUNK = 2048  # samples fit the cache
@@ -81,15 +80,8 @@ class Scene:
     def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
         """Return chunks of colors, opacities, distances and caches."""
         chunk = CPU_RAYS_PER_CHUNK if rays.origins.device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
-        starts = range(0, len(rays), chunk)
-        parts = {}
-
-        def render(first: int, last: int) -> None:
-            for start in starts[first:last]:
-                parts[start] = self._render_chunk(rays[start : start + chunk], start, n_quantiles)
-
-        parallel_for(render, len(starts))
-        return tuple(zip(*(parts[start] for start in starts), strict=True))
+        parts = map_chunks(lambda rays, first: self._render_chunk(rays, first, n_quantiles), rays, chunk)
+        return tuple(zip(*parts, strict=True))
 
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field

@@ -110,7 +110,14 @@ def train(
         )
         optimizer.step()
         training_state.done += 1
-        _report(metrics, progress, checkpoint)
+        try:
+            progress.step(1, **metrics)
+        except Cancelled:
+            if checkpoint is not None:
+                checkpoint.save()
+            raise
+        if checkpoint is not None:
+            checkpoint.save_if_due()
     for group, rate in zip(optimizer.param_groups, rates, strict=True):
         group["lr"] = rate
 
@@ -125,17 +132,6 @@ def _gradients(training_state: TrainingState, step: Step, iteration: int, parts:
             share.backward()
             losses.append(share.detach())
     return torch.stack(losses).sum(), metrics
-
-
-def _report(metrics: Metrics, progress: Progress, checkpoint: Checkpoint | None) -> None:
-    try:
-        progress.step(1, **metrics)
-    except Cancelled:
-        if checkpoint is not None:
-            checkpoint.save()
-        raise
-    if checkpoint is not None:
-        checkpoint.save_if_due()
 
 
 def _undecorated(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -281,16 +281,10 @@ def import_nerf(
     device: torch.device,
     seed: int = 0,
 ) -> tuple[Scene, str, float]:
-    """Align networks with a capture.
+    """Align a coarse and a fine network with all views of a capture.
 
-    Args:
-        networks: Coarse and fine.
-        views: All views of the capture.
-        datasets: Some training photos, by the kind of background.
-        settings: Samples per ray, and near and far if set.
-        source: Name of the networks in errors.
-        device: Device of the scene.
-        seed: Of the compared pixels and of the rays that measure the bounds.
+    `datasets` are some training photos, by the kind of background; `source` names the networks in errors. The seed is
+    of the compared pixels and of the rays that measure the bounds.
 
     Returns:
         The scene, the name of the alignment, and its mean PSNR in dB.

@@ -73,16 +73,7 @@ def spherical_harmonics(viewdirs: Tensor) -> Tensor:
 
 
 class PixelDataset:
-    """All pixels of V training images with their rays, addressed by one flat index.
-
-    Attributes:
-        cameras: One per training image.
-        color: [N, 3] uint8 sRGB.
-        alpha: Mattes [N] uint8, or None.
-        solid: [N] bool, pixels known to be opaque, or None.
-        gains: [V, 3] float32, relative exposure of each image (see exposures.py); 1 until it is estimated.
-        offsets: [V + 1]; image v has the pixels offsets[v] .. offsets[v + 1] - 1.
-    """
+    """All N pixels of V training images with their rays, addressed by one flat index."""
 
     def __init__(
         self,
@@ -95,19 +86,20 @@ class PixelDataset:
     ) -> None:
         """Concatenate the pixels of V images [H, W, 3] in [0, 1], mattes [H, W] in [0, 1] and masks [H, W] bool.
 
-        `draw` returns only pixels of the masks `valid`; None for all.
+        `solids` are pixels known to be opaque; `draw` returns only pixels of `valid`, or all for None.
         """
 
         def concatenate(images: list[np.ndarray], *channels: int) -> Tensor:
             return torch.from_numpy(np.concatenate([image.reshape(-1, *channels) for image in images])).to(device)
 
         self.cameras = cameras
-        self.color = concatenate([to_bytes(color) for color in colors], 3)
-        self.alpha = None if alphas is None else concatenate([to_bytes(alpha) for alpha in alphas])
-        self.solid = None if solids is None else concatenate(solids)
-        self.gains = torch.ones(len(cameras), 3, device=device)
+        self.color = concatenate([to_bytes(color) for color in colors], 3)  # [N, 3] uint8 sRGB
+        self.alpha = None if alphas is None else concatenate([to_bytes(alpha) for alpha in alphas])  # [N] uint8
+        self.solid = None if solids is None else concatenate(solids)  # [N] bool
+        self.gains = torch.ones(len(cameras), 3, device=device)  # exposures of the images; 1 until they are estimated
         self._usable = None if valid is None else torch.nonzero(concatenate(valid)).squeeze(1)
         sizes = torch.tensor([c.width * c.height for c in cameras])
+        # image v has the pixels offsets[v] .. offsets[v + 1] - 1
         self.offsets = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
         self._widths = torch.tensor([c.width for c in cameras], device=device)
         self._intrinsics = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float32, device=device)

@@ -144,19 +144,10 @@ class Polylines:
 
 
 def stratified_samples(near: float, far: float, count: int, in_disparity: bool, jitter: Tensor) -> Tensor:
-    """Draw stratified samples along rays, one in each of `count` intervals (NeRF, Eq. 2).
+    """Draw stratified samples t [R, N] along rays, one in each of N = `count` intervals (NeRF, Eq. 2).
 
-    The interval borders are the midpoints of evenly spaced values.
-
-    Args:
-        near: First t; positive where `in_disparity`.
-        far: Last t.
-        count: N.
-        in_disparity: Space evenly in 1 / t instead of t.
-        jitter: [R, N] in [0, 1), position within each interval; or [R, 0] for the evenly spaced values.
-
-    Returns:
-        t [R, N], sorted along each ray.
+    The interval borders are the midpoints of values evenly spaced in t, or in 1 / t where `in_disparity`. `jitter` is
+    the position within each interval, [R, N] in [0, 1), or [R, 0] for the evenly spaced values.
     """
     share = torch.linspace(0, 1, count, device=jitter.device)
     even = 1 / ((1 - share) / near + share / far) if in_disparity else near + (far - near) * share
@@ -185,16 +176,9 @@ def dense_ray_weights(sigmas: Tensor, deltas: Tensor) -> Tensor:
 
 
 def sample_pdf(edges: Tensor, weights: Tensor, u: Tensor) -> Tensor:
-    """Invert the distribution function of a piecewise constant density: samples [R, N].
+    """Invert the distribution function at `u` [R, N] in [0, 1] of a piecewise constant density: samples [R, N].
 
-    Args:
-        edges: [R, M + 1], sorted along each ray.
-        weights: [R, M] >= 0, unnormalized; FLOOR is added to each.
-        u: [R, N] in [0, 1].
-
-    Example:
-        >>> sample_pdf(torch.tensor([[0.0, 1.0, 2.0]]), torch.tensor([[1.0, 1.0]]), torch.tensor([[0.25, 0.75]]))
-        tensor([[0.5000, 1.5000]])
+    It has sorted `edges` [R, M + 1] and unnormalized `weights` [R, M] >= 0, to which FLOOR is added.
     """
     weights = weights + FLOOR
     cdf = torch.cumsum(weights / weights.sum(1, keepdim=True), 1)
