@@ -169,12 +169,9 @@ def _homography(corners: np.ndarray) -> np.ndarray:
 def patch_colors(photo: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Return the mean colors of the patches in a photo, sRGB [24, 3], averaged in linear light.
 
-    Raises BadRequest if the corners are not those of a chart, or outside the photo.
-
-    Args:
-        photo: sRGB [H, W, 3] in [0, 1].
-        corners: [4, 2], pixels (u, v) from the photo's upper left: the outer corners of the brown, bluish green, black
-            and white patches, in this order.
+    The photo is sRGB [H, W, 3] in [0, 1]. Corners [4, 2] are pixels (u, v) from its upper left: the outer corners of
+    the brown, bluish green, black and white patches, in this order. Raises BadRequest if they are not those of a chart,
+    or outside the photo.
     """
     _check_corners(corners, photo.shape[1], photo.shape[0])
     places = _sample_points()

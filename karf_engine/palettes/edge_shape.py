@@ -59,11 +59,8 @@ def apply_edge_shape(
     Moving is gray-scale erosion (or dilation) by a disk, which preserves the softness of the edge. Fading applies two
     boxes of half the feather along each axis, which keeps 0.5 at a straight edge. Borders are extended by replication.
 
-    Args:
-        coverage: [H, W] in [0, 1].
-        shape: The shape.
-        scale: Pixels of this picture per pixel of the photo at full size.
-        room: [H, W], the part of each pixel not covered by other objects, which limits growth; None for no limit.
+    `scale` is pixels of this picture per pixel of the photo at full size. `room` [H, W], the part of each pixel not
+    covered by other objects, limits growth.
     """
     before = np.asarray(coverage, np.float32)
     after = feather(erode(before, shape.choke * scale), shape.feather * scale)
@@ -265,12 +262,7 @@ def apply_edges_to_points(
     """Return the objects' shares of points, [N, K] float32, after moving and fading edges.
 
     An edge fades with the same profile as in pictures, and does not grow into another object.
-
-    Args:
-        shares: [N, K] in [0, 1].
-        borders: Of these points.
-        objects: Names of the K objects.
-        edges: By object; others keep the shares.
+    Shares are [N, K] in [0, 1], of the K `objects`; those without an edge keep them.
     """
     result = np.array(shares, np.float32)
     total = result.sum(axis=1)

@@ -32,13 +32,10 @@ TOUCH = 1e-9
 def extract_palettes(
     names: Sequence[str], pixels: Sequence[Sequence[np.ndarray]], settings: PaletteSettings, seed: int = 0
 ) -> list[Palette]:
-    """Extract one palette per object, or a shared one from all colors if the settings ask for it.
+    """Extract one palette per object, or with `settings.shared` one from all colors.
 
-    Args:
-        names: Of the objects.
-        pixels: Photo colors of each object in each view, [n, 3] sRGB in [0, 1]; at least one color per object.
-        settings: Size, tolerance, start and sharing.
-        seed: For the random colors of `start="random"`.
+    Pixels are the photo colors of each object in each view, [n, 3] sRGB in [0, 1], at least one per object. The seed is
+    for the random colors of `settings.start="random"`.
     """
     random = np.random.default_rng(seed)
     groups = [[view for own in pixels for view in own]] if settings.shared else pixels

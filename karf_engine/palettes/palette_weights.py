@@ -63,12 +63,8 @@ def loco_weights(
     weights @ palette is the color if the colors are in the palette's hull. Pixels without extent in some direction get
     `star_weights`.
 
-    Args:
-        colors: [n, 3] sRGB in [0, 1].
-        places: [n, 2] pixel coordinates in picture sizes.
-        palette: [M, 3] sRGB in [0, 1], entry 0 black.
-        features: [n, F] prior features of any scale; extreme pixels become corners too. LoCoPalettes has features of a
-            semantic network.
+    Colors are sRGB [n, 3]; places [n, 2] are pixel coordinates in picture sizes. Pixels of extreme `features` [n, F],
+    here the field's prior features of any scale, in LoCoPalettes those of a semantic network, become corners too.
     """
     direct = star_weights(colors, palette)
     points = np.concatenate([colors, places], 1).astype(np.float64)
