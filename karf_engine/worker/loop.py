@@ -45,7 +45,7 @@ class WarmOptions(Options):
 
 
 class Inbox:
-    """What a worker reads from standard input: job folders in order, and the latest query of each kind.
+    """Messages that a worker reads from standard input: job folders in order, and the latest query of each kind.
 
     Args:
         emit: Receives `dropped` for a waiting query that a later one of its kind replaces, and `warning` for a line that
