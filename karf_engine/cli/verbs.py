@@ -83,20 +83,17 @@ def extract_palettes(arguments: argparse.Namespace) -> int:
 
 
 def mark(arguments: argparse.Namespace) -> int:
-    """Write one mask and print its path."""
     print(_result_of(arguments))
     return 0
 
 
 def inspect(arguments: argparse.Namespace) -> int:
-    """Print the quality of a capture in sentences."""
     advice = _result_of(arguments)
     print("\n".join([advice.sentence, *advice.findings]))
     return 0
 
 
 def write_bundle(arguments: argparse.Namespace) -> int:
-    """Write a job bundle for a render farm."""
     log(f"wrote {_result_of(arguments)}")
     return 0
 
@@ -112,7 +109,6 @@ def _result_of(arguments: argparse.Namespace) -> Any:
 
 
 def list_settings(_: argparse.Namespace) -> int:
-    """Print all settings."""
     for name, default, text in describe():
         print(f"{name:34} {default!s:12.60}  {text}")
     return 0
@@ -140,7 +136,6 @@ def doctor(options: argparse.Namespace) -> int:
 
 
 def speed(options: argparse.Namespace) -> int:
-    """Print how fast this computer learns, as JSON."""
     from .smoke import samples_per_second
 
     print(json.dumps({"samples_per_second": round(samples_per_second(options.device, options.threads))}))
@@ -148,7 +143,6 @@ def speed(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serve a job folder, and those that follow it."""
     return Worker(PathMap.of(options.folders), options.wait).serve(Path(options.job), sys.stdin)
 
 
