@@ -56,14 +56,8 @@ def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
 def remote_command(arguments: Sequence[str], texts: Sequence[str], paths: PathMap) -> tuple[list[str], Path | None]:
     """Return the arguments of the remote Python, and the local folder of the job that they run, if any.
 
-    Args:
-        arguments: The local arguments; the engine's folder becomes the engine installed there, and paths in shared
-            folders are mapped.
-        texts: The shared folders, for the remote engine.
-        paths: The same as a map.
-
-    Raises:
-        BadRequest: The job is not in a shared folder.
+    The engine's folder becomes the engine installed there, and paths in shared folders are mapped. `texts` are the shared
+    folders for the remote engine, `paths` the same as a map. Raises BadRequest if the job is not in a shared folder.
     """
     command, job = [], None
     for number, argument in enumerate(arguments):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 from ..errors import Cancelled
 from ..io.failures import as_karf_error, log, print_error
-from .parser import check_known, make_parser
+from .verbs import check_known, make_parser
 
 BROKEN_PIPE = 128 + 13  # the exit code of programs that SIGPIPE ends
 

@@ -102,7 +102,6 @@ def _verdict(found: list[Finding]) -> Finding:
 
 
 def python() -> Finding:
-    """Compare this Python's version with the tested ones."""
     version = platform.python_version()
     if PYTHON.contains(version):
         return Finding("python", OK, f"Python {version} is among the tested versions ({PYTHON}): {sys.executable}.")
@@ -152,7 +151,6 @@ def _judged(package: Package, version: str) -> Finding:
 
 
 def install_command(*packages: Package, options: str = "") -> str:
-    """Return the terminal command that installs packages."""
     wanted = " ".join(f'"{package.requirement}"' for package in packages)
     return f'"{sys.executable}" -m pip install {options}{wanted}'
 
@@ -203,13 +201,11 @@ def _build(torch) -> str:
 
 
 def processors() -> Finding:
-    """Count the processor cores that this process may use."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Finding("processor", OK, f"{usable} processor cores can be used.")
 
 
 def memory() -> Finding:
-    """Judge the size of the main memory."""
     total = total_memory()
     if total is None:
         return Finding("memory", OK, "This system does not say how much memory it has.")
@@ -221,7 +217,6 @@ def memory() -> Finding:
 
 
 def total_memory() -> int | None:
-    """Return the main memory in bytes, or None where the system does not tell."""
     if os.name == "nt":
         return _windows_memory()
     try:
@@ -231,7 +226,6 @@ def total_memory() -> int | None:
 
 
 def disk(folder: Path) -> Finding:
-    """Judge the free space of a folder's disk."""
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
@@ -269,7 +263,6 @@ def locks(folder: Path) -> Finding:
 
 
 def temporary() -> Finding:
-    """Check that temporary files can be written."""
     try:
         with tempfile.TemporaryFile() as stream:
             stream.write(b"KaRF")

@@ -56,7 +56,7 @@ def check_fields(record: Any) -> None:
 
 
 def check_type(what: str, name: str, value: Any, kind: Any) -> None:
-    """Raise TypeError if a value does not fit an annotation, or BadRequest if it is no path where one is expected."""
+    """Raise TypeError if a value does not fit an annotation, or BadRequest if a path is empty or has a zero character."""
     if coerce(value, kind) is MISSING:
         raise TypeError(f"{what} takes {describe_type(kind)} as {name}, not {format_value(value)}.")
     if isinstance(value, str) and Path in typing.get_args(kind) and (not value or "\0" in value):
@@ -72,7 +72,7 @@ def check_number(name: str, value: float, lowest: float, highest: float | None =
 
 
 def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
-    """Check that an array is numeric and has a shape, in which a string such as "n" allows any size.
+    """Check that an array is numeric and has a shape; a string such as "n" allows any size.
 
     Raises:
         TypeError: The argument is not an array.

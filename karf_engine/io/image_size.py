@@ -41,7 +41,7 @@ class ImageHeader:
 
     @property
     def swaps_sides(self) -> bool:
-        """Whether the orientation swaps width and height for display."""
+        """True if the orientation swaps width and height for display."""
         return self.orientation >= 5
 
     @property

@@ -126,7 +126,6 @@ def _read_deep(path: Path) -> np.ndarray:
 
 
 def apply_exif_orientation_copy(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Apply an Exif orientation to pixels [H, W, ...]."""
     return np.ascontiguousarray(apply_exif_orientation(pixels, orientation))
 
 

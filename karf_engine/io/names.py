@@ -60,7 +60,7 @@ def check_name(value: Any, path: Path, what: str) -> str:
 
 
 def check_names(values: Any, path: Path, what: str) -> list[str]:
-    """Return a list of distinct, valid file names. Raises DataError as `check_name`, or if they are no list or repeat."""
+    """Return a list of distinct, valid file names. Raises DataError as `check_name`, or if they are not a list or repeat."""
     if not isinstance(values, Iterable) or isinstance(values, str | dict):
         raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")
     names = [check_name(value, path, what) for value in values]

@@ -11,7 +11,7 @@ import sys
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
@@ -45,7 +45,7 @@ class WarmOptions(Options):
 
 
 class Inbox:
-    """What a worker reads from standard input: job folders in order, and the latest query of each kind.
+    """Messages that a worker reads from standard input: job folders in order, and the latest query of each kind.
 
     Args:
         emit: Receives `dropped` for a waiting query that a later one of its kind replaces, and `warning` for a line that
@@ -128,27 +128,16 @@ class Inbox:
         self._lines.put(None)
 
 
-def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Run a request's command in this process; see `commands.dispatch.run_command`."""
-    run_command(options_of_job(request.stage, request.project, request.options), emit, should_stop)
-
-
 class Worker:
     """A process that serves job folders.
 
     Args:
         paths: Folders that the caller knows by other paths; requests, queries and events have the caller's paths.
         wait_seconds: How long to wait for the next job after a finished one; 0 serves a single job.
-        run: Runs a request.
     """
 
-    def __init__(
-        self,
-        paths: PathMap = SAME_PATHS,
-        wait_seconds: float = 0,
-        run: Callable[[Request, Emit, Callable[[], bool]], None] = run_request,
-    ) -> None:
-        self._paths, self._wait_seconds, self._run = paths, wait_seconds, run
+    def __init__(self, paths: PathMap = SAME_PATHS, wait_seconds: float = 0) -> None:
+        self._paths, self._wait_seconds = paths, wait_seconds
         self._events: EventWriter | None = None  # of the current job
         self._inbox = Inbox(self._emit)
 
@@ -177,7 +166,8 @@ class Worker:
             if request.stage == WARM:
                 self._answer_queries(job, request)
             else:
-                self._run(request, self._emit, self._inbox.is_cancelled)
+                options = options_of_job(request.stage, request.project, request.options)
+                run_command(options, self._emit, self._inbox.is_cancelled)
             self._emit("done", summary=_summary(request))
         except Exception as raised:
             error = as_karf_error(raised)
@@ -256,7 +246,6 @@ def _redirect_stdio(folder: Path, log: Path) -> None:
 
 
 def _version(package: str) -> str | None:
-    """Return the version of an installed package without importing it, or None."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -257,6 +257,9 @@ class Settings(Typed):
     Raises:
         TypeError: A field is of another type.
         BadRequest: A value, also within a stage, is out of its range, or none of its choices.
+
+    Example:
+        settings = with_overrides(PRESETS["demo"], ["geometry.long_side=512"])
     """
 
     preset: str = "demo"

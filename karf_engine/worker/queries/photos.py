@@ -61,14 +61,9 @@ def inspect(session: Session, capture: str, holdout: int | None = None, masks: s
 def propose(
     session: Session, capture: str = "", view: str = "", prompts: dict | None = None, weights: str | None = None
 ) -> dict[str, Any]:
-    """Write the mask of an object in one photo, from a box, clicks or a lasso; the last photo is cached.
+    """Write the mask of an object in one photo from `prompts` (see `Prompts.from_json`); the last photo is cached.
 
-    Args:
-        session: Caches the photo.
-        capture: The capture.
-        view: The photo's view.
-        prompts: See `Prompts.from_json`.
-        weights: The folder of a Segment Anything model.
+    `weights` is the folder of a Segment Anything model.
 
     Returns:
         `mask`, the path of an 8-bit PNG of the photo's size, white inside the object.
@@ -108,12 +103,7 @@ def correct(
 ) -> dict[str, Any]:
     """Apply a project's corrections and write the masks of a view. The first call takes longer: it labels the whole scene.
 
-    Args:
-        session: Caches the labels.
-        project: The project folder.
-        view: The view's name.
-        masks: Folder, by default the project's own.
-        corrections: Folder, by default the project's own.
+    `masks` and `corrections` are folders, by default the project's own.
 
     Returns:
         `masks`, {object: path of a PNG} in the photo's pixel grid.

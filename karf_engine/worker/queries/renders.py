@@ -32,12 +32,8 @@ PASSES = ("color", "alpha", "depth", "cryptomatte", "weights", "seen")
 def preview(session: Session, project: str, camera: dict, long_side: int, unseen: str | None = None) -> dict[str, Any]:
     """Render a camera, without its lens distortion, as edit planes; before palettes are learned they have no swatches.
 
-    Args:
-        session: Caches the model.
-        project: The project folder.
-        camera: A frame of a CAMERAS.json.
-        long_side: The picture's long side, pixels.
-        unseen: Splats that no photo shows, `faded` or `shown`; by default as the setting `render.unseen`.
+    `camera` is a frame of a CAMERAS.json, `long_side` that of the picture in pixels, `unseen` (`faded` or `shown`) what
+    becomes of splats that no photo shows; by default the setting `render.unseen` counts.
 
     Returns:
         `planes`, the file, for the caller to delete. `size`, width and height.
@@ -63,22 +59,15 @@ def show(
 ) -> dict[str, Any]:
     """Render a camera, without its lens distortion, with an edit; from splats where they are learned.
 
+    `camera` and `unseen` are those of `preview`, `edit` is edit.json, `passes` a list of `PASSES` (default: the color), and
+    `cryptomatte` the prefix of its layers' names. Mattes and weights follow the edit's edges.
+
     color: [H, W, 3] sRGB in [0, 1]; with the pass alpha straight (not premultiplied), without the background.
     alpha: [H, W] in [0, 1], the scene's opacity.
     depth: [H, W] along the optical axis, world units; 0 where the opacity is below one half.
     cryptomatte: [L, H, W, 4], layers of two pairs of id and coverage.
     weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
     seen: [H, W] in [0, 1], how well photos support the splats shown there; 1 for voxels.
-    Mattes and weights follow the edit's edges.
-
-    Args:
-        session: Caches the model.
-        project: The project folder.
-        camera: A frame of a CAMERAS.json.
-        edit: As edit.json, by default none.
-        passes: A list of `PASSES`, by default the color.
-        cryptomatte: The prefix of its layers' names.
-        unseen: As of `preview`.
 
     Returns:
         `pixels` and `arrays` of `Session.write_arrays`, the file for the caller to delete. `size`, width and height.
@@ -113,14 +102,10 @@ def show(
 
 @query
 def harmonics(session: Session, project: str, edit: dict | None = None, points: dict | None = None) -> dict[str, Any]:
-    """Return the spherical harmonics of the scene's splats with an edit.
+    """Return the spherical harmonics of the scene's splats with an edit, for programs that render the Gaussians themselves.
 
-    Args:
-        session: Caches the model.
-        project: The project folder.
-        edit: As edit.json, by default none.
-        points: An object of another program that displays the splats: its number of points `count`, and the `positions`
-            [m][3] of some `rows`. The harmonics are then rotated like the object.
+    `points` is an object of such a program: its number of points `count`, and the `positions` [m][3] of some `rows`. The
+    harmonics are then rotated like the object.
 
     Returns:
         `pixels` and `arrays` of `Session.write_arrays`: `harmonics` [n, 3 K] float32, in the order of the splats' table,
@@ -145,7 +130,7 @@ def _fades(unseen: str | None) -> bool | None:
 
 
 def _edit(model: Model, content: dict | None) -> Edit | None:
-    """Return the edit of a query; None before palettes are learned. Raises DataError if it does not fit the palettes."""
+    """Return the edit of a query; None before palettes are learned."""
     if model.recoloring is None:
         return None
     return edit_from_json(content or {}, "the query", model.palettes, model.edit().compositing)
@@ -199,7 +184,6 @@ def _frame(session: Session, model: Model, camera: Camera, fades: bool | None) -
 
 
 def _passes(model: Model, camera: Camera, frame: Frame, passes: list[str]) -> dict[str, np.ndarray]:
-    """Return the requested passes except the color."""
     found = {}
     if "alpha" in passes:
         found["alpha"] = frame.opacity
