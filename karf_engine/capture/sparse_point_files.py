@@ -1,7 +1,4 @@
-"""Sparse points in PLY files, as nerfstudio writes them beside its transforms.json. See `io.ply` for the file format.
-
-The first element must be `vertex` with x, y, z and, optionally, red, green, blue.
-"""
+"""Sparse points in PLY files, as nerfstudio writes them beside its transforms.json: x, y, z and, optionally, colors."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
-from ..io.ply import read_header, read_rows
+from ..io.ply import read_ply
 from .capture import SparsePoints
 from .limits import LARGEST_POSITION
 from .reader_utils import read_bytes
@@ -22,21 +19,14 @@ def read_points(path: Path) -> SparsePoints:
     """Read the vertices of a PLY file as points without observations; errors are nan, missing colors are gray.
 
     Raises:
-        DataError: The file is damaged, or its first element is not vertices with finite x, y, z.
+        DataError: The file is damaged, or its vertices have no finite x, y, z.
     """
     data = read_bytes(path)
     try:
-        header = read_header(data)
-        first = header.elements[0]
-        if first.name != "vertex" or first.dtype is None or not set("xyz") <= set(first.dtype.names or ()):
-            raise ValueError("its first element is not vertex with x, y, z")
-    except (IndexError, KeyError, ValueError) as error:
-        raise _damaged(path, f"its header cannot be understood ({error})") from error
-    try:
-        table = read_rows(data, header, "vertex")
+        table = read_ply(data).table("vertex")
+        positions = np.stack([table[axis] for axis in "xyz"], 1).astype(np.float64)
     except ValueError as error:
         raise _damaged(path, str(error)) from error
-    positions = np.stack([table[axis] for axis in "xyz"], 1).astype(np.float64)
     if not np.abs(positions).max(initial=0) <= LARGEST_POSITION:
         raise _damaged(path, "it has a point that is not finite")
     return SparsePoints(
