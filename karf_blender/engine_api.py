@@ -94,7 +94,7 @@ from ..karf_engine.project.jobs import new_job
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.state import result_fingerprint
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
-from ..karf_engine.worker.findings import ERROR, OK, VERDICT, WARNING, Finding
+from ..karf_engine.worker.findings import ERROR, OK, REQUIRED, VERDICT, WARNING, Finding
 from ..karf_engine.worker.protocol import (
     CANCEL,
     LOG_FILE,
@@ -106,7 +106,6 @@ from ..karf_engine.worker.protocol import (
     Request,
     folder_line,
 )
-from ..karf_engine.worker.requirements import REQUIRED
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)

@@ -49,23 +49,9 @@ if TYPE_CHECKING:
 # module -> the public names that it defines
 _DEFINES = {
     "api": (
-        "find_poses",
-        "import_splat",
-        "inspect_capture",
-        "mark",
-        "learn",
-        "learn_geometry",
-        "segment",
-        "extract_palettes",
-        "learn_recoloring",
-        "learn_splats",
-        "load",
-        "render",
-        "colorways",
-        "write_points",
-        "export_splat",
-        "render_bundle",
-        "learning_bundle",
+        "find_poses", "import_splat", "inspect_capture", "mark",
+        "learn", "learn_geometry", "segment", "extract_palettes", "learn_recoloring", "learn_splats", "load",
+        "render", "colorways", "write_points", "export_splat", "render_bundle", "learning_bundle",
     ),
     "capture": ("open_capture",),
     "capture.camera": ("Camera",),
@@ -77,7 +63,7 @@ _DEFINES = {
     "project.settings": ("PRESETS", "Settings"),
     "recolor.frames": ("Frame",),
     "recolor.model": ("Model",),
-}
+}  # fmt: skip
 _HOME = {name: module for module, names in _DEFINES.items() for name in names}
 
 __all__ = sorted([*_HOME, "__version__"])

@@ -1,6 +1,6 @@
 """The signatures of the library's functions, with every keyword.
 
-Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options.py; change it there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -161,13 +161,13 @@ def render(
     layer_space: str | None = None,
     ocio: str | None = None,
     overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
+    planes: bool = False,
+    skip_existing: bool = False,
     views: str = "all",
     first: int | None = None,
     last: int | None = None,
     count: int | None = None,
-    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
-    planes: bool = False,
-    skip_existing: bool = False,
     threads: int | None = None,
     device: str | torch.device | None = None,
     progress: Callable[[str], None] | None = None,

@@ -36,11 +36,10 @@ SHARED = [
     "export/layer_names",
     "export/scene_points",
     "commands/dispatch",
-    "commands/options/*",
+    "commands/options",
     "commands/farm/*",
     "worker/protocol",
     "worker/findings",
-    "worker/requirements",
 ]
 # files of those rooms that the engine alone imports
 ENGINE_ALONE = {"training_images", "locking"}

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ..commands.options import COMMANDS
-from ..io.options import Options, fields_in_help_order, flag_of, types_of, union_members, unknown_option_error
+from ..io.arguments import annotations_of, union_members, unknown_name_error
+from ..io.options import Options, fields_in_help_order, flag_of
 from ..version import __version__
 from . import verbs
 
@@ -38,7 +39,7 @@ def check_known(arguments: argparse.Namespace, others: Sequence[str]) -> None:
     """Raise BadRequest for arguments that the verb does not know."""
     if others:
         known = [flag for item in fields_in_help_order(getattr(arguments, "kind", Options)) if (flag := flag_of(item))]
-        raise unknown_option_error(others[0], known)
+        raise unknown_name_error("option", others[0], known)
 
 
 def _add_command(commands: Subparsers, kind: type[Options]) -> argparse.ArgumentParser:
@@ -47,7 +48,7 @@ def _add_command(commands: Subparsers, kind: type[Options]) -> argparse.Argument
     verb.set_defaults(action=verbs.ACTIONS.get(kind.command, verbs.run_command_line), kind=kind)
     for item in fields_in_help_order(kind):
         if item.metadata["flag"] is not None:
-            _add_argument(verb, item, types_of(kind)[item.name])
+            _add_argument(verb, item, annotations_of(kind)[item.name])
     return verb
 
 
@@ -146,7 +147,7 @@ def _add_verb(commands: Subparsers, name: str, text: str, action: Callable) -> a
 
 def _add_machine(verb: argparse.ArgumentParser) -> None:
     for item in dataclasses.fields(Options):
-        _add_argument(verb, item, types_of(Options)[item.name])
+        _add_argument(verb, item, annotations_of(Options)[item.name])
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:

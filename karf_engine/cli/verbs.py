@@ -19,13 +19,13 @@ from ..commands.dispatch import run_command
 from ..compute.interrupts import stop_on_interrupt
 from ..compute.progress import TerminalEmit
 from ..errors import BadRequest
+from ..io.failures import log
 from ..io.files import read_json
 from ..io.options import Options
 from ..project import Project
 from ..project.settings import describe
 from ..worker.loop import Worker
 from ..worker.path_map import PathMap
-from ..worker.reporting import log
 
 
 def options_of(arguments: argparse.Namespace) -> Options:
@@ -137,7 +137,7 @@ def doctor(options: argparse.Namespace) -> int:
 
 def speed(options: argparse.Namespace) -> int:
     """Print how fast this computer learns, as JSON."""
-    from .doctor.speed import samples_per_second
+    from .smoke import samples_per_second
 
     print(json.dumps({"samples_per_second": round(samples_per_second(options.device, options.threads))}))
     return 0

@@ -38,11 +38,9 @@ from ..palettes.palette import read_palettes, rgb_to_hex
 from ..palettes.palette_files import read_edit_file
 from ..palettes.reference_light import ReferenceLight
 from ..project import Project
-from ..project.locking import open_project, read_lock
 from ..recolor.model import Model
 from .calibration import reference_light
-from .disputes import warn_of_disputes
-from .job import Job, open_job
+from .job import Job, open_job, warn_of_disputes
 from .options import ColorwaysOptions
 
 VERSION = 1  # of the pictures; incremented when the same inputs would give others
@@ -52,7 +50,7 @@ MAX_WARNINGS = 5
 
 def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Report the predicted colors of each colorway, then render all views. Raises DataError for a wrong row of the sheet."""
-    project = open_project(options.project)
+    project = Project(options.project).snapshot()
     light = reference_light(options, emit)
     edges = _read_edges(project, options.edges)
     planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
@@ -60,10 +58,8 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
         project.require("recoloring")
-        with read_lock(project):
-            job = open_job(options, emit, should_stop)
-            renderer = _Renderer(job, Model(project, job.runtime.device), planned, options, light)
-        renderer.run()
+        job = open_job(options, emit, should_stop, project)
+        _Renderer(job, Model(project, job.runtime.device), planned, options, light).run()
         job.artifact("contact sheet", options.out / "contact_sheet.png")
     emit("artifact", kind="colorways", path=str(options.out / "colorways.csv"))
 

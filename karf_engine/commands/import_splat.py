@@ -6,7 +6,6 @@ renderings from cameras chosen around the Gaussians. OUT appears only when it is
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -25,25 +24,22 @@ from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
-from ..io.files import copy_file, read_json
+from ..io.files import read_json
 from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
 from ..splats.gaussians import Gaussians, imported_gaussians
 from .options import ImportSplatOptions
-from .output_folder import new_folder
+from .output_folder import link_or_copy, new_folder
 
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
 MIN_PSNR = 15.0  # dB
 MIN_FILTER_GAIN = 0.5  # dB between the two screen filters for the photos to decide
-THUMBNAIL = 100  # pixels of the renderings that are searched for an empty background
+THUMBNAIL = 100  # pixels of the renderings that decide whether the background is empty
 MIN_VIEWS = 3
 MAX_EMPTY = 0.1  # share of empty pixels above which the views get an alpha channel
-AXES = {
-    **dict(zip(("x", "y", "z"), np.eye(3), strict=True)),
-    **dict(zip(("-x", "-y", "-z"), -np.eye(3), strict=True)),
-}
+AXES: dict[str, np.ndarray] = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
 
 
 def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -78,10 +74,7 @@ def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
         return folder / "splat.ply"
     is_compressed = splat.name.lower().endswith(".compressed.ply")
     linked = folder / f"splat{'.compressed' if is_compressed else ''}{splat.suffix.lower()}"
-    try:
-        os.link(splat.resolve(), linked)
-    except OSError:  # another disk, or a file system without links
-        copy_file(splat, linked)
+    link_or_copy(splat, linked)
     return linked
 
 

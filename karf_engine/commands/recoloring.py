@@ -40,7 +40,7 @@ def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool])
         project, device, settings = job.project, job.runtime.device, job.settings.recoloring
         field = load_scene(project.verified(project.geometry_file), device).field
         segmentation, objects = load_segmentation(project.verified(project.segmentation_file), field.n_features, device)
-        initial = read_palettes(project.verified(project.palette_file), "initial", objects)
+        initial = read_palettes(project.verified(project.output("palette.json", "palette")), "initial", objects)
         blocks = initial[:1] if job.settings.palette.shared else initial
         sizes = [len(palette.colors) for palette in blocks]
         bounds = segmentation.bounds

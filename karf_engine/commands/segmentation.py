@@ -12,8 +12,8 @@ from ..capture.capture import UNIT_GAINS
 from ..capture.reader_utils import read_bytes
 from ..compute.progress import Emit
 from ..fields.files import load_scene
+from ..fields.fit import Checkpoint
 from ..fields.protocol import Field
-from ..fields.training.checkpoint import Checkpoint
 from ..heads.fields import SegmentationField
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
@@ -78,7 +78,7 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
             )
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
-            copy_masks(masks, run.output(job.project.masks_folder))
+            job.project.replace_masks(lambda folder: copy_masks(masks, folder))
     job.artifact("segmentation", job.project.segmentation_file)
 
 

@@ -21,12 +21,10 @@ from ..palettes.edge_shape import active_edges
 from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
-from .frame_options import RenderOptions
+from .frame_options import FrameFileOptions, FrameOptions
 
 VERSION = 4  # raise it when the same inputs give other pictures
 RECORD_NAME = "finished.jsonl"
-# options that do not change a frame's content
-NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,7 @@ class PendingFrames:
 
 
 def pending_frames(
-    options: RenderOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
+    options: FrameFileOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
 ) -> PendingFrames:
     """Return all frames of a command; with `skip_existing` only missing ones and those made from other inputs.
 
@@ -141,8 +139,8 @@ def pending_frames(
     """
     if options.out is None:
         return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
-    values = asdict(options)
-    own = {name: value for name, value in values.items() if name not in NOT_OF_A_FRAME and value}
+    values = asdict(options.subset(FrameOptions)) | {"planes": options.planes, "threads": None, "device": None}
+    own = {name: value for name, value in values.items() if value}
     finished = FinishedFrames.read(options.out)
     frames = [
         (view, edit, frame_fingerprint(view_fingerprint(learned, view, own), edit))

@@ -21,13 +21,11 @@ from ..palettes.compositing import write_planes
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import AddedColor, Edit
 from ..project.state import result_fingerprint
-from ..recolor.frames import Frame, edit_planes, remove_background
+from ..recolor.frames import Frame, Layers, edit_planes, remove_background
 from ..recolor.full_resolution import PhotoView
-from ..recolor.layers import Layers
-from ..recolor.model import Model
-from ..recolor.photo_recoloring import base_of
+from ..recolor.model import Model, base_of
 from ..recolor.photos import suffix_for, write_mask, write_photo
-from .frame_options import FORMATS, RenderOptions
+from .frame_options import FORMATS, FrameFileOptions
 from .layers import write_layers
 
 
@@ -36,7 +34,7 @@ def write_view(
     view: View,
     edit: Edit | None,
     captured: bool,
-    options: RenderOptions,
+    options: FrameFileOptions,
     artifact: Callable[[str, Path], None],
 ) -> tuple[list[Path], set[str]]:
     """Write the files of a view, captured or of any camera.
@@ -62,7 +60,7 @@ class _Files:
     view: View
     edit: Edit | None
     captured: bool
-    options: RenderOptions
+    options: FrameFileOptions
     artifact: Callable[[str, Path], None]
     written: list[Path] = field(default_factory=list)
     disputed: set[str] = field(default_factory=set)

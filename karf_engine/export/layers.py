@@ -28,7 +28,7 @@ from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
 from ..io.images import white_level
 from ..io.library_paths import save_exr
-from ..recolor.layers import Layers
+from ..recolor.frames import Layers
 from . import cryptomatte
 from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers
 

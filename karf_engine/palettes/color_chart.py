@@ -1,7 +1,7 @@
 """Calibrate the reference light by a photographed color chart of 24 patches.
 
 The chart is the ColorChecker Classic as made since November 2014, by its published CIE L*a*b* (D50, 2 degree
-observer). Its four corners are picked or detected (`recolor.chart_detection`); a homography maps them to the patches,
+observer). Its four corners are picked or detected (`commands.calibration`); a homography maps them to the patches,
 which are averaged in linear light. A 3x3 matrix from the photos to the reference is fitted by least squares.
 """
 

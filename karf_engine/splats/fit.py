@@ -14,8 +14,8 @@ from ..capture.training_images import TrainingImage
 from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
-from ..fields.training.checkpoint import Checkpoint
-from ..fields.training.state import check_same_layout, read_integer, scalar_tensor
+from ..fields.fit import Checkpoint
+from ..fields.training import check_same_layout, read_integer, scalar_tensor
 from ..io.color import to_bytes
 from ..io.images import resize
 from .gaussians import Gaussians

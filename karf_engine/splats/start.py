@@ -1,7 +1,7 @@
 """What a learned field gives to the fit: initial Gaussians, and pictures between distant photos.
 
 Initial Gaussians are flat disks on its surface in its mean colors, and a distant background shell. Photos far apart do not
-constrain a Gaussian that floats in front of a camera that took none; the field's own priors (fields/wide_baseline.py) do.
+constrain a Gaussian that floats in front of a camera that took none; the field's own priors (fields/priors.py) do.
 """
 
 from __future__ import annotations
@@ -16,10 +16,9 @@ from scipy.spatial.transform import Rotation
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from ..fields.extent import focus_point, upright_axes
+from ..fields.extent import focus_point, is_wide_baseline, upright_axes
 from ..fields.scene import Scene
 from ..fields.scene_surface import SurfacePoints, surface_points
-from ..fields.wide_baseline import is_wide_baseline
 from ..io.color import to_bytes
 from .gaussians import Gaussians, near_plane
 from .kernels.arrays import C0, CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
@@ -43,7 +42,7 @@ def initial_gaussians(
     step: called after each rendered view, `len(surface_views(views))` times; may raise Cancelled.
 
     Raises:
-        NothingSolid: The scene has no surface.
+        NoSurface: The scene has no surface.
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])

@@ -107,7 +107,7 @@ class Query:
 
     Attributes:
         number: The caller's number, which the answer repeats.
-        kind: One of `worker.queries.kinds.QUERIES`.
+        kind: One of `worker.queries.QUERIES`.
         options: JSON values, paths absolute.
 
     Examples:

@@ -19,7 +19,7 @@ from karf_engine.capture.quality.inspection import inspect_capture as inspect_op
 from karf_engine.capture.quality.placement import measure_placement
 from karf_engine.cli import main
 from karf_engine.io.images import read_photo, write_png
-from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries import QUERIES
 from karf_engine.worker.queries.session import Session
 
 SIZE = 120

@@ -234,7 +234,7 @@ def test_a_color_chart_in_a_photo_says_the_same_found_by_itself_or_by_its_corner
 
 def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):
     project = shutil.copytree(learned.project, tmp_path / "project")
-    path = project / "geometry.safetensors"
+    path = Project(project).geometry_file
     path.write_bytes(path.read_bytes()[:-100])
     assert f"{path} is damaged" in fails(capsys, 4, "render", project, "--out", tmp_path / "out")[0]
 

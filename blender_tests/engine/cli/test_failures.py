@@ -62,7 +62,7 @@ def memory_errors():
 
 
 def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(capsys, monkeypatch):
-    from karf_engine.fields.training.loop import is_out_of_memory
+    from karf_engine.fields.training import is_out_of_memory
 
     for error in memory_errors():
         code, printed = end(capsys, monkeypatch, error)

@@ -56,12 +56,13 @@ def refusal(read, *arguments):
 
 
 def strangers_copy(learned, tmp_path):
-    """A copy of a learned project without checksums: a stranger's would fit what is hostile in it."""
+    """Return a copy of a learned project as early versions wrote it: without checksums, outputs beside project.json."""
     project = shutil.copytree(learned.project, tmp_path / "project")
 
     def without_checksums(state):
         del state["checksum"]
         for summary in state["stages"].values():
+            shutil.copytree(project / "results" / summary.pop("folder"), project, dirs_exist_ok=True)
             del summary["files"]
 
     rewrite_state(project, without_checksums)
@@ -132,9 +133,9 @@ def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path,
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
     reads = {
         "segmentation.safetensors": lambda job: load_segmentation(
-            job.project.checked(job.project.segmentation_file), 6
+            job.project.verified(job.project.segmentation_file), 6
         ),
-        "surface.safetensors": lambda job: load_surface(job.project.checked(job.project.surface_file)),
+        "surface.safetensors": lambda job: load_surface(job.project.verified(job.project.surface_file)),
     }
     assert "cannot be the name of a file" in refusal(reads[file], job_of(project))
 
@@ -293,6 +294,7 @@ def test_two_views_of_one_name_are_refused(tmp_path):
         {"stages": {"geometry": None}},
         {"stages": []},
         {"capture": None},
+        {"outdated": 5},
     ],
 )
 def test_values_of_project_json_of_another_type_are_named(tmp_path, change):

@@ -13,7 +13,7 @@ from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, c
 from karf_engine.compute import cores
 from karf_engine.compute.progress import Progress
 from karf_engine.errors import Cancelled, DataError, Diverged
-from karf_engine.fields.training.checkpoint import Checkpoint
+from karf_engine.fields.fit import Checkpoint
 from karf_engine.io.color import to_bytes
 from karf_engine.splats import fit as fit_module
 from karf_engine.splats.fit import Photo, SplatFit

@@ -50,21 +50,10 @@ class SurfaceCache:
 
 @torch.no_grad()
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
-    """Compute the quantile samples of rays, in world units, through a frozen field. Not differentiable.
+    """Compute the K = `n_samples` >= 1 quantile samples of rays, in world units, through a frozen field.
 
-    Args:
-        field: Any field with `trace` (see `fields.protocol.Field`).
-        rays: R rays.
-        n_samples: K >= 1.
-        step: Stride in voxels, for fields that march.
-        progress: Receives the number of rays at the end; may raise Cancelled.
-
-    Example:
-        >>> from types import SimpleNamespace
-        >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 1.0)
-        >>> field = SimpleNamespace(trace=lambda rays, step: SimpleNamespace(samples=samples, ray_weights=torch.ones(1)))
-        >>> cache_surface(field, Rays(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 1.0]])), 3, 1.0).distances
-        tensor([[2., 2., 2.]])
+    Not differentiable. The field is any object with the method `trace` of `fields.protocol.Field`, `step` its stride.
+    `progress` receives the number of rays at the end; it may raise Cancelled.
     """
     starts, parts = range(0, len(rays), RAYS_PER_CHUNK), {}
 
@@ -81,13 +70,7 @@ def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Prog
 
 
 def concatenate_caches(parts: list[SurfaceCache]) -> SurfaceCache:
-    """Concatenate caches (at least one) with the same K. Their `index` stays as it is.
-
-    Example:
-        >>> part = SurfaceCache(torch.zeros(2, 3, 3), torch.zeros(2, 3), torch.zeros(2, 3), torch.ones(2), torch.arange(2))
-        >>> len(concatenate_caches([part, part]))
-        4
-    """
+    """Concatenate caches (at least one) with the same K. Their `index` stays as it is."""
     return SurfaceCache(*[torch.cat([getattr(part, item.name) for part in parts]) for item in fields(SurfaceCache)])
 
 

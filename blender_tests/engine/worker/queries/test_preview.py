@@ -18,7 +18,7 @@ from karf_engine.palettes.compositing import read_planes
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.worker.protocol import EventReader, Query, Request
-from karf_engine.worker.queries.preview import preview
+from karf_engine.worker.queries.renders import preview
 from karf_engine.worker.queries.session import Session
 
 
