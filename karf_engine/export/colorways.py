@@ -156,11 +156,12 @@ def write_table(
     rows = []
     for plan in planned:
         for prediction in plan.predictions:
-            found, reason = measured(plan, prediction) if measured else None, prediction.reason
+            found = measured(plan, prediction) if measured else None
+            row = _row(plan, prediction, found, light)
             if measured and found is None:
-                reason = f"none of these views surely shows a pixel of {prediction.target_color.name} in this color"
-            cells = _cells(plan, prediction, light)
-            rows.append([plan.colorway.name, *cells, *_measured(prediction, found, light), reason])
+                nothing = f"none of these views surely shows a pixel of {prediction.target_color.name} in this color"
+                row |= {"cannot_be_reached_because": nothing}
+            rows.append(row)
     _write(path, COLUMNS, rows)
 
 
@@ -175,51 +176,50 @@ def write_view_table(
 
     measured: returns the measurement of a color in a view; None if no pixel surely shows it.
     """
-    rows = [
-        [plan.colorway.name, *_view_cells(prediction, view, measured(plan, prediction, view), light)]
-        for plan in planned
-        for prediction in plan.predictions
-        for view in views
-    ]
+    rows = []
+    for plan in planned:
+        for prediction in plan.predictions:
+            for view in views:
+                found = measured(plan, prediction, view)
+                if found is None:
+                    reason = f"this view surely shows no pixel of {prediction.target_color.name} in this color"
+                else:
+                    reason = reason_in_view(prediction, found.color)
+                row = {"view": view, "pixels": "0", **_row(plan, prediction, found, light)}
+                rows.append(row | {"cannot_be_reached_because": reason})
     _write(path, VIEW_COLUMNS, rows)
 
 
-def _write(path: Path, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
-    atomic_write(path, lambda temporary: temporary.write_text(text.getvalue(), encoding="utf-8"))
-
-
-def _view_cells(prediction: Prediction, view: str, found: Reached | None, light: ReferenceLight | None) -> list[str]:
-    name, wanted = prediction.target_color.name, _wanted(prediction.under_light(light))
-    if found is None:
-        return [name, view, *wanted, "", "", "0", f"this view surely shows no pixel of {name} in this color"]
-    color, difference, pixels, _ = _measured(prediction, found, light)
-    return [name, view, *wanted, color, difference, pixels, reason_in_view(prediction, found.color)]
-
-
-def _cells(plan: PlannedColorway, prediction: Prediction, light: ReferenceLight | None) -> list[str]:
+def _row(
+    plan: PlannedColorway, prediction: Prediction, found: Reached | None, light: ReferenceLight | None
+) -> dict[str, str]:
+    """Return the cells of a color by column."""
     lit = prediction.under_light(light)
-    return [
-        prediction.target_color.name,
-        plan.colorway.folder,
-        rgb_to_hex(prediction.source),
-        *_wanted(lit),
-        rgb_to_hex(lit.reached),
-        f"{lit.ciede2000:.2f}",
-    ]
-
-
-def _wanted(prediction: Prediction) -> tuple[str, str]:
-    return rgb_to_hex(prediction.target), " ".join(f"{value:.2f}" for value in prediction.target_color.lab)
-
-
-def _measured(prediction: Prediction, found: Reached | None, light: ReferenceLight | None) -> list[str]:
+    row = {
+        "colorway": plan.colorway.name,
+        "object": prediction.target_color.name,
+        "folder": plan.colorway.folder,
+        "source": rgb_to_hex(prediction.source),
+        "wanted": rgb_to_hex(lit.target),
+        "wanted_lab": " ".join(f"{value:.2f}" for value in lit.target_color.lab),
+        "predicted": rgb_to_hex(lit.reached),
+        "predicted_ciede2000": f"{lit.ciede2000:.2f}",
+        "cannot_be_reached_because": prediction.reason,
+    }
     if found is None:
-        return [""] * 4
+        return row
     lit = replace(prediction, reached=found.color).under_light(light)
     difference = float(ciede2000(srgb_to_lab(lit.reached), lit.target_color.lab))
-    return [rgb_to_hex(lit.reached), f"{difference:.2f}", str(found.pixels), str(found.views)]
+    row |= {"reached": rgb_to_hex(lit.reached), "reached_ciede2000": f"{difference:.2f}"}
+    return row | {"pixels": str(found.pixels), "views": str(found.views)}
+
+
+def _write(path: Path, columns: Sequence[str], rows: Sequence[dict[str, str]]) -> None:
+    text = io.StringIO()
+    table = csv.DictWriter(text, columns, restval="", extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    atomic_write(path, lambda temporary: temporary.write_text(text.getvalue(), encoding="utf-8"))
 
 
 # -------------------------------------------------------------------------------------------------------- contact sheet

@@ -174,12 +174,9 @@ def _write(path: Path, color: np.ndarray, kind: str) -> None:
     elif kind == "png16":
         path.write_bytes(encode_image(".png", np.rint(np.clip(color, 0, 1) * 65535).astype(np.uint16)))
     else:
-        pixels = _scene_linear(color).astype({"exr16": np.float16, "exr32": np.float32}[kind])
+        light, alpha = srgb_to_linear(color[..., :3]), color[..., 3:]
+        if color.shape[-1] == 4:
+            light = np.concatenate([light * alpha, alpha], -1)
+        pixels = light.astype({"exr16": np.float16, "exr32": np.float32}[kind])
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         save_exr(OpenEXR.File(header, {"RGBA" if pixels.shape[-1] == 4 else "RGB": pixels}), path)
-
-
-def _scene_linear(color: np.ndarray) -> np.ndarray:
-    """Linearize sRGB and premultiply alpha."""
-    light = srgb_to_linear(color[..., :3])
-    return light if color.shape[-1] == 3 else np.concatenate([light * color[..., 3:], color[..., 3:]], -1)
