@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
-from ..io.ply import read_header, read_rows
+from ..io.ply import read_ply
 from .camera import LARGEST_POSITION
 from .capture import Capture, SparsePoints
 from .distortion import distort
@@ -20,22 +20,14 @@ UNCOLORED = 128
 def read_points(path: Path) -> SparsePoints:
     """Read the vertices of a PLY file as points without observations; errors are nan, missing colors are gray.
 
-    nerfstudio writes such files: the first element is `vertex` with x, y, z and, optionally, red, green, blue. Raises
-    DataError if the file is damaged or otherwise.
+    nerfstudio writes such files. Raises DataError if the file is damaged, or its vertices have no finite x, y, z.
     """
     data = read_bytes(path)
     try:
-        header = read_header(data)
-        first = header.elements[0]
-        if first.name != "vertex" or first.dtype is None or not set("xyz") <= set(first.dtype.names or ()):
-            raise ValueError("its first element is not vertex with x, y, z")
-    except (IndexError, KeyError, ValueError) as error:
-        raise _damaged(path, f"its header cannot be understood ({error})") from error
-    try:
-        table = read_rows(data, header, "vertex")
+        table = read_ply(data).table("vertex")
+        positions = np.stack([table[axis] for axis in "xyz"], 1).astype(np.float64)
     except ValueError as error:
         raise _damaged(path, str(error)) from error
-    positions = np.stack([table[axis] for axis in "xyz"], 1).astype(np.float64)
     if not np.abs(positions).max(initial=0) <= LARGEST_POSITION:
         raise _damaged(path, "it has a point that is not finite")
     return SparsePoints(

@@ -20,9 +20,16 @@ from ..capture import choose_views
 from ..capture.capture import View
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.colorway_pictures import ColorProbe, pictures_of
-from ..export.colorway_table import Reached, write_table, write_view_table
-from ..export.contact_sheet import Line, Row, write_contact_sheet
+from ..export.colorways import (
+    ColorProbe,
+    Line,
+    Reached,
+    Row,
+    pictures_of,
+    write_contact_sheet,
+    write_table,
+    write_view_table,
+)
 from ..export.finished_frames import FinishedFrames, frame_fingerprint, model_fingerprint, view_fingerprint
 from ..palettes.calibration import ReferenceLight
 from ..palettes.colorways import PlannedColorway, plan_colorways

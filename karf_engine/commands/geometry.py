@@ -42,7 +42,7 @@ from ..project import Project
 from ..project import settings as settings_module
 from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import sample_surface_points
-from ..splats.importing import read_captured_gaussians
+from ..splats.formats.registry import read_captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options import GeometryOptions
 

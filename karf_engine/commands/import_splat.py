@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,12 +29,9 @@ from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
-from ..splats.importing import imported_gaussians
+from ..splats.gaussians import Gaussians, imported_gaussians
 from .options import ImportSplatOptions
 from .output_folder import link_or_copy, new_folder
-
-if TYPE_CHECKING:
-    from ..splats.gaussians import Gaussians
 
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
 MIN_PSNR = 15.0  # dB
@@ -192,8 +188,7 @@ def _render(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray
 # --------------------------------------------------------------------------------------------------------- with photos
 def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
     """Return the photos' capture with the Gaussians and the screen filter that reproduces the photos better."""
-    from ..splats.fit import Photo  # needs numba
-    from ..splats.quality import psnr
+    from ..splats.fit import Photo, psnr  # need numba
 
     assert options.photos is not None
     capture = open_capture(options.photos)

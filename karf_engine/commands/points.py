@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.ply import write_ply
 from ..export.point_sampling import chosen_views, scene_points
-from ..export.scene_points import write_points
+from ..export.scene_points import write_ply, write_points
 from ..palettes.compositing import stack_palettes
 from ..palettes.palette_files import read_edit_file
 from ..project import Project

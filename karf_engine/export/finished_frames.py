@@ -78,14 +78,14 @@ def _size(path: Path) -> int:
 
 @dataclass(frozen=True)
 class ModelFingerprint:
-    """Fingerprints of what a project has learned with its settings of rendering, and of its rough masks."""
+    """Fingerprints of what a project has learned with its settings of rendering, and of its masks."""
 
     learned: str
     masks: str
 
 
 def model_fingerprint(project: Project, settings: Settings) -> ModelFingerprint:
-    """Return the current fingerprints of a project."""
+    """Return the fingerprints of a project."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
     folder = project.check_inside(project.masks_folder)
@@ -118,13 +118,10 @@ def _mark_of(color: AddedColor) -> list:
 
 @dataclass(frozen=True)
 class PendingFrames:
-    """The views of a request that are not finished, with their edits and fingerprints, in order.
-
-    finished: record of the output folder; None without a folder.
-    """
+    """The views of a request that are not finished, with their edits and fingerprints, in order."""
 
     todo: list[tuple[View, Edit | None, str]]
-    finished: FinishedFrames | None
+    finished: FinishedFrames | None  # record of the output folder
 
     def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
         """Record a frame as finished, if there is an output folder."""
