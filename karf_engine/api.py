@@ -257,10 +257,13 @@ def extract_palettes(project: PathLike, **options: Any) -> None:
 
 @_takes(RecoloringOptions)
 def learn_recoloring(project: PathLike, **options: Any) -> None:
-    """Learn F_w, the palette weights of every point, and adapt the palettes. Raises KarfError before their extraction.
+    """Finish the palettes; with `recoloring.iterations`, train F_w, the palette weights of every point, and adapt them.
+
+    Raises:
+        KarfError: No palettes are extracted, or a setting is not one of `recoloring`.
 
     Example:
-        learn_recoloring("garden_karf", threads=2)
+        learn_recoloring("garden_karf", overrides={"recoloring.iterations": 1000})
     """
     _run(RecoloringOptions, project=project, **options)
 

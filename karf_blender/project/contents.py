@@ -41,7 +41,7 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
     if not scene.karf.project:
         return stages
     project = folders.project_of(scene)
-    results = {"segmentation": project.segmentation_file, "recoloring": project.recoloring_file}
+    results = {"segmentation": project.segmentation_file, "recoloring": project.palette_file}
     found = {name for name, result in results.items() if name not in stages and result.exists()}
     if "segmentation" in stages and _newest_mark(scene, project) > _written(project.segmentation_file) + GRACE_SECONDS:
         found.add("segmentation")

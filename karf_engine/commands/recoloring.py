@@ -1,4 +1,4 @@
-"""Stage 2b: palettes and surface samples -> F_w (recoloring.safetensors) and the learned palettes."""
+"""Stage 2b: palettes and surface samples -> the learned palettes, and F_w (recoloring.safetensors) where it is trained."""
 
 from __future__ import annotations
 
@@ -32,47 +32,43 @@ from .options import RecoloringOptions
 
 
 def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Learn view-consistent palette weights, and adapt the palettes."""
-    job = open_job(options, emit, should_stop)
+    """Train F_w and adapt the palettes with it; with 0 iterations, keep the palettes as extracted."""
+    job = open_job(options, emit, should_stop).with_overrides("recoloring", options.overrides)
+    project, is_trained = job.project, job.settings.recoloring.iterations > 0
     with run_stage(job, "recoloring") as run:
         if run is None:
             return
-        project, device, settings = job.project, job.runtime.device, job.settings.recoloring
-        field = load_scene(project.verified(project.geometry_file), device).field
-        segmentation, objects = load_segmentation(project.verified(project.segmentation_file), field.n_features, device)
+        surface, objects = load_surface(project.verified(project.surface_file), job.runtime.device)
         initial = read_palettes(project.verified(project.palette_file), "initial", objects)
-        blocks = initial[:1] if job.settings.palette.shared else initial
-        sizes = [len(palette.colors) for palette in blocks]
-        bounds = segmentation.bounds
-        assert isinstance(bounds, Tensor)
-        karf = RecoloringField(bounds, field.n_features, sizes, settings).to(device)
-        surface, _ = load_surface(project.verified(project.surface_file), device)
-        if settings.background == "black":
-            everything, opacity = whole_scene(job, field, segmentation)
-            rays = rays_of(job, field, everything, blocks, opacity)
-        else:
-            rays = rays_of(job, field, surface, blocks)
-        stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
-        progress = job.progress("recoloring", settings.iterations)
-        learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.checkpoint)
-        save_recoloring(run.output(project.recoloring_file), karf, sizes, settings)
-        palettes = palettes_of_objects(objects, learned.cpu().numpy(), sizes)
-        _write_palettes(job, run, palettes, initial, object_pixels(surface, objects))
-    job.artifact("recoloring", job.project.recoloring_file)
+        palettes = _train(job, run, surface, initial) if is_trained else initial
+        write_palettes(run.output(project.palette_file), palettes, job.settings.palette.shared, initial)
+        histograms = color_histograms(palettes, object_pixels(surface, objects))
+        write_object_colors(run.output(project.object_colors_file), histograms)
+        moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
+        run.summary["palette_moved"] = round(max(moved), 4)
+    job.artifact("recoloring", project.recoloring_file if is_trained else project.palette_file)
 
 
-def _write_palettes(
-    job: Job,
-    run: StageRun,
-    palettes: Sequence[Palette],
-    initial: Sequence[Palette],
-    pixels: Sequence[Sequence[np.ndarray]],
-) -> None:
-    """Write the learned palettes, with the extracted ones as initial."""
-    write_palettes(run.output(job.project.palette_file), palettes, job.settings.palette.shared, initial)
-    write_object_colors(run.output(job.project.object_colors_file), color_histograms(palettes, pixels))
-    moved = [float(np.abs(a.colors - b.colors).max()) for a, b in zip(palettes, initial, strict=True)]
-    run.summary["palette_moved"] = round(max(moved), 4)
+def _train(job: Job, run: StageRun, surface: ObjectSurface, initial: Sequence[Palette]) -> Sequence[Palette]:
+    """Train and save F_w; return the palettes learned with it."""
+    project, device, settings = job.project, job.runtime.device, job.settings.recoloring
+    field = load_scene(project.verified(project.geometry_file), device).field
+    segmentation, objects = load_segmentation(project.verified(project.segmentation_file), field.n_features, device)
+    blocks = initial[:1] if job.settings.palette.shared else initial
+    sizes = [len(palette.colors) for palette in blocks]
+    bounds = segmentation.bounds
+    assert isinstance(bounds, Tensor)
+    karf = RecoloringField(bounds, field.n_features, sizes, settings).to(device)
+    if settings.background == "black":
+        everything, opacity = whole_scene(job, field, segmentation)
+        rays = rays_of(job, field, everything, blocks, opacity)
+    else:
+        rays = rays_of(job, field, surface, blocks)
+    stacked = torch.from_numpy(stack_palettes([p.name for p in blocks], {p.name: p.colors for p in blocks}))
+    progress = job.progress("recoloring", settings.iterations)
+    learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.checkpoint)
+    save_recoloring(run.output(project.recoloring_file), karf, sizes, settings)
+    return palettes_of_objects(objects, learned.cpu().numpy(), sizes)
 
 
 def whole_scene(job: Job, field: Field, segmentation: SegmentationField) -> tuple[ObjectSurface, Tensor]:

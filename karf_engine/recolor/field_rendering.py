@@ -21,7 +21,7 @@ from ..io.color import to_bytes
 from ..io.images import alpha_composite
 from .frames import BAND_RAYS, Frame, downsample, split_bands, stack_bands
 from .full_resolution import dense_weights
-from .learned import Learned
+from .learned import UNTRAINED, Learned
 
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples per ray, for classes and for palette weights
 
@@ -33,18 +33,17 @@ def in_bands(render: Callable[[Camera], Frame], pinhole: Camera, supersampling: 
 
 
 def field_frame(learned: Learned, pinhole: Camera) -> Frame:
-    """Render a pinhole with palette weights by F_w; its base is the rendering."""
-    from_field = learned.recoloring is not None
-    picture = learned.scene.render(pinhole, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
-    return frame_of(learned, picture, picture.color.cpu().numpy(), from_field)
+    """Render a pinhole with palette weights by F_w, where it is trained; its base is the rendering."""
+    picture = learned.scene.render(pinhole, WEIGHT_SAMPLES if learned.palettes else MASK_SAMPLES)
+    return frame_of(learned, picture, picture.color.cpu().numpy(), from_field=True)
 
 
 def photo_frame(learned: Learned, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
     """Render the view of a loaded photo, with the photo as base.
 
-    weights_from: palette weights by the photo's colors (`photo`) or by F_w (`field`).
+    weights_from: palette weights by the photo's colors (`photo`), or by F_w where it is trained (`field`).
     """
-    from_field = learned.recoloring is not None and weights_from == "field"
+    from_field = bool(learned.palettes) and weights_from == "field"
     picture = learned.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
     base = alpha_composite(training_image.color, training_image.alpha)  # over the background of renderings
     return frame_of(learned, picture, base, from_field, gains=training_image.view.gains)
@@ -74,7 +73,7 @@ def frame_of(
         learned: What is learned.
         picture: With its surface cache.
         base: [H, W, 3] sRGB in [0, 1], of the picture's size.
-        from_field: Palette weights by F_w, else by the colors of the base.
+        from_field: Palette weights by F_w, where it is trained, else by the colors of the base.
         gains: Exposure of the base, see `View`.
 
     Raises:
@@ -87,7 +86,7 @@ def frame_of(
     probabilities = probabilities_of(learned, picture, samples)
     if samples is not None:
         weights = weights_of_field(learned, picture, samples)
-    elif learned.recoloring is not None:
+    elif learned.palettes:
         weights = weights_of_colors(learned, base, probabilities, gains=gains)
     return Frame(picture, probabilities, weights, base, gains=gains)
 
@@ -112,8 +111,12 @@ def weights_of_colors(
 
 
 def weights_of_field(learned: Learned, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
-    """Return palette weights [K, M, H, W] by F_w (Eq. 9), times probabilities. samples: of the picture, if known."""
-    assert learned.recoloring is not None
+    """Return palette weights [K, M, H, W] by F_w (Eq. 9), times probabilities. samples: of the picture, if known.
+
+    Raises BadRequest where F_w is not trained.
+    """
+    if learned.recoloring is None:
+        raise BadRequest(*UNTRAINED, folder=learned.project.folder)
     height, width = picture.opacity.shape
     cache = _cache_of(picture)
     samples = _object_samples(learned, picture) if samples is None else samples

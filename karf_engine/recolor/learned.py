@@ -25,6 +25,11 @@ from ..splats.gaussians import Gaussians
 from .frames import Frame
 from .splatted_scene import SplattedScene
 
+UNTRAINED = (
+    "{folder} has no recoloring field F_w: renderings take palette weights from their own colors.",
+    "Train it: karf recoloring {folder} --set recoloring.iterations=1000",
+)
+
 
 class Learned:
     """The finished stages of a project, in memory. Attributes are described at `Model`.
@@ -49,9 +54,10 @@ class Learned:
         if project.finished("recoloring"):
             assert self.segmentation is not None
             self.palettes = read_palettes(project.verified(project.palette_file), objects=self.objects)
-            path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
-            assert isinstance(bounds, torch.Tensor)
-            self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
+            if project.has_output("recoloring", project.recoloring_file):
+                path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
+                assert isinstance(bounds, torch.Tensor)
+                self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
         if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
             gaussians = load_gaussians(project.verified(project.splats_file))
             learned = self.scene, self.segmentation, self.palettes
@@ -86,7 +92,7 @@ class Learned:
 
     def check_edit(self, edit: Edit) -> None:
         """Raise BadRequest before palettes are learned, and for an edit of other palettes."""
-        if self.recoloring is None:
+        if not self.palettes:
             raise BadRequest(
                 f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
             )

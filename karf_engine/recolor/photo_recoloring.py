@@ -1,8 +1,8 @@
 """Captured views as frames with masks refined in their photos, and edits composited into frames.
 
 Palette weights of a captured view come from the photo's own colors, times the object's probability: they are sharp and
-include the highlights. Weights of any other camera come from the colors of the splats, or from F_w without splats, so
-that they are consistent between views.
+include the highlights. Weights of any other camera come from the colors of the splats; without splats from F_w where it is trained,
+so that they are consistent between views, else from the colors of the rendering.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def preview_frame(learned: Learned, cache: RenderCache, view: View, field: Frame
     mattes = _mattes_from(cache, learned.settings)(photo, field.probabilities, rendered, marks)
     coverages = dense_coverage(mattes, base.shape[:2])
     weights = None
-    if learned.recoloring is not None:
+    if learned.palettes:
         denoised = denoise(photo, estimate_noise(photo))
         own_colors = [matte.own_picture(denoised) for matte in mattes]
         weights = dense_weights(own_colors, learned.palettes, coverages, view.gains)

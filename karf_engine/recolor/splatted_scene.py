@@ -114,7 +114,7 @@ class SplattedScene:
 
     def render_background(self, pinhole: Camera) -> np.ndarray:
         """Render the Gaussians of the background alone, [H, W, 3] float32 sRGB."""
-        shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_foreground :], looks=None)
+        shell = replace(self.gaussians, table=self.gaussians.table[self.gaussians.n_foreground :], visibility=None)
         return rasterize(shell, pinhole).picture()
 
 

@@ -86,7 +86,7 @@ def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders)
     copy.finish("segmentation", "another", files=copy.finished("segmentation")["files"])
     Model(copy).render_field(camera)
     assert len(renders) == 2
-    assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 1
+    assert len(list(copy.render_cache_folder.rglob("*.safetensors"))) == 1
 
 
 @pytest.fixture
@@ -142,7 +142,7 @@ def test_mattes_of_a_photo_that_is_marked_otherwise_by_now_are_not_taken(copy, r
 def test_damaged_mattes_are_refined_again(copy, refined, damage):
     view = first_test_view(Model(copy))
     first = recolored(copy, view)
-    (path,) = (path for path in copy.looks_folder.glob("*/*") if b"karf-mattes" in path.read_bytes()[:4096])
+    (path,) = (path for path in copy.render_cache_folder.glob("*/*") if b"karf-mattes" in path.read_bytes()[:4096])
     tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.MATTES)
     if damage == "cut off":
         path.write_bytes(path.read_bytes()[:-1])
@@ -158,7 +158,7 @@ def test_a_damaged_look_is_rendered_again(copy, renders, damage):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
     first = model.render_field(camera)
-    (path,) = copy.looks_folder.rglob("*.safetensors")
+    (path,) = copy.render_cache_folder.rglob("*.safetensors")
     path.write_bytes(damage)
     assert np.array_equal(Model(copy).render_field(camera).color, first.color)
     assert len(renders) == 2
@@ -168,7 +168,7 @@ def test_a_look_whose_numbers_were_altered_is_rendered_again(copy, renders):
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
     first = model.render_field(camera)
-    (path,) = copy.looks_folder.rglob("*.safetensors")
+    (path,) = copy.render_cache_folder.rglob("*.safetensors")
     tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.SCHEMA)
     tensors["color"][:10, :10] = 0.5
     save_tensors(path, tensors, karf_engine.recolor.render_cache.SCHEMA, facts)
@@ -177,16 +177,16 @@ def test_a_look_whose_numbers_were_altered_is_rendered_again(copy, renders):
 
 
 def test_of_earlier_looks_only_what_was_written_here_is_removed(copy, tmp_path):
-    earlier, elsewhere = copy.looks_folder / ("0" * 16), tmp_path / "models"
-    for folder in (earlier, elsewhere, copy.looks_folder / "mine"):
+    earlier, elsewhere = copy.render_cache_folder / ("0" * 16), tmp_path / "models"
+    for folder in (earlier, elsewhere, copy.render_cache_folder / "mine"):
         folder.mkdir(parents=True)
         for name in ("1" * 16, "lora"):
             (folder / f"{name}.safetensors").write_bytes(b"")
-    (copy.looks_folder / ("2" * 16)).symlink_to(elsewhere)
+    (copy.render_cache_folder / ("2" * 16)).symlink_to(elsewhere)
     model = Model(copy)
     model.render_field(model.working_camera(first_test_view(model)))
     assert [path.name for path in earlier.iterdir()] == ["lora.safetensors"]
-    assert len(list(elsewhere.iterdir())) == 2 and len(list((copy.looks_folder / "mine").iterdir())) == 2
+    assert len(list(elsewhere.iterdir())) == 2 and len(list((copy.render_cache_folder / "mine").iterdir())) == 2
 
 
 def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(copy, monkeypatch):
@@ -202,8 +202,8 @@ def test_no_more_is_kept_than_may_be(copy, monkeypatch):
     model = Model(copy)
     views = model.capture.split("train")[:3]
     model.render_field(model.working_camera(views[0]))
-    (one,) = copy.looks_folder.rglob("*.safetensors")
+    (one,) = copy.render_cache_folder.rglob("*.safetensors")
     monkeypatch.setattr(karf_engine.recolor.render_cache, "MOST_BYTES", int(2.5 * one.stat().st_size))
     for view in views:
         model.render_field(model.working_camera(view))
-    assert len(list(copy.looks_folder.rglob("*.safetensors"))) == 2
+    assert len(list(copy.render_cache_folder.rglob("*.safetensors"))) == 2

@@ -134,7 +134,7 @@ def test_fog_gives_a_warning_and_the_field_is_shown(copy, monkeypatch):
     def fog(*_):
         raise NoSurface("The learned scene shows nothing solid.", "Learn it again, with other settings.")
 
-    monkeypatch.setattr("karf_engine.commands.splats.gaussians_of", fog)
+    monkeypatch.setattr("karf_engine.commands.splats.initial_gaussians", fog)
     events = learn(copy, *FEW)
     assert [values["code"] for kind, values in events if kind == "warning"] == ["splats"]
     assert copy.finished("splats") is None and karf.load(copy.folder, "cpu").splats is None

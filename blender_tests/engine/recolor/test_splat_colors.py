@@ -215,7 +215,7 @@ def test_the_shell_is_behind_and_no_part_of_the_cut_out(model, camera):
     blue[0, COLOR : COLOR + 3] = (np.array([0, 0, 1]) - 0.5) / C0
     table = np.concatenate([model.splats.table, blue])
     own = Model.load(model.project.folder, "cpu")
-    own.splatted.gaussians = replace(model.splats, table=table, n_behind=1, looks=None)
+    own.splatted.gaussians = replace(model.splats, table=table, n_background=1, visibility=None)
     frame, plain = own.render(camera), model.render(camera)
     assert_allclose(frame.opacity, plain.opacity, atol=1e-4)
     assert_allclose(frame.depth, plain.depth, atol=1e-3)

@@ -50,7 +50,7 @@ def edit_of(model: Model, content: Any) -> Edit | None:
         BadRequest: The content is not a dictionary.
         DataError: The edit does not fit the model's palettes.
     """
-    if model.recoloring is None:
+    if not model.palettes:
         return None
     if content is not None and not isinstance(content, dict):
         raise BadRequest(f"The option edit = {content!r:.200} is not of type dict.", "Correct the query.")

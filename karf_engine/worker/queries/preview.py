@@ -57,5 +57,5 @@ def _planes(session: Session, model: Model, camera: Camera, fades: bool | None) 
     for band in split_bands(camera, 1, BAND_RAYS):
         session.check()
         picture = model.scene.render(band, samples)
-        frames.append(frame_of(model, picture, picture.color.cpu().numpy(), model.recoloring is not None))
+        frames.append(frame_of(model, picture, picture.color.cpu().numpy(), from_field=True))
     return edit_planes(stack_bands(frames), model.objects)
