@@ -16,15 +16,14 @@ from ..fields.protocol import Field
 from ..heads.fields import RecoloringField, SegmentationField
 from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
-from ..heads.object_surface import ObjectSurface, object_pixels
 from ..heads.rendering import segment_cache
-from ..heads.training_rays import palettes_of_objects, training_rays
+from ..heads.training_rays import ObjectSurface, object_pixels, palettes_of_objects, training_rays
 from ..palettes.compositing import stack_palettes
 from ..palettes.extraction.extraction import color_histograms
 from ..palettes.object_colors import write_object_colors
 from ..palettes.palette import Palette, read_palettes, write_palettes
 from ..segmentation.coarse_masks import find_masks
-from ..segmentation.object_rays import whole_surface
+from ..segmentation.field_fit import whole_surface
 from ..segmentation.report import SegmentationReport
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from .job import Job, StageRun, open_job, run_stage

@@ -14,23 +14,18 @@ from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.protocol import Field
 from ..fields.training.checkpoint import Checkpoint
-from ..heads.fields import SegmentationField
+from ..heads.fields import SegmentationField, Volumes
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
-from ..heads.volumes import Volumes
 from ..io.color import to_bytes
 from ..io.fingerprints import file_digest
 from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
-from ..segmentation.constraints import ViewObserver
-from ..segmentation.corrections import find_corrections
-from ..segmentation.doubts import SurfaceUncertainty
-from ..segmentation.field_fit import fit_to_labels, fit_to_masks
-from ..segmentation.label_solvers import solve_labels
-from ..segmentation.labels import LabelledSurface, LabelProblem
-from ..segmentation.object_rays import object_surface
+from ..segmentation.corrections import ViewObserver, find_corrections
+from ..segmentation.field_fit import fit_to_labels, fit_to_masks, object_surface
+from ..segmentation.labels import LabelledSurface, LabelProblem, solve_labels
 from ..segmentation.report import report_of
-from ..segmentation.surface_points import surface_points
+from ..segmentation.surface_points import SurfaceUncertainty, surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
 from ..segmentation.votes import RayVotes, votes_of_rays
 from .job import Job, StageRun, open_job, run_stage

@@ -13,9 +13,8 @@ from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from ..io.names import check_names
 from ..palettes.palette import Palette
 from ..project.settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
-from .fields import RecoloringField, SegmentationField
-from .object_surface import ObjectSurface
-from .volumes import Volumes
+from .fields import RecoloringField, SegmentationField, Volumes
+from .training_rays import ObjectSurface
 
 SEGMENTATION_SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"

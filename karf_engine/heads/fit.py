@@ -22,8 +22,7 @@ from ..fields.training.loop import Step, constant, cosine_with_warmup, train
 from ..fields.training.state import TrainingState
 from ..project.settings import RecoloringSettings, SegmentationSettings
 from .fields import RecoloringField, SegmentationField
-from .ray_features import RayFeatures
-from .rendering import render_classes, render_weights
+from .rendering import SAMPLES_PER_CHUNK, features_of, render_classes, render_weights
 
 WARMUP = 20  # iterations
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest is drawn from all points
@@ -230,3 +229,30 @@ def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
     if len(pool) == 0:
         return torch.zeros(0, dtype=torch.long, device=pool.device)
     return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)
+
+
+MAX_CACHE_BYTES = 1 << 29  # a NeRF has 256 features per sample
+
+
+class RayFeatures:
+    """Prior features of training rays, computed once if that is less work than at each call and fits into memory."""
+
+    def __init__(
+        self, scene_field: Field, positions: Tensor, settings: SegmentationSettings | RecoloringSettings
+    ) -> None:
+        """Take the frozen field, the samples [n, S, 3] of all rays (grid coordinates), and the training's settings."""
+        self._field, self._positions = scene_field, positions
+        n_bytes = positions.shape[0] * positions.shape[1] * scene_field.n_features * 4
+        is_less_work = len(positions) <= settings.iterations * settings.batch
+        self._cached = self._all() if is_less_work and n_bytes <= MAX_CACHE_BYTES else None
+
+    def of(self, rays: Tensor) -> Tensor:
+        """Return prior features [m, S, F] of the rays with indices [m]."""
+        if self._cached is not None:
+            return self._cached[rays]
+        return features_of(self._field, self._positions[rays])
+
+    @torch.no_grad()
+    def _all(self) -> Tensor:
+        rays_per_chunk = max(1, SAMPLES_PER_CHUNK // self._positions.shape[1])
+        return torch.cat([features_of(self._field, chunk) for chunk in self._positions.split(rays_per_chunk)])

@@ -19,7 +19,7 @@ from ..palettes.palette import Edit, Palette, check_edit, read_palettes
 from ..project import Project
 from ..project.contents import read_capture, settings_for
 from ..project.settings import Settings
-from ..segmentation.doubts import SurfaceUncertainty
+from ..segmentation.surface_points import SurfaceUncertainty
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
 from .frames import Frame

@@ -17,9 +17,9 @@ from ..fields.protocol import Field
 from ..project.settings import Settings
 from ..project.volumes import Volume
 from .coarse_masks import CoarseMask
-from .constraints import ViewObserver
+from .corrections import ViewObserver
 from .labels import Labelling
-from .suggestions import Suggestions, views_to_mark
+from .report import Suggestions, views_to_mark
 from .surface_points import surface_points
 from .views import cache_views, load_masked_views
 from .votes import votes_of_rays

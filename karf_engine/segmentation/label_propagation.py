@@ -30,16 +30,20 @@ point where masks and colors agree.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
+from scipy.ndimage import gaussian_filter
 from scipy.sparse.csgraph import connected_components
 
+from ..compute.neighbors import build_kd_tree
 from .gaussian_mixtures import class_log_densities
-from .local_share import local_share
 from .neighbor_graph import conjugate_gradients, neighbor_graph
-from .point_labels import Labels, margin
-from .seeds import seed_regions, seeds_of
+from .surface_points import Labels, margin
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 SMOOTHNESS = 20.0  # lambda; 5 and 10 leave holes in solid objects
 SEED_CONSISTENCY = 0.98  # share of an object's seeds that must keep its label; at 0.9 tiny objects are lost
@@ -262,3 +266,69 @@ def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarr
     """Divide votes among the classes that they leave open ("not this object") by color, [p, K+1]."""
     shared = targets * np.maximum(color_labels, 1e-3)
     return shared / shared.sum(1, keepdims=True)
+
+
+def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """Return whether each object has a seed, [K] bool; arguments as for `label_propagation.propagate_labels`."""
+    objects = range(1, seed_targets.shape[1])
+    return np.array([seeds_of(k, seed_targets, seed_confidence).any() for k in objects])
+
+
+def seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """Return True for the seeds of class k, [p]."""
+    # votes of 0.5 and less may be open: far points gather many of them
+    votes = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
+    return votes >= np.maximum(0.25 * votes.max(initial=0), np.finfo(float).tiny)
+
+
+def seed_regions(
+    positions: np.ndarray, spacing: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
+) -> tuple[list[cKDTree], np.ndarray]:
+    """Return a search tree of each object's seeds, and their RMS radii [K], at least the point spacing."""
+    trees, radii = [], []
+    for k in range(1, seed_targets.shape[1]):
+        seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
+        trees.append(build_kd_tree(seeds, balanced_tree=False, compact_nodes=False))
+        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
+    return trees, np.maximum(radii, spacing)
+
+
+CELLS_PER_DEVIATION = 2
+MAX_CELLS = 100  # along an axis
+
+
+def local_share(
+    positions: np.ndarray, weight: np.ndarray, part: np.ndarray, deviation: float, expected: float, prior: float
+) -> np.ndarray:
+    """Return the share of the weight that belongs to a part, under a Gaussian around each point, [p] in [0, 1].
+
+    Weights are binned on a grid and blurred, so shares are constant within a cell.
+
+    Args:
+        positions: [p, 3].
+        weight: [p] >= 0.
+        part: [p] in [0, weight].
+        deviation: of the Gaussian, in the units of positions, > 0.
+        expected: share in [0, 1] where nothing is near.
+        prior: weight of the expected share, > 0.
+
+    Examples:
+        Half of the weight is the part's, and all of it on the left:
+
+        >>> left_and_right = np.array([[0.0, 0, 0], [9, 0, 0]])
+        >>> local_share(left_and_right, np.full(2, 1e3), np.array([1e3, 0]), 1.0, 0.5, 1.0).round(2).tolist()
+        [1.0, 0.0]
+    """
+    least, most = positions.min(0), positions.max(0)
+    cell = max(deviation / CELLS_PER_DEVIATION, (most - least).max() / MAX_CELLS)
+    cells = ((positions - least) / cell).astype(np.intp)
+    shape = cells.max(0) + 1
+    index = np.ravel_multi_index(tuple(cells.T), shape)
+    deviation = deviation / cell
+
+    def blurred(values: np.ndarray) -> np.ndarray:
+        sums = np.bincount(index, values, int(shape.prod())).reshape(shape)
+        scale = max(np.sqrt(2 * np.pi) * deviation, 1) ** 3  # peak 1; a deviation far below a cell blurs nothing
+        return gaussian_filter(sums, deviation, mode="constant", truncate=3).ravel()[index] * scale
+
+    return (blurred(part) + prior * expected) / (blurred(weight) + prior)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,17 +13,17 @@ from scipy.sparse import csr_matrix
 from ..compute.convergence import convergence_as_event
 from ..compute.neighbors import build_kd_tree
 from ..compute.progress import Emit
-from ..errors import DataError
+from ..errors import BadRequest, DataError
 from ..fields.protocol import Field
-from ..heads.volumes import Volumes
+from ..heads.fields import Volumes
+from ..io.arguments import check_arguments, check_choice
+from ..io.plugins import load_plugin, plugin_names
+from ..project.settings import LABEL_KINDS
 from ..project.volumes import Volume
-from .constraints import Constraints
-from .label_propagation import propagate_labels
+from .corrections import Constraints, spread
+from .label_propagation import has_seeds, propagate_labels
 from .neighbor_graph import neighbor_graph
-from .point_labels import Labels
-from .seeds import has_seeds
-from .spreading import spread
-from .surface_points import SurfacePoints
+from .surface_points import Labels, SurfacePoints
 from .votes import RayVotes, vote_on_points
 
 LOW_PRECISION = 0.6  # below it, the user is warned
@@ -226,3 +226,41 @@ def _require_any(objects: Sequence[str], found: np.ndarray) -> None:
             "Mark it more generously, or in another view.",
             name=objects[0],
         )
+
+
+PLUGINS = "karf.labels"
+
+LabelSolver = Callable[[LabelProblem], LabelledSurface]
+
+SOLVERS: dict[str, LabelSolver] = {}
+
+
+@check_arguments
+def register_labels(name: str, solve: LabelSolver) -> None:
+    """Add a solver under a name of the setting `segmentation.labels`.
+
+    Raises BadRequest where another solver has this name.
+    """
+    if SOLVERS.setdefault(name, solve) is not solve:
+        raise BadRequest(f"There are other labels {name!r}.", "Choose another name.")
+    if name not in LABEL_KINDS:
+        LABEL_KINDS.append(name)
+
+
+def solve_labels(name: str, problem: LabelProblem) -> LabelledSurface:
+    """Label the surface with the solver of this name.
+
+    Raises:
+        BadRequest: no solver has this name.
+        DataError: no point belongs to any object.
+        MissingDependency: the plugin with the solver cannot be loaded.
+    """
+    if name not in SOLVERS and name in plugin_names(PLUGINS):
+        register_labels(name, load_plugin(PLUGINS, name))
+    check_choice("segmentation.labels", name, tuple(SOLVERS))
+    return SOLVERS[name](problem)
+
+
+register_labels("surface", label_surface)
+register_labels("masks", vote_on_surface)
+register_labels("votes", vote_on_surface)

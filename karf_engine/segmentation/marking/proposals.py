@@ -7,13 +7,41 @@ of the click.
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Protocol
+
 import cv2
 import numpy as np
 
-from .grabcut import NOT, PERHAPS, PERHAPS_NOT, fit_colors
+from ...capture import open_capture
+from ...capture.training_images import read_photo_of_view
+from ...errors import BadRequest
+from ...io.images import write_png
+from ...io.names import is_file_name
 from .prompts import Prompts
-from .regions import CLICK_RADIUS, region_of_click
-from .working_photo import WorkingPhoto, working_photo
+from .regions import CLICK_RADIUS, WorkingPhoto, region_of_click, working_photo
+
+# OpenCV's values of a trimap: certainly background, certainly object, probably background, probably object
+NOT, SURE, PERHAPS_NOT, PERHAPS = cv2.GC_BGD, cv2.GC_FGD, cv2.GC_PR_BGD, cv2.GC_PR_FGD
+
+
+def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.ndarray:
+    """Return the object's mask, bool [h, w]. A trimap of one side only is returned as it is.
+
+    Args:
+        colors: [h, w, 3] uint8.
+        trimap: [h, w] uint8 of OpenCV's four values.
+        iterations: of fitting colors and mask to each other.
+    """
+    is_inside = (trimap & 1).astype(bool)
+    if is_inside.all() or not is_inside.any():
+        return is_inside
+    cv2.setRNGSeed(0)  # photos are marked before there are settings with a seed
+    mask, background, foreground = trimap.copy(), np.zeros((1, 65)), np.zeros((1, 65))
+    no_frame = (0, 0, 0, 0)  # ignored with GC_INIT_WITH_MASK
+    cv2.grabCut(colors, mask, no_frame, background, foreground, iterations, cv2.GC_INIT_WITH_MASK)
+    return (mask & 1).astype(bool)
+
 
 FRAME_ITERATIONS, CLICK_ITERATIONS = 3, 1  # of GrabCut
 REFINED_WIDTH = 15  # pixels: the border is refined in a square of this side around each changed pixel
@@ -107,3 +135,42 @@ def _touching(mask: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the connected parts of a mask that touch the known pixels."""
     _, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     return mask & np.isin(parts, np.unique(parts[mask & known]))
+
+
+class Marking(Protocol):
+    """A photo with a method that proposes masks."""
+
+    def propose(self, prompts: Prompts) -> np.ndarray:
+        """Return the object's mask, bool [H, W]."""
+        ...
+
+
+def make_marker(capture: Path | str, name: str, weights: Path | str | None = None) -> Marking:
+    """Load a view for marking.
+
+    Args:
+        capture: folder or camera file of the capture.
+        name: of the view.
+        weights: folder of a Segment Anything model, to use instead of GrabCut.
+
+    Raises:
+        KarfError: the capture has no such view, its photo cannot be read, or the weights cannot be used.
+    """
+    photo = read_photo_of_view(open_capture(capture).view(name))
+    if weights is None:
+        return Marker(photo)
+    from .segment_anything import SegmentAnything  # needs torch
+
+    return SegmentAnything(photo, weights)
+
+
+def write_mask(marking: Marking, prompts: Prompts, masks: Path, object_name: str, view: str) -> Path:
+    """Write the proposed mask to MASKS/<object>/<view>.png and return the path.
+
+    Raises BadRequest where the object's name cannot be a folder's, or the prompts are empty.
+    """
+    if not is_file_name(object_name):
+        raise BadRequest(f"{object_name!r:.200} cannot be the name of a folder.", "Call the object by a plain name.")
+    path = masks / object_name / f"{view}.png"
+    write_png(path, marking.propose(prompts))
+    return path

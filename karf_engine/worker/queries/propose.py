@@ -25,7 +25,7 @@ def propose(session: Session, options: dict[str, Any]) -> dict[str, Any]:
     """
     from ...io.images import write_png
     from ...segmentation.marking.prompts import Prompts
-    from ...segmentation.marking.views import make_marker
+    from ...segmentation.marking.proposals import make_marker
 
     missing = [name for name in ("capture", "view", "prompts") if not options.get(name)]
     if missing:
