@@ -1,6 +1,7 @@
 """The two KaRF fields on a frozen radiance field (paper, Eq. 7 and 10): F_s segments objects, F_w mixes palette colors.
 
-Both read positions scaled to [-1, 1] and standardized prior features; F_w also reads the viewing direction.
+Both read positions scaled to [-1, 1] and standardized prior features; F_w also reads the viewing direction. Volumes
+restrict where F_s has objects.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class SegmentationField(nn.Module):
         return self.head(encoded, self.standardizer(prior_features))
 
     def inside(self, positions: Tensor) -> Tensor:
-        """Return True where the boxes and volumes allow an object, [n, K] for positions [n, 3]."""
+        """Return where the boxes and volumes allow an object, [n, K] bool for positions [n, 3]."""
         point = positions[:, None]
         boxed = ((point >= self.boxes[:, 0]) & (point <= self.boxes[:, 1])).all(-1)
         if self.volumes is None:
@@ -73,15 +74,7 @@ class SegmentationField(nn.Module):
         return boxed & self.volumes(self.space.to_world(positions), len(self.boxes))
 
     def forward(self, positions: Tensor, prior_features: Tensor) -> Tensor:
-        """Return class probabilities, differentiable with respect to the parameters.
-
-        Args:
-            positions: [n, 3] grid coordinates.
-            prior_features: [n, F], not standardized.
-
-        Returns:
-            [n, K+1]; rows sum to 1.
-        """
+        """Return class probabilities [n, K+1] for positions [n, 3] (grid coordinates) and prior features [n, F]."""
         logits = self.logits(positions, prior_features)
         excluded = torch.zeros_like(logits)
         excluded[:, 1:] = torch.where(self.inside(positions), 0.0, -torch.inf)
@@ -94,8 +87,8 @@ class RecoloringField(nn.Module):
     Args:
         bounds: [2, 3] of F_s, grid coordinates.
         n_features: F, number of prior features.
-        sizes: number of colors of each palette, black included. M is the largest; entries beyond a palette's size get
-            weight 0. A shared palette is a single block.
+        sizes: number of colors of each palette, black included. M is the largest; smaller palettes are padded with weight
+            0. A shared palette is a single block.
         settings: octaves of the encodings, and the head.
     """
 
@@ -120,15 +113,12 @@ class RecoloringField(nn.Module):
         )
 
     def forward(self, positions: Tensor, viewdirs: Tensor, prior_features: Tensor) -> Tensor:
-        """Return palette weights, differentiable with respect to the parameters.
+        """Return palette weights [n, blocks, M] >= 0; each block sums to 1.
 
         Args:
             positions: [n, 3] grid coordinates.
             viewdirs: [n, 3], unit length.
             prior_features: [n, F], not standardized.
-
-        Returns:
-            [n, blocks, M] >= 0; each block sums to 1.
         """
         logits = self.head(
             positional_encoding(scale_positions(positions, self.bounds), self.frequencies),
@@ -142,17 +132,11 @@ TESTS_PER_CHUNK = 1 << 22  # positions times faces
 
 
 class Volumes(nn.Module):
-    """Convex volumes of some of K objects.
+    """Convex volumes of some of K objects."""
 
-    Args:
-        faces: [f, 4], planes a x + b y + c z + d = 0 in world coordinates, negative inside.
-        volume_of_face: [f] int64, index of the volume.
-        rules: [v, 2] int64: index of each volume's object, and 1 if it must be inside, 0 outside.
-    """
-
-    faces: Tensor
-    volume_of_face: Tensor
-    rules: Tensor
+    faces: Tensor  # [f, 4] planes a x + b y + c z + d = 0, world coordinates, negative inside
+    volume_of_face: Tensor  # [f] int64
+    rules: Tensor  # [v, 2] int64: index of the object; 1 if it must be inside, 0 outside
 
     def __init__(self, faces: Tensor, volume_of_face: Tensor, rules: Tensor) -> None:
         super().__init__()
@@ -182,7 +166,6 @@ class Volumes(nn.Module):
 
 
 def _faces_of(volume: Volume, name: str) -> np.ndarray:
-    """Return the planes that bound a volume, [f, 4]."""
     if volume.matrix is not None:
         axes = np.linalg.inv(volume.matrix)[:3]  # to the cube from -1 to 1
         return np.concatenate([axes, -axes]) - [0, 0, 0, 1]

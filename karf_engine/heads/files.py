@@ -42,13 +42,9 @@ def save_segmentation(
 def load_segmentation(
     path: Path, n_features: int, device: torch.device | str = "cpu", space: Space | None = None
 ) -> tuple[SegmentationField, list[str]]:
-    """Return a frozen F_s and the names of its classes 1..K.
+    """Return a frozen F_s for a field of n_features, and the names of its classes 1..K.
 
-    Args:
-        path: a file of `save_segmentation`.
-        n_features: of the scene's field.
-        device: for F_s.
-        space: of the scene's field; None where F_s is not evaluated.
+    space: of the scene's field; None where F_s is not evaluated.
 
     Raises:
         DataError: the file is damaged or belongs to another field.
@@ -66,7 +62,6 @@ def load_segmentation(
 
 
 def _volumes_of(tensors: Mapping[str, Tensor], n_objects: int) -> Volumes | None:
-    """Return the volumes of F_s, or None. Raises ValueError for inconsistent tensors."""
     if "volumes.rules" not in tensors:
         return None
     faces, volume_of_face, rules = (tensors[f"volumes.{name}"] for name in ("faces", "volume_of_face", "rules"))
@@ -92,7 +87,7 @@ def load_recoloring(
         path: a file of `save_recoloring`.
         bounds: of F_s, [2, 3], grid coordinates.
         n_features: of the scene's field.
-        palettes: that it was trained for, one per object.
+        palettes: one per object.
         device: for F_w.
 
     Raises:

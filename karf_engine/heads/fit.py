@@ -54,9 +54,7 @@ def fit_on_points(
         certainty: [p] in [0, 1], sampling weights.
         near: [p] bool, points near an object.
         fixed: [p] bool, points fixed by corrections.
-        settings: of the training.
-        runtime: device and random numbers.
-        progress: counts iterations.
+        settings, runtime, progress: of the training; `progress` counts iterations.
         checkpoint: resumes and saves the training; None trains from the start.
     """
     features = scene_field.features(positions)
@@ -92,15 +90,13 @@ def fit_on_rays(
 ) -> None:
     """Train F_s in place by Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
-    Rays are drawn uniformly. If objects lack masks in a view, a ray outside the masks may have any of several classes;
-    the loss is then that of their total probability.
+    If objects lack masks in a view, a ray outside the masks may have any of several classes; the loss is then that of their
+    total probability.
 
     Args:
-        segmentation: F_s.
-        scene_field: the frozen radiance field, for its prior features.
+        segmentation, scene_field, settings, runtime, progress, checkpoint: as for `fit_on_points`.
         cache: n rays with their surface samples.
         targets: [n, K+1] votes of the rays (see `segmentation/votes.py`).
-        settings, runtime, progress, checkpoint: as for `fit_on_points`.
     """
     flat = cache.positions.view(-1, 3)
     segmentation.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
@@ -119,27 +115,16 @@ def fit_on_rays(
 
 @dataclass(frozen=True)
 class ObjectRays:
-    """Training rays of F_w with their quantile samples.
+    """Training rays of F_w with their quantile samples."""
 
-    Attributes:
-        positions: [n, S, 3] grid coordinates.
-        viewdirs: [n, 3], unit length.
-        colors: [n, 3] of the photo, sRGB in [0, 1].
-        view: [n] index of the photo among the cached ones.
-        block: [n] index of the ray's palette.
-        weights: [n, M] target weights of Eq. 13; 0 for unsupervised rays.
-        supervised: [n] bool, the rays of Eq. 13.
-        opacity: [n] in [0, 1]; the transmitted rest of a ray is black.
-    """
-
-    positions: Tensor
-    viewdirs: Tensor
-    colors: Tensor
-    view: Tensor
-    block: Tensor
-    weights: Tensor
-    supervised: Tensor
-    opacity: Tensor
+    positions: Tensor  # [n, S, 3] grid coordinates
+    viewdirs: Tensor  # [n, 3], unit length
+    colors: Tensor  # [n, 3] of the photo, sRGB in [0, 1]
+    view: Tensor  # [n] index of the photo among the cached ones
+    block: Tensor  # [n] index of the palette
+    weights: Tensor  # [n, M] targets of Eq. 13; 0 for unsupervised rays
+    supervised: Tensor  # [n] bool, the rays of Eq. 13
+    opacity: Tensor  # [n] in [0, 1]; the transmitted rest of a ray is black
 
 
 def fit_recoloring(
@@ -156,10 +141,9 @@ def fit_recoloring(
 
     Args:
         recoloring: F_w.
-        scene_field: the frozen radiance field, for its prior features.
         rays: at least one, with target weights.
         palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed.
-        settings, runtime, progress, checkpoint: as for `fit_on_points`.
+        scene_field, settings, runtime, progress, checkpoint: as for `fit_on_points`.
 
     Returns:
         The learned palettes, [blocks, M, 3] sRGB in [0, 1].
@@ -235,19 +219,17 @@ MAX_CACHE_BYTES = 1 << 29  # a NeRF has 256 features per sample
 
 
 class RayFeatures:
-    """Prior features of training rays, computed once if that is less work than at each call and fits into memory."""
+    """Prior features along rays [n, S, 3], computed once if that is less work than at each call and fits into memory."""
 
     def __init__(
         self, scene_field: Field, positions: Tensor, settings: SegmentationSettings | RecoloringSettings
     ) -> None:
-        """Take the frozen field, the samples [n, S, 3] of all rays (grid coordinates), and the training's settings."""
         self._field, self._positions = scene_field, positions
         n_bytes = positions.shape[0] * positions.shape[1] * scene_field.n_features * 4
         is_less_work = len(positions) <= settings.iterations * settings.batch
         self._cached = self._all() if is_less_work and n_bytes <= MAX_CACHE_BYTES else None
 
     def of(self, rays: Tensor) -> Tensor:
-        """Return prior features [m, S, F] of the rays with indices [m]."""
         if self._cached is not None:
             return self._cached[rays]
         return features_of(self._field, self._positions[rays])

@@ -1,4 +1,4 @@
-"""Build the training rays of F_w: interior rays of the objects with target palette weights for their photo colors."""
+"""The rays that end on objects: training data of palettes, and with target weights for their photo colors of F_w."""
 
 from __future__ import annotations
 
@@ -26,23 +26,14 @@ BACKGROUND = 255  # object number of rays without an object
 
 @dataclass(frozen=True)
 class ObjectSurface:
-    """n rays of the cached views that end on an object, with S surface samples each.
+    """n rays of the cached views that end on an object, with S surface samples each."""
 
-    Attributes:
-        positions: [n, S, 3] float32, grid coordinates.
-        viewdirs: [n, 3] float32, unit length.
-        colors: [n, 3] uint8 sRGB of the photo.
-        object: [n] uint8, index of the object.
-        interior: [n] bool, well inside the object.
-        view: [n] int16, index of the cached view.
-    """
-
-    positions: Tensor
-    viewdirs: Tensor
-    colors: Tensor
-    object: Tensor
-    interior: Tensor
-    view: Tensor
+    positions: Tensor  # [n, S, 3] float32, grid coordinates
+    viewdirs: Tensor  # [n, 3] float32, unit length
+    colors: Tensor  # [n, 3] uint8 sRGB of the photo
+    object: Tensor  # [n] uint8, index of the object
+    interior: Tensor  # [n] bool, well inside the object
+    view: Tensor  # [n] int16, index of the cached view
 
 
 def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.ndarray]]:
@@ -63,7 +54,7 @@ def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.nd
 
 
 def objects_with_few_pixels(surface: ObjectSurface, objects: list[str]) -> dict[str, int]:
-    """Return the number of interior pixels of each object that has too few for a palette, by name."""
+    """Return the number of interior pixels of each object that has too few for a palette."""
     counts = np.bincount(surface.object[surface.interior].cpu().numpy(), minlength=len(objects)).tolist()
     return {name: count for name, count in zip(objects, counts, strict=True) if count < MIN_INTERIOR_PIXELS}
 
@@ -135,7 +126,7 @@ def _loco_weights(
     palette: Palette,
     start_progress: Callable[[str, int], Progress] | None,
 ) -> np.ndarray:
-    """Return LoCoPalettes' weights [n, M], photo by photo, of rays with samples [n, S, 3], views [n] and colors [n, 3]."""
+    """Return LoCoPalettes' weights [n, M], photo by photo."""
     surface = positions[:, positions.shape[1] // 2]
     features = scene_field.features(surface).cpu().numpy()
     world = scene_field.space.to_world(surface).double().cpu().numpy()
@@ -153,12 +144,9 @@ def _loco_weights(
 
 
 def palettes_of_objects(names: Sequence[str], blocks: np.ndarray, sizes: Sequence[int]) -> list[Palette]:
-    """Return one palette per object from the learned blocks; a single block serves all objects.
+    """Return one palette per object from the learned blocks [blocks, M, 3]; a single block serves all objects.
 
-    Args:
-        names: of the objects.
-        blocks: [blocks, M, 3] learned colors, sRGB in [0, 1].
-        sizes: number of colors of each block, black included.
+    sizes: number of colors of each block, black included.
     """
     indices = range(len(names)) if len(sizes) > 1 else [0] * len(names)
     return [Palette(name, blocks[k, : sizes[k]].astype(np.float32)) for name, k in zip(names, indices, strict=True)]

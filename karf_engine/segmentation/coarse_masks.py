@@ -61,11 +61,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def object_folders(folder: Path) -> list[Path]:
-    """Return the folders of the objects, sorted.
-
-    Raises:
-        DataError: two names differ only by case or by Unicode form.
-    """
+    """Return the objects' folders, sorted. Raises DataError where names differ only by case or Unicode form."""
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     if same := first_case_collision(path.name for path in objects):
         raise DataError(
@@ -102,7 +98,6 @@ def masks_of_object(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def _view_of(path: Path, folder: Path, capture: Capture) -> View:
-    """Return the view that a mask in an object's folder was drawn on."""
     views = _matching_views(path.relative_to(folder), capture)
     if len(views) == 1:
         return views[0]
@@ -117,7 +112,7 @@ def _view_of(path: Path, folder: Path, capture: Capture) -> View:
 
 
 def _matching_views(path: Path, capture: Capture) -> list[View]:
-    """Return the views that a mask's path in its object's folder may mean: the view of that name, else training views."""
+    """Return the views that a mask's path may mean: the view of that name, else training views."""
     matches = [view for view in capture.views if matches_view(path, view)]
     named = [view for view in matches if view.name == file_name(path.stem)]
     return named or [view for view in matches if view.split == "train"] or matches
@@ -126,12 +121,8 @@ def _matching_views(path: Path, capture: Capture) -> list[View]:
 def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
     """Return the mask at the training image's working size, bool [H, W].
 
-    Args:
-        mask: as large as the photo, or of the working size.
-        training_image: the photo of its view.
-
     Raises:
-        DataError: the mask is of another size, damaged or empty.
+        DataError: the mask is of another size than the photo and the working size, damaged or empty.
     """
     pixels = to_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
     if not pixels.any():

@@ -1,7 +1,7 @@
 """Keep a segmentation in memory so that a stroke corrects it in a second or two.
 
-The surface points, their neighbors and the labels from masks are found once. Each correction then changes these labels
-as the segmentation stage does (`labels.Labelling`). Masks are rendered from the labelled points, without F_s.
+Each correction changes the labels from the masks as the segmentation stage does (`labels.Labelling`). Masks are rendered
+from the labelled points, without F_s.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class CorrectionSession:
         self.labels = self._labelling.corrected(self._from_masks, constraints)
 
     def suggestions(self) -> Suggestions:
-        """Return the views to mark next; see `suggestions.views_to_mark`."""
+        """Return the views to mark next."""
         return views_to_mark(self._cached, self._labelling.points, self.labels)
 
     def masks(self, view: View) -> dict[str, np.ndarray]:

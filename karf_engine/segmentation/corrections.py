@@ -1,7 +1,15 @@
-"""Read corrections: strokes that mark some pixels of a photo as an object or not, and leave the others open.
+"""Corrections: strokes that mark some pixels of a photo as an object or not, and what follows for the surface.
 
 CORRECTIONS/<object>/<view>.png, as large as the photo, 8-bit gray with alpha: opaque white is the object, opaque black is
 not, transparent pixels are open. Any view may have them. Colors may overrule a mask, but never a correction.
+
+A stroke fixes the surface points that its rays hit, and unsure points tied to them follow. A linear system on the neighbor
+graph gives the change d of the labels x; each point resists by its margin:
+
+    (D + C) d - lambda W d = C (y - x)      C: CORRECTED at corrections, else LEAST_HELD + HELD * margin ** POWER
+
+The right-hand side is 0 except where a correction y contradicts the labels. Wrong labels mostly have small margins, so a
+change runs through such a patch and stops where labels are sure.
 """
 
 from __future__ import annotations
@@ -36,8 +44,7 @@ MIN_COVERAGE = 0.25  # of a pixel by a stroke: thin strokes must survive the red
 def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
     """Return the corrections below a folder, by object and view; none where the folder is missing.
 
-    Raises:
-        DataError: as for `coarse_masks.find_masks`, except that folders may be empty.
+    Raises DataError as `find_masks` does, except that folders may be empty.
     """
     return (
         [each for path in object_folders(folder) for each in masks_of_object(path, capture)] if folder.is_dir() else []
@@ -45,14 +52,10 @@ def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def load_correction(correction: CoarseMask, camera: Camera) -> np.ndarray:
-    """Return `OBJECT`, `NOT_OBJECT` or 0 (open) for each pixel of a view, [H, W] int8.
-
-    Args:
-        correction: as large as the photo, or as the camera's picture.
-        camera: the view's pinhole at the working size.
+    """Return `OBJECT`, `NOT_OBJECT` or 0 (open) for each pixel of a view's pinhole, [H, W] int8.
 
     Raises:
-        DataError: the file has no alpha, is of another size, or damaged.
+        DataError: the file has no alpha, is damaged, or as large as neither the photo nor the camera's picture.
     """
     pixels, _ = read_pixels(correction.path, True)
     if pixels.ndim != 3 or pixels.shape[2] not in (2, 4):
@@ -70,23 +73,16 @@ MIN_SOLIDITY = 0.5  # of a ray that constrains points, relative to the view's me
 
 @dataclass(frozen=True)
 class Constraints:
-    """The classes that corrections require or forbid for p surface points.
+    """The classes that corrections require or forbid for p surface points."""
 
-    Attributes:
-        targets: [p, K+1] shares of the allowed classes; rows sum to 1.
-        fixed: [p] bool, the constrained points.
-    """
-
-    targets: np.ndarray
-    fixed: np.ndarray
+    targets: np.ndarray  # [p, K+1] shares of the allowed classes; rows sum to 1
+    fixed: np.ndarray  # [p] bool, the constrained points
 
 
 def correction_targets(strokes: Mapping[int, np.ndarray], n_classes: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the classes that the corrected pixels of one view may have.
 
-    Args:
-        strokes: {class number: int8 [H, W]}, at least one.
-        n_classes: K + 1, background included.
+    strokes: {class number: int8 [H, W]}, at least one. n_classes: K + 1.
 
     Returns:
         Shares of the classes [H, W, n_classes], which sum to 1, and the corrected pixels, bool [H, W].
@@ -102,24 +98,17 @@ def correction_targets(strokes: Mapping[int, np.ndarray], n_classes: int) -> tup
 
 @dataclass(frozen=True)
 class Observation:
-    """The surface points that one view shows.
+    """The surface points that one view shows."""
 
-    Attributes:
-        size: height and width, pixels.
-        cache: the view's n rays.
-        point_of_sample: [n, S], -1 where no point is near.
-    """
-
-    size: tuple[int, int]
-    cache: SurfaceCache
-    point_of_sample: np.ndarray
+    size: tuple[int, int]  # height and width
+    cache: SurfaceCache  # of the view's n rays
+    point_of_sample: np.ndarray  # [n, S], -1 where no point is near
 
 
 class ViewObserver:
     """Find the surface points that single views show; each view is traced once."""
 
     def __init__(self, scene_field: Field, points: SurfacePoints, long_side: int) -> None:
-        """Take a frozen field, its surface points and the working size in pixels."""
         self._field, self._points, self._long_side = scene_field, points, long_side
         self._tree = build_kd_tree(points.positions, balanced_tree=False, compact_nodes=False)
         self._observations: dict[str, Observation] = {}
@@ -180,13 +169,7 @@ POWER = 10.0  # of the margin
 
 
 def spread(labels: Labels, graph: sparse.csr_matrix, constraints: Constraints) -> Labels:
-    """Return the labels changed by corrections. A stroke that agrees with the labels changes no other point.
-
-    Args:
-        labels: of p points, from the masks.
-        graph: [p, p] neighbor weights.
-        constraints: of the points, from the corrections.
-    """
+    """Return the labels changed by corrections. A stroke that agrees with the labels changes no other point."""
     x, fixed = labels.probabilities, constraints.fixed
     # if a stroke only excludes classes, the labels so far decide among the others
     wanted = constraints.targets * np.where(constraints.targets.max(1, keepdims=True) > 0.5, 1, x + 1e-3)

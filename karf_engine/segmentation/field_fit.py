@@ -1,4 +1,4 @@
-"""Train F_s on surface labels, or on the masks alone as in the paper."""
+"""Train F_s on surface labels, or on the masks alone as in the paper, and select the rays that it shows objects on."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def propagate_labels(
         positions: [p, 3] grid coordinates.
         lab: [p, 3] CIE Lab.
         normals: [p, 3] of unit length, outward.
-        spacing: of the points, grid coordinates; see `SurfacePoints`.
+        spacing: of the points, grid coordinates.
         seed_targets: [p, K+1]; rows sum to 1.
         seed_confidence: [p] >= 0; 0 for all other points.
         rounds: number of color rounds, at least 1.
@@ -99,30 +99,18 @@ def propagate_labels(
 
 @dataclass(frozen=True)
 class _Propagation:
-    """The points near the objects before the first round.
+    """The points near the objects before the first round."""
 
-    Attributes:
-        positions: [p, 3] grid coordinates.
-        lab: [p, 3] CIE Lab.
-        graph: [p, p] neighbor weights.
-        seed_targets: [p, K+1].
-        seed_confidence: [p].
-        distance_penalty: [p, K], subtracted from the objects' log densities.
-        radii: [K] of the objects' seeds, grid coordinates.
-        random: draws the colors that mixtures are fitted to.
-    """
-
-    positions: np.ndarray
-    lab: np.ndarray
-    graph: sparse.csr_matrix
-    seed_targets: np.ndarray
-    seed_confidence: np.ndarray
-    distance_penalty: np.ndarray
-    radii: np.ndarray
+    positions: np.ndarray  # [p, 3] grid coordinates
+    lab: np.ndarray  # [p, 3]
+    graph: sparse.csr_matrix  # [p, p] neighbor weights
+    seed_targets: np.ndarray  # [p, K+1]
+    seed_confidence: np.ndarray  # [p]
+    distance_penalty: np.ndarray  # [p, K], subtracted from the objects' log densities
+    radii: np.ndarray  # [K] of the objects' seeds, grid coordinates
     random: np.random.Generator
 
     def run(self, rounds: int) -> Labels:
-        """Label the points."""
         targets, confidence = self.seed_targets, self.seed_confidence
         from_masks, seed_weight = self._seed_weight()
         x, mixture_weight = from_masks, confidence
@@ -203,8 +191,8 @@ class _Propagation:
     def _color_confidence(self, color_labels: np.ndarray, x: np.ndarray, reliability: np.ndarray) -> np.ndarray:
         """Return the confidence of the color labels, [p]: their margin times the least reliability of three classes.
 
-        These are the two likeliest by color and the current one. With the likeliest alone, the background would take
-        points from an object whose own colors are unreliable. Agreement with the masks raises the confidence.
+        These are the two likeliest by color and the current one. With the likeliest alone, the background would take points
+        from an object whose own colors are unreliable. Agreement with the masks raises the confidence.
         """
         second, first = np.argsort(color_labels, 1)[:, -2:].T
         rows = np.arange(len(color_labels))
@@ -269,13 +257,13 @@ def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarr
 
 
 def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
-    """Return whether each object has a seed, [K] bool; arguments as for `label_propagation.propagate_labels`."""
+    """Return whether each object has a seed, [K] bool; arguments as for `propagate_labels`."""
     objects = range(1, seed_targets.shape[1])
     return np.array([seeds_of(k, seed_targets, seed_confidence).any() for k in objects])
 
 
 def seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
-    """Return True for the seeds of class k, [p]."""
+    """Return True for the points that the masks confidently assign to class k, [p]."""
     # votes of 0.5 and less may be open: far points gather many of them
     votes = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
     return votes >= np.maximum(0.25 * votes.max(initial=0), np.finfo(float).tiny)
@@ -311,13 +299,6 @@ def local_share(
         deviation: of the Gaussian, in the units of positions, > 0.
         expected: share in [0, 1] where nothing is near.
         prior: weight of the expected share, > 0.
-
-    Examples:
-        Half of the weight is the part's, and all of it on the left:
-
-        >>> left_and_right = np.array([[0.0, 0, 0], [9, 0, 0]])
-        >>> local_share(left_and_right, np.full(2, 1e3), np.array([1e3, 0]), 1.0, 0.5, 1.0).round(2).tolist()
-        [1.0, 0.0]
     """
     least, most = positions.min(0), positions.max(0)
     cell = max(deviation / CELLS_PER_DEVIATION, (most - least).max() / MAX_CELLS)

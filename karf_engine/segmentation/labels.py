@@ -1,4 +1,8 @@
-"""Label surface points from the votes of masks, corrections and volumes."""
+"""Label surface points from the votes of masks, corrections and volumes, by solvers of the setting `segmentation.labels`.
+
+A solver is a function from a `LabelProblem` to a `LabelledSurface`. Add one with `register_labels`, or as an entry point
+`karf.labels` that is the function.
+"""
 
 from __future__ import annotations
 
@@ -31,15 +35,12 @@ LOW_PRECISION = 0.6  # below it, the user is warned
 
 @dataclass(frozen=True)
 class LabelledSurface:
-    """Labelled surface points. Class k is `objects[k - 1]`, class 0 the background.
-
-    fixed: [p] bool, the points that corrections fixed.
-    """
+    """Labelled surface points. Class k is `objects[k - 1]`, class 0 the background."""
 
     objects: list[str]
     points: SurfacePoints
     labels: Labels
-    fixed: np.ndarray
+    fixed: np.ndarray  # [p] bool, the points that corrections fixed
 
     @property
     def empty_objects(self) -> list[str]:
@@ -47,9 +48,9 @@ class LabelledSurface:
         return [name for k, name in enumerate(self.objects, 1) if not (self.labels.classes == k).any()]
 
     def boxes(self, margin: float) -> np.ndarray:
-        """Return a box around each object's points, [K, 2, 3] least and greatest corners in grid coordinates.
+        """Return a box around each object's points, [K, 2, 3] least and greatest corners; an empty one without points.
 
-        An object without points gets an empty box. margin: added on each side, grid coordinates.
+        margin: added on each side, grid coordinates.
         """
         boxes = {}
         for k in range(1, len(self.objects) + 1):
@@ -68,21 +69,13 @@ class LabelledSurface:
 
 @dataclass(frozen=True)
 class Labelling:
-    """The inputs of the label solve, computed once for any number of corrections.
-
-    Attributes:
-        points: p surface points.
-        targets: [p, K+1] votes of the masks; rows sum to 1.
-        confidence: [p] >= 0, of the votes.
-        normals: [p, 3] of unit length, outward.
-        allowed: [p, K+1] bool, the classes that volumes allow.
-    """
+    """The inputs of the label solve, computed once for any number of corrections."""
 
     points: SurfacePoints
-    targets: np.ndarray
-    confidence: np.ndarray
-    normals: np.ndarray
-    allowed: np.ndarray
+    targets: np.ndarray  # [p, K+1] votes of the masks; rows sum to 1
+    confidence: np.ndarray  # [p] >= 0, of the votes
+    normals: np.ndarray  # [p, 3] of unit length, outward
+    allowed: np.ndarray  # [p, K+1] bool, the classes that volumes allow
 
     @classmethod
     def of(
@@ -109,7 +102,6 @@ class Labelling:
 
     @cached_property
     def graph(self) -> csr_matrix:
-        """The neighbor weights of all points."""
         return neighbor_graph(self.points.positions, self.points.lab, self.normals, self.points.spacing)
 
     def solve(
@@ -139,7 +131,7 @@ class Labelling:
         )
 
     def corrected(self, labels: Labels, constraints: Constraints) -> Labels:
-        """Return labels changed by corrections; see `spreading`."""
+        """Return labels changed by corrections; see `corrections.spread`."""
         if not constraints.fixed.any():
             return labels
         return self._within_volumes(spread(labels, self.graph, constraints))
@@ -147,28 +139,16 @@ class Labelling:
 
 @dataclass(frozen=True)
 class LabelProblem:
-    """The inputs of a label solver.
+    """The inputs of a label solver."""
 
-    Attributes:
-        scene_field: the frozen radiance field.
-        objects: names of the K objects.
-        points: surface points.
-        votes: of the rays that the points were merged from.
-        constraints: of the points, from corrections.
-        volumes: by object, where it must be inside or outside.
-        rounds: of an iterative solver, at least 1.
-        random: the only source of random numbers.
-        emit: receives events.
-    """
-
-    scene_field: Field
+    scene_field: Field  # frozen
     objects: list[str]
     points: SurfacePoints
-    votes: RayVotes
-    constraints: Constraints
-    volumes: Mapping[str, Sequence[Volume]]
-    rounds: int
-    random: np.random.Generator
+    votes: RayVotes  # of the rays that the points were merged from
+    constraints: Constraints  # of the points, from corrections
+    volumes: Mapping[str, Sequence[Volume]]  # by object, where it must be inside or outside
+    rounds: int  # of an iterative solver, at least 1
+    random: np.random.Generator  # the only source of random numbers
     emit: Emit
 
 

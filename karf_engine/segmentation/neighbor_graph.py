@@ -22,16 +22,13 @@ MIN_WEIGHT = 1e-6
 
 
 def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, spacing: float) -> sparse.csr_matrix:
-    """Return weights between nearest neighbors, near 1 where color, normal and position agree.
+    """Return weights between nearest neighbors, near 1 where color, normal and position agree: symmetric [p, p].
 
     Args:
         positions: [p, 3] grid coordinates.
         lab: [p, 3] CIE Lab.
         normals: [p, 3] of unit length, outward.
         spacing: of the points, grid coordinates.
-
-    Returns:
-        Symmetric [p, p], weights in [0, 1 + 1e-6].
     """
     # building a balanced tree has crashed together with torch
     tree = build_kd_tree(positions, balanced_tree=False, compact_nodes=False)
@@ -60,9 +57,6 @@ def conjugate_gradients(
         diagonal: of A, [p].
         right: b, [p, c].
         x: initial guess, [p, c].
-
-    Returns:
-        x [p, c].
     """
     inverse = 1 / diagonal[:, None]
     x, residual = x.copy(), right - product(x)

@@ -21,9 +21,7 @@ Link = tuple[Region, Region, np.ndarray]  # pixels, their neighbors in one direc
 def neighbor_links(channels: np.ndarray, falloff: float = 0.05) -> Iterator[Link]:
     """Yield the links to half of the eight neighbors, one direction at a time.
 
-    Args:
-        channels: [h, w, C] float32, such as CIE Lab.
-        likeness: neighbors at distance d have the weight exp(-likeness d^2).
+    channels: [h, w, C] float32, such as CIE Lab. falloff: neighbors at distance d have the weight exp(-falloff d^2).
     """
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
         here, there = _shifted(channels.shape[:2], down, right)

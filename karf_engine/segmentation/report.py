@@ -1,4 +1,10 @@
-"""segmentation.json: the views that segmentation used, and the agreement of its result with the coarse masks."""
+"""segmentation.json: the views that segmentation used, how its result agrees with the masks, and the views to mark next.
+
+The best view to mark is the one where a stroke decides most. A stroke decides the patch of unsure surface that it is drawn
+in, in all views. So the unsure points of each object are joined to patches, separately inside and outside the object. Where
+a patch is wide enough for a brush in a view, its value there is the geometric mean of its pixels in all views and in this
+one, times its mean doubt. If much is wrong in every view, scores are similar, and a stroke in any view helps about as much.
+"""
 
 from __future__ import annotations
 
@@ -24,30 +30,18 @@ from .views import CachedViews
 
 @dataclass(frozen=True)
 class SegmentationReport:
-    """The result of segmentation, for the user and for later stages.
-
-    Attributes:
-        objects: names of the objects.
-        precision: of each object in [0, 1], see `Labels.precision`.
-        iou_with_masks: of each object, IoU in [0, 1] of the rendered and the coarse mask in each view with a mask.
-        views: names of the views used, in the order of `ObjectSurface.view`.
-        masked_views: names of those with a coarse mask.
-        surface_points: number of labelled points.
-        unsure: doubt of each object by name; empty in old files.
-        suggestions: the views to mark next; none in old files.
-    """
+    """The result of segmentation, for the user and for later stages."""
 
     objects: list[str]
-    precision: dict[str, float]
-    iou_with_masks: dict[str, list[float]]
-    views: list[str]
-    masked_views: list[str]
-    surface_points: int
-    unsure: dict[str, ObjectDoubt]
-    suggestions: Suggestions
+    precision: dict[str, float]  # of each object in [0, 1], see `Labels.precision`
+    iou_with_masks: dict[str, list[float]]  # of each object, of the rendered and the coarse mask in each view with one
+    views: list[str]  # names, in the order of `ObjectSurface.view`
+    masked_views: list[str]  # names of those with a coarse mask
+    surface_points: int  # number of labelled points
+    unsure: dict[str, ObjectDoubt]  # by object; empty in old files
+    suggestions: Suggestions  # none in old files
 
     def write(self, path: Path) -> None:
-        """Write the report as JSON, atomically."""
         content = {
             "objects": self.objects,
             "precision": self.precision,
@@ -94,11 +88,7 @@ class SegmentationReport:
 def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor) -> SegmentationReport:
     """Compare a segmentation with its masks.
 
-    Args:
-        cached: views, masks, and n cached rays.
-        points: surface points of the rays.
-        labels: of the points.
-        probabilities: [n, K+1], of the rays as F_s renders them.
+    points: of the n cached rays. labels: of the points. probabilities: [n, K+1], of the rays as F_s renders them.
     """
     views = cached.views
     pictures = cached.pictures(probabilities.argmax(1).cpu().numpy())
@@ -147,36 +137,21 @@ SIMILAR = 1.37  # ratio of the best to the mean score, below it any view helps; 
 
 @dataclass(frozen=True)
 class Suggestions:
-    """The views to mark next.
+    """The views to mark next."""
 
-    Attributes:
-        scores: scores in [0, 1] of the best unmarked views by name, the best first.
-        any_view_helps: whether any other unmarked view would help about as much.
-    """
-
-    scores: dict[str, float]
-    any_view_helps: bool
+    scores: dict[str, float]  # in [0, 1], of the best unmarked views by name, the best first
+    any_view_helps: bool  # whether any other unmarked view would help about as much
 
 
 def suggestions_of(scores: Mapping[str, float]) -> Suggestions:
-    """Rank the unmarked views by their scores.
-
-    Examples:
-        >>> suggestions_of({"front": 0.01, "back": 0.04, "side": 0.01})
-        Suggestions(scores={'back': 0.04, 'front': 0.01, 'side': 0.01}, any_view_helps=False)
-        >>> suggestions_of({"front": 0.03, "back": 0.04, "side": 0.03}).any_view_helps
-        True
-    """
+    """Rank the unmarked views by their scores."""
     best = sorted(scores, key=lambda name: -scores[name])[:MAX_SUGGESTIONS]
     are_similar = len(best) > 1 and scores[best[0]] * len(scores) < SIMILAR * sum(scores.values())
     return Suggestions({name: scores[name] for name in best}, are_similar)
 
 
 def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) -> Suggestions:
-    """Score the unmarked views: the mean over the objects of the best patch's value, relative to the object's pixels.
-
-    `points` come from the rays of `cached`, `labels` are theirs.
-    """
+    """Score the unmarked views: the mean over the objects of the best patch's value, relative to the object's pixels."""
     views, end = cached.views, points.point_of_sample[:, points.point_of_sample.shape[1] // 2]
     pixels, scores = np.bincount(end, minlength=len(points)), np.zeros(len(views.training_images))
     for k, doubt in enumerate(labels.doubt.T, 1):

@@ -1,4 +1,7 @@
-"""Merge the samples of many rays to surface points, in cells slightly larger than a voxel."""
+"""Surface points, merged from the samples of many rays; their labels, and how unsure the labels of each object are.
+
+Labels are unsure where no marked view shows the object, or where masks and colors disagree.
+"""
 
 from __future__ import annotations
 
@@ -24,26 +27,19 @@ LABEL_SAMPLES = 3  # per ray; the first and last of many samples are off the sur
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """p surface points, merged from the samples of n rays.
+    """p surface points, merged from the samples of n rays."""
 
-    Attributes:
-        positions: [p, 3] grid coordinates.
-        lab: [p, 3] photo colors in CIE Lab, L in [0, 100].
-        point_of_sample: [n, K] int, the point of each sample of each ray.
-        spacing: approximate distance of the points, grid coordinates; the unit of lengths in label propagation.
-    """
-
-    positions: np.ndarray
-    lab: np.ndarray
-    point_of_sample: np.ndarray
-    spacing: float
+    positions: np.ndarray  # [p, 3] grid coordinates
+    lab: np.ndarray  # [p, 3] photo colors in CIE Lab, L in [0, 100]
+    point_of_sample: np.ndarray  # [n, K] int
+    spacing: float  # approximate distance of the points, grid coordinates
 
     def __len__(self) -> int:
         return len(self.positions)
 
 
 def surface_points(cached: CachedViews, voxel: float) -> SurfacePoints:
-    """Return surface points as fine as the field's voxels (grid coordinates), but not many more than MOST_POINTS."""
+    """Return surface points as fine as the field's voxels (grid coordinates), but not many more than MAX_POINTS."""
     points = _points_of_spacing(cached, voxel)
     if len(points) <= MAX_POINTS:
         return points
@@ -87,17 +83,11 @@ def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.nda
 
 @dataclass(frozen=True)
 class Labels:
-    """Labels of p surface points.
+    """Labels of p surface points."""
 
-    Attributes:
-        probabilities: [p, K+1]; rows sum to 1.
-        precision: [K] in [0, 1], share of the seeds of an object's color that the masks assign to the object.
-        opinion: [p, K+1], mean of the labels from masks, from colors and from both; rows sum to 1.
-    """
-
-    probabilities: np.ndarray
-    precision: np.ndarray
-    opinion: np.ndarray
+    probabilities: np.ndarray  # [p, K+1]; rows sum to 1
+    precision: np.ndarray  # [K] in [0, 1], share of the seeds of an object's color that the masks assign to the object
+    opinion: np.ndarray  # [p, K+1], mean of the labels from masks, from colors and from both
 
     @property
     def classes(self) -> np.ndarray:
@@ -128,18 +118,12 @@ AGAIN = "Run the segmentation stage again."
 
 @dataclass(frozen=True)
 class ObjectDoubt:
-    """The doubt of one object.
+    """The doubt of one object."""
 
-    Attributes:
-        share: of unsure points among these and the object's, in [0, 1].
-        unseen: share of the unsure points that no marked view shows, in [0, 1].
-    """
-
-    share: float
-    unseen: float
+    share: float  # of unsure points among these and the object's, in [0, 1]
+    unseen: float  # share of the unsure points that no marked view shows
 
     def sentence(self, name: str) -> str:
-        """Return the sentence for the user."""
         if self.unseen > 0.5:
             return f"{self.share:.0%} of {name!r} is unsure, most of it where no marked photo shows it."
         return f"{self.share:.0%} of {name!r} is unsure, most of it where masks and colors contradict each other."
@@ -162,17 +146,11 @@ def unsure_objects(cached: CachedViews, points: SurfacePoints, labels: Labels) -
 
 @dataclass(frozen=True)
 class SurfaceUncertainty:
-    """The doubt of p surface points.
-
-    Attributes:
-        objects: names of the K objects.
-        positions: [p, 3] float32, world coordinates.
-        doubts: [p, K] uint8, 255 is full doubt; see `Labels.doubt`.
-    """
+    """The doubt of p surface points."""
 
     objects: Sequence[str]
-    positions: np.ndarray
-    doubts: np.ndarray
+    positions: np.ndarray  # [p, 3] float32, world coordinates
+    doubts: np.ndarray  # [p, K] uint8, 255 is full doubt; see `Labels.doubt`
 
     def at(self, positions: np.ndarray) -> np.ndarray:
         """Return the doubt of the nearest points, [n, K] in [0, 1], for world positions [n, 3]."""
@@ -180,7 +158,6 @@ class SurfaceUncertainty:
         return self.doubts[tree.query(positions)[1]] / np.float32(255)
 
     def write(self, path: Path) -> None:
-        """Write the doubts atomically."""
         arrays = {"objects": np.array(self.objects, np.str_), "positions": self.positions, "doubts": self.doubts}
         atomic_write(path, lambda temporary: np.savez_compressed(temporary, **arrays))
 

@@ -26,12 +26,9 @@ NOT, SURE, PERHAPS_NOT, PERHAPS = cv2.GC_BGD, cv2.GC_FGD, cv2.GC_PR_BGD, cv2.GC_
 
 
 def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.ndarray:
-    """Return the object's mask, bool [h, w]. A trimap of one side only is returned as it is.
+    """Return the object's mask, bool [h, w], by OpenCV's GrabCut. A trimap of one side only is returned as it is.
 
-    Args:
-        colors: [h, w, 3] uint8.
-        trimap: [h, w] uint8 of OpenCV's four values.
-        iterations: of fitting colors and mask to each other.
+    colors: [h, w, 3] uint8. trimap: [h, w] uint8 of the four values above.
     """
     is_inside = (trimap & 1).astype(bool)
     if is_inside.all() or not is_inside.any():
@@ -53,11 +50,7 @@ def propose(photo: np.ndarray, prompts: Prompts) -> np.ndarray:
 
 
 class Marker:
-    """Mark one photo. Results of earlier clicks are cached, so one more click takes one step.
-
-    Args:
-        photo: float sRGB [H, W, 3 or 4] in [0, 1], straight alpha.
-    """
+    """Mark one photo, float sRGB [H, W, 3 or 4] in [0, 1]. Earlier clicks are cached, so one more click takes one step."""
 
     def __init__(self, photo: np.ndarray) -> None:
         self._height, self._width = photo.shape[:2]
@@ -140,21 +133,15 @@ def _touching(mask: np.ndarray, known: np.ndarray) -> np.ndarray:
 class Marking(Protocol):
     """A photo with a method that proposes masks."""
 
-    def propose(self, prompts: Prompts) -> np.ndarray:
-        """Return the object's mask, bool [H, W]."""
-        ...
+    def propose(self, prompts: Prompts) -> np.ndarray: ...
 
 
 def make_marker(capture: Path | str, name: str, weights: Path | str | None = None) -> Marking:
     """Load a view for marking.
 
-    Args:
-        capture: folder or camera file of the capture.
-        name: of the view.
-        weights: folder of a Segment Anything model, to use instead of GrabCut.
+    weights: folder of a Segment Anything model, to use instead of GrabCut.
 
-    Raises:
-        KarfError: the capture has no such view, its photo cannot be read, or the weights cannot be used.
+    Raises KarfError where the capture has no such view, its photo cannot be read, or the weights cannot be used.
     """
     photo = read_photo_of_view(open_capture(capture).view(name))
     if weights is None:

@@ -23,21 +23,14 @@ LIKENESS = 0.1  # per squared Lab unit; tuned together with `regions`
 
 @dataclass(frozen=True)
 class WorkingPhoto:
-    """A photo of [h, w] pixels at the working size.
+    """A photo of [h, w] pixels at the working size, with the links between its pixels."""
 
-    Attributes:
-        colors: [h, w, 3] uint8 sRGB.
-        links: between neighbors, see `random_walk.neighbor_links`.
-        scale: (x, y), working pixels per pixel of the photo.
-    """
-
-    colors: np.ndarray
+    colors: np.ndarray  # [h, w, 3] uint8 sRGB
     links: tuple[Link, ...]
-    scale: tuple[float, float]
+    scale: tuple[float, float]  # (x, y), working pixels per pixel of the photo
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(h, w)."""
         height, width, _ = self.colors.shape
         return height, width
 
@@ -120,7 +113,6 @@ def _walk(links: Sequence[Link], clicked: np.ndarray, is_object: bool, leak: np.
 
 
 def _max_area(mask: np.ndarray, is_object: bool) -> float:
-    """Return the largest area of a region, pixels."""
     if not mask.any():
         return MAX_AREA * mask.size
     return max(MAX_ADDED * mask.sum(), ALWAYS_ADDED * mask.size) if is_object else MAX_REMOVED * mask.sum()

@@ -23,11 +23,7 @@ HINT = "Give the folder of a Segment Anything model as saved by transformers, wi
 
 
 class SegmentAnything:
-    """Mark one photo; its image embedding is computed once.
-
-    Args:
-        photo: float sRGB [H, W, 3 or 4] in [0, 1], straight alpha.
-        folder: of the model.
+    """Mark one photo, float sRGB [H, W, 3 or 4] in [0, 1]; its image embedding is computed once.
 
     Raises:
         MissingDependency: the extra `marks` is not installed.
@@ -75,7 +71,6 @@ def _inputs(prompts: Prompts) -> dict[str, Any]:
 
 
 def _load(folder: Path) -> tuple[Any, Any]:
-    """Load model and processor from a folder."""
     try:
         from transformers import AutoModelForMaskGeneration, AutoProcessor  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
