@@ -1,4 +1,4 @@
-"""Stage 2b: palettes and surface samples -> the learned palettes, and F_w (recoloring.safetensors) where it is trained."""
+"""Stage 2b: palettes, surface samples -> learned palettes, and F_w (recoloring.safetensors) where it is trained."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..heads.fields import RecoloringField, SegmentationField
 from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
 from ..heads.rendering import segment_cache
-from ..heads.training_rays import ObjectSurface, object_pixels, palettes_of_objects, training_rays
+from ..heads.training_rays import ObjectSurface, object_pixels, training_rays
 from ..palettes.compositing import stack_palettes
 from ..palettes.extraction.extraction import color_histograms
 from ..palettes.object_colors import write_object_colors
@@ -25,7 +25,7 @@ from ..palettes.palette import Palette, read_palettes, write_palettes
 from ..segmentation.coarse_masks import find_masks
 from ..segmentation.field_fit import whole_surface
 from ..segmentation.report import SegmentationReport
-from ..segmentation.views import CachedViews, cache_views, load_masked_views
+from ..segmentation.views import cache_views, load_masked_views
 from .job import Job, StageRun, open_job, run_stage
 from .options import RecoloringOptions
 
@@ -67,16 +67,13 @@ def _train(job: Job, run: StageRun, surface: ObjectSurface, initial: Sequence[Pa
     progress = job.progress("recoloring", settings.iterations)
     learned = fit_recoloring(karf, field, rays, stacked.to(device), settings, job.runtime, progress, run.checkpoint)
     save_recoloring(run.output(project.recoloring_file), karf, sizes, settings)
-    return palettes_of_objects(objects, learned.cpu().numpy(), sizes)
+    colors = [block[:size] for block, size in zip(learned.cpu().numpy(), sizes, strict=True)]
+    colors *= len(objects) // len(blocks)  # a single block serves all objects
+    return [Palette(name, own) for name, own in zip(objects, colors, strict=True)]
 
 
 def whole_scene(job: Job, field: Field, segmentation: SegmentationField) -> tuple[ObjectSurface, Tensor]:
     """Return all rays of the segmentation's views and their opacity; the stage stored only those of objects."""
-    cached = _recompute_cache(job, field)
-    return whole_surface(cached, segment_cache(segmentation, field, cached.cache)), cached.cache.opacity
-
-
-def _recompute_cache(job: Job, field: Field) -> CachedViews:
     capture, settings = job.capture(), job.settings.segmentation
     report = SegmentationReport.read(job.project.verified(job.project.segmentation_report))
     masks = find_masks(job.project.check_inside(job.project.masks_folder), capture)
@@ -84,21 +81,14 @@ def _recompute_cache(job: Job, field: Field) -> CachedViews:
     masked = load_masked_views(masks, views, job.settings.geometry.long_side, settings, report.objects)
     if masked.names != report.views:
         raise DataError(f"{job.project.segmentation_report} names other views.", "Run the segmentation stage again.")
-    return cache_views(field, masked, settings.samples_per_ray, job.progress("surface", masked.n_pixels))
+    cached = cache_views(field, masked, settings.samples_per_ray, job.progress("surface", masked.n_pixels))
+    return whole_surface(cached, segment_cache(segmentation, field, cached.cache)), cached.cache.opacity
 
 
 def rays_of(
     job: Job, field: Field, surface: ObjectSurface, blocks: Sequence[Palette], opacity: Tensor | None = None
 ) -> ObjectRays:
-    """Return the training rays of F_w.
-
-    Args:
-        job: The job; its settings choose rays and targets.
-        field: The scene.
-        surface: The surface samples of n rays.
-        blocks: The distinct palettes.
-        opacity: [n], of the rays; None for opaque ones.
-    """
+    """Return the training rays of F_w. opacity: [n], of the rays of the surface; None for opaque ones."""
     settings = job.settings.recoloring
     masked_views: list[int] = []
     cameras: list[Camera] = []

@@ -13,7 +13,6 @@ from ..capture.reader_utils import read_bytes
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.protocol import Field
-from ..fields.training.checkpoint import Checkpoint
 from ..heads.fields import SegmentationField, Volumes
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
@@ -22,7 +21,7 @@ from ..io.fingerprints import file_digest
 from ..project.volumes import Volume, read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
 from ..segmentation.corrections import ViewObserver, find_corrections
-from ..segmentation.field_fit import fit_to_labels, fit_to_masks, object_surface
+from ..segmentation.field_fit import fit_segmentation, object_surface
 from ..segmentation.labels import LabelledSurface, LabelProblem, solve_labels
 from ..segmentation.report import report_of
 from ..segmentation.surface_points import SurfaceUncertainty, surface_points
@@ -59,18 +58,15 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
         field = load_scene(job.project.verified(job.project.geometry_file), job.runtime.device).field
-        marked = {mask.view.name for mask in masks}
-        learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
-        views = load_masked_views(masks, learned_from, long_side, settings, {c.object_name for c in corrections})
+        views = load_masked_views(masks, capture.views, long_side, settings, {c.object_name for c in corrections})
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
         surface = _label(job, field, cached, votes, corrections, volumes)
-        karf = _fit(job, field, cached, votes, surface, run.checkpoint)
+        progress = job.progress("segmentation", settings.iterations)
+        karf = fit_segmentation(field, cached, votes, surface, settings, job.runtime, progress, run.checkpoint)
         if volumes:  # the labels are bounded by them, but F_s extrapolates smoothly
-            karf.volumes, karf.space = (
-                Volumes.from_objects(volumes, surface.objects).to(job.runtime.device),
-                field.space,
-            )
+            karf.volumes = Volumes.from_objects(volumes, surface.objects).to(job.runtime.device)
+            karf.space = field.space
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
             copy_masks(masks, run.output(job.project.masks_folder))
@@ -95,17 +91,6 @@ def _label(
     settings, random = job.settings.segmentation, np.random.default_rng(job.settings.seed)
     problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
     return solve_labels(settings.labels, problem)
-
-
-def _fit(
-    job: Job, field: Field, cached: CachedViews, votes: RayVotes, surface: LabelledSurface, checkpoint: Checkpoint
-) -> SegmentationField:
-    settings = job.settings.segmentation
-    progress = job.progress("segmentation", settings.iterations)
-    training = settings, job.runtime, progress, checkpoint
-    if settings.labels == "masks":
-        return fit_to_masks(field, len(surface.objects), cached.cache, votes, *training)
-    return fit_to_labels(field, surface, *training)
 
 
 def _write(

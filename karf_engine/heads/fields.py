@@ -21,9 +21,11 @@ from ..project.settings import RecoloringSettings, SegmentationSettings
 from ..project.volumes import Volume
 from .registry import build_head
 
+TESTS_PER_CHUNK = 1 << 22  # positions times faces
+
 
 def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
-    """Map positions [n, 3] so that the box `bounds` [2, 3] (least, greatest corner) is [-1, 1] along its longest side."""
+    """Map positions [n, 3] so that the box `bounds` [2, 3] is [-1, 1] along its longest side."""
     center = bounds.mean(0)
     half = (bounds[1] - bounds[0]).max() / 2
     return (positions - center) / half
@@ -87,8 +89,7 @@ class RecoloringField(nn.Module):
     Args:
         bounds: [2, 3] of F_s, grid coordinates.
         n_features: F, number of prior features.
-        sizes: number of colors of each palette, black included. M is the largest; smaller palettes are padded with weight
-            0. A shared palette is a single block.
+        sizes: number of colors of each palette, black included; M is the largest. A shared palette is a single block.
         settings: octaves of the encodings, and the head.
     """
 
@@ -128,9 +129,6 @@ class RecoloringField(nn.Module):
         return torch.softmax(logits.masked_fill(self.missing, -torch.inf), 2)
 
 
-TESTS_PER_CHUNK = 1 << 22  # positions times faces
-
-
 class Volumes(nn.Module):
     """Convex volumes of some of K objects."""
 
@@ -146,7 +144,7 @@ class Volumes(nn.Module):
 
     @classmethod
     def from_objects(cls, volumes: Mapping[str, Sequence[Volume]], objects: Sequence[str]) -> Volumes:
-        """Collect the volumes of these objects; a mesh is replaced by its convex hull. Raises DataError for a flat mesh."""
+        """Collect the volumes of these objects, of meshes their convex hulls. Raises DataError for a flat mesh."""
         chosen = [(k, each) for k, name in enumerate(objects) for each in volumes.get(name, ())]
         faces = [_faces_of(each, objects[k]) for k, each in chosen]
         numbers = [number for number, some in enumerate(faces) for _ in some]

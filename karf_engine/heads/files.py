@@ -42,12 +42,10 @@ def save_segmentation(
 def load_segmentation(
     path: Path, n_features: int, device: torch.device | str = "cpu", space: Space | None = None
 ) -> tuple[SegmentationField, list[str]]:
-    """Return a frozen F_s for a field of n_features, and the names of its classes 1..K.
+    """Return a frozen F_s for a field of `n_features`, and the names of its classes 1..K.
 
-    space: of the scene's field; None where F_s is not evaluated.
-
-    Raises:
-        DataError: the file is damaged or belongs to another field.
+    space: of the field; None where F_s is not evaluated. Raises DataError where the file is damaged or of another
+    field.
     """
     tensors, facts = load_tensors(path, SEGMENTATION_SCHEMA, device)
     with damage_as_data_error(path):
@@ -81,17 +79,9 @@ def save_recoloring(path: Path, recoloring: RecoloringField, sizes: list[int], s
 def load_recoloring(
     path: Path, bounds: Tensor, n_features: int, palettes: Sequence[Palette], device: torch.device | str = "cpu"
 ) -> RecoloringField:
-    """Return a frozen F_w.
+    """Return a frozen F_w. bounds: of F_s. n_features: of the scene's field. palettes: one per object.
 
-    Args:
-        path: a file of `save_recoloring`.
-        bounds: of F_s, [2, 3], grid coordinates.
-        n_features: of the scene's field.
-        palettes: one per object.
-        device: for F_w.
-
-    Raises:
-        DataError: the file is damaged or belongs to other palettes.
+    Raises DataError where the file is damaged or belongs to other palettes.
     """
     tensors, facts = load_tensors(path, RECOLORING_SCHEMA, device)
     with damage_as_data_error(path):

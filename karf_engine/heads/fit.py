@@ -27,6 +27,7 @@ from .rendering import SAMPLES_PER_CHUNK, features_of, render_classes, render_we
 WARMUP = 20  # iterations
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest is drawn from all points
 FIXED_SHARE = 0.1  # in addition, where there are corrections
+MAX_CACHE_BYTES = 1 << 29  # of prior features; a NeRF has 256 per sample
 
 
 def fit_on_points(
@@ -42,19 +43,15 @@ def fit_on_points(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> None:
-    """Train F_s in place by cross-entropy on labelled surface points.
+    """Train F_s in place by cross-entropy on p labelled surface points [p, 3], grid coordinates.
 
     Batches are drawn from the objects, the background near them, all points, and the points fixed by corrections.
 
     Args:
-        segmentation: F_s.
-        scene_field: the frozen radiance field, for its prior features.
-        positions: [p, 3] grid coordinates.
-        classes: [p] int in 0..K.
-        certainty: [p] in [0, 1], sampling weights.
-        near: [p] bool, points near an object.
-        fixed: [p] bool, points fixed by corrections.
-        settings, runtime, progress: of the training; `progress` counts iterations.
+        segmentation, scene_field: F_s, and the frozen radiance field for its prior features.
+        classes: [p] int in 0..K. certainty: [p] in [0, 1], sampling weights.
+        near, fixed: [p] bool, points near an object, and points fixed by corrections.
+        progress: counts iterations.
         checkpoint: resumes and saves the training; None trains from the start.
     """
     features = scene_field.features(positions)
@@ -90,21 +87,17 @@ def fit_on_rays(
 ) -> None:
     """Train F_s in place by Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
-    If objects lack masks in a view, a ray outside the masks may have any of several classes; the loss is then that of their
-    total probability.
-
-    Args:
-        segmentation, scene_field, settings, runtime, progress, checkpoint: as for `fit_on_points`.
-        cache: n rays with their surface samples.
-        targets: [n, K+1] votes of the rays (see `segmentation/votes.py`).
+    If objects lack masks in a view, a ray outside the masks may have any of several classes; the loss is then that of
+    their total probability. targets: [n, K+1] votes of the n cached rays (see `segmentation/votes.py`). All else is as
+    for `fit_on_points`.
     """
     flat = cache.positions.view(-1, 3)
     segmentation.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
-    features = RayFeatures(scene_field, cache.positions, settings)
+    features = _ray_features(scene_field, cache.positions, settings)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(cache), max(16, int(settings.batch * scale)))
-        probabilities = render_classes(segmentation, cache.positions[index], features.of(index), cache.opacity[index])
+        probabilities = render_classes(segmentation, cache.positions[index], features(index), cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": loss.detach()}
@@ -137,21 +130,17 @@ def fit_recoloring(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> Tensor:
-    """Train F_w in place by Eq. 14 with lambda_Edit = 1; the last `palette_share` of the iterations also learns the palettes.
+    """Train F_w in place by Eq. 14 with lambda_Edit = 1, in the last `palette_share` of the iterations palettes too.
 
-    Args:
-        recoloring: F_w.
-        rays: at least one, with target weights.
-        palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed.
-        scene_field, settings, runtime, progress, checkpoint: as for `fit_on_points`.
+    palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed. All else is as for
+    `fit_on_points`.
 
-    Returns:
-        The learned palettes, [blocks, M, 3] sRGB in [0, 1].
+    Returns the learned palettes, [blocks, M, 3] sRGB in [0, 1].
     """
     some = slice(None, None, max(1, len(rays.colors) // 65536))
     middle = rays.positions.shape[1] // 2
     recoloring.standardizer.fit(scene_field.features(rays.positions[some, middle]))
-    features = RayFeatures(scene_field, rays.positions, settings)
+    features = _ray_features(scene_field, rays.positions, settings)
     learned = palettes.clone().requires_grad_(True)
     groups = [
         {"params": list(recoloring.parameters()), "lr": settings.rate},
@@ -162,7 +151,7 @@ def fit_recoloring(
     def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
         block = rays.block[index]
-        all_weights = render_weights(recoloring, rays.positions[index], rays.viewdirs[index], features.of(index))
+        all_weights = render_weights(recoloring, rays.positions[index], rays.viewdirs[index], features(index))
         weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
         opacity = rays.opacity[index, None]
         weights = torch.cat([weights[:, :1] * opacity + (1 - opacity), weights[:, 1:] * opacity], 1)
@@ -215,26 +204,17 @@ def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
     return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)
 
 
-MAX_CACHE_BYTES = 1 << 29  # a NeRF has 256 features per sample
+def _ray_features(
+    scene_field: Field, positions: Tensor, settings: SegmentationSettings | RecoloringSettings
+) -> Callable[[Tensor], Tensor]:
+    """Return a function from ray indices [m] to prior features [m, S, F] at the samples [n, S, 3] of all rays.
 
-
-class RayFeatures:
-    """Prior features along rays [n, S, 3], computed once if that is less work than at each call and fits into memory."""
-
-    def __init__(
-        self, scene_field: Field, positions: Tensor, settings: SegmentationSettings | RecoloringSettings
-    ) -> None:
-        self._field, self._positions = scene_field, positions
-        n_bytes = positions.shape[0] * positions.shape[1] * scene_field.n_features * 4
-        is_less_work = len(positions) <= settings.iterations * settings.batch
-        self._cached = self._all() if is_less_work and n_bytes <= MAX_CACHE_BYTES else None
-
-    def of(self, rays: Tensor) -> Tensor:
-        if self._cached is not None:
-            return self._cached[rays]
-        return features_of(self._field, self._positions[rays])
-
-    @torch.no_grad()
-    def _all(self) -> Tensor:
-        rays_per_chunk = max(1, SAMPLES_PER_CHUNK // self._positions.shape[1])
-        return torch.cat([features_of(self._field, chunk) for chunk in self._positions.split(rays_per_chunk)])
+    Features are computed once if that is less work than at each call and fits into memory.
+    """
+    n_bytes = positions.shape[0] * positions.shape[1] * scene_field.n_features * 4
+    if len(positions) > settings.iterations * settings.batch or n_bytes > MAX_CACHE_BYTES:
+        return lambda rays: features_of(scene_field, positions[rays])
+    rays_per_chunk = max(1, SAMPLES_PER_CHUNK // positions.shape[1])
+    with torch.no_grad():
+        cached = torch.cat([features_of(scene_field, chunk) for chunk in positions.split(rays_per_chunk)])
+    return lambda rays: cached[rays]

@@ -70,8 +70,8 @@ def register_head(name: str, build: HeadBuilder) -> None:
 def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_features: int, n_out: int) -> Head:
     """Return a new head as the settings describe it; for the widths see `HeadSizes`.
 
-    With `match="parameters"` its width is chosen so that the number of parameters is nearest to that of the full block of
-    Gaussian layers of `settings.width`. Raises BadRequest where the kind of head or layer is not registered.
+    With `match="parameters"` its width is chosen so that the number of parameters is nearest to that of the full block
+    of Gaussian layers of `settings.width`. Raises BadRequest where the kind of head or layer is not registered.
     """
     sizes = HeadSizes(n_position, n_direction, n_features, n_out)
     if settings.match == "parameters":

@@ -24,11 +24,7 @@ NEGLIGIBLE = 1 / 1024  # class probability too small to change an 8-bit picture
 def render_classes(segmentation: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
     """Render class probabilities of rays (Eq. 8), [n, K+1]; rows sum to 1, transmittance counts as background.
 
-    Args:
-        segmentation: F_s.
-        positions: [n, S, 3] quantile samples, grid coordinates.
-        features: [n, S, F] prior features there.
-        opacity: [n] of the rays, in [0, 1].
+    positions: [n, S, 3] quantile samples, grid coordinates. features: [n, S, F]. opacity: [n] in [0, 1].
     """
     per_sample = segmentation(positions.view(-1, 3), features.flatten(0, 1))
     return _rendered(per_sample.view(*positions.shape[:2], per_sample.shape[1]), opacity)
@@ -145,18 +141,12 @@ def object_samples(segmentation: SegmentationField, scene_field: Field, cache: S
 
 @torch.no_grad()
 def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: SurfaceCache) -> Tensor:
-    """Render the edit planes of all cached rays: sum_i omega_i s_i^k w_ij for object k and palette entry j (Eq. 8, 9).
+    """Render the edit planes of n cached rays: sum_i omega_i s_i^k w_ij for object k and palette entry j (Eq. 8, 9).
 
     Class and weights are multiplied per sample, so samples behind an object's silhouette have no influence. Not
-    differentiable; `render_weights` is.
+    differentiable; `render_weights` is. samples: of this cache.
 
-    Args:
-        recoloring: F_w.
-        samples: of this cache.
-        cache: n rays with their surface samples.
-
-    Returns:
-        [n, K, M] >= 0; the sum over M is the object's probability.
+    Returns [n, K, M] >= 0; the sum over M is the object's probability.
     """
     n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
@@ -168,13 +158,9 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
 
 
 def render_weights(recoloring: RecoloringField, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-    """Render palette weights (Eq. 8 with w instead of s), the mean over quantile samples: [n, blocks, M], sums to 1 over M.
+    """Render palette weights of rays (Eq. 8 with w instead of s), [n, blocks, M]; sums to 1 over M.
 
-    Args:
-        recoloring: F_w.
-        positions: [n, S, 3] quantile samples, grid coordinates.
-        viewdirs: [n, 3], unit length.
-        features: [n, S, F] prior features there.
+    positions: [n, S, 3] quantile samples, grid coordinates. viewdirs: [n, 3], unit length. features: [n, S, F].
     """
     n_rays, n_samples = positions.shape[:2]
     directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)

@@ -74,17 +74,14 @@ def training_rays(
     Rays without an object are black with the weight of black, and are assigned to the palettes in turn.
 
     Args:
-        scene_field: the frozen radiance field.
-        surface: the objects' rays.
+        scene_field, surface: the frozen radiance field, and the objects' rays.
         blocks: a palette for each object, or one for all.
         settings: `supervision` selects the rays of Eq. 13, `targets` the kind of weights.
         masked_views: indices of the cached views with masks; needed for `supervision="reference"`.
-        cameras: of the cached views; needed for `targets="loco"`.
-        start_progress: begins to count steps under a name, up to a total; used by `targets="loco"`.
+        cameras, start_progress: of the cached views, and of the work; needed for `targets="loco"`.
         opacity: [n] in [0, 1], of the surface's rays; None for opaque rays.
 
-    Raises:
-        DataError: no object has surface points.
+    Raises DataError where no object has surface points.
     """
     if not surface.interior.any():
         raise DataError(
@@ -141,12 +138,3 @@ def _loco_weights(
         if progress:
             progress.step()
     return weights
-
-
-def palettes_of_objects(names: Sequence[str], blocks: np.ndarray, sizes: Sequence[int]) -> list[Palette]:
-    """Return one palette per object from the learned blocks [blocks, M, 3]; a single block serves all objects.
-
-    sizes: number of colors of each block, black included.
-    """
-    indices = range(len(names)) if len(sizes) > 1 else [0] * len(names)
-    return [Palette(name, blocks[k, : sizes[k]].astype(np.float32)) for name, k in zip(names, indices, strict=True)]

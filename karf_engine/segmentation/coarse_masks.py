@@ -35,13 +35,9 @@ class CoarseMask:
 
 
 def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
-    """Return the masks below a folder, sorted by object and view.
+    """Return the masks in MASKS/<object>/<photo stem>.png (or .jpg, .jpeg, .webp), sorted by object and view.
 
     A mask is named after its photo's stem, or after its view where stems repeat, or is in the photo's subfolder.
-
-    Args:
-        folder: MASKS/<object>/<photo stem>.png, also .jpg, .jpeg or .webp.
-        capture: the photos that were marked.
 
     Raises:
         DataError: nothing is marked, a name fits no photo or several, a mask is not a file, or an object's name is
@@ -121,16 +117,12 @@ def _matching_views(path: Path, capture: Capture) -> list[View]:
 def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
     """Return the mask at the training image's working size, bool [H, W].
 
-    Raises:
-        DataError: the mask is of another size than the photo and the working size, damaged or empty.
+    Raises DataError where the mask is damaged, empty, or as large as neither the photo nor the training image.
     """
     pixels = to_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
     if not pixels.any():
         raise DataError(
-            "{path} marks nothing of {name!r}.",
-            "Paint the object white.",
-            path=mask.path,
-            name=mask.object_name,
+            "{path} marks nothing of {name!r}.", "Paint the object white.", path=mask.path, name=mask.object_name
         )
     return pixels
 
@@ -138,13 +130,7 @@ def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
 def to_working_size(pixels: np.ndarray, mask: CoarseMask, working: Camera) -> np.ndarray:
     """Return the share of each pixel that a mask covers, [H, W] float32 in [0, 1], undistorted.
 
-    Args:
-        pixels: bool, of the photo's size, distorted by its lens, or of the working size.
-        mask: names the file and the view.
-        working: the pinhole camera at the working size.
-
-    Raises:
-        DataError: the mask is of another size.
+    pixels: bool, of the photo's size, distorted by its lens, or of the size of the pinhole `working`; else DataError.
     """
     height, width = pixels.shape
     stored = mask.view.camera

@@ -1,7 +1,7 @@
 """Keep a segmentation in memory so that a stroke corrects it in a second or two.
 
-Each correction changes the labels from the masks as the segmentation stage does (`labels.Labelling`). Masks are rendered
-from the labelled points, without F_s.
+Each correction changes the labels from the masks as the segmentation stage does (`labels.Labelling`). Masks are
+rendered from the labelled points, without F_s.
 """
 
 from __future__ import annotations
@@ -43,24 +43,13 @@ class CorrectionSession:
         progress: Progress,
         volumes: Mapping[str, Sequence[Volume]] = MappingProxyType({}),
     ) -> None:
-        """Label the surface.
+        """Label the surface. progress: counts the pixels of the cached views.
 
-        Args:
-            scene_field: the frozen radiance field.
-            capture: the project's.
-            masks: at least one.
-            corrections: all so far. Later ones may be on other views, but only of the same objects.
-            settings: of the learned scene.
-            progress: counts the pixels of the cached views.
-            volumes: by object, where it must be inside or outside.
-
-        Raises:
-            DataError: a mark or a photo cannot be read, or no point belongs to any object.
+        Later corrections may be on other views, but only of the same objects. Raises DataError where a mark or a photo
+        cannot be read, or no point belongs to any object.
         """
         own, long_side = settings.segmentation, settings.geometry.long_side
-        marked = {mask.view.name for mask in masks}
-        usable = [view for view in capture.views if view.split == "train" or view.name in marked]
-        views = load_masked_views(masks, usable, long_side, own, {each.object_name for each in corrections})
+        views = load_masked_views(masks, capture.views, long_side, own, {each.object_name for each in corrections})
         self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
         points = surface_points(cached, scene_field.voxel)
         self.objects = views.objects

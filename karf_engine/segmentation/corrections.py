@@ -1,15 +1,15 @@
 """Corrections: strokes that mark some pixels of a photo as an object or not, and what follows for the surface.
 
-CORRECTIONS/<object>/<view>.png, as large as the photo, 8-bit gray with alpha: opaque white is the object, opaque black is
-not, transparent pixels are open. Any view may have them. Colors may overrule a mask, but never a correction.
+CORRECTIONS/<object>/<view>.png, as large as the photo, 8-bit gray with alpha: opaque white is the object, opaque black
+is not, transparent pixels are open. Any view may have them. Colors may overrule a mask, but never a correction.
 
-A stroke fixes the surface points that its rays hit, and unsure points tied to them follow. A linear system on the neighbor
-graph gives the change d of the labels x; each point resists by its margin:
+A stroke fixes the surface points that its rays hit, and unsure points tied to them follow. A linear system on the
+neighbor graph gives the change d of the labels x; each point resists by its margin:
 
     (D + C) d - lambda W d = C (y - x)      C: CORRECTED at corrections, else LEAST_HELD + HELD * margin ** POWER
 
-The right-hand side is 0 except where a correction y contradicts the labels. Wrong labels mostly have small margins, so a
-change runs through such a patch and stops where labels are sure.
+The right-hand side is 0 except where a correction y contradicts the labels. Wrong labels mostly have small margins, so
+a change runs through such a patch and stops where labels are sure.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ from .votes import vote_on_points
 
 OBJECT, NOT_OBJECT = 1, -1
 MIN_COVERAGE = 0.25  # of a pixel by a stroke: thin strokes must survive the reduction of the photo
+MAX_DISTANCE = 4.0  # point spacings from a sample to its point
+MIN_SOLIDITY = 0.5  # of a ray that constrains points, relative to the view's median: silhouette rays are below
+CORRECTED = 1000.0  # confidence of corrections, far above what all neighbors weigh
+HELD, LEAST_HELD = 30.0, 0.02  # confidence of labels without a doubt, and in full doubt
+POWER = 10.0  # of the margin
 
 
 def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
@@ -54,8 +59,7 @@ def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
 def load_correction(correction: CoarseMask, camera: Camera) -> np.ndarray:
     """Return `OBJECT`, `NOT_OBJECT` or 0 (open) for each pixel of a view's pinhole, [H, W] int8.
 
-    Raises:
-        DataError: the file has no alpha, is damaged, or as large as neither the photo nor the camera's picture.
+    Raises DataError where the file has no alpha, is damaged, or as large as neither the photo nor the camera's picture.
     """
     pixels, _ = read_pixels(correction.path, True)
     if pixels.ndim != 3 or pixels.shape[2] not in (2, 4):
@@ -67,10 +71,6 @@ def load_correction(correction: CoarseMask, camera: Camera) -> np.ndarray:
     return np.where(np.maximum(positive, negative) >= MIN_COVERAGE, strokes, 0).astype(np.int8)
 
 
-MAX_DISTANCE = 4.0  # point spacings from a sample to its point
-MIN_SOLIDITY = 0.5  # of a ray that constrains points, relative to the view's median: silhouette rays are below
-
-
 @dataclass(frozen=True)
 class Constraints:
     """The classes that corrections require or forbid for p surface points."""
@@ -80,12 +80,9 @@ class Constraints:
 
 
 def correction_targets(strokes: Mapping[int, np.ndarray], n_classes: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the classes that the corrected pixels of one view may have.
+    """Return shares of the classes that one view's strokes leave, [H, W, n_classes], and the corrected pixels [H, W].
 
     strokes: {class number: int8 [H, W]}, at least one. n_classes: K + 1.
-
-    Returns:
-        Shares of the classes [H, W, n_classes], which sum to 1, and the corrected pixels, bool [H, W].
     """
     shape = next(iter(strokes.values())).shape
     required, allowed = np.zeros((*shape, n_classes)), np.ones((*shape, n_classes))
@@ -129,15 +126,7 @@ class ViewObserver:
         return self._observations[view.name]
 
     def constraints(self, corrections: Sequence[CoarseMask], objects: Sequence[str]) -> Constraints:
-        """Return the constraints of the points.
-
-        Args:
-            corrections: of any views; may be empty.
-            objects: names of the K objects, with all corrected ones.
-
-        Raises:
-            DataError: a correction cannot be read.
-        """
+        """Return the constraints of the points by corrections of any views, of these objects."""
         n_points, n_classes = len(self._points), len(objects) + 1
         votes, total = np.zeros((n_points, n_classes)), np.zeros(n_points)
         for view in {mark.view.name: mark.view for mark in corrections}.values():
@@ -161,11 +150,6 @@ class ViewObserver:
         point = np.where(view.point_of_sample < 0, no_point, view.point_of_sample)
         votes, total = vote_on_points(point, targets.reshape(-1, targets.shape[2])[index], strength, no_point + 1)
         return votes[:-1], total[:-1]
-
-
-CORRECTED = 1000.0  # confidence of corrections, far above what all neighbors weigh
-HELD, LEAST_HELD = 30.0, 0.02  # confidence of labels without a doubt, and in full doubt
-POWER = 10.0  # of the margin
 
 
 def spread(labels: Labels, graph: sparse.csr_matrix, constraints: Constraints) -> Labels:

@@ -25,66 +25,47 @@ from .votes import RayVotes
 
 NEAR_VOXELS = 8.0
 BOX_MARGIN_VOXELS = 6.0
+CONFIDENT = 0.9  # least probability of the class of an interior ray
 
 
-def fit_to_labels(
+def fit_segmentation(
     scene_field: Field,
+    cached: CachedViews,
+    votes: RayVotes,
     surface: LabelledSurface,
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> SegmentationField:
-    """Return a frozen F_s, trained by cross-entropy on labelled points, and 0 outside a box around each object's points.
+    """Return a frozen F_s, trained on labelled points; 0 outside a box around each object's points.
 
-    The arguments are those of `heads.fit.fit_on_points`; some points of `surface` must belong to an object.
+    With `settings.labels` of `masks` it is trained on the coarse masks as they are (paper, Eq. 12), without boxes; all
+    rays of the marked views then count, whatever their opacity. Some points of `surface` must belong to an object.
     """
-    positions, classes, voxel = surface.points.positions, surface.labels.classes, scene_field.voxel
-    boxes = torch.from_numpy(surface.boxes(BOX_MARGIN_VOXELS * voxel)).float().to(runtime.device)
-    segmentation = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
-    fit_on_points(
-        segmentation,
-        scene_field,
-        torch.from_numpy(positions).float().to(runtime.device),
-        torch.from_numpy(classes).to(runtime.device),
-        torch.from_numpy(surface.labels.margin).float().to(runtime.device),
-        torch.from_numpy(surface.near_objects(NEAR_VOXELS * voxel)).to(runtime.device),
-        torch.from_numpy(surface.fixed).to(runtime.device),
-        settings,
-        runtime,
-        progress,
-        checkpoint,
-    )
-    return segmentation.requires_grad_(False)
-
-
-def fit_to_masks(
-    scene_field: Field,
-    n_objects: int,
-    cache: SurfaceCache,
-    votes: RayVotes,
-    settings: SegmentationSettings,
-    runtime: Runtime,
-    progress: Progress,
-    checkpoint: Checkpoint | None = None,
-) -> SegmentationField:
-    """Return a frozen F_s, trained on the coarse masks as they are (paper, Eq. 12), without boxes around the objects.
-
-    All rays of the marked views count, whatever their opacity. The arguments are those of `heads.fit.fit_on_rays`.
-    """
-    boxes = scene_field.bounds.expand(n_objects, 2, 3).clone()
-    segmentation = SegmentationField(boxes, scene_field.n_features, settings).to(runtime.device)
-    marked = torch.from_numpy(np.flatnonzero(votes.marked)).to(runtime.device)
-    targets = torch.from_numpy(votes.targets).float().to(runtime.device)[marked]
-    fit_on_rays(segmentation, scene_field, _select(cache, marked), targets, settings, runtime, progress, checkpoint)
+    device, voxel, points = runtime.device, scene_field.voxel, surface.points.positions
+    from_masks = settings.labels == "masks"
+    if from_masks:
+        boxes = scene_field.bounds.expand(len(surface.objects), 2, 3).clone()
+    else:
+        boxes = torch.from_numpy(surface.boxes(BOX_MARGIN_VOXELS * voxel)).float().to(device)
+    segmentation = SegmentationField(boxes, scene_field.n_features, settings).to(device)
+    training = settings, runtime, progress, checkpoint
+    if from_masks:
+        marked = torch.from_numpy(np.flatnonzero(votes.marked)).to(device)
+        targets = torch.from_numpy(votes.targets).float().to(device)[marked]
+        fit_on_rays(segmentation, scene_field, _select(cached.cache, marked), targets, *training)
+    else:
+        parts = points, surface.labels.margin
+        positions, certainty = (torch.from_numpy(part).float().to(device) for part in parts)
+        parts = surface.labels.classes, surface.near_objects(NEAR_VOXELS * voxel), surface.fixed
+        classes, near, fixed = (torch.from_numpy(part).to(device) for part in parts)
+        fit_on_points(segmentation, scene_field, positions, classes, certainty, near, fixed, *training)
     return segmentation.requires_grad_(False)
 
 
 def _select(cache: SurfaceCache, rays: Tensor) -> SurfaceCache:
     return SurfaceCache(*[getattr(cache, item.name)[rays] for item in fields(SurfaceCache)])
-
-
-CONFIDENT = 0.9  # least probability of the class of an interior ray
 
 
 def object_surface(cached: CachedViews, probabilities: Tensor) -> ObjectSurface:

@@ -55,14 +55,9 @@ def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.rando
 def fit_mixture(
     lab: np.ndarray, weights: np.ndarray, n_components: int, random: np.random.Generator, n_draws: int = 4000
 ) -> Mixture:
-    """Fit a mixture by k-means and EM to randomly drawn colors.
+    """Fit a mixture of at most m Gaussians by k-means and EM to `n_draws` randomly drawn colors.
 
-    Args:
-        lab: [n, 3] CIE Lab.
-        weights: [n] >= 0, sampling weights; not all zero.
-        n_components: m; reduced where fewer colors are drawn.
-        random: draws the colors.
-        n_draws: number of colors drawn.
+    lab: [n, 3] CIE Lab. weights: [n] >= 0, sampling weights; not all zero.
     """
     drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
     lab = lab[drawn]

@@ -1,8 +1,8 @@
 """Label propagation: turn the masks' votes on some surface points into clean labels of all, by neighbors and colors.
 
 Class 0 is the background, 1..K are the objects. Seeds are points with votes `seed_targets` y [p, K+1] of confidence
-`seed_confidence` c [p]. The probabilities x [p, K+1] minimize unary terms (agree with the seeds, and weakly with a uniform
-prior) plus pairwise terms (agree with the neighbors), one linear system:
+`seed_confidence` c [p]. The probabilities x [p, K+1] minimize unary terms (agree with the seeds, and weakly with a
+uniform prior) plus pairwise terms (agree with the neighbors), one linear system:
 
     (D + C + eps) x - lambda W x = C y + eps / (K+1)         W: neighbor weights, D: lambda times their row sums
 
@@ -12,19 +12,16 @@ seed weight, doubled until the seeds keep their labels.
 A few rounds follow. Each fits Gaussian mixtures in Lab to the colors of the current classes, derives color labels, and
 solves the system again with these as a second unary term. Guards keep mistakes from confirming themselves:
 
-- A color counts only if it is reliable: most seeds of that color must be marked as the object. The share is taken over
-  the whole scene and near each point, and the larger one counts: a distant twin does not disable a color near the
-  object, and a gap in a mask does not disable it elsewhere. Color decides between two classes only as far as both are
-  reliable. The background always is.
+- A color counts only if it is reliable: most seeds of that color, in the whole scene or near the point, must be marked
+  as the object. Color decides between two classes only as far as both are reliable. The background always is.
 - Where masks and colors agree on a point, its color label counts many times.
-- A seed that its color clearly contradicts is ignored. If the color is the background's, the color label is ignored too.
-- Mixtures are fitted only where masks vote. They are redrawn in every round, and the mean of their labels counts.
-- A color that no class has gives uniform labels.
-- An object's colors fade with the distance from its seeds, and parts not connected to its seeds are removed.
+- A seed that its color clearly contradicts is ignored; its color label too, if the color is the background's.
+- Mixtures are redrawn in every round where masks vote, and the mean of their labels counts.
+- A color that no class has gives uniform labels. An object's colors fade with the distance from its seeds.
 
-Finally patches in doubt follow their surroundings: the system is solved once more with the labels as unary terms, weighted
-by their margins. A point that would change alone keeps its label, otherwise thin ends and rims would erode. So does a
-point where masks and colors agree.
+Parts not connected to an object's seeds are removed. Finally patches in doubt follow their surroundings: the system is
+solved once more with the labels as unary terms, weighted by their margins. A point that would change alone keeps its
+label, otherwise thin ends and rims would erode. So does a point where masks and colors agree.
 """
 
 from __future__ import annotations
@@ -52,6 +49,8 @@ NEARBY_RADII = 0.5  # standard deviation of the local color reliability, in seed
 PATCH_COHESION = 0.5  # share of a changed point's ties that lead to changed points; without it thin ends erode
 MAX_PATCH = 0.1  # share of an object's points; without it small objects are removed whole
 DECIDED = 0.6  # least vote of a seed whose class is not open
+CELLS_PER_DEVIATION = 2
+MAX_CELLS = 100  # along an axis
 
 
 def propagate_labels(
@@ -66,15 +65,9 @@ def propagate_labels(
 ) -> Labels:
     """Label all points from the seeds among them. An object without seeds (see `has_seeds`) gets no point.
 
-    Args:
-        positions: [p, 3] grid coordinates.
-        lab: [p, 3] CIE Lab.
-        normals: [p, 3] of unit length, outward.
-        spacing: of the points, grid coordinates.
-        seed_targets: [p, K+1]; rows sum to 1.
-        seed_confidence: [p] >= 0; 0 for all other points.
-        rounds: number of color rounds, at least 1.
-        random: draws the colors that mixtures are fitted to.
+    positions, lab (CIE Lab), normals (outward): [p, 3]. spacing: of the points, grid coordinates. seed_targets: [p,
+    K+1], rows sum to 1. seed_confidence: [p] >= 0, 0 for all other points. random: draws the colors that mixtures are
+    fitted to.
     """
     trees, radii = seed_regions(positions, spacing, seed_targets, seed_confidence)
     distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
@@ -191,8 +184,8 @@ class _Propagation:
     def _color_confidence(self, color_labels: np.ndarray, x: np.ndarray, reliability: np.ndarray) -> np.ndarray:
         """Return the confidence of the color labels, [p]: their margin times the least reliability of three classes.
 
-        These are the two likeliest by color and the current one. With the likeliest alone, the background would take points
-        from an object whose own colors are unreliable. Agreement with the masks raises the confidence.
+        These are the two likeliest by color and the current one. With the likeliest alone, the background would take
+        points from an object whose own colors are unreliable.
         """
         second, first = np.argsort(color_labels, 1)[:, -2:].T
         rows = np.arange(len(color_labels))
@@ -281,24 +274,13 @@ def seed_regions(
     return trees, np.maximum(radii, spacing)
 
 
-CELLS_PER_DEVIATION = 2
-MAX_CELLS = 100  # along an axis
-
-
 def local_share(
     positions: np.ndarray, weight: np.ndarray, part: np.ndarray, deviation: float, expected: float, prior: float
 ) -> np.ndarray:
     """Return the share of the weight that belongs to a part, under a Gaussian around each point, [p] in [0, 1].
 
-    Weights are binned on a grid and blurred, so shares are constant within a cell.
-
-    Args:
-        positions: [p, 3].
-        weight: [p] >= 0.
-        part: [p] in [0, weight].
-        deviation: of the Gaussian, in the units of positions, > 0.
-        expected: share in [0, 1] where nothing is near.
-        prior: weight of the expected share, > 0.
+    Weights [p] >= 0 are binned on a grid and blurred, so shares are constant within a cell. deviation: of the Gaussian,
+    in the units of positions. expected: share where nothing is near, with the weight `prior` > 0.
     """
     least, most = positions.min(0), positions.max(0)
     cell = max(deviation / CELLS_PER_DEVIATION, (most - least).max() / MAX_CELLS)

@@ -1,7 +1,7 @@
-"""Label surface points from the votes of masks, corrections and volumes, by solvers of the setting `segmentation.labels`.
+"""Label surface points from the votes of masks, corrections and volumes, by the solver of `segmentation.labels`.
 
-A solver is a function from a `LabelProblem` to a `LabelledSurface`. Add one with `register_labels`, or as an entry point
-`karf.labels` that is the function.
+A solver is a function from a `LabelProblem` to a `LabelledSurface`. Add one with `register_labels`, or as an entry
+point `karf.labels` that is the function.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ def label_surface(problem: LabelProblem) -> LabelledSurface:
 
 
 def vote_on_surface(problem: LabelProblem) -> LabelledSurface:
-    """Take the votes of masks as they are, except where corrections contradict them; points without votes are background.
+    """Take the votes of masks as they are, except where corrections contradict them; without votes it is background.
 
     Raises DataError where no point belongs to any object.
     """
@@ -202,9 +202,7 @@ def _labelled(
 def _require_any(objects: Sequence[str], found: np.ndarray) -> None:
     if not found.any():
         raise DataError(
-            "Nothing in the scene belongs to {name!r}.",
-            "Mark it more generously, or in another view.",
-            name=objects[0],
+            "Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view.", name=objects[0]
         )
 
 
@@ -230,10 +228,8 @@ def register_labels(name: str, solve: LabelSolver) -> None:
 def solve_labels(name: str, problem: LabelProblem) -> LabelledSurface:
     """Label the surface with the solver of this name.
 
-    Raises:
-        BadRequest: no solver has this name.
-        DataError: no point belongs to any object.
-        MissingDependency: the plugin with the solver cannot be loaded.
+    Raises BadRequest for an unknown one, DataError where no point belongs to any object, MissingDependency where the
+    plugin with the solver cannot be loaded.
     """
     if name not in SOLVERS and name in plugin_names(PLUGINS):
         register_labels(name, load_plugin(PLUGINS, name))

@@ -1,17 +1,18 @@
-"""segmentation.json: the views that segmentation used, how its result agrees with the masks, and the views to mark next.
+"""segmentation.json: the views used by segmentation, the agreement with their masks, and the views to mark next.
 
-The best view to mark is the one where a stroke decides most. A stroke decides the patch of unsure surface that it is drawn
-in, in all views. So the unsure points of each object are joined to patches, separately inside and outside the object. Where
-a patch is wide enough for a brush in a view, its value there is the geometric mean of its pixels in all views and in this
-one, times its mean doubt. If much is wrong in every view, scores are similar, and a stroke in any view helps about as much.
+The best view to mark is the one where a stroke decides most. A stroke decides the patch of unsure surface that it is
+drawn in, in all views. So the unsure points of each object are joined to patches, separately inside and outside the
+object. Where a patch is wide enough for a brush in a view, its value there is the geometric mean of its pixels in all
+views and in this one, times its mean doubt. If much is wrong in every view, scores are similar, and a stroke in any
+view helps about as much.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any, TypeGuard
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt
@@ -21,11 +22,25 @@ from torch import Tensor
 
 from ..compute.neighbors import build_kd_tree
 from ..errors import DataError
+from ..io.arguments import check_fields
 from ..io.files import read_json, write_json
 from ..io.names import check_names
 from ..metrics.masks import iou
 from .surface_points import CELL_IN_SPACINGS, DOUBTED, Labels, ObjectDoubt, SurfacePoints, unsure_objects
 from .views import CachedViews
+
+MAX_SUGGESTIONS = 8
+MIN_RADIUS = 2.0  # pixels from the middle of a patch to its border, for a brush
+JOIN_DISTANCE = 2.0  # cells between unsure points of one patch
+SIMILAR = 1.37  # ratio of the best to the mean score, below it any view helps; chosen on measured gains
+
+
+@dataclass(frozen=True)
+class Suggestions:
+    """The views to mark next."""
+
+    scores: dict[str, float]  # in [0, 1], of the best unmarked views by name, the best first
+    any_view_helps: bool  # whether any other unmarked view would help about as much
 
 
 @dataclass(frozen=True)
@@ -59,30 +74,27 @@ class SegmentationReport:
     def read(cls, path: Path) -> SegmentationReport:
         """Read what `write` wrote. Raises DataError where the file is missing or damaged."""
         content = read_json(path, "report")
-        if not isinstance(content, dict):
-            raise _damaged(path, "no table of values")
-        views = check_names(content.get("views"), path, "a view")
-        masked_views = check_names(content.get("marked"), path, "a view")
-        objects = check_names(content.get("objects"), path, "an object")
-        precision, agreement = content.get("precision"), content.get("iou_with_marks")
-        if not _is_table(precision, objects, _is_share):
-            raise _damaged(path, "no precision of each object")
-        if not _is_table(agreement, objects, _are_shares):
-            raise _damaged(path, "no agreement of each object with its masks")
-        surface_points = content.get("surface_points")
-        if type(surface_points) is not int or surface_points < 0:
-            raise _damaged(path, "no number of surface points")
-        unsure = content.get("unsure", {})
-        if not _is_table(unsure, None, _is_unsure):
-            raise _damaged(path, "no doubts of objects")
-        unsure = {name: ObjectDoubt(**each) for name, each in unsure.items()}
-        scores, any_view_helps = content.get("suggestions", {}), content.get("any_view_helps", False)
-        if not _is_table(scores, None, _is_share):
-            raise _damaged(path, "no scores of views")
-        if not isinstance(any_view_helps, bool):
-            raise _damaged(path, "no word on whether any view helps")
-        suggestions = Suggestions(scores, any_view_helps)
-        return cls(objects, precision, agreement, views, masked_views, surface_points, unsure, suggestions)
+        content = content if isinstance(content, dict) else {}
+        keys = (("objects", "an object"), ("views", "a view"), ("marked", "a view"))
+        objects, views, masked_views = (check_names(content.get(key), path, what) for key, what in keys)
+        try:
+            precision, agreement = content["precision"], content["iou_with_marks"]
+            unsure = {name: ObjectDoubt(**each) for name, each in content.get("unsure", {}).items()}
+            suggestions = Suggestions(content.get("suggestions", {}), content.get("any_view_helps", False))
+            report = cls(
+                objects, precision, agreement, views, masked_views, content["surface_points"], unsure, suggestions
+            )
+            for part in (report, suggestions, *unsure.values()):
+                check_fields(part)
+            shares = [*precision.values(), *chain(*agreement.values()), *suggestions.scores.values()]
+            shares += [share for each in unsure.values() for share in (each.share, each.unseen)]
+            if set(precision) != set(objects) or set(agreement) != set(objects):
+                raise ValueError("other objects")
+            if report.surface_points < 0 or not all(0 <= share <= 1 for share in shares):
+                raise ValueError("numbers out of range")
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise DataError(f"{path} (report) is damaged ({error}).", "Run the segmentation stage again.") from error
+        return report
 
 
 def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probabilities: Tensor) -> SegmentationReport:
@@ -108,41 +120,6 @@ def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probab
     )
 
 
-def _damaged(path: Path, reason: str) -> DataError:
-    return DataError(f"{path} (report) holds {reason}.", "Run the segmentation stage again.")
-
-
-def _is_table(value: Any, names: list[str] | None, fits: Callable[[Any], bool]) -> TypeGuard[dict[str, Any]]:
-    """Return whether a value is a dict of these names, or of any names, whose values fit."""
-    return isinstance(value, dict) and (names is None or set(value) == set(names)) and all(map(fits, value.values()))
-
-
-def _is_share(value: Any) -> bool:
-    return isinstance(value, int | float) and 0 <= value <= 1
-
-
-def _is_unsure(value: Any) -> bool:
-    return isinstance(value, dict) and set(value) == {"share", "unseen"} and all(map(_is_share, value.values()))
-
-
-def _are_shares(values: Any) -> bool:
-    return isinstance(values, list) and all(map(_is_share, values))
-
-
-MAX_SUGGESTIONS = 8
-MIN_RADIUS = 2.0  # pixels from the middle of a patch to its border, for a brush
-JOIN_DISTANCE = 2.0  # cells between unsure points of one patch
-SIMILAR = 1.37  # ratio of the best to the mean score, below it any view helps; chosen on measured gains
-
-
-@dataclass(frozen=True)
-class Suggestions:
-    """The views to mark next."""
-
-    scores: dict[str, float]  # in [0, 1], of the best unmarked views by name, the best first
-    any_view_helps: bool  # whether any other unmarked view would help about as much
-
-
 def suggestions_of(scores: Mapping[str, float]) -> Suggestions:
     """Rank the unmarked views by their scores."""
     best = sorted(scores, key=lambda name: -scores[name])[:MAX_SUGGESTIONS]
@@ -151,7 +128,7 @@ def suggestions_of(scores: Mapping[str, float]) -> Suggestions:
 
 
 def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) -> Suggestions:
-    """Score the unmarked views: the mean over the objects of the best patch's value, relative to the object's pixels."""
+    """Score the unmarked views: the mean over objects of the best patch's value, relative to the object's pixels."""
     views, end = cached.views, points.point_of_sample[:, points.point_of_sample.shape[1] // 2]
     pixels, scores = np.bincount(end, minlength=len(points)), np.zeros(len(views.training_images))
     for k, doubt in enumerate(labels.doubt.T, 1):
@@ -179,7 +156,7 @@ def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:
 
 
 def _best_value(picture: np.ndarray, value: np.ndarray) -> float:
-    """Return the largest value of a patch in a view. picture: [H, W] patch numbers; value: per root of its pixels here."""
+    """Return the largest value of a patch in a view. picture: [H, W] patch numbers; value: by root of its pixels."""
     numbers, counts = np.unique(picture, return_counts=True)
     large = (numbers > 0) & (counts >= MIN_RADIUS**2)
     best = 0.0

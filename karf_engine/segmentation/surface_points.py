@@ -23,6 +23,8 @@ from .views import CachedViews
 CELL_IN_SPACINGS = 1.4
 MAX_POINTS = 60_000  # approximate; with more points each has few votes
 LABEL_SAMPLES = 3  # per ray; the first and last of many samples are off the surface
+DOUBTED = 0.3  # doubt above which a point is unsure; 1/3 is one of three opinions
+AGAIN = "Run the segmentation stage again."
 
 
 @dataclass(frozen=True)
@@ -55,13 +57,10 @@ def _points_of_spacing(cached: CachedViews, spacing: float) -> SurfacePoints:
 
 
 def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, spacing: float) -> SurfacePoints:
-    """Merge the samples of rays in cells of 1.4 point spacings.
+    """Merge the samples of n rays, [n, K, 3] grid coordinates, in cells of 1.4 point spacings.
 
-    Args:
-        positions: [n, K, 3] samples, grid coordinates.
-        lab: [n, 3] photo colors of the rays.
-        ray_confidence: [n] in [0, 1], weights of the means; low for silhouette rays, whose colors are mixtures.
-        spacing: of the points, grid coordinates.
+    lab: [n, 3] photo colors. ray_confidence: [n] in [0, 1], weights of the means; low for silhouette rays, whose colors
+    are mixtures.
     """
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)
@@ -101,7 +100,7 @@ class Labels:
 
     @property
     def doubt(self) -> np.ndarray:
-        """The disagreement of `opinion` with the labels, [p, K] in [0, 1]: wrong labels are likeliest where it is high."""
+        """The disagreement of `opinion` with the labels, [p, K] in [0, 1]; high where labels are likely wrong."""
         is_it = self.classes[:, None] == np.arange(1, self.opinion.shape[1])
         return np.where(is_it, 1 - self.opinion[:, 1:], self.opinion[:, 1:])
 
@@ -110,10 +109,6 @@ def margin(x: np.ndarray) -> np.ndarray:
     """Return the difference between the two largest values of each row, [p]."""
     top_two = np.sort(x, 1)[:, -2:]
     return top_two[:, 1] - top_two[:, 0]
-
-
-DOUBTED = 0.3  # doubt above which a point is unsure; 1/3 is one of three opinions
-AGAIN = "Run the segmentation stage again."
 
 
 @dataclass(frozen=True)

@@ -82,19 +82,15 @@ def load_masked_views(
 ) -> MaskedViews:
     """Choose all masked views and others spread around the scene, and load their photos and masks.
 
-    Args:
-        masks: the coarse masks, at least one.
-        views: the training views, and all masked ones.
-        long_side: working size of masked views, pixels.
-        settings: `cache_views` is the number of views, `cache_long_side` the size of unmasked ones.
-        more_objects: names of objects without masks.
+    views: of the capture; training views and masked ones are used. long_side: working size of masked views, pixels.
+    more_objects: names of objects without masks.
 
-    Raises:
-        DataError: a photo or a mask is missing, damaged or of another size.
+    Raises DataError where a photo or a mask is missing, damaged or of another size.
     """
     objects = sorted({mask.object_name for mask in masks} | set(more_objects))
-    masked = list(dict.fromkeys(mask.view.name for mask in masks))
-    chosen = farthest_point_views(views, masked, settings.cache_views)
+    masked = {mask.view.name for mask in masks}
+    usable = [view for view in views if view.split == "train" or view.name in masked]
+    chosen = farthest_point_views(usable, masked, settings.cache_views)
     small = min(long_side, settings.cache_long_side)
     training_images = [load_views([view], long_side if view.name in masked else small)[0] for view in chosen]
     per_view: list[dict[int, np.ndarray]] = [{} for _ in chosen]
@@ -105,7 +101,7 @@ def load_masked_views(
     return MaskedViews(objects, training_images, per_view)
 
 
-def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int) -> list[View]:
+def farthest_point_views(views: Sequence[View], first: Collection[str], count: int) -> list[View]:
     """Choose at most `count` views by farthest point sampling of their cameras' positions; more if `first` names more.
 
     The views named in `first` (by default the first one) come first, then each time the view farthest from all chosen.

@@ -1,8 +1,8 @@
 """Turn coarse masks into votes on the classes of pixels and surface points.
 
-A pixel in a mask votes for the mask's object. A pixel outside all masks of a view votes evenly for the background and the
-objects without a mask in this view. Confidence grows from 0 at a mask's border, where masks are least exact, to 1 a few
-pixels away, or in the middle of a thin part.
+A pixel in a mask votes for the mask's object. A pixel outside all masks of a view votes evenly for the background and
+the objects without a mask in this view. Confidence grows from 0 at a mask's border, where masks are least exact, to 1 a
+few pixels away, or in the middle of a thin part.
 """
 
 from __future__ import annotations
@@ -81,18 +81,10 @@ def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
 def half_width(inside: np.ndarray, limit: float) -> np.ndarray:
     """Return half of the mask's width at each pixel, [H, W] in [1, limit]; 1 outside the mask.
 
-    It is the radius of the largest inscribed disc that covers the pixel or is close to it, so corners and bumps of a rough
-    outline belong to the body, and only parts that lead away from it are thin.
+    It is the radius of the largest inscribed disc that covers the pixel or is close to it, so corners and bumps of a
+    rough outline belong to the body, and only parts that lead away from it are thin.
 
-    Args:
-        inside: [H, W] distance of the mask's pixels to the outside, 0 there.
-        limit: largest radius, pixels, at least 1.
-
-    Examples:
-        >>> handle_on_a_body = np.zeros((20, 40), bool)
-        >>> handle_on_a_body[9:12, 3:20] = handle_on_a_body[2:18, 20:36] = True
-        >>> half_width(distance_transform_edt(handle_on_a_body), 6.0)[10, [5, 28]].tolist()
-        [2.0, 6.0]
+    inside: [H, W] distance of the mask's pixels to the outside, 0 there. limit: pixels, at least 1.
     """
     width = np.ones(inside.shape)
     for radius in np.linspace(1, limit, 6)[1:]:
@@ -108,15 +100,10 @@ def vote_on_points(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sum the votes of rays on the surface points of their samples.
 
-    Args:
-        point_of_sample: [n, K] int, point of each sample of each ray.
-        targets: [n, C] votes of the rays; rows sum to 1.
-        confidence: [n] >= 0.
-        n_points: p.
+    point_of_sample: [n, K] int. targets: [n, C] votes of the rays, rows sum to 1. confidence: [n] >= 0.
 
-    Returns:
-        Targets [p, C], whose rows sum to 1, and confidence [p], the sum over a point's samples. Points without samples
-        have even targets and confidence 0.
+    Returns targets [p, C], whose rows sum to 1, and confidence [p], the sum over a point's samples. Points without
+    samples have even targets and confidence 0.
     """
     n_samples = point_of_sample.shape[1]
     point = point_of_sample.ravel()

@@ -8,7 +8,7 @@ of the click.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -21,8 +21,13 @@ from ...io.names import is_file_name
 from .prompts import Prompts
 from .regions import CLICK_RADIUS, WorkingPhoto, region_of_click, working_photo
 
+if TYPE_CHECKING:
+    from .segment_anything import SegmentAnything
+
 # OpenCV's values of a trimap: certainly background, certainly object, probably background, probably object
 NOT, SURE, PERHAPS_NOT, PERHAPS = cv2.GC_BGD, cv2.GC_FGD, cv2.GC_PR_BGD, cv2.GC_PR_FGD
+FRAME_ITERATIONS, CLICK_ITERATIONS = 3, 1  # of GrabCut
+REFINED_WIDTH = 15  # pixels: the border is refined in a square of this side around each changed pixel
 
 
 def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.ndarray:
@@ -40,17 +45,13 @@ def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.nd
     return (mask & 1).astype(bool)
 
 
-FRAME_ITERATIONS, CLICK_ITERATIONS = 3, 1  # of GrabCut
-REFINED_WIDTH = 15  # pixels: the border is refined in a square of this side around each changed pixel
-
-
 def propose(photo: np.ndarray, prompts: Prompts) -> np.ndarray:
     """Return the object's mask, bool [H, W]; see `Marker`."""
     return Marker(photo).propose(prompts)
 
 
 class Marker:
-    """Mark one photo, float sRGB [H, W, 3 or 4] in [0, 1]. Earlier clicks are cached, so one more click takes one step."""
+    """Mark one photo, float sRGB [H, W, 3 or 4] in [0, 1]. Earlier clicks are cached: one more takes one step."""
 
     def __init__(self, photo: np.ndarray) -> None:
         self._height, self._width = photo.shape[:2]
@@ -130,13 +131,7 @@ def _touching(mask: np.ndarray, known: np.ndarray) -> np.ndarray:
     return mask & np.isin(parts, np.unique(parts[mask & known]))
 
 
-class Marking(Protocol):
-    """A photo with a method that proposes masks."""
-
-    def propose(self, prompts: Prompts) -> np.ndarray: ...
-
-
-def make_marker(capture: Path | str, name: str, weights: Path | str | None = None) -> Marking:
+def make_marker(capture: Path | str, name: str, weights: Path | str | None = None) -> Marker | SegmentAnything:
     """Load a view for marking.
 
     weights: folder of a Segment Anything model, to use instead of GrabCut.
@@ -151,7 +146,7 @@ def make_marker(capture: Path | str, name: str, weights: Path | str | None = Non
     return SegmentAnything(photo, weights)
 
 
-def write_mask(marking: Marking, prompts: Prompts, masks: Path, object_name: str, view: str) -> Path:
+def write_mask(marker: Marker | SegmentAnything, prompts: Prompts, masks: Path, object_name: str, view: str) -> Path:
     """Write the proposed mask to MASKS/<object>/<view>.png and return the path.
 
     Raises BadRequest where the object's name cannot be a folder's, or the prompts are empty.
@@ -159,5 +154,5 @@ def write_mask(marking: Marking, prompts: Prompts, masks: Path, object_name: str
     if not is_file_name(object_name):
         raise BadRequest(f"{object_name!r:.200} cannot be the name of a folder.", "Call the object by a plain name.")
     path = masks / object_name / f"{view}.png"
-    write_png(path, marking.propose(prompts))
+    write_png(path, marker.propose(prompts))
     return path

@@ -1,8 +1,8 @@
 """Find the region of a photo that a click selects.
 
-A random walk from the click gives each pixel a value that falls where neighbors differ. Among the regions inside its level
-lines, the one with the smallest ratio of cut links to a power of its area is selected (a sweep cut, as in Andersen, Chung
-and Lang, "Local graph partitioning using PageRank vectors", 2006).
+A random walk from the click gives each pixel a value that falls where neighbors differ. Among the regions inside its
+level lines, the one with the smallest ratio of cut links to a power of its area is selected (a sweep cut, as in
+Andersen, Chung and Lang, "Local graph partitioning using PageRank vectors", 2006).
 """
 
 from __future__ import annotations
@@ -18,7 +18,17 @@ from ...io.images import alpha_composite, resize
 from ..random_walk import Link, neighbor_links, random_walk
 
 LONG_SIDE = 256  # pixels; a click takes a fifth of a second
-LIKENESS = 0.1  # per squared Lab unit; tuned together with `regions`
+# tuned together on three captures
+LIKENESS = 0.1  # per squared Lab unit
+CLICK_RADIUS = 2  # pixels
+LEAK, EDGE_LEAK = 1e-4, 0.02  # prior weights of the class that was not clicked, inside and at the picture's edge
+FAR_LEAK = 0.002  # the same for corrections, times the squared distance in depths of the click, over the depth squared
+REACH = 8.0  # of a correction, in depths of its click below the border that it moves
+N_LEVELS = 120
+POWER, CORRECTION_POWER = 0.5, 0.3  # of the area; 1/2 is invariant to scale, less favors small regions
+MIN_AREA, MAX_AREA = 0.0008, 0.7  # of a region, relative to the picture
+MAX_ADDED, MAX_REMOVED = 3.0, 0.5  # by one click, relative to the mask
+ALWAYS_ADDED = 0.25  # relative to the picture: allowed however small the mask is
 
 
 @dataclass(frozen=True)
@@ -56,28 +66,13 @@ def working_photo(photo: np.ndarray) -> WorkingPhoto:
     return WorkingPhoto(to_bytes(colors), links, (size[0] / width, size[1] / height))
 
 
-# tuned together on three captures
-CLICK_RADIUS = 2  # pixels
-LEAK, EDGE_LEAK = 1e-4, 0.02  # prior weights of the class that was not clicked, inside and at the picture's edge
-FAR_LEAK = 0.002  # the same for corrections, times the squared distance in depths of the click, over the depth squared
-REACH = 8.0  # of a correction, in depths of its click below the border that it moves
-N_LEVELS = 120
-POWER, CORRECTION_POWER = 0.5, 0.3  # of the area; 1/2 is invariant to scale, less favors small regions
-MIN_AREA, MAX_AREA = 0.0008, 0.7  # of a region, relative to the picture
-MAX_ADDED, MAX_REMOVED = 3.0, 0.5  # by one click, relative to the mask
-ALWAYS_ADDED = 0.25  # relative to the picture: allowed however small the mask is
-
-
 def region_of_click(
     photo: WorkingPhoto, mask: np.ndarray, clicked: np.ndarray, click: tuple[float, float, bool]
 ) -> np.ndarray:
     """Return the connected region that a click adds to a mask or removes from it, bool [h, w].
 
-    Args:
-        photo: at the working size.
-        mask: bool [h, w], the object so far; may be empty.
-        clicked: int8 [h, w], 1 at clicks on the object, 0 at clicks on something else, -1 elsewhere.
-        click: (x, y, is_object) in pixels of the photo as stored, contained in `clicked`.
+    mask: bool [h, w], the object so far; may be empty. clicked: int8 [h, w], 1 at clicks on the object, 0 at clicks on
+    something else, -1 elsewhere. click: (x, y, is_object) in pixels of the photo as stored, contained in `clicked`.
     """
     x, y, is_object = click
     own, same = photo.disk(x, y, CLICK_RADIUS), mask == is_object
