@@ -18,7 +18,7 @@ from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
 from ..io.color import to_bytes
 from ..io.fingerprints import file_digest
-from ..project.volumes import Volume, read_volumes
+from ..project.volumes import read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
 from ..segmentation.corrections import ViewObserver, find_corrections
 from ..segmentation.field_fit import fit_segmentation, object_surface
@@ -26,7 +26,7 @@ from ..segmentation.labels import LabelledSurface, LabelProblem, solve_labels
 from ..segmentation.report import report_of
 from ..segmentation.surface_points import SurfaceUncertainty, surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
-from ..segmentation.votes import RayVotes, votes_of_rays
+from ..segmentation.votes import votes_of_rays
 from .job import Job, StageRun, open_job, run_stage
 from .options import SegmentationOptions
 
@@ -61,7 +61,11 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
         views = load_masked_views(masks, capture.views, long_side, settings, {c.object_name for c in corrections})
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
-        surface = _label(job, field, cached, votes, corrections, volumes)
+        points, objects = surface_points(cached, field.voxel), views.objects
+        constraints = ViewObserver(field, points, long_side).constraints(corrections, objects)
+        random = np.random.default_rng(job.settings.seed)
+        problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
+        surface = solve_labels(settings.labels, problem)
         progress = job.progress("segmentation", settings.iterations)
         karf = fit_segmentation(field, cached, votes, surface, settings, job.runtime, progress, run.checkpoint)
         if volumes:  # the labels are bounded by them, but F_s extrapolates smoothly
@@ -75,22 +79,6 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
 
 def _digests(marks: list[CoarseMask]) -> list:
     return [[mark.object_name, mark.view.name, hashlib.sha256(read_bytes(mark.path)).hexdigest()] for mark in marks]
-
-
-def _label(
-    job: Job,
-    field: Field,
-    cached: CachedViews,
-    votes: RayVotes,
-    corrections: list[CoarseMask],
-    volumes: dict[str, list[Volume]],
-) -> LabelledSurface:
-    points, objects = surface_points(cached, field.voxel), cached.views.objects
-    seen = ViewObserver(field, points, job.settings.geometry.long_side)
-    constraints = seen.constraints(corrections, objects)
-    settings, random = job.settings.segmentation, np.random.default_rng(job.settings.seed)
-    problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
-    return solve_labels(settings.labels, problem)
 
 
 def _write(

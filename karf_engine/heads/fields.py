@@ -34,12 +34,9 @@ def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
 class SegmentationField(nn.Module):
     """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background.
 
-    Args:
-        boxes: [K, 2, 3] least and greatest corners, grid coordinates; an object has probability 0 outside its box.
-        n_features: F, number of prior features.
-        settings: octaves of the encoding, and the head.
-        volumes: that objects must be inside or outside of; elsewhere they have probability 0.
-        space: of the scene's field; needed to evaluate F_s with volumes.
+    boxes: [K, 2, 3] least and greatest corners, grid coordinates; an object has probability 0 outside its box.
+    n_features: F, of the prior. volumes: that objects must be inside or outside of, which needs the space of the
+    scene's field.
     """
 
     boxes: Tensor
@@ -86,11 +83,8 @@ class SegmentationField(nn.Module):
 class RecoloringField(nn.Module):
     """F_w of Eq. 10: palette weights at positions and viewing directions, a block of M weights for each palette.
 
-    Args:
-        bounds: [2, 3] of F_s, grid coordinates.
-        n_features: F, number of prior features.
-        sizes: number of colors of each palette, black included; M is the largest. A shared palette is a single block.
-        settings: octaves of the encodings, and the head.
+    bounds: [2, 3] of F_s, grid coordinates. n_features: F, of the prior. sizes: number of colors of each palette, black
+    included; M is the largest. A shared palette is a single block.
     """
 
     bounds: Tensor

@@ -27,13 +27,7 @@ class Head(Protocol):
     """An `nn.Module` from encodings and prior features to logits, differentiable with respect to its parameters."""
 
     def __call__(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Return logits [n, n_out].
-
-        Args:
-            position_encoding: [n, P].
-            features: [n, F] standardized prior features.
-            direction_encoding: [n, D]; None where D = 0, as in F_s.
-        """
+        """Return logits [n, n_out] of encoded positions [n, P], standardized features [n, F] and directions [n, D]."""
         ...
 
 
@@ -55,9 +49,7 @@ HEADS: dict[str, HeadBuilder] = {}
 
 @check_arguments
 def register_head(name: str, build: HeadBuilder) -> None:
-    """Add a kind of head for the settings `segmentation.head` and `recoloring.head`.
-
-    build: returns a new head for sizes and settings; it should heed `width`.
+    """Add a kind of head for the settings `segmentation.head` and `recoloring.head`; it should heed `width`.
 
     Raises BadRequest where another kind has this name.
     """

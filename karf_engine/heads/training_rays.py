@@ -101,40 +101,30 @@ def training_rays(
     n_colors = max(len(palette.colors) for palette in blocks)
     weights = torch.zeros(len(colors), n_colors, device=colors.device)
     weights[:, 0] = (supervised & ~is_object).float()
+
+    def loco_targets(own: Tensor, palette: Palette) -> np.ndarray:
+        """Return LoCoPalettes' weights [m, M], photo by photo."""
+        surface = positions[own][:, positions.shape[1] // 2]
+        features = scene_field.features(surface).cpu().numpy()
+        world = scene_field.space.to_world(surface).double().cpu().numpy()
+        rgb, number = colors[own].cpu().numpy(), view[own].cpu().numpy()
+        result = np.zeros((len(rgb), len(palette.colors)), np.float32)
+        progress = start_progress("loco", len(np.unique(number))) if start_progress else None
+        for n in np.unique(number):
+            here = number == n
+            camera = cameras[n].without_distortion()
+            pixels = camera.project(world[here])[0] / max(camera.width, camera.height)
+            result[here] = loco_weights(rgb[here], pixels, palette.colors, features[here])
+            if progress:
+                progress.step()
+        return result
+
     for k, palette in enumerate(blocks):
         own = supervised & is_object & (block == k)
         if settings.targets == "loco":
-            targets = _loco_weights(
-                scene_field, positions[own], view[own], cameras, colors[own], palette, start_progress
-            )
+            targets = loco_targets(own, palette)
         else:
             targets = star_weights(colors[own].cpu().numpy(), palette.colors)
         weights[own, : targets.shape[1]] = torch.from_numpy(targets).to(colors.device)
     opacity = torch.ones_like(colors[:, 0]) if opacity is None else opacity[interior]
     return ObjectRays(positions, surface.viewdirs[interior], colors, view, block, weights, supervised, opacity)
-
-
-def _loco_weights(
-    scene_field: Field,
-    positions: Tensor,
-    view: Tensor,
-    cameras: Sequence[Camera],
-    colors: Tensor,
-    palette: Palette,
-    start_progress: Callable[[str, int], Progress] | None,
-) -> np.ndarray:
-    """Return LoCoPalettes' weights [n, M], photo by photo."""
-    surface = positions[:, positions.shape[1] // 2]
-    features = scene_field.features(surface).cpu().numpy()
-    world = scene_field.space.to_world(surface).double().cpu().numpy()
-    rgb, number = colors.cpu().numpy(), view.cpu().numpy()
-    weights = np.zeros((len(rgb), len(palette.colors)), np.float32)
-    progress = start_progress("loco", len(np.unique(number))) if start_progress else None
-    for n in np.unique(number):
-        own = number == n
-        camera = cameras[n].without_distortion()
-        pixels = camera.project(world[own])[0] / max(camera.width, camera.height)
-        weights[own] = loco_weights(rgb[own], pixels, palette.colors, features[own])
-        if progress:
-            progress.step()
-    return weights

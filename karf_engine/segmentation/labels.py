@@ -1,7 +1,8 @@
 """Label surface points from the votes of masks, corrections and volumes, by the solver of `segmentation.labels`.
 
 A solver is a function from a `LabelProblem` to a `LabelledSurface`. Add one with `register_labels`, or as an entry
-point `karf.labels` that is the function.
+point `karf.labels` that is the function. A `CorrectionSession` keeps labels in memory, so that a stroke corrects them
+in a second or two; its masks are rendered from the labelled points, without F_s.
 """
 
 from __future__ import annotations
@@ -9,26 +10,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 import torch
 from scipy.sparse import csr_matrix
 
+from ..capture.capture import Capture, View
 from ..compute.convergence import convergence_as_event
 from ..compute.neighbors import build_kd_tree
-from ..compute.progress import Emit
+from ..compute.progress import Emit, Progress
 from ..errors import BadRequest, DataError
 from ..fields.protocol import Field
 from ..heads.fields import Volumes
 from ..io.arguments import check_arguments, check_choice
 from ..io.plugins import load_plugin, plugin_names
-from ..project.settings import LABEL_KINDS
+from ..project.settings import LABEL_KINDS, Settings
 from ..project.volumes import Volume
-from .corrections import Constraints, spread
+from .coarse_masks import CoarseMask
+from .corrections import Constraints, ViewObserver, spread
 from .label_propagation import has_seeds, propagate_labels
 from .neighbor_graph import neighbor_graph
-from .surface_points import Labels, SurfacePoints
-from .votes import RayVotes, vote_on_points
+from .report import Suggestions, views_to_mark
+from .surface_points import Labels, SurfacePoints, surface_points
+from .views import cache_views, load_masked_views
+from .votes import RayVotes, vote_on_points, votes_of_rays
 
 LOW_PRECISION = 0.6  # below it, the user is warned
 
@@ -44,7 +50,6 @@ class LabelledSurface:
 
     @property
     def empty_objects(self) -> list[str]:
-        """Names of the objects without points."""
         return [name for k, name in enumerate(self.objects, 1) if not (self.labels.classes == k).any()]
 
     def boxes(self, margin: float) -> np.ndarray:
@@ -240,3 +245,58 @@ def solve_labels(name: str, problem: LabelProblem) -> LabelledSurface:
 register_labels("surface", label_surface)
 register_labels("masks", vote_on_surface)
 register_labels("votes", vote_on_surface)
+
+
+class CorrectionSession:
+    """Label a scene's surface, correct the labels any number of times, and render masks of any view.
+
+    Attributes:
+        objects: names of the K objects, with those that have only corrections.
+        labels: of the surface points, as last solved.
+    """
+
+    def __init__(
+        self,
+        scene_field: Field,
+        capture: Capture,
+        masks: Sequence[CoarseMask],
+        corrections: Sequence[CoarseMask],
+        settings: Settings,
+        progress: Progress,
+        volumes: Mapping[str, Sequence[Volume]] = MappingProxyType({}),
+    ) -> None:
+        """Label the surface. progress: counts the pixels of the cached views.
+
+        Later corrections may be on other views, but only of the same objects. Raises DataError where a mark or a photo
+        cannot be read, or no point belongs to any object.
+        """
+        own, long_side = settings.segmentation, settings.geometry.long_side
+        views = load_masked_views(masks, capture.views, long_side, own, {each.object_name for each in corrections})
+        self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
+        points = surface_points(cached, scene_field.voxel)
+        self.objects = views.objects
+        self._seen = ViewObserver(scene_field, points, long_side)
+        self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached), self.objects, volumes)
+        constraints = self._seen.constraints(corrections, self.objects)
+        random = np.random.default_rng(settings.seed)
+        self._from_masks = self._labelling.solve(self.objects, constraints, own.rounds, random)
+        self.labels = self._labelling.corrected(self._from_masks, constraints)
+
+    def correct(self, corrections: Sequence[CoarseMask]) -> None:
+        """Update the labels, given all corrections."""
+        constraints = self._seen.constraints(corrections, self.objects)
+        self.labels = self._labelling.corrected(self._from_masks, constraints)
+
+    def suggestions(self) -> Suggestions:
+        """Return the views to mark next."""
+        return views_to_mark(self._cached, self._labelling.points, self.labels)
+
+    def masks(self, view: View) -> dict[str, np.ndarray]:
+        """Return each object's mask in the view's pinhole at the working size, bool [H, W]."""
+        observed, n_classes = self._seen.observe(view), len(self.objects) + 1
+        of_points = np.concatenate([self.labels.probabilities, np.eye(n_classes)[:1]])  # index -1 is background
+        rays = of_points[observed.point_of_sample].mean(1) * observed.cache.opacity.cpu().numpy()[:, None]
+        rays[:, 0] += 1 - rays.sum(1)
+        picture = np.zeros(observed.size, int)
+        picture.flat[observed.cache.index.cpu().numpy()] = rays.argmax(1)
+        return {name: picture == k for k, name in enumerate(self.objects, 1)}

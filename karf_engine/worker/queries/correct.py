@@ -21,7 +21,7 @@ from .session import Session
 if TYPE_CHECKING:
     from ...capture.capture import View
     from ...segmentation.coarse_masks import CoarseMask
-    from ...segmentation.correction_session import CorrectionSession
+    from ...segmentation.labels import CorrectionSession
 
 
 def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
@@ -37,8 +37,8 @@ def correct(session: Session, options: dict[str, Any]) -> dict[str, Any]:
         Cancelled: A later query of this kind is waiting.
     """
     from ...segmentation.coarse_masks import find_masks  # need torch
-    from ...segmentation.correction_session import CorrectionSession
     from ...segmentation.corrections import find_corrections
+    from ...segmentation.labels import CorrectionSession
 
     project = Project(require_option(options, "project", str))
     geometry = project.require("geometry")["fingerprint"]
