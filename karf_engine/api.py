@@ -191,10 +191,10 @@ def extract_palettes(project: PathLike, **options: Any) -> None:
 
 @_command("recoloring")
 def learn_recoloring(project: PathLike, **options: Any) -> None:
-    """Learn F_w, the palette weights of every point, and adapt the extracted palettes.
+    """Finish the palettes; with `recoloring.iterations`, train F_w, the palette weights of every point, and adapt them.
 
     Example:
-        learn_recoloring("garden_karf", threads=2)
+        learn_recoloring("garden_karf", overrides={"recoloring.iterations": 1000})
     """
 
 

@@ -126,6 +126,7 @@ def extract_palettes(
 def learn_recoloring(
     project: PathLike,
     *,
+    overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
     threads: int | None = None,
     device: str | torch.device | None = None,
     progress: Callable[[str], None] | None = None,

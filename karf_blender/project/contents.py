@@ -41,7 +41,7 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
     if not scene.karf.project:
         return stages
     project = folders.project_of(scene)
-    results = {"segmentation": project.segmentation_file, "recoloring": project.recoloring_file}
+    results = {"segmentation": project.segmentation_file, "recoloring": project.palette_file}
     again = _state(scene).get("outdated", ())
     # earlier versions of the engine list no outdated stages, but keep their files
     found = {name for name, file in results.items() if name not in stages and (name in again or file.exists())}

@@ -18,7 +18,7 @@ from ..tasks import runner
 
 POLL_SECONDS = 0.5
 USUAL = 1e6  # samples a second of a computer that was not measured yet
-SHORT = 1.0  # seconds of a job that learns nothing
+SHORT = 1.0  # seconds of a job that trains nothing
 STAGES = {"learn_scene": ("geometry",), "learn_all": ("geometry", "segmentation", "recoloring")}
 
 
@@ -44,7 +44,7 @@ def of_jobs(stages: Sequence[str], preset: str, is_open: bool) -> tuple[float, .
     """What jobs of these stages will take, as well as it is known: each its share of a bar."""
     known = _Memory.known if _Memory.known is not None and _Memory.known.samples_per_second else Speed("", 0, USUAL)
     promised = known.corrected(_promised(preset, known.samples_per_second, is_open) or {})
-    return tuple(promised.get(stage, SHORT) for stage in stages)
+    return tuple(promised.get(stage) or SHORT for stage in stages)
 
 
 def measure_once() -> None:
@@ -101,7 +101,7 @@ def _take_time(request: Request, taken: float) -> None:
         return
     space = state["stages"].get("geometry", {}).get("space", "box")
     samples = _promised(state.get("settings", {}).get("preset", ""), 1.0, space != "box")
-    if samples is None or request.stage not in samples:
+    if not samples or not samples.get(request.stage):
         return
     if not known.samples_per_second:  # the job came before the measurement, and is one
         known = replace(known, samples_per_second=samples[request.stage] / taken)

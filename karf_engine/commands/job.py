@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -14,7 +14,7 @@ from ..capture.capture import Capture, View
 from ..capture.training_images import TrainingImage, load_views
 from ..compute.progress import Emit, Progress, peak_memory_bytes
 from ..compute.runtime import Runtime, start_runtime
-from ..errors import Diverged
+from ..errors import BadRequest, Diverged
 from ..fields.fit import Checkpoint
 from ..io.fingerprints import fingerprint
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
@@ -54,6 +54,13 @@ class Job:
 
     def capture(self) -> Capture:
         return read_capture(self.project)
+
+    def with_overrides(self, stage: str, overrides: Sequence[str]) -> Job:
+        """Return the job with other settings of one stage. Raises BadRequest for settings of other stages."""
+        settings = settings_module.with_overrides(self.settings, list(overrides))
+        if replace(settings, **{stage: getattr(self.settings, stage)}) != self.settings:
+            raise BadRequest(f"Only settings of {stage} can change now.", "Learn the scene again with the others.")
+        return replace(self, settings=settings)
 
     def training_images(self, views: Sequence[View], long_side: int | None = None) -> list[TrainingImage]:
         """Load the photos of these views at the working size, or at a smaller `long_side`."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..compute.progress import Emit
 from ..segmentation.marking.prompts import Prompts
-from ..segmentation.marking.views import make_marker, write_mask
+from ..segmentation.marking.proposals import make_marker, write_mask
 from .options import MarkOptions
 
 

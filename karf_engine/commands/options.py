@@ -179,11 +179,14 @@ class PaletteOptions(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class RecoloringOptions(Options):
-    """Learn the palette weights of every point, and adapt the palettes."""
+    """Finish the palettes; with recoloring.iterations, train F_w, the palette weights of every point, and adapt them."""
 
     command: ClassVar[str] = "recoloring"
 
     project: Path = option("project folder", positional=True, metavar="DIR")
+    overrides: tuple[str, ...] = option(
+        "change one setting of F_w; may be repeated", (), flag="set", metavar="recoloring.FIELD=VALUE"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from ..compute.progress import Emit
 from ..heads.files import load_surface
-from ..heads.object_surface import object_pixels, objects_with_few_pixels
+from ..heads.training_rays import object_pixels, objects_with_few_pixels
 from ..palettes.color_histogram import write_object_colors
 from ..palettes.extraction import color_histograms, extract_palettes
 from ..palettes.palette import write_palettes

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 
 from ..capture import choose_views, slice_of_views
@@ -34,7 +33,7 @@ from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
 from ..project import Project
 from ..project.locking import write_lock
-from ..project.settings import with_overrides
+from ..recolor.field_rendering import UNTRAINED
 from ..recolor.model import Model
 from .job import Job, open_job, warn_of_disputes
 from .options import RenderOptions
@@ -49,7 +48,7 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     project = Project(options.project)
     project.require("geometry")
     with write_lock(project) if options.planes else nullcontext():
-        job = _with_overrides(open_job(options, emit, should_stop, project.snapshot()), options.overrides)
+        job = open_job(options, emit, should_stop, project.snapshot()).with_overrides("render", options.overrides)
         model = Model(job.project, job.runtime.device, job.settings)
         _render(job, model, model_fingerprint(job.project, job.settings), options)
 
@@ -59,6 +58,7 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
         job.project.require("recoloring")
+        _warn_without_field(model, job.emit)
     views, captured = choose_views(job.capture(), options.views)
     part = slice_of_views(views, options.first, options.last, options.count)
     edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
@@ -76,12 +76,11 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
         job.artifact("frames", options.out)
 
 
-def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
-    """Return the job with other render settings. Raises BadRequest for settings of other stages."""
-    settings = with_overrides(job.settings, list(overrides))
-    if replace(settings, render=job.settings.render) != job.settings:
-        raise BadRequest("Only settings of render can change now.", "Learn again with the others.")
-    return replace(job, settings=settings)
+def _warn_without_field(model: Model, emit: Emit) -> None:
+    """Warn where F_w would give the palette weights of renderings, but is not trained."""
+    by_field = model.settings.render.source == "field" or model.settings.compositing == "paper"
+    if by_field and model.splats is None and model.recoloring is None:
+        emit("warning", code="recoloring", sentence=" ".join(UNTRAINED).format(folder=model.project.folder))
 
 
 def read_edits(

@@ -12,27 +12,21 @@ from ..capture.capture import UNIT_GAINS
 from ..capture.reader_utils import read_bytes
 from ..compute.progress import Emit
 from ..fields.files import load_scene
-from ..fields.fit import Checkpoint
 from ..fields.protocol import Field
-from ..heads.fields import SegmentationField
+from ..heads.fields import SegmentationField, Volumes
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
-from ..heads.volumes import Volumes
 from ..io.color import to_bytes
 from ..io.fingerprints import file_digest
-from ..project.volumes import Volume, read_volumes
+from ..project.volumes import read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
-from ..segmentation.constraints import ViewObserver
-from ..segmentation.corrections import find_corrections
-from ..segmentation.doubts import SurfaceUncertainty
-from ..segmentation.field_fit import fit_to_labels, fit_to_masks
-from ..segmentation.label_solvers import solve_labels
-from ..segmentation.labels import LabelledSurface, LabelProblem
-from ..segmentation.object_rays import object_surface
+from ..segmentation.corrections import ViewObserver, find_corrections
+from ..segmentation.field_fit import fit_segmentation, object_surface
+from ..segmentation.labels import LabelledSurface, LabelProblem, solve_labels
 from ..segmentation.report import report_of
-from ..segmentation.surface_points import surface_points
+from ..segmentation.surface_points import SurfaceUncertainty, surface_points
 from ..segmentation.views import CachedViews, cache_views, load_masked_views
-from ..segmentation.votes import RayVotes, votes_of_rays
+from ..segmentation.votes import votes_of_rays
 from .job import Job, StageRun, open_job, run_stage
 from .options import SegmentationOptions
 
@@ -64,18 +58,19 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
             return
         long_side, settings = job.settings.geometry.long_side, job.settings.segmentation
         field = load_scene(job.project.verified(job.project.geometry_file), job.runtime.device).field
-        marked = {mask.view.name for mask in masks}
-        learned_from = [view for view in capture.views if view.split == "train" or view.name in marked]
-        views = load_masked_views(masks, learned_from, long_side, settings, {c.object_name for c in corrections})
+        views = load_masked_views(masks, capture.views, long_side, settings, {c.object_name for c in corrections})
         cached = cache_views(field, views, settings.samples_per_ray, job.progress("surface", views.n_pixels))
         votes = votes_of_rays(cached)
-        surface = _label(job, field, cached, votes, corrections, volumes)
-        karf = _fit(job, field, cached, votes, surface, run.checkpoint)
+        points, objects = surface_points(cached, field.voxel), views.objects
+        constraints = ViewObserver(field, points, long_side).constraints(corrections, objects)
+        random = np.random.default_rng(job.settings.seed)
+        problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
+        surface = solve_labels(settings.labels, problem)
+        progress = job.progress("segmentation", settings.iterations)
+        karf = fit_segmentation(field, cached, votes, surface, settings, job.runtime, progress, run.checkpoint)
         if volumes:  # the labels are bounded by them, but F_s extrapolates smoothly
-            karf.volumes, karf.space = (
-                Volumes.from_objects(volumes, surface.objects).to(job.runtime.device),
-                field.space,
-            )
+            karf.volumes = Volumes.from_objects(volumes, surface.objects).to(job.runtime.device)
+            karf.space = field.space
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
             job.project.replace_masks(lambda folder: copy_masks(masks, folder))
@@ -84,33 +79,6 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
 
 def _digests(marks: list[CoarseMask]) -> list:
     return [[mark.object_name, mark.view.name, hashlib.sha256(read_bytes(mark.path)).hexdigest()] for mark in marks]
-
-
-def _label(
-    job: Job,
-    field: Field,
-    cached: CachedViews,
-    votes: RayVotes,
-    corrections: list[CoarseMask],
-    volumes: dict[str, list[Volume]],
-) -> LabelledSurface:
-    points, objects = surface_points(cached, field.voxel), cached.views.objects
-    seen = ViewObserver(field, points, job.settings.geometry.long_side)
-    constraints = seen.constraints(corrections, objects)
-    settings, random = job.settings.segmentation, np.random.default_rng(job.settings.seed)
-    problem = LabelProblem(field, objects, points, votes, constraints, volumes, settings.rounds, random, job.emit)
-    return solve_labels(settings.labels, problem)
-
-
-def _fit(
-    job: Job, field: Field, cached: CachedViews, votes: RayVotes, surface: LabelledSurface, checkpoint: Checkpoint
-) -> SegmentationField:
-    settings = job.settings.segmentation
-    progress = job.progress("segmentation", settings.iterations)
-    training = settings, job.runtime, progress, checkpoint
-    if settings.labels == "masks":
-        return fit_to_masks(field, len(surface.objects), cached.cache, votes, *training)
-    return fit_to_labels(field, surface, *training)
 
 
 def _write(

@@ -13,11 +13,10 @@ from ..capture.training_images import load_views
 from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
-from ..errors import BadRequest
 from ..fields.files import load_scene
 from ..fields.scene_surface import NoSurface
 from ..io.fingerprints import file_digest
-from ..project.settings import to_dict, with_overrides
+from ..project.settings import to_dict
 from ..splats.files import save_gaussians
 from ..splats.formats.registry import read_captured_gaussians
 from ..splats.gaussians import Gaussians
@@ -36,7 +35,7 @@ def run(options: SplatsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
 
     Does nothing with 0 iterations, and only warns where numba is missing or the scene has no surface.
     """
-    job = _with_overrides(open_job(options, emit, should_stop), options.overrides)
+    job = open_job(options, emit, should_stop).with_overrides("splats", options.overrides)
     job.project.require("geometry")
     capture = job.capture()
     if capture.splats is not None:
@@ -99,14 +98,6 @@ def _learn(job: Job) -> None:
         visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
         save_gaussians(replace(fit.gaussians, visibility=visibility), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
-
-
-def _with_overrides(job: Job, overrides: Sequence[str]) -> Job:
-    """Return the job with other settings of the splats. Raises BadRequest for settings of other stages."""
-    settings = with_overrides(job.settings, list(overrides))
-    if replace(settings, splats=job.settings.splats) != job.settings:
-        raise BadRequest("Only settings of splats can change now.", "Learn the scene again with the others.")
-    return replace(job, settings=settings)
 
 
 def _photos(views: Sequence, long_side: int) -> list[Photo]:

@@ -15,6 +15,7 @@ from ..fields.scene_surface import SurfacePoints, surface_points
 from ..heads.rendering import object_samples, weigh_cache
 from ..io.color import to_bytes
 from ..recolor.borders import measure_borders
+from ..recolor.field_rendering import weights_of_colors
 from ..recolor.model import Model
 from ..segmentation.views import farthest_point_views
 from .scene_points import ScenePoints
@@ -44,8 +45,8 @@ def chosen_views(views: Sequence[View]) -> list[View]:
 
 @torch.no_grad()
 def _described(model: Model, points: SurfacePoints) -> ScenePoints:
-    """Evaluate F_s and F_w at the points, along their mean viewing directions."""
-    assert model.segmentation is not None and model.recoloring is not None
+    """Evaluate F_s, and F_w where it is trained, at the points, along their mean viewing directions."""
+    assert model.segmentation is not None
     n = len(points.positions)
     positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (points.positions, points.viewdirs))
     cache = SurfaceCache(
@@ -53,8 +54,12 @@ def _described(model: Model, points: SurfacePoints) -> ScenePoints:
         torch.arange(n, device=model.device),
     )  # fmt: skip
     samples = object_samples(model.segmentation, model.scene.field, cache)
-    weights = weigh_cache(model.recoloring, samples, cache)
     shares = samples.rendered[:, 1:].cpu().numpy()
+    if model.recoloring is not None:
+        weights = weigh_cache(model.recoloring, samples, cache).half().cpu().numpy()
+    else:
+        weights = weights_of_colors(model, points.colors[None], shares.T[:, None])[:, :, 0]
+        weights = weights.transpose(2, 0, 1).astype(np.float16)
     return ScenePoints(
         tuple(model.objects),
         points.world_positions,
@@ -62,7 +67,7 @@ def _described(model: Model, points: SurfacePoints) -> ScenePoints:
         points.spacing,
         to_bytes(points.colors),
         shares.astype(np.float16),
-        weights.half().cpu().numpy(),
+        weights,
         model.learned_colors,
         measure_borders(points.world_positions, shares, np.ones(n, bool), model.capture.views),
     )

@@ -13,9 +13,8 @@ from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from ..io.names import check_names
 from ..palettes.palette import Palette
 from ..project.settings import RecoloringSettings, SegmentationSettings, from_dict, to_dict
-from .fields import RecoloringField, SegmentationField
-from .object_surface import ObjectSurface
-from .volumes import Volumes
+from .fields import RecoloringField, SegmentationField, Volumes
+from .training_rays import ObjectSurface
 
 SEGMENTATION_SCHEMA = "karf-segmentation/1"
 SURFACE_SCHEMA = "karf-surface/1"
@@ -43,16 +42,10 @@ def save_segmentation(
 def load_segmentation(
     path: Path, n_features: int, device: torch.device | str = "cpu", space: Space | None = None
 ) -> tuple[SegmentationField, list[str]]:
-    """Return a frozen F_s and the names of its classes 1..K.
+    """Return a frozen F_s for a field of `n_features`, and the names of its classes 1..K.
 
-    Args:
-        path: a file of `save_segmentation`.
-        n_features: of the scene's field.
-        device: for F_s.
-        space: of the scene's field; None where F_s is not evaluated.
-
-    Raises:
-        DataError: the file is damaged or belongs to another field.
+    space: of the field; None where F_s is not evaluated. Raises DataError where the file is damaged or of another
+    field.
     """
     tensors, facts = load_tensors(path, SEGMENTATION_SCHEMA, device)
     with damage_as_data_error(path):
@@ -67,7 +60,6 @@ def load_segmentation(
 
 
 def _volumes_of(tensors: Mapping[str, Tensor], n_objects: int) -> Volumes | None:
-    """Return the volumes of F_s, or None. Raises ValueError for inconsistent tensors."""
     if "volumes.rules" not in tensors:
         return None
     faces, volume_of_face, rules = (tensors[f"volumes.{name}"] for name in ("faces", "volume_of_face", "rules"))
@@ -87,17 +79,9 @@ def save_recoloring(path: Path, recoloring: RecoloringField, sizes: list[int], s
 def load_recoloring(
     path: Path, bounds: Tensor, n_features: int, palettes: Sequence[Palette], device: torch.device | str = "cpu"
 ) -> RecoloringField:
-    """Return a frozen F_w.
+    """Return a frozen F_w. bounds: of F_s. n_features: of the scene's field. palettes: one per object.
 
-    Args:
-        path: a file of `save_recoloring`.
-        bounds: of F_s, [2, 3], grid coordinates.
-        n_features: of the scene's field.
-        palettes: that it was trained for, one per object.
-        device: for F_w.
-
-    Raises:
-        DataError: the file is damaged or belongs to other palettes.
+    Raises DataError where the file is damaged or belongs to other palettes.
     """
     tensors, facts = load_tensors(path, RECOLORING_SCHEMA, device)
     with damage_as_data_error(path):

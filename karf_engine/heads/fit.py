@@ -20,12 +20,12 @@ from ..fields.rendering.surface_cache import SurfaceCache
 from ..fields.training import Adam, Step, TrainingState, constant, cosine_with_warmup, train
 from ..project.settings import RecoloringSettings, SegmentationSettings
 from .fields import RecoloringField, SegmentationField
-from .ray_features import RayFeatures
-from .rendering import render_classes, render_weights
+from .rendering import SAMPLES_PER_CHUNK, features_of, render_classes, render_weights
 
 WARMUP = 20  # iterations
 NEAR_SHARE, OBJECT_SHARE = 0.4, 0.4  # of a batch; the rest is drawn from all points
 FIXED_SHARE = 0.1  # in addition, where there are corrections
+MAX_CACHE_BYTES = 1 << 29  # of prior features; a NeRF has 256 per sample
 
 
 def fit_on_points(
@@ -41,20 +41,14 @@ def fit_on_points(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> None:
-    """Train F_s in place by cross-entropy on labelled surface points.
+    """Train F_s in place by cross-entropy on p labelled surface points [p, 3], grid coordinates.
 
     Batches are drawn from the objects, the background near them, all points, and the points fixed by corrections.
 
     Args:
-        segmentation: F_s.
-        scene_field: the frozen radiance field, for its prior features.
-        positions: [p, 3] grid coordinates.
-        classes: [p] int in 0..K.
-        certainty: [p] in [0, 1], sampling weights.
-        near: [p] bool, points near an object.
-        fixed: [p] bool, points fixed by corrections.
-        settings: of the training.
-        runtime: device and random numbers.
+        segmentation, scene_field: F_s, and the frozen radiance field for its prior features.
+        classes: [p] int in 0..K. certainty: [p] in [0, 1], sampling weights.
+        near, fixed: [p] bool, points near an object, and points fixed by corrections.
         progress: counts iterations.
         checkpoint: resumes and saves the training; None trains from the start.
     """
@@ -91,23 +85,17 @@ def fit_on_rays(
 ) -> None:
     """Train F_s in place by Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
-    Rays are drawn uniformly. If objects lack masks in a view, a ray outside the masks may have any of several classes;
-    the loss is then that of their total probability.
-
-    Args:
-        segmentation: F_s.
-        scene_field: the frozen radiance field, for its prior features.
-        cache: n rays with their surface samples.
-        targets: [n, K+1] votes of the rays (see `segmentation/votes.py`).
-        settings, runtime, progress, checkpoint: as for `fit_on_points`.
+    If objects lack masks in a view, a ray outside the masks may have any of several classes; the loss is then that of
+    their total probability. targets: [n, K+1] votes of the n cached rays (see `segmentation/votes.py`). All else is as
+    for `fit_on_points`.
     """
     flat = cache.positions.view(-1, 3)
     segmentation.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
-    features = RayFeatures(scene_field, cache.positions, settings)
+    features = _ray_features(scene_field, cache.positions, settings)
 
     def step(_: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(cache), max(16, int(settings.batch * scale)))
-        probabilities = render_classes(segmentation, cache.positions[index], features.of(index), cache.opacity[index])
+        probabilities = render_classes(segmentation, cache.positions[index], features(index), cache.opacity[index])
         allowed = (probabilities * (targets[index] > 0)).sum(1)
         loss = -allowed.clamp_min(1e-6).log().mean()
         return loss, {"loss": loss.detach()}
@@ -118,27 +106,16 @@ def fit_on_rays(
 
 @dataclass(frozen=True)
 class ObjectRays:
-    """Training rays of F_w with their quantile samples.
+    """Training rays of F_w with their quantile samples."""
 
-    Attributes:
-        positions: [n, S, 3] grid coordinates.
-        viewdirs: [n, 3], unit length.
-        colors: [n, 3] of the photo, sRGB in [0, 1].
-        view: [n] index of the photo among the cached ones.
-        block: [n] index of the ray's palette.
-        weights: [n, M] target weights of Eq. 13; 0 for unsupervised rays.
-        supervised: [n] bool, the rays of Eq. 13.
-        opacity: [n] in [0, 1]; the transmitted rest of a ray is black.
-    """
-
-    positions: Tensor
-    viewdirs: Tensor
-    colors: Tensor
-    view: Tensor
-    block: Tensor
-    weights: Tensor
-    supervised: Tensor
-    opacity: Tensor
+    positions: Tensor  # [n, S, 3] grid coordinates
+    viewdirs: Tensor  # [n, 3], unit length
+    colors: Tensor  # [n, 3] of the photo, sRGB in [0, 1]
+    view: Tensor  # [n] index of the photo among the cached ones
+    block: Tensor  # [n] index of the palette
+    weights: Tensor  # [n, M] targets of Eq. 13; 0 for unsupervised rays
+    supervised: Tensor  # [n] bool, the rays of Eq. 13
+    opacity: Tensor  # [n] in [0, 1]; the transmitted rest of a ray is black
 
 
 def fit_recoloring(
@@ -151,22 +128,17 @@ def fit_recoloring(
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> Tensor:
-    """Train F_w in place by Eq. 14 with lambda_Edit = 1; the last `palette_share` of the iterations also learns the palettes.
+    """Train F_w in place by Eq. 14 with lambda_Edit = 1, in the last `palette_share` of the iterations palettes too.
 
-    Args:
-        recoloring: F_w.
-        scene_field: the frozen radiance field, for its prior features.
-        rays: at least one, with target weights.
-        palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed.
-        settings, runtime, progress, checkpoint: as for `fit_on_points`.
+    palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed. All else is as for
+    `fit_on_points`.
 
-    Returns:
-        The learned palettes, [blocks, M, 3] sRGB in [0, 1].
+    Returns the learned palettes, [blocks, M, 3] sRGB in [0, 1].
     """
     some = slice(None, None, max(1, len(rays.colors) // 65536))
     middle = rays.positions.shape[1] // 2
     recoloring.standardizer.fit(scene_field.features(rays.positions[some, middle]))
-    features = RayFeatures(scene_field, rays.positions, settings)
+    features = _ray_features(scene_field, rays.positions, settings)
     learned = palettes.clone().requires_grad_(True)
     groups = [
         {"params": list(recoloring.parameters()), "lr": settings.rate},
@@ -177,7 +149,7 @@ def fit_recoloring(
     def step(iteration: int, scale: float) -> tuple[Tensor, dict[str, Any]]:
         index = runtime.randint(len(rays.colors), max(16, int(settings.batch * scale)))
         block = rays.block[index]
-        all_weights = render_weights(recoloring, rays.positions[index], rays.viewdirs[index], features.of(index))
+        all_weights = render_weights(recoloring, rays.positions[index], rays.viewdirs[index], features(index))
         weights = all_weights[torch.arange(len(index), device=index.device), block]  # [n, M]
         opacity = rays.opacity[index, None]
         weights = torch.cat([weights[:, :1] * opacity + (1 - opacity), weights[:, 1:] * opacity], 1)
@@ -228,3 +200,19 @@ def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
     if len(pool) == 0:
         return torch.zeros(0, dtype=torch.long, device=pool.device)
     return torch.searchsorted(pool, runtime.rand(count).double() * pool[-1]).clamp_max(len(pool) - 1)
+
+
+def _ray_features(
+    scene_field: Field, positions: Tensor, settings: SegmentationSettings | RecoloringSettings
+) -> Callable[[Tensor], Tensor]:
+    """Return a function from ray indices [m] to prior features [m, S, F] at the samples [n, S, 3] of all rays.
+
+    Features are computed once if that is less work than at each call and fits into memory.
+    """
+    n_bytes = positions.shape[0] * positions.shape[1] * scene_field.n_features * 4
+    if len(positions) > settings.iterations * settings.batch or n_bytes > MAX_CACHE_BYTES:
+        return lambda rays: features_of(scene_field, positions[rays])
+    rays_per_chunk = max(1, SAMPLES_PER_CHUNK // positions.shape[1])
+    with torch.no_grad():
+        cached = torch.cat([features_of(scene_field, chunk) for chunk in positions.split(rays_per_chunk)])
+    return lambda rays: cached[rays]

@@ -27,31 +27,18 @@ class Head(Protocol):
     """An `nn.Module` from encodings and prior features to logits, differentiable with respect to its parameters."""
 
     def __call__(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
-        """Return logits [n, n_out].
-
-        Args:
-            position_encoding: [n, P].
-            features: [n, F] standardized prior features.
-            direction_encoding: [n, D]; None where D = 0, as in F_s.
-        """
+        """Return logits [n, n_out] of encoded positions [n, P], standardized features [n, F] and directions [n, D]."""
         ...
 
 
 @dataclass(frozen=True)
 class HeadSizes:
-    """Input and output widths of a head.
+    """Input and output widths of a head."""
 
-    Attributes:
-        n_position: P, width of the encoded positions.
-        n_direction: D, width of the encoded viewing directions; 0 without.
-        n_features: F, number of prior features.
-        n_out: number of logits.
-    """
-
-    n_position: int
-    n_direction: int
-    n_features: int
-    n_out: int
+    n_position: int  # P, of the encoded positions
+    n_direction: int  # D, of the encoded viewing directions; 0 without
+    n_features: int  # F, number of prior features
+    n_out: int  # number of logits
 
 
 HeadBuilder = Callable[[HeadSizes, HeadSettings], Head]
@@ -62,11 +49,7 @@ HEADS: dict[str, HeadBuilder] = {}
 
 @check_arguments
 def register_head(name: str, build: HeadBuilder) -> None:
-    """Add a kind of head for the settings `segmentation.head` and `recoloring.head`.
-
-    Args:
-        name: of the kind.
-        build: returns a new head for sizes and settings; it should heed `width`.
+    """Add a kind of head for the settings `segmentation.head` and `recoloring.head`; it should heed `width`.
 
     Raises BadRequest where another kind has this name.
     """
@@ -80,10 +63,7 @@ def build_head(settings: HeadSettings, n_position: int, n_direction: int, n_feat
     """Return a new head as the settings describe it; for the widths see `HeadSizes`.
 
     With `match="parameters"` its width is chosen so that the number of parameters is nearest to that of the full block
-    of Gaussian layers of `settings.width`.
-
-    Raises:
-        BadRequest: the kind of head or layer is not registered, or a layer refuses its settings.
+    of Gaussian layers of `settings.width`. Raises BadRequest where the kind of head or layer is not registered.
     """
     sizes = HeadSizes(n_position, n_direction, n_features, n_out)
     if settings.match == "parameters":

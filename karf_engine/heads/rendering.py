@@ -22,23 +22,15 @@ NEGLIGIBLE = 1 / 1024  # class probability too small to change an 8-bit picture
 
 
 def render_classes(segmentation: SegmentationField, positions: Tensor, features: Tensor, opacity: Tensor) -> Tensor:
-    """Render class probabilities of rays (Eq. 8), differentiable with respect to F_s. Transmittance counts as background.
+    """Render class probabilities of rays (Eq. 8), [n, K+1]; rows sum to 1, transmittance counts as background.
 
-    Args:
-        segmentation: F_s.
-        positions: [n, S, 3] quantile samples, grid coordinates.
-        features: [n, S, F] prior features there.
-        opacity: [n] of the rays, in [0, 1].
-
-    Returns:
-        [n, K+1]; rows sum to 1.
+    positions: [n, S, 3] quantile samples, grid coordinates. features: [n, S, F]. opacity: [n] in [0, 1].
     """
     per_sample = segmentation(positions.view(-1, 3), features.flatten(0, 1))
     return _rendered(per_sample.view(*positions.shape[:2], per_sample.shape[1]), opacity)
 
 
 def _rendered(classes: Tensor, opacity: Tensor) -> Tensor:
-    """Return the class probabilities of rays [n, K+1] from those of their samples [n, S, K+1]."""
     rendered = classes.mean(1) * opacity[:, None]
     background = rendered[:, :1] + (1 - opacity)[:, None]
     return torch.cat([background, rendered[:, 1:]], 1)
@@ -46,32 +38,24 @@ def _rendered(classes: Tensor, opacity: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Some rays of a cache, and F_s at their s distinct samples; several quantiles of a ray may be the same sample.
+    """Some rays of a cache, and F_s at their s distinct samples; several quantiles of a ray may be the same sample."""
 
-    Attributes:
-        rays: [r] indices of the rays in the cache.
-        first: [r, S] bool, the first quantile of each distinct sample.
-        positions: [s, 3] grid coordinates.
-        features: [s, F] prior features.
-        classes: [s, K+1] probabilities of F_s.
-    """
-
-    rays: Tensor
-    first: Tensor
-    positions: Tensor
-    features: Tensor
-    classes: Tensor
+    rays: Tensor  # [r] indices of the rays in the cache
+    first: Tensor  # [r, S] bool, the first quantile of each distinct sample
+    positions: Tensor  # [s, 3] grid coordinates
+    features: Tensor  # [s, F]
+    classes: Tensor  # [s, K+1] probabilities of F_s
 
     @property
     def sample_of(self) -> Tensor:
-        """The index of each quantile's distinct sample, [r, S]."""
+        """The distinct sample of each quantile, [r, S]."""
         return (torch.cumsum(self.first.view(-1), 0) - 1).view(self.first.shape)
 
 
 def _for_each_chunk(
     segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache, use: Callable[[int, _Chunk], None]
 ) -> None:
-    """Evaluate F_s in chunks along the rays that touch an object's box; `use` receives each chunk's number and chunk."""
+    """Evaluate F_s in chunks along the rays that touch an object's box; `use` receives each chunk with its number."""
     n_samples = cache.positions.shape[1]
     samples_per_chunk = CPU_SAMPLES_PER_CHUNK if cache.opacity.device.type == "cpu" else SAMPLES_PER_CHUNK
     rays_per_chunk = max(1, samples_per_chunk // n_samples)
@@ -102,11 +86,6 @@ def segment_cache(segmentation: SegmentationField, scene_field: Field, cache: Su
     """Render class probabilities of all cached rays, [n, K+1]; not differentiable.
 
     Rays outside all boxes are background and not evaluated.
-
-    Args:
-        segmentation: F_s.
-        scene_field: the frozen radiance field, for its prior features.
-        cache: n rays with their surface samples.
     """
     rendered = _background(segmentation, cache)
 
@@ -124,39 +103,26 @@ def _background(segmentation: SegmentationField, cache: SurfaceCache) -> Tensor:
 
 
 def features_of(scene_field: Field, positions: Tensor) -> Tensor:
-    """Return prior features [n, S, F] at samples [n, S, 3] of rays; n may be 0."""
+    """Return prior features [n, S, F] at samples [n, S, 3] of rays."""
     return scene_field.features(positions.view(-1, 3)).view(*positions.shape[:2], scene_field.n_features)
 
 
 @dataclass(frozen=True)
 class ObjectSamples:
-    """The output of F_s for a cache, and the s samples where an object's probability is not negligible.
+    """The output of F_s for a cache, and the s samples where an object's probability is not negligible."""
 
-    Attributes:
-        rendered: [n, K+1] class probabilities of all cached rays, as from `segment_cache`.
-        positions: [s, 3] grid coordinates.
-        viewdirs: [s, 3], unit length.
-        features: [s, F] prior features.
-        classes: [s, K] probabilities of F_s, without the background.
-        rays: [s] index of the sample's ray in the cache.
-        counts: [s] >= 1, number of the ray's quantiles at this sample.
-    """
-
-    rendered: Tensor
-    positions: Tensor
-    viewdirs: Tensor
-    features: Tensor
-    classes: Tensor
-    rays: Tensor
-    counts: Tensor
+    rendered: Tensor  # [n, K+1] class probabilities of all cached rays
+    positions: Tensor  # [s, 3] grid coordinates
+    viewdirs: Tensor  # [s, 3], unit length
+    features: Tensor  # [s, F]
+    classes: Tensor  # [s, K] probabilities of F_s, without the background
+    rays: Tensor  # [s] index in the cache
+    counts: Tensor  # [s] >= 1, number of the ray's quantiles at this sample
 
 
 @torch.no_grad()
 def object_samples(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> ObjectSamples:
-    """Evaluate F_s along a cache's rays, and collect the samples for F_w; not differentiable.
-
-    The arguments are those of `segment_cache`.
-    """
+    """Evaluate F_s along a cache's rays, and collect the samples for F_w; not differentiable."""
     rendered, parts = _background(segmentation, cache), {}
 
     def use(number: int, chunk: _Chunk) -> None:
@@ -175,18 +141,12 @@ def object_samples(segmentation: SegmentationField, scene_field: Field, cache: S
 
 @torch.no_grad()
 def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: SurfaceCache) -> Tensor:
-    """Render the edit planes of all cached rays: sum_i omega_i s_i^k w_ij for object k and palette entry j (Eq. 8, 9).
+    """Render the edit planes of n cached rays: sum_i omega_i s_i^k w_ij for object k and palette entry j (Eq. 8, 9).
 
     Class and weights are multiplied per sample, so samples behind an object's silhouette have no influence. Not
-    differentiable; `render_weights` is.
+    differentiable; `render_weights` is. samples: of this cache.
 
-    Args:
-        recoloring: F_w.
-        samples: of this cache.
-        cache: n rays with their surface samples.
-
-    Returns:
-        [n, K, M] >= 0; the sum over M is the object's probability.
+    Returns [n, K, M] >= 0; the sum over M is the object's probability.
     """
     n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)
@@ -198,16 +158,9 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
 
 
 def render_weights(recoloring: RecoloringField, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-    """Render palette weights (Eq. 8 with w instead of s) as the mean over quantile samples, differentiable in F_w.
+    """Render palette weights of rays (Eq. 8 with w instead of s), [n, blocks, M]; sums to 1 over M.
 
-    Args:
-        recoloring: F_w.
-        positions: [n, S, 3] quantile samples, grid coordinates.
-        viewdirs: [n, 3], unit length.
-        features: [n, S, F] prior features there.
-
-    Returns:
-        [n, blocks, M] >= 0; sums to 1 over M.
+    positions: [n, S, 3] quantile samples, grid coordinates. viewdirs: [n, 3], unit length. features: [n, S, F].
     """
     n_rays, n_samples = positions.shape[:2]
     directions = viewdirs[:, None].expand(-1, n_samples, -1).reshape(-1, 3)

@@ -1,8 +1,9 @@
-"""Build the training rays of F_w: interior rays of the objects with target palette weights for their photo colors."""
+"""The rays that end on objects: training data of palettes, and with target weights for their photo colors of F_w."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -16,7 +17,45 @@ from ..palettes.palette import Palette
 from ..palettes.palette_weights import loco_weights, star_weights
 from ..project.settings import RecoloringSettings
 from .fit import ObjectRays
-from .object_surface import BACKGROUND, ObjectSurface
+
+MIN_INTERIOR_PIXELS = 50  # of an object in all views, for a palette
+UNSEEN = np.full((1, 3), 0.5, np.float32)  # color of an object without pixels
+BACKGROUND = 255  # object number of rays without an object
+
+
+@dataclass(frozen=True)
+class ObjectSurface:
+    """n rays of the cached views that end on an object, with S surface samples each."""
+
+    positions: Tensor  # [n, S, 3] float32, grid coordinates
+    viewdirs: Tensor  # [n, 3] float32, unit length
+    colors: Tensor  # [n, 3] uint8 sRGB of the photo
+    object: Tensor  # [n] uint8, index of the object
+    interior: Tensor  # [n] bool, well inside the object
+    view: Tensor  # [n] int16, index of the cached view
+
+
+def object_pixels(surface: ObjectSurface, objects: list[str]) -> list[list[np.ndarray]]:
+    """Return the interior photo colors of each object, one array [n, 3] float32 sRGB in [0, 1] per view.
+
+    An object with too few pixels for a palette (`objects_with_few_pixels`) has their mean only, or gray without pixels.
+    """
+    colors = surface.colors.cpu().numpy().astype(np.float32) / 255
+    owner, view, interior = (values.cpu().numpy() for values in (surface.object, surface.view, surface.interior))
+    scarce, pixels = objects_with_few_pixels(surface, objects), []
+    for k, name in enumerate(objects):
+        chosen = (owner == k) & interior
+        if name in scarce:
+            pixels.append([colors[chosen].mean(0, keepdims=True) if chosen.any() else UNSEEN])
+        else:
+            pixels.append([colors[chosen & (view == v)] for v in np.unique(view[chosen])])
+    return pixels
+
+
+def objects_with_few_pixels(surface: ObjectSurface, objects: list[str]) -> dict[str, int]:
+    """Return the number of interior pixels of each object that has too few for a palette."""
+    counts = np.bincount(surface.object[surface.interior].cpu().numpy(), minlength=len(objects)).tolist()
+    return {name: count for name, count in zip(objects, counts, strict=True) if count < MIN_INTERIOR_PIXELS}
 
 
 def training_rays(
@@ -34,17 +73,14 @@ def training_rays(
     Rays without an object are black with the weight of black, and are assigned to the palettes in turn.
 
     Args:
-        scene_field: the frozen radiance field.
-        surface: the objects' rays.
+        scene_field, surface: the frozen radiance field, and the objects' rays.
         blocks: a palette for each object, or one for all.
         settings: `supervision` selects the rays of Eq. 13, `targets` the kind of weights.
         masked_views: indices of the cached views with masks; needed for `supervision="reference"`.
-        cameras: of the cached views; needed for `targets="loco"`.
-        start_progress: begins to count steps under a name, up to a total; used by `targets="loco"`.
+        cameras, start_progress: of the cached views, and of the work; needed for `targets="loco"`.
         opacity: [n] in [0, 1], of the surface's rays; None for opaque rays.
 
-    Raises:
-        DataError: no object has surface points.
+    Raises DataError where no object has surface points.
     """
     if not surface.interior.any():
         raise DataError(
@@ -64,52 +100,30 @@ def training_rays(
     n_colors = max(len(palette.colors) for palette in blocks)
     weights = torch.zeros(len(colors), n_colors, device=colors.device)
     weights[:, 0] = (supervised & ~is_object).float()
+
+    def loco_targets(own: Tensor, palette: Palette) -> np.ndarray:
+        """Return LoCoPalettes' weights [m, M], photo by photo."""
+        surface = positions[own][:, positions.shape[1] // 2]
+        features = scene_field.features(surface).cpu().numpy()
+        world = scene_field.space.to_world(surface).double().cpu().numpy()
+        rgb, number = colors[own].cpu().numpy(), view[own].cpu().numpy()
+        result = np.zeros((len(rgb), len(palette.colors)), np.float32)
+        progress = start_progress("loco", len(np.unique(number))) if start_progress else None
+        for n in np.unique(number):
+            here = number == n
+            camera = cameras[n].without_distortion()
+            pixels = camera.project(world[here])[0] / max(camera.width, camera.height)
+            result[here] = loco_weights(rgb[here], pixels, palette.colors, features[here])
+            if progress:
+                progress.step()
+        return result
+
     for k, palette in enumerate(blocks):
         own = supervised & is_object & (block == k)
         if settings.targets == "loco":
-            targets = _loco_weights(
-                scene_field, positions[own], view[own], cameras, colors[own], palette, start_progress
-            )
+            targets = loco_targets(own, palette)
         else:
             targets = star_weights(colors[own].cpu().numpy(), palette.colors)
         weights[own, : targets.shape[1]] = torch.from_numpy(targets).to(colors.device)
     opacity = torch.ones_like(colors[:, 0]) if opacity is None else opacity[interior]
     return ObjectRays(positions, surface.viewdirs[interior], colors, view, block, weights, supervised, opacity)
-
-
-def _loco_weights(
-    scene_field: Field,
-    positions: Tensor,
-    view: Tensor,
-    cameras: Sequence[Camera],
-    colors: Tensor,
-    palette: Palette,
-    start_progress: Callable[[str, int], Progress] | None,
-) -> np.ndarray:
-    """Return LoCoPalettes' weights [n, M], photo by photo, of rays with samples [n, S, 3], views [n] and colors [n, 3]."""
-    surface = positions[:, positions.shape[1] // 2]
-    features = scene_field.features(surface).cpu().numpy()
-    world = scene_field.space.to_world(surface).double().cpu().numpy()
-    rgb, number = colors.cpu().numpy(), view.cpu().numpy()
-    weights = np.zeros((len(rgb), len(palette.colors)), np.float32)
-    progress = start_progress("loco", len(np.unique(number))) if start_progress else None
-    for n in np.unique(number):
-        own = number == n
-        camera = cameras[n].without_distortion()
-        pixels = camera.project(world[own])[0] / max(camera.width, camera.height)
-        weights[own] = loco_weights(rgb[own], pixels, palette.colors, features[own])
-        if progress:
-            progress.step()
-    return weights
-
-
-def palettes_of_objects(names: Sequence[str], blocks: np.ndarray, sizes: Sequence[int]) -> list[Palette]:
-    """Return one palette per object from the learned blocks; a single block serves all objects.
-
-    Args:
-        names: of the objects.
-        blocks: [blocks, M, 3] learned colors, sRGB in [0, 1].
-        sizes: number of colors of each block, black included.
-    """
-    indices = range(len(names)) if len(sizes) > 1 else [0] * len(names)
-    return [Palette(name, blocks[k, : sizes[k]].astype(np.float32)) for name, k in zip(names, indices, strict=True)]

@@ -12,7 +12,7 @@ Files are data (json, npz, safetensors, png), never pickles. Each run of a stage
         doubts.npz                   the uncertainty of the surface points' labels
         palette.json                 palettes as extracted, then as learned
         object_colors.npz            each object's color histogram with its palette weights (see palettes.object_colors)
-        recoloring.safetensors       the recoloring field F_w
+        recoloring.safetensors       the recoloring field F_w, where it is trained
         splats.safetensors           the scene as Gaussians (see splats/files.py)
     masks/<object>/<view>.png    coarse masks, as given
     earlier_masks/               the masks before the last segmentation with other masks
@@ -204,6 +204,11 @@ class Project:
     def finished(self, stage: str) -> dict[str, Any] | None:
         """Return the summary of a finished stage (fingerprint, seconds, metrics), or None."""
         return self.state()["stages"].get(stage)
+
+    def has_output(self, stage: str, path: Path) -> bool:
+        """Return whether a finished stage wrote this file; where it noted no files, whether the file exists."""
+        files = self.require(stage).get("files")
+        return path.exists() if files is None else path.name in files
 
     def require(self, stage: str) -> dict[str, Any]:
         """Return the summary of a finished stage.

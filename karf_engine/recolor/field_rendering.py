@@ -29,7 +29,7 @@ from ..palettes.palette import Edit, Palette, check_edit, read_palettes
 from ..project import Project
 from ..project.contents import read_capture, settings_for
 from ..project.settings import Settings
-from ..segmentation.doubts import SurfaceUncertainty
+from ..segmentation.surface_points import SurfaceUncertainty
 from ..splats.files import load_gaussians
 from ..splats.gaussians import Gaussians
 from .frames import Frame, downsample, split_bands, stack_bands
@@ -37,6 +37,12 @@ from .full_resolution import dense_weights
 from .splatted_scene import SplattedScene
 
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples per ray, for classes and for palette weights
+
+
+UNTRAINED = (
+    "{folder} has no recoloring field F_w: renderings take palette weights from their own colors.",
+    "Train it: karf recoloring {folder} --set recoloring.iterations=1000",
+)
 
 
 class Learned:
@@ -59,9 +65,10 @@ class Learned:
         if project.finished("recoloring"):
             assert self.segmentation is not None
             self.palettes = read_palettes(project.verified(project.palette_file), objects=self.objects)
-            path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
-            assert isinstance(bounds, torch.Tensor)
-            self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
+            if project.has_output("recoloring", project.recoloring_file):
+                path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
+                assert isinstance(bounds, torch.Tensor)
+                self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
         if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
             gaussians = load_gaussians(project.verified(project.splats_file))
             learned = self.scene, self.segmentation, self.palettes
@@ -96,7 +103,7 @@ class Learned:
 
     def check_edit(self, edit: Edit) -> None:
         """Raise BadRequest before palettes are learned, and for an edit of other palettes."""
-        if self.recoloring is None:
+        if not self.palettes:
             raise BadRequest(
                 f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
             )
@@ -118,15 +125,17 @@ def in_bands(render: Callable[[Camera], Frame], pinhole: Camera, supersampling: 
 
 
 def field_frame(learned: Learned, pinhole: Camera) -> Frame:
-    """Render a pinhole with palette weights by F_w; its base is the rendering."""
-    from_field = learned.recoloring is not None
-    picture = learned.scene.render(pinhole, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
-    return frame_of(learned, picture, picture.color.cpu().numpy(), from_field)
+    """Render a pinhole with palette weights by F_w, where it is trained; its base is the rendering."""
+    picture = learned.scene.render(pinhole, WEIGHT_SAMPLES if learned.palettes else MASK_SAMPLES)
+    return frame_of(learned, picture, picture.color.cpu().numpy(), from_field=True)
 
 
 def photo_frame(learned: Learned, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
-    """Render the view of a photo, with it as base and palette weights by its colors (`photo`) or by F_w (`field`)."""
-    from_field = learned.recoloring is not None and weights_from == "field"
+    """Render the view of a loaded photo, with the photo as base.
+
+    weights_from: palette weights by the photo's colors (`photo`), or by F_w where it is trained (`field`).
+    """
+    from_field = bool(learned.palettes) and weights_from == "field"
     picture = learned.scene.render(training_image.camera, WEIGHT_SAMPLES if from_field else MASK_SAMPLES)
     base = alpha_composite(training_image.color, training_image.alpha)  # over the background of renderings
     return frame_of(learned, picture, base, from_field, gains=training_image.view.gains)
@@ -161,7 +170,7 @@ def frame_of(
     probabilities = probabilities_of(learned, picture, samples)
     if samples is not None:
         weights = weights_of_field(learned, picture, samples)
-    elif learned.recoloring is not None:
+    elif learned.palettes:
         weights = weights_of_colors(learned, base, probabilities, gains=gains)
     return Frame(picture, probabilities, weights, base, gains=gains)
 
@@ -186,8 +195,12 @@ def weights_of_colors(
 
 
 def weights_of_field(learned: Learned, picture: Picture, samples: ObjectSamples | None = None) -> np.ndarray:
-    """Return palette weights [K, M, H, W] by F_w (Eq. 9), times probabilities. samples: of the picture, if known."""
-    assert learned.recoloring is not None
+    """Return palette weights [K, M, H, W] by F_w (Eq. 9), times probabilities. samples: of the picture, if known.
+
+    Raises BadRequest where F_w is not trained.
+    """
+    if learned.recoloring is None:
+        raise BadRequest(*UNTRAINED, folder=learned.project.folder)
     height, width = picture.opacity.shape
     cache = _cache_of(picture)
     samples = _object_samples(learned, picture) if samples is None else samples

@@ -75,7 +75,7 @@ class Model(Learned):
         objects: names of the K segmented objects; empty before segmentation.
         segmentation: F_s, or None before segmentation.
         palettes: of the objects, in their order; empty before palettes are learned.
-        recoloring: F_w, or None before palettes are learned.
+        recoloring: F_w, or None where it is not trained (`recoloring.iterations` of 0).
         splatted: the scene as Gaussians; None if they are not learned, if the settings select the field, or without the
             package numba.
 
@@ -116,7 +116,8 @@ class Model(Learned):
     def render(self, camera: Camera, supersampling: int = 1, *, fades: bool | None = None) -> Frame:
         """Render the scene from any camera, from splats where they are learned; the base is the rendering itself.
 
-        Palette weights are those of the splats' colors, or of F_w without splats. Not differentiable.
+        Palette weights are those of the splats' colors; without splats of F_w where it is trained, else of the
+        rendering's colors. Not differentiable.
 
         Args:
             camera: in world units; its lens distortion is left out.
@@ -163,7 +164,7 @@ class Model(Learned):
 
         Raises BadRequest if no splats or no palettes are learned, or for an edit with the paper's compositing.
         """
-        if self.splatted is None or self.recoloring is None:
+        if self.splatted is None or not self.palettes:
             raise BadRequest(
                 f"{self.project.folder} has no finished splats and recoloring stages.", "Run these stages first."
             )
@@ -238,7 +239,7 @@ class Model(Learned):
         mattes = self._find_mattes()(photo, field.probabilities, rendered, marks)
         coverages = dense_coverage(mattes, base.shape[:2])
         weights = None
-        if self.recoloring is not None:
+        if self.palettes:
             denoised = denoise(photo, estimate_noise(photo))
             own_colors = [matte.own_picture(denoised) for matte in mattes]
             weights = dense_weights(own_colors, self.palettes, coverages, view.gains)

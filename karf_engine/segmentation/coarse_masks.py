@@ -34,13 +34,9 @@ class CoarseMask:
 
 
 def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
-    """Return the masks below a folder, sorted by object and view.
+    """Return the masks in MASKS/<object>/<photo stem>.png (or .jpg, .jpeg, .webp), sorted by object and view.
 
     A mask is named after its photo's stem, or after its view where stems repeat, or is in the photo's subfolder.
-
-    Args:
-        folder: MASKS/<object>/<photo stem>.png, also .jpg, .jpeg or .webp.
-        capture: the photos that were marked.
 
     Raises:
         DataError: nothing is marked, a name fits no photo or several, a mask is not a file, or an object's name is
@@ -60,11 +56,7 @@ def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def object_folders(folder: Path) -> list[Path]:
-    """Return the folders of the objects, sorted.
-
-    Raises:
-        DataError: two names differ only by case or by Unicode form.
-    """
+    """Return the objects' folders, sorted. Raises DataError where names differ only by case or Unicode form."""
     objects = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     if same := first_case_collision(path.name for path in objects):
         raise DataError(
@@ -101,7 +93,6 @@ def masks_of_object(folder: Path, capture: Capture) -> list[CoarseMask]:
 
 
 def _view_of(path: Path, folder: Path, capture: Capture) -> View:
-    """Return the view that a mask in an object's folder was drawn on."""
     views = _matching_views(path.relative_to(folder), capture)
     if len(views) == 1:
         return views[0]
@@ -116,7 +107,7 @@ def _view_of(path: Path, folder: Path, capture: Capture) -> View:
 
 
 def _matching_views(path: Path, capture: Capture) -> list[View]:
-    """Return the views that a mask's path in its object's folder may mean: the view of that name, else training views."""
+    """Return the views that a mask's path may mean: the view of that name, else training views."""
     matches = [view for view in capture.views if matches_view(path, view)]
     named = [view for view in matches if view.name == file_name(path.stem)]
     return named or [view for view in matches if view.split == "train"] or matches
@@ -125,20 +116,12 @@ def _matching_views(path: Path, capture: Capture) -> list[View]:
 def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
     """Return the mask at the training image's working size, bool [H, W].
 
-    Args:
-        mask: as large as the photo, or of the working size.
-        training_image: the photo of its view.
-
-    Raises:
-        DataError: the mask is of another size, damaged or empty.
+    Raises DataError where the mask is damaged, empty, or as large as neither the photo nor the training image.
     """
     pixels = to_working_size(read_mask(mask.path), mask, training_image.camera) >= 0.5
     if not pixels.any():
         raise DataError(
-            "{path} marks nothing of {name!r}.",
-            "Paint the object white.",
-            path=mask.path,
-            name=mask.object_name,
+            "{path} marks nothing of {name!r}.", "Paint the object white.", path=mask.path, name=mask.object_name
         )
     return pixels
 
@@ -146,13 +129,7 @@ def load_mask(mask: CoarseMask, training_image: TrainingImage) -> np.ndarray:
 def to_working_size(pixels: np.ndarray, mask: CoarseMask, working: Camera) -> np.ndarray:
     """Return the share of each pixel that a mask covers, [H, W] float32 in [0, 1], undistorted.
 
-    Args:
-        pixels: bool, of the photo's size, distorted by its lens, or of the working size.
-        mask: names the file and the view.
-        working: the pinhole camera at the working size.
-
-    Raises:
-        DataError: the mask is of another size.
+    pixels: bool, of the photo's size, distorted by its lens, or of the size of the pinhole `working`; else DataError.
     """
     height, width = pixels.shape
     stored = mask.view.camera

@@ -17,17 +17,11 @@ EM_STEPS = 12
 
 @dataclass(frozen=True)
 class Mixture:
-    """A mixture of m Gaussians.
+    """A mixture of m Gaussians."""
 
-    Attributes:
-        shares: [m], sum to 1.
-        means: [m, 3] CIE Lab.
-        covariances: [m, 3, 3].
-    """
-
-    shares: np.ndarray
-    means: np.ndarray
-    covariances: np.ndarray
+    shares: np.ndarray  # [m], sum to 1
+    means: np.ndarray  # [m, 3] CIE Lab
+    covariances: np.ndarray  # [m, 3, 3]
 
     def log_components(self, lab: np.ndarray) -> np.ndarray:
         """Return the log density of each Gaussian at colors [n, 3], [n, m]."""
@@ -41,7 +35,7 @@ class Mixture:
         return parts
 
     def responsibilities(self, log_components: np.ndarray) -> np.ndarray:
-        """Return the posterior of each component for each color, [n, m]; rows sum to 1."""
+        """Return the posterior of each component, [n, m]; rows sum to 1."""
         parts = log_components + np.log(self.shares)
         return np.exp(parts - _log_sum_exp(parts)[:, None])
 
@@ -49,10 +43,7 @@ class Mixture:
 def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """Return the log density of each class at the colors of n points, [n, C].
 
-    Args:
-        lab: [n, 3] CIE Lab.
-        strengths: [n, C] >= 0, evidence of each point for each class; not all zero.
-        random: draws the points that the mixture is fitted to.
+    strengths: [n, C] >= 0, evidence of each point for each class; not all zero.
     """
     balanced = strengths / np.maximum(strengths.sum(0), 1e-12)  # small objects count as much as large ones
     mixture = fit_mixture(lab, balanced.sum(1), n_components=20, random=random, n_draws=5000)
@@ -64,14 +55,9 @@ def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.rando
 def fit_mixture(
     lab: np.ndarray, weights: np.ndarray, n_components: int, random: np.random.Generator, n_draws: int = 4000
 ) -> Mixture:
-    """Fit a mixture by k-means and EM to randomly drawn colors.
+    """Fit a mixture of at most m Gaussians by k-means and EM to `n_draws` randomly drawn colors.
 
-    Args:
-        lab: [n, 3] CIE Lab.
-        weights: [n] >= 0, sampling weights; not all zero.
-        n_components: m; reduced where fewer colors are drawn.
-        random: draws the colors.
-        n_draws: number of colors drawn.
+    lab: [n, 3] CIE Lab. weights: [n] >= 0, sampling weights; not all zero.
     """
     drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
     lab = lab[drawn]

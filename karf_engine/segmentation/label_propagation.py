@@ -1,8 +1,8 @@
 """Label propagation: turn the masks' votes on some surface points into clean labels of all, by neighbors and colors.
 
 Class 0 is the background, 1..K are the objects. Seeds are points with votes `seed_targets` y [p, K+1] of confidence
-`seed_confidence` c [p]. The probabilities x [p, K+1] minimize unary terms (agree with the seeds, and weakly with a uniform
-prior) plus pairwise terms (agree with the neighbors), one linear system:
+`seed_confidence` c [p]. The probabilities x [p, K+1] minimize unary terms (agree with the seeds, and weakly with a
+uniform prior) plus pairwise terms (agree with the neighbors), one linear system:
 
     (D + C + eps) x - lambda W x = C y + eps / (K+1)         W: neighbor weights, D: lambda times their row sums
 
@@ -12,34 +12,35 @@ seed weight, doubled until the seeds keep their labels.
 A few rounds follow. Each fits Gaussian mixtures in Lab to the colors of the current classes, derives color labels, and
 solves the system again with these as a second unary term. Guards keep mistakes from confirming themselves:
 
-- A color counts only if it is reliable: most seeds of that color must be marked as the object. The share is taken over
-  the whole scene and near each point, and the larger one counts: a distant twin does not disable a color near the
-  object, and a gap in a mask does not disable it elsewhere. Color decides between two classes only as far as both are
-  reliable. The background always is.
+- A color counts only if it is reliable: most seeds of that color, in the whole scene or near the point, must be marked
+  as the object. Color decides between two classes only as far as both are reliable. The background always is.
 - Where masks and colors agree on a point, its color label counts many times.
-- A seed that its color clearly contradicts is ignored. If the color is the background's, the color label is ignored too.
-- Mixtures are fitted only where masks vote. They are redrawn in every round, and the mean of their labels counts.
-- A color that no class has gives uniform labels.
-- An object's colors fade with the distance from its seeds, and parts not connected to its seeds are removed.
+- A seed that its color clearly contradicts is ignored; its color label too, if the color is the background's.
+- Mixtures are redrawn in every round where masks vote, and the mean of their labels counts.
+- A color that no class has gives uniform labels. An object's colors fade with the distance from its seeds.
 
-Finally patches in doubt follow their surroundings: the system is solved once more with the labels as unary terms, weighted
-by their margins. A point that would change alone keeps its label, otherwise thin ends and rims would erode. So does a
-point where masks and colors agree.
+Parts not connected to an object's seeds are removed. Finally patches in doubt follow their surroundings: the system is
+solved once more with the labels as unary terms, weighted by their margins. A point that would change alone keeps its
+label, otherwise thin ends and rims would erode. So does a point where masks and colors agree.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
+from scipy.ndimage import gaussian_filter
 from scipy.sparse.csgraph import connected_components
 
+from ..compute.neighbors import build_kd_tree
 from .gaussian_mixtures import class_log_densities
-from .local_share import local_share
 from .neighbor_graph import conjugate_gradients, neighbor_graph
-from .point_labels import Labels, margin
-from .seeds import seed_regions, seeds_of
+from .surface_points import Labels, margin
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 SMOOTHNESS = 20.0  # lambda; 5 and 10 leave holes in solid objects
 SEED_CONSISTENCY = 0.98  # share of an object's seeds that must keep its label; at 0.9 tiny objects are lost
@@ -48,6 +49,8 @@ NEARBY_RADII = 0.5  # standard deviation of the local color reliability, in seed
 PATCH_COHESION = 0.5  # share of a changed point's ties that lead to changed points; without it thin ends erode
 MAX_PATCH = 0.1  # share of an object's points; without it small objects are removed whole
 DECIDED = 0.6  # least vote of a seed whose class is not open
+CELLS_PER_DEVIATION = 2
+MAX_CELLS = 100  # along an axis
 
 
 def propagate_labels(
@@ -62,15 +65,9 @@ def propagate_labels(
 ) -> Labels:
     """Label all points from the seeds among them. An object without seeds (see `has_seeds`) gets no point.
 
-    Args:
-        positions: [p, 3] grid coordinates.
-        lab: [p, 3] CIE Lab.
-        normals: [p, 3] of unit length, outward.
-        spacing: of the points, grid coordinates; see `SurfacePoints`.
-        seed_targets: [p, K+1]; rows sum to 1.
-        seed_confidence: [p] >= 0; 0 for all other points.
-        rounds: number of color rounds, at least 1.
-        random: draws the colors that mixtures are fitted to.
+    positions, lab (CIE Lab), normals (outward): [p, 3]. spacing: of the points, grid coordinates. seed_targets: [p,
+    K+1], rows sum to 1. seed_confidence: [p] >= 0, 0 for all other points. random: draws the colors that mixtures are
+    fitted to.
     """
     trees, radii = seed_regions(positions, spacing, seed_targets, seed_confidence)
     distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
@@ -95,30 +92,18 @@ def propagate_labels(
 
 @dataclass(frozen=True)
 class _Propagation:
-    """The points near the objects before the first round.
+    """The points near the objects before the first round."""
 
-    Attributes:
-        positions: [p, 3] grid coordinates.
-        lab: [p, 3] CIE Lab.
-        graph: [p, p] neighbor weights.
-        seed_targets: [p, K+1].
-        seed_confidence: [p].
-        distance_penalty: [p, K], subtracted from the objects' log densities.
-        radii: [K] of the objects' seeds, grid coordinates.
-        random: draws the colors that mixtures are fitted to.
-    """
-
-    positions: np.ndarray
-    lab: np.ndarray
-    graph: sparse.csr_matrix
-    seed_targets: np.ndarray
-    seed_confidence: np.ndarray
-    distance_penalty: np.ndarray
-    radii: np.ndarray
+    positions: np.ndarray  # [p, 3] grid coordinates
+    lab: np.ndarray  # [p, 3]
+    graph: sparse.csr_matrix  # [p, p] neighbor weights
+    seed_targets: np.ndarray  # [p, K+1]
+    seed_confidence: np.ndarray  # [p]
+    distance_penalty: np.ndarray  # [p, K], subtracted from the objects' log densities
+    radii: np.ndarray  # [K] of the objects' seeds, grid coordinates
     random: np.random.Generator
 
     def run(self, rounds: int) -> Labels:
-        """Label the points."""
         targets, confidence = self.seed_targets, self.seed_confidence
         from_masks, seed_weight = self._seed_weight()
         x, mixture_weight = from_masks, confidence
@@ -200,7 +185,7 @@ class _Propagation:
         """Return the confidence of the color labels, [p]: their margin times the least reliability of three classes.
 
         These are the two likeliest by color and the current one. With the likeliest alone, the background would take
-        points from an object whose own colors are unreliable. Agreement with the masks raises the confidence.
+        points from an object whose own colors are unreliable.
         """
         second, first = np.argsort(color_labels, 1)[:, -2:].T
         rows = np.arange(len(color_labels))
@@ -262,3 +247,51 @@ def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarr
     """Divide votes among the classes that they leave open ("not this object") by color, [p, K+1]."""
     shared = targets * np.maximum(color_labels, 1e-3)
     return shared / shared.sum(1, keepdims=True)
+
+
+def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """Return whether each object has a seed, [K] bool; arguments as for `propagate_labels`."""
+    objects = range(1, seed_targets.shape[1])
+    return np.array([seeds_of(k, seed_targets, seed_confidence).any() for k in objects])
+
+
+def seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
+    """Return True for the points that the masks confidently assign to class k, [p]."""
+    # votes of 0.5 and less may be open: far points gather many of them
+    votes = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
+    return votes >= np.maximum(0.25 * votes.max(initial=0), np.finfo(float).tiny)
+
+
+def seed_regions(
+    positions: np.ndarray, spacing: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
+) -> tuple[list[cKDTree], np.ndarray]:
+    """Return a search tree of each object's seeds, and their RMS radii [K], at least the point spacing."""
+    trees, radii = [], []
+    for k in range(1, seed_targets.shape[1]):
+        seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
+        trees.append(build_kd_tree(seeds, balanced_tree=False, compact_nodes=False))
+        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
+    return trees, np.maximum(radii, spacing)
+
+
+def local_share(
+    positions: np.ndarray, weight: np.ndarray, part: np.ndarray, deviation: float, expected: float, prior: float
+) -> np.ndarray:
+    """Return the share of the weight that belongs to a part, under a Gaussian around each point, [p] in [0, 1].
+
+    Weights [p] >= 0 are binned on a grid and blurred, so shares are constant within a cell. deviation: of the Gaussian,
+    in the units of positions. expected: share where nothing is near, with the weight `prior` > 0.
+    """
+    least, most = positions.min(0), positions.max(0)
+    cell = max(deviation / CELLS_PER_DEVIATION, (most - least).max() / MAX_CELLS)
+    cells = ((positions - least) / cell).astype(np.intp)
+    shape = cells.max(0) + 1
+    index = np.ravel_multi_index(tuple(cells.T), shape)
+    deviation = deviation / cell
+
+    def blurred(values: np.ndarray) -> np.ndarray:
+        sums = np.bincount(index, values, int(shape.prod())).reshape(shape)
+        scale = max(np.sqrt(2 * np.pi) * deviation, 1) ** 3  # peak 1; a deviation far below a cell blurs nothing
+        return gaussian_filter(sums, deviation, mode="constant", truncate=3).ravel()[index] * scale
+
+    return (blurred(part) + prior * expected) / (blurred(weight) + prior)

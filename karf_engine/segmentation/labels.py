@@ -1,55 +1,61 @@
-"""Label surface points from the votes of masks, corrections and volumes."""
+"""Label surface points from the votes of masks, corrections and volumes, by the solver of `segmentation.labels`.
+
+A solver is a function from a `LabelProblem` to a `LabelledSurface`. Add one with `register_labels`, or as an entry
+point `karf.labels` that is the function. A `CorrectionSession` keeps labels in memory, so that a stroke corrects them
+in a second or two; its masks are rendered from the labelled points, without F_s.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 import torch
 from scipy.sparse import csr_matrix
 
+from ..capture.capture import Capture, View
 from ..compute.neighbors import build_kd_tree
-from ..compute.progress import Emit
+from ..compute.progress import Emit, Progress
 from ..compute.sparse_systems import convergence_as_event
-from ..errors import DataError
+from ..errors import BadRequest, DataError
 from ..fields.protocol import Field
-from ..heads.volumes import Volumes
+from ..heads.fields import Volumes
+from ..io.arguments import check_arguments, check_choice
+from ..io.plugins import load_plugin, plugin_names
+from ..project.settings import LABEL_KINDS, Settings
 from ..project.volumes import Volume
-from .constraints import Constraints
-from .label_propagation import propagate_labels
+from .coarse_masks import CoarseMask
+from .corrections import Constraints, ViewObserver, spread
+from .label_propagation import has_seeds, propagate_labels
 from .neighbor_graph import neighbor_graph
-from .point_labels import Labels
-from .seeds import has_seeds
-from .spreading import spread
-from .surface_points import SurfacePoints
-from .votes import RayVotes, vote_on_points
+from .report import Suggestions, views_to_mark
+from .surface_points import Labels, SurfacePoints, surface_points
+from .views import cache_views, load_masked_views
+from .votes import RayVotes, vote_on_points, votes_of_rays
 
 LOW_PRECISION = 0.6  # below it, the user is warned
 
 
 @dataclass(frozen=True)
 class LabelledSurface:
-    """Labelled surface points. Class k is `objects[k - 1]`, class 0 the background.
-
-    fixed: [p] bool, the points that corrections fixed.
-    """
+    """Labelled surface points. Class k is `objects[k - 1]`, class 0 the background."""
 
     objects: list[str]
     points: SurfacePoints
     labels: Labels
-    fixed: np.ndarray
+    fixed: np.ndarray  # [p] bool, the points that corrections fixed
 
     @property
     def empty_objects(self) -> list[str]:
-        """Names of the objects without points."""
         return [name for k, name in enumerate(self.objects, 1) if not (self.labels.classes == k).any()]
 
     def boxes(self, margin: float) -> np.ndarray:
-        """Return a box around each object's points, [K, 2, 3] least and greatest corners in grid coordinates.
+        """Return a box around each object's points, [K, 2, 3] least and greatest corners; an empty one without points.
 
-        An object without points gets an empty box. margin: added on each side, grid coordinates.
+        margin: added on each side, grid coordinates.
         """
         boxes = {}
         for k in range(1, len(self.objects) + 1):
@@ -68,21 +74,13 @@ class LabelledSurface:
 
 @dataclass(frozen=True)
 class Labelling:
-    """The inputs of the label solve, computed once for any number of corrections.
-
-    Attributes:
-        points: p surface points.
-        targets: [p, K+1] votes of the masks; rows sum to 1.
-        confidence: [p] >= 0, of the votes.
-        normals: [p, 3] of unit length, outward.
-        allowed: [p, K+1] bool, the classes that volumes allow.
-    """
+    """The inputs of the label solve, computed once for any number of corrections."""
 
     points: SurfacePoints
-    targets: np.ndarray
-    confidence: np.ndarray
-    normals: np.ndarray
-    allowed: np.ndarray
+    targets: np.ndarray  # [p, K+1] votes of the masks; rows sum to 1
+    confidence: np.ndarray  # [p] >= 0, of the votes
+    normals: np.ndarray  # [p, 3] of unit length, outward
+    allowed: np.ndarray  # [p, K+1] bool, the classes that volumes allow
 
     @classmethod
     def of(
@@ -109,7 +107,6 @@ class Labelling:
 
     @cached_property
     def graph(self) -> csr_matrix:
-        """The neighbor weights of all points."""
         return neighbor_graph(self.points.positions, self.points.lab, self.normals, self.points.spacing)
 
     def solve(
@@ -139,7 +136,7 @@ class Labelling:
         )
 
     def corrected(self, labels: Labels, constraints: Constraints) -> Labels:
-        """Return labels changed by corrections; see `spreading`."""
+        """Return labels changed by corrections; see `corrections.spread`."""
         if not constraints.fixed.any():
             return labels
         return self._within_volumes(spread(labels, self.graph, constraints))
@@ -147,28 +144,16 @@ class Labelling:
 
 @dataclass(frozen=True)
 class LabelProblem:
-    """The inputs of a label solver.
+    """The inputs of a label solver."""
 
-    Attributes:
-        scene_field: the frozen radiance field.
-        objects: names of the K objects.
-        points: surface points.
-        votes: of the rays that the points were merged from.
-        constraints: of the points, from corrections.
-        volumes: by object, where it must be inside or outside.
-        rounds: of an iterative solver, at least 1.
-        random: the only source of random numbers.
-        emit: receives events.
-    """
-
-    scene_field: Field
+    scene_field: Field  # frozen
     objects: list[str]
     points: SurfacePoints
-    votes: RayVotes
-    constraints: Constraints
-    volumes: Mapping[str, Sequence[Volume]]
-    rounds: int
-    random: np.random.Generator
+    votes: RayVotes  # of the rays that the points were merged from
+    constraints: Constraints  # of the points, from corrections
+    volumes: Mapping[str, Sequence[Volume]]  # by object, where it must be inside or outside
+    rounds: int  # of an iterative solver, at least 1
+    random: np.random.Generator  # the only source of random numbers
     emit: Emit
 
 
@@ -196,7 +181,7 @@ def label_surface(problem: LabelProblem) -> LabelledSurface:
 
 
 def vote_on_surface(problem: LabelProblem) -> LabelledSurface:
-    """Take the votes of masks as they are, except where corrections contradict them; points without votes are background.
+    """Take the votes of masks as they are, except where corrections contradict them; without votes it is background.
 
     Raises DataError where no point belongs to any object.
     """
@@ -222,7 +207,96 @@ def _labelled(
 def _require_any(objects: Sequence[str], found: np.ndarray) -> None:
     if not found.any():
         raise DataError(
-            "Nothing in the scene belongs to {name!r}.",
-            "Mark it more generously, or in another view.",
-            name=objects[0],
+            "Nothing in the scene belongs to {name!r}.", "Mark it more generously, or in another view.", name=objects[0]
         )
+
+
+PLUGINS = "karf.labels"
+
+LabelSolver = Callable[[LabelProblem], LabelledSurface]
+
+SOLVERS: dict[str, LabelSolver] = {}
+
+
+@check_arguments
+def register_labels(name: str, solve: LabelSolver) -> None:
+    """Add a solver under a name of the setting `segmentation.labels`.
+
+    Raises BadRequest where another solver has this name.
+    """
+    if SOLVERS.setdefault(name, solve) is not solve:
+        raise BadRequest(f"There are other labels {name!r}.", "Choose another name.")
+    if name not in LABEL_KINDS:
+        LABEL_KINDS.append(name)
+
+
+def solve_labels(name: str, problem: LabelProblem) -> LabelledSurface:
+    """Label the surface with the solver of this name.
+
+    Raises BadRequest for an unknown one, DataError where no point belongs to any object, MissingDependency where the
+    plugin with the solver cannot be loaded.
+    """
+    if name not in SOLVERS and name in plugin_names(PLUGINS):
+        register_labels(name, load_plugin(PLUGINS, name))
+    check_choice("segmentation.labels", name, tuple(SOLVERS))
+    return SOLVERS[name](problem)
+
+
+register_labels("surface", label_surface)
+register_labels("masks", vote_on_surface)
+register_labels("votes", vote_on_surface)
+
+
+class CorrectionSession:
+    """Label a scene's surface, correct the labels any number of times, and render masks of any view.
+
+    Attributes:
+        objects: names of the K objects, with those that have only corrections.
+        labels: of the surface points, as last solved.
+    """
+
+    def __init__(
+        self,
+        scene_field: Field,
+        capture: Capture,
+        masks: Sequence[CoarseMask],
+        corrections: Sequence[CoarseMask],
+        settings: Settings,
+        progress: Progress,
+        volumes: Mapping[str, Sequence[Volume]] = MappingProxyType({}),
+    ) -> None:
+        """Label the surface. progress: counts the pixels of the cached views.
+
+        Later corrections may be on other views, but only of the same objects. Raises DataError where a mark or a photo
+        cannot be read, or no point belongs to any object.
+        """
+        own, long_side = settings.segmentation, settings.geometry.long_side
+        views = load_masked_views(masks, capture.views, long_side, own, {each.object_name for each in corrections})
+        self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
+        points = surface_points(cached, scene_field.voxel)
+        self.objects = views.objects
+        self._seen = ViewObserver(scene_field, points, long_side)
+        self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached), self.objects, volumes)
+        constraints = self._seen.constraints(corrections, self.objects)
+        random = np.random.default_rng(settings.seed)
+        self._from_masks = self._labelling.solve(self.objects, constraints, own.rounds, random)
+        self.labels = self._labelling.corrected(self._from_masks, constraints)
+
+    def correct(self, corrections: Sequence[CoarseMask]) -> None:
+        """Update the labels, given all corrections."""
+        constraints = self._seen.constraints(corrections, self.objects)
+        self.labels = self._labelling.corrected(self._from_masks, constraints)
+
+    def suggestions(self) -> Suggestions:
+        """Return the views to mark next."""
+        return views_to_mark(self._cached, self._labelling.points, self.labels)
+
+    def masks(self, view: View) -> dict[str, np.ndarray]:
+        """Return each object's mask in the view's pinhole at the working size, bool [H, W]."""
+        observed, n_classes = self._seen.observe(view), len(self.objects) + 1
+        of_points = np.concatenate([self.labels.probabilities, np.eye(n_classes)[:1]])  # index -1 is background
+        rays = of_points[observed.point_of_sample].mean(1) * observed.cache.opacity.cpu().numpy()[:, None]
+        rays[:, 0] += 1 - rays.sum(1)
+        picture = np.zeros(observed.size, int)
+        picture.flat[observed.cache.index.cpu().numpy()] = rays.argmax(1)
+        return {name: picture == k for k, name in enumerate(self.objects, 1)}

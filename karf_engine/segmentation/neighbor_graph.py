@@ -22,16 +22,9 @@ MIN_WEIGHT = 1e-6
 
 
 def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, spacing: float) -> sparse.csr_matrix:
-    """Return weights between nearest neighbors, near 1 where color, normal and position agree.
+    """Return weights between nearest neighbors, near 1 where color, normal and position agree: symmetric [p, p].
 
-    Args:
-        positions: [p, 3] grid coordinates.
-        lab: [p, 3] CIE Lab.
-        normals: [p, 3] of unit length, outward.
-        spacing: of the points, grid coordinates.
-
-    Returns:
-        Symmetric [p, p], weights in [0, 1 + 1e-6].
+    positions, lab (CIE Lab), normals (outward): [p, 3]. spacing: of the points, grid coordinates.
     """
     # building a balanced tree has crashed together with torch
     tree = build_kd_tree(positions, balanced_tree=False, compact_nodes=False)
@@ -51,18 +44,10 @@ def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, 
 def conjugate_gradients(
     product: Callable[[np.ndarray], np.ndarray], diagonal: np.ndarray, right: np.ndarray, x: np.ndarray
 ) -> np.ndarray:
-    """Solve A x = b for several right-hand sides at once, preconditioned with the diagonal of A.
+    """Solve A x = b for several right-hand sides [p, c] at once, preconditioned with the diagonal of A.
 
-    Warns if it has not converged after MAX_STEPS iterations. (SciPy's solvers take one right-hand side at a time.)
-
-    Args:
-        product: maps [p, c] to A times it; A is positive definite.
-        diagonal: of A, [p].
-        right: b, [p, c].
-        x: initial guess, [p, c].
-
-    Returns:
-        x [p, c].
+    product: maps [p, c] to A times it; A is positive definite. x: initial guess. Warns if it has not converged after
+    MAX_STEPS iterations. (SciPy's solvers take one right-hand side at a time.)
     """
     inverse = 1 / diagonal[:, None]
     x, residual = x.copy(), right - product(x)

@@ -1,8 +1,8 @@
 """Random walker segmentation with priors: soft labels of pixels from priors and from neighbors of similar color.
 
-The labels x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's prior, g
-its weight, and w_ij is high between neighbors of similar color (Grady, "Multilabel Random Walker Image Segmentation Using
-Prior Models", 2005). It is one sparse, positive definite system for all classes; x sums to 1 where the priors do.
+The labels x_c of class c minimize sum_ij w_ij (x_ci - x_cj)^2 + sum_i g_i (x_ci - p_ci)^2, where p is a pixel's prior,
+g its weight, and w_ij is high between neighbors of similar color (Grady, "Multilabel Random Walker Image Segmentation
+Using Prior Models", 2005). It is one sparse, positive definite system for all classes; x sums to 1 where the priors do.
 """
 
 from __future__ import annotations
@@ -21,9 +21,7 @@ Link = tuple[Region, Region, np.ndarray]  # pixels, their neighbors in one direc
 def neighbor_links(channels: np.ndarray, falloff: float = 0.05) -> Iterator[Link]:
     """Yield the links to half of the eight neighbors, one direction at a time.
 
-    Args:
-        channels: [h, w, C] float32, such as CIE Lab.
-        likeness: neighbors at distance d have the weight exp(-likeness d^2).
+    channels: [h, w, C] float32, such as CIE Lab. falloff: neighbors at distance d have the weight exp(-falloff d^2).
     """
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
         here, there = _shifted(channels.shape[:2], down, right)
@@ -36,11 +34,7 @@ def random_walk(
 ) -> np.ndarray:
     """Return the labels of the n free pixels, [C, n] float32 in [0, 1]; all other pixels keep their priors.
 
-    Args:
-        links: between the pixels, see `neighbor_links`.
-        priors: [C, h, w] float32, sum to 1 over C.
-        free: [h, w] bool.
-        prior_weight: g > 0, a number or [n].
+    priors: [C, h, w] float32, sum to 1 over C. free: [h, w] bool. prior_weight: g > 0, a number or [n].
     """
     count = int(free.sum())
     number = np.full(free.shape, -1, np.int32)

@@ -26,17 +26,11 @@ CACHE_STEP = 1.0  # voxels; coarse, since only the ends of rays matter here
 
 @dataclass(frozen=True)
 class MaskedViews:
-    """Photos at the working size, and the coarse masks of some of them.
+    """Photos at the working size, and the coarse masks of some of them."""
 
-    Attributes:
-        objects: names of the K objects, sorted; class k is `objects[k - 1]`, class 0 the background.
-        training_images: the V photos.
-        masks: {class number: bool [H, W]} of each photo; empty for unmarked photos.
-    """
-
-    objects: list[str]
+    objects: list[str]  # K names, sorted; class k is `objects[k - 1]`, class 0 the background
     training_images: list[TrainingImage]
-    masks: list[dict[int, np.ndarray]]
+    masks: list[dict[int, np.ndarray]]  # {class number: bool [H, W]} of each photo; empty for unmarked ones
 
     @property
     def offsets(self) -> list[int]:
@@ -46,17 +40,14 @@ class MaskedViews:
 
     @property
     def n_pixels(self) -> int:
-        """The number of pixels of all photos."""
         return self.offsets[-1]
 
     @property
     def names(self) -> list[str]:
-        """The names of the views."""
         return [training_image.view.name for training_image in self.training_images]
 
     @property
     def masked_names(self) -> list[str]:
-        """The names of the views with masks."""
         return [name for name, masks in zip(self.names, self.masks, strict=True) if masks]
 
     def colors(self) -> np.ndarray:
@@ -68,15 +59,10 @@ class MaskedViews:
 
 @dataclass(frozen=True)
 class CachedViews:
-    """Views with the surface samples of their rays.
-
-    Attributes:
-        views: photos and masks.
-        cache: of the n rays that hit something; `index` is the pixel number over all photos.
-    """
+    """Views with the surface samples of their rays."""
 
     views: MaskedViews
-    cache: SurfaceCache
+    cache: SurfaceCache  # of the n rays that hit something; `index` is the pixel number over all photos
 
     def pictures(self, values: np.ndarray) -> list[np.ndarray]:
         """Return integers of the cached rays, [n], as one picture [H, W] per view; 0 where a ray hits nothing."""
@@ -96,19 +82,15 @@ def load_masked_views(
 ) -> MaskedViews:
     """Choose all masked views and others spread around the scene, and load their photos and masks.
 
-    Args:
-        masks: the coarse masks, at least one.
-        views: the training views, and all masked ones.
-        long_side: working size of masked views, pixels.
-        settings: `cache_views` is the number of views, `cache_long_side` the size of unmasked ones.
-        more_objects: names of objects without masks.
+    views: of the capture; training views and masked ones are used. long_side: working size of masked views, pixels.
+    more_objects: names of objects without masks.
 
-    Raises:
-        DataError: a photo or a mask is missing, damaged or of another size.
+    Raises DataError where a photo or a mask is missing, damaged or of another size.
     """
     objects = sorted({mask.object_name for mask in masks} | set(more_objects))
-    masked = list(dict.fromkeys(mask.view.name for mask in masks))
-    chosen = farthest_point_views(views, masked, settings.cache_views)
+    masked = {mask.view.name for mask in masks}
+    usable = [view for view in views if view.split == "train" or view.name in masked]
+    chosen = farthest_point_views(usable, masked, settings.cache_views)
     small = min(long_side, settings.cache_long_side)
     training_images = [load_views([view], long_side if view.name in masked else small)[0] for view in chosen]
     per_view: list[dict[int, np.ndarray]] = [{} for _ in chosen]
@@ -119,16 +101,10 @@ def load_masked_views(
     return MaskedViews(objects, training_images, per_view)
 
 
-def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int) -> list[View]:
-    """Choose views by farthest point sampling of their cameras' positions.
+def farthest_point_views(views: Sequence[View], first: Collection[str], count: int) -> list[View]:
+    """Choose at most `count` views by farthest point sampling of their cameras' positions; more if `first` names more.
 
-    Args:
-        views: at least one.
-        first: names of views to choose in any case; the first view if none is named.
-        count: number of views to return, at most all; more if `first` names more.
-
-    Returns:
-        The views named in `first`, in the order of `views`, then each time the view farthest from all chosen.
+    The views named in `first` (by default the first one) come first, then each time the view farthest from all chosen.
     """
     positions = np.stack([view.camera.position for view in views])
     chosen = [number for number, view in enumerate(views) if view.name in first] or [0]
@@ -139,16 +115,9 @@ def farthest_point_views(views: Sequence[View], first: Sequence[str], count: int
 
 
 def cache_views(scene_field: Field, views: MaskedViews, samples_per_ray: int, progress: Progress) -> CachedViews:
-    """Trace the rays of all pixels to the surface.
+    """Trace the rays of all pixels to the surface, with at least 1 quantile sample per ray. progress: counts pixels.
 
-    Args:
-        scene_field: the frozen radiance field.
-        views: the photos, with their cameras.
-        samples_per_ray: quantile samples per ray, at least 1.
-        progress: counts pixels, `views.n_pixels` in all.
-
-    Raises:
-        DataError: no ray hits anything.
+    Raises DataError where no ray hits anything.
     """
     parts = []
     for training_image, start in zip(views.training_images, views.offsets[:-1], strict=True):

@@ -1,8 +1,8 @@
 """Turn coarse masks into votes on the classes of pixels and surface points.
 
-A pixel in a mask votes for the mask's object. A pixel outside all masks of a view votes evenly for the background and the
-objects without a mask in this view. Confidence grows from 0 at a mask's border, where masks are least exact, to 1 a few
-pixels away, or in the middle of a thin part.
+A pixel in a mask votes for the mask's object. A pixel outside all masks of a view votes evenly for the background and
+the objects without a mask in this view. Confidence grows from 0 at a mask's border, where masks are least exact, to 1 a
+few pixels away, or in the middle of a thin part.
 """
 
 from __future__ import annotations
@@ -22,19 +22,12 @@ MIN_OPACITY = 0.3  # of a ray that votes
 
 @dataclass(frozen=True)
 class RayVotes:
-    """The masks' votes on n cached rays.
+    """The masks' votes on n cached rays."""
 
-    Attributes:
-        targets: [n, K+1] shares of the classes; rows sum to 1.
-        confidence: [n] in [0, 1]; 0 in views without masks.
-        opacity: [n] in [0, 1], of the rays.
-        marked: [n] bool, rays of views with masks.
-    """
-
-    targets: np.ndarray
-    confidence: np.ndarray
-    opacity: np.ndarray
-    marked: np.ndarray
+    targets: np.ndarray  # [n, K+1] shares of the classes; rows sum to 1
+    confidence: np.ndarray  # [n] in [0, 1]; 0 in views without masks
+    opacity: np.ndarray  # [n] in [0, 1], of the rays
+    marked: np.ndarray  # [n] bool, rays of views with masks
 
 
 def votes_of_rays(cached: CachedViews) -> RayVotes:
@@ -58,11 +51,9 @@ def _votes_of_pixels(views: MaskedViews) -> tuple[np.ndarray, np.ndarray]:
 
 
 def mask_targets(masks: dict[int, np.ndarray], n_classes: int) -> np.ndarray:
-    """Return the votes of one view's pixels, [H, W, n_classes] float64; they sum to 1.
+    """Return the votes of one view's pixels, [H, W, n_classes] float64; they sum to 1. Overlapping masks share a pixel.
 
-    Args:
-        masks: {class number: bool [H, W]}, at least one. Overlapping masks share the pixel.
-        n_classes: K + 1, background included.
+    masks: {class number: bool [H, W]}, at least one. n_classes: K + 1, background included.
     """
     height, width = next(iter(masks.values())).shape
     targets = np.zeros((height, width, n_classes))
@@ -75,10 +66,7 @@ def mask_targets(masks: dict[int, np.ndarray], n_classes: int) -> np.ndarray:
 
 
 def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
-    """Return the confidence of one view's pixels, [H, W] float64 in [0, 1].
-
-    It is 0 on a mask's border, and 1 a few pixels away or in the middle of a thin part.
-    """
+    """Return the confidence of one view's pixels, [H, W] float64 in [0, 1]."""
     height, width = next(iter(masks.values())).shape
     confidence = np.ones((height, width))
     for mask in masks.values():
@@ -96,15 +84,7 @@ def half_width(inside: np.ndarray, limit: float) -> np.ndarray:
     It is the radius of the largest inscribed disc that covers the pixel or is close to it, so corners and bumps of a
     rough outline belong to the body, and only parts that lead away from it are thin.
 
-    Args:
-        inside: [H, W] distance of the mask's pixels to the outside, 0 there.
-        limit: largest radius, pixels, at least 1.
-
-    Examples:
-        >>> handle_on_a_body = np.zeros((20, 40), bool)
-        >>> handle_on_a_body[9:12, 3:20] = handle_on_a_body[2:18, 20:36] = True
-        >>> half_width(distance_transform_edt(handle_on_a_body), 6.0)[10, [5, 28]].tolist()
-        [2.0, 6.0]
+    inside: [H, W] distance of the mask's pixels to the outside, 0 there. limit: pixels, at least 1.
     """
     width = np.ones(inside.shape)
     for radius in np.linspace(1, limit, 6)[1:]:
@@ -120,15 +100,10 @@ def vote_on_points(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Sum the votes of rays on the surface points of their samples.
 
-    Args:
-        point_of_sample: [n, K] int, point of each sample of each ray.
-        targets: [n, C] votes of the rays; rows sum to 1.
-        confidence: [n] >= 0.
-        n_points: p.
+    point_of_sample: [n, K] int. targets: [n, C] votes of the rays, rows sum to 1. confidence: [n] >= 0.
 
-    Returns:
-        Targets [p, C], whose rows sum to 1, and confidence [p], the sum over a point's samples. Points without samples
-        have even targets and confidence 0.
+    Returns targets [p, C], whose rows sum to 1, and confidence [p], the sum over a point's samples. Points without
+    samples have even targets and confidence 0.
     """
     n_samples = point_of_sample.shape[1]
     point = point_of_sample.ravel()

@@ -26,6 +26,9 @@ ONE, THREE = DEMO / "coarse_masks" / "one", DEMO / "coarse_masks" / "three"
 PLAIN = "segmentation.labels=masks"  # Eq. 12 on the masks as they are
 MLP_HEADS = ("segmentation.head=mlp", "recoloring.head=mlp")
 LEARNED = ("segmentation", "palette", "recoloring")
+ITERATIONS = {  # of F_w, by preset: those that leave it out
+    preset: f"recoloring.iterations={count}" for preset, count in {"demo": 250, "fast": 1000, "fine": 1000}.items()
+}
 
 
 class Bench:
@@ -42,7 +45,7 @@ class Bench:
             ONE,
             project=self._out / "project",
             preset=options.preset,
-            overrides=options.overrides,
+            overrides=[*filter(None, [ITERATIONS.get(options.preset)]), *options.overrides],
             threads=options.threads,
             emit=TerminalEmit(),
         )

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from karf_engine.heads.files import load_surface
-from karf_engine.heads.object_surface import object_pixels
+from karf_engine.heads.training_rays import object_pixels
 from karf_engine.io.color import to_bytes
 from karf_engine.metrics.scores import hue_shifted
 from karf_engine.palettes.color_histogram import color_cells

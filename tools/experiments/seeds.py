@@ -22,7 +22,7 @@ from ..judging.scores import score_palettes_of
 from ..judging.views import TestViews, render_test_views
 from . import page
 from .ablations import ABLATIONS
-from .bench import ablation, samples_of
+from .bench import ITERATIONS, ablation, samples_of
 from .stamp import stamp
 from .table import Row, Table, show
 
@@ -88,7 +88,9 @@ def measure(project: Path, seeds: int, threads: int) -> dict[str, list[float]]:
     with tempfile.TemporaryDirectory() as scratch:
         for way in WAYS:
             for seed in range(seeds):
-                learned = ablation(test, samples, Path(scratch) / "project", ABLATIONS[way], seed, threads)
+                learned = ablation(
+                    test, samples, Path(scratch) / "project", (ITERATIONS["demo"], *ABLATIONS[way]), seed, threads
+                )
                 scores[way].append(score_palettes_of(learned, masks).psnr_object)
             print(f"{project} {way}: {scores[way]}", flush=True)
     return scores

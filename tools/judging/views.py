@@ -88,7 +88,8 @@ def learn_again(
     kept = tuple(name for name in without_stage(state, stages[0])["stages"] if name != stages[0])
     for name in (name for stage in kept for name in STAGE_FILES[stage]):
         source, target = getattr(model.project, name), getattr(scratch, name)
-        (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
+        if source.exists():  # F_w is trained in some projects only
+            (shutil.copytree if source.is_dir() else shutil.copy)(source, target)
     if capture is not None:
         write_json(scratch.capture_file, capture_to_json(capture, folder))
     changed = settings_module.with_overrides(model.settings, list(overrides))
@@ -111,7 +112,7 @@ def learn_again(
 def with_model(test: TestViews, model: Model, weights_from: str = "field") -> TestViews:
     """The same pictures of the same geometry, with another model's masks and palette weights.
 
-    weights_from: F_w (`field`), or the colors of each frame's base (`photo`).
+    weights_from: F_w, where it is trained (`field`), or the colors of each frame's base (`photo`).
     """
     from_field = weights_from == "field"
     frames = [frame_of(model, each.picture, each.base, from_field, gains=each.gains) for each in test.frames]

@@ -19,8 +19,8 @@ from karf_engine.metrics.masks import iou, iou_border_excluded
 from karf_engine.project import Project
 from karf_engine.project.contents import read_capture, settings_for
 from karf_engine.segmentation.coarse_masks import find_masks
-from karf_engine.segmentation.correction_session import CorrectionSession
 from karf_engine.segmentation.corrections import find_corrections
+from karf_engine.segmentation.labels import CorrectionSession
 
 Masks = dict[str, np.ndarray]
 Truth = Callable[[View, str], np.ndarray | None]

@@ -32,7 +32,7 @@ def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
         raise SystemExit(f"{project} has no finished splats stage. Run: karf splats {project}")
     views = splats.capture.split("test")
     camera = splats.working_camera((views or splats.capture.views)[0])
-    edit = splats.edit() if splats.recoloring else None
+    edit = splats.edit() if splats.palettes else None
     feathered = (edit.edge(splats.objects[0], 0, 4 + 4 * share) for share in cycle((0.0, 0.5, 1.0)))
     cases = {}
     for side in SIDES:

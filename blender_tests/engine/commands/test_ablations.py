@@ -15,7 +15,7 @@ from karf_engine.fields.files import load_scene
 from karf_engine.heads.fields import RecoloringField
 from karf_engine.heads.files import SURFACE_SCHEMA, load_segmentation, load_surface
 from karf_engine.heads.fit import fit_recoloring
-from karf_engine.heads.object_surface import BACKGROUND
+from karf_engine.heads.training_rays import BACKGROUND
 from karf_engine.io.checkpoints import load_tensors
 from karf_engine.io.options import Options
 from karf_engine.palettes.compositing import stack_palettes

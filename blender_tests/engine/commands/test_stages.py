@@ -13,6 +13,7 @@ torch = pytest.importorskip("torch")
 maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 
 import karf_engine
+from blender_tests.engine.conftest import of_field
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.capture import View
@@ -21,6 +22,7 @@ from karf_engine.commands import render
 from karf_engine.commands.options import RenderOptions
 from karf_engine.errors import BadRequest
 from karf_engine.export.layer_names import read_layer_names
+from karf_engine.export.scene_points import read_points
 from karf_engine.io.color import linear_to_srgb
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
@@ -30,6 +32,7 @@ from karf_engine.palettes.palette import read_edit, read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
+from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
@@ -101,6 +104,32 @@ def test_a_changed_setting_runs_only_what_depends_on_it(still_life, copy, capsys
     changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
     assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}
+
+
+def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_path, capsys):
+    untrained = ["recoloring", str(copy.folder), "--threads", "1", "--set", "recoloring.iterations=0"]
+    assert main(untrained) == 0
+    assert copy.finished("recoloring")["files"].keys() == {"palette.json", "object_colors.npz"}
+    extracted = read_palettes(copy.palette_file, "initial")
+    model = karf_engine.load(copy.folder, "cpu")
+    assert model.recoloring is None
+    assert all(np.array_equal(own.colors, first.colors) for own, first in zip(model.palettes, extracted, strict=True))
+    out = tmp_path / "frames"
+    options = ["--views", "test", "--edit", str(green), "--planes", "--set", "render.source=field"]
+    assert main(["render", str(copy.folder), *options, "--out", str(out), "--threads", "1"]) == 0
+    assert f"karf recoloring {copy.folder} --set recoloring.iterations=" in capsys.readouterr().err
+    assert main(["points", str(copy.folder), "--out", str(tmp_path / "points.npz"), "--threads", "1"]) == 0
+    weights = read_points(tmp_path / "points.npz").palette_weights.astype(float)
+    probabilities = read_points(tmp_path / "points.npz").probabilities.astype(float)
+    np.testing.assert_allclose(weights.sum(2), probabilities, atol=2e-3)
+    frame = of_field(model).render(model.working_camera(model.capture.views[0]))
+    np.testing.assert_allclose(frame.palette_weights.sum(1), frame.probabilities, atol=2e-3)
+    with pytest.raises(BadRequest, match="karf recoloring"):
+        weights_of_field(model, model.scene.render(model.working_camera(model.capture.views[0]), 3))
+    assert main([*untrained[:-1], "recoloring.iterations=3"]) == 0
+    assert karf_engine.load(copy.folder, "cpu").recoloring is not None
+    assert main([*untrained[:-1], "palette.colors=3"]) == 2
+    assert "Only settings of recoloring" in capsys.readouterr().err
 
 
 def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, capsys):

@@ -7,8 +7,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from karf_engine.errors import DataError
-from karf_engine.heads.object_surface import BACKGROUND, ObjectSurface
-from karf_engine.heads.training_rays import training_rays
+from karf_engine.heads.training_rays import BACKGROUND, ObjectSurface, training_rays
 from karf_engine.palettes.palette import Palette
 from karf_engine.project.settings import RecoloringSettings
 

@@ -22,7 +22,7 @@ from karf_engine.errors import KarfError
 from karf_engine.export.layer_names import read_layer_names
 from karf_engine.fields.nerf.importing import read_nerf
 from karf_engine.heads.files import load_surface
-from karf_engine.heads.object_surface import object_pixels
+from karf_engine.heads.training_rays import object_pixels
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.palettes.color_books import read_color_book

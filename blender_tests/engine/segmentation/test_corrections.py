@@ -10,12 +10,17 @@ pytest.importorskip("scipy")
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.errors import DataError
-from karf_engine.segmentation.constraints import Constraints, correction_targets
-from karf_engine.segmentation.corrections import NOT_OBJECT, OBJECT, find_corrections, load_correction
+from karf_engine.segmentation.corrections import (
+    NOT_OBJECT,
+    OBJECT,
+    Constraints,
+    correction_targets,
+    find_corrections,
+    load_correction,
+    spread,
+)
 from karf_engine.segmentation.neighbor_graph import neighbor_graph
-from karf_engine.segmentation.point_labels import Labels
-from karf_engine.segmentation.spreading import spread
-from karf_engine.segmentation.surface_points import SurfacePoints
+from karf_engine.segmentation.surface_points import Labels, SurfacePoints
 
 CAMERA = Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))
 

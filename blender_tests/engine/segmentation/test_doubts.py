@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from karf_engine.errors import DataError
-from karf_engine.segmentation.doubts import ObjectDoubt, SurfaceUncertainty
-from karf_engine.segmentation.point_labels import Labels
+from karf_engine.segmentation.surface_points import Labels, ObjectDoubt, SurfaceUncertainty
 
 
 def test_a_label_is_doubted_as_far_as_opinions_contradict_it():

@@ -19,8 +19,7 @@ from karf_engine.project import Project
 from karf_engine.project.settings import from_dict
 from karf_engine.segmentation import surface_points as surface_points_module
 from karf_engine.segmentation.coarse_masks import find_masks
-from karf_engine.segmentation.report import SegmentationReport
-from karf_engine.segmentation.suggestions import Suggestions
+from karf_engine.segmentation.report import SegmentationReport, Suggestions
 from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
 

@@ -10,9 +10,8 @@ pytest.importorskip("scipy")
 
 from karf_engine.errors import DataError
 from karf_engine.fields.rendering.space import Similarity
-from karf_engine.heads.fields import SegmentationField
+from karf_engine.heads.fields import SegmentationField, Volumes
 from karf_engine.heads.files import load_segmentation, save_segmentation
-from karf_engine.heads.volumes import Volumes
 from karf_engine.project.settings import SegmentationSettings
 from karf_engine.project.volumes import Volume, read_volumes, write_volumes
 

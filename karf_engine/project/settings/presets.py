@@ -27,7 +27,6 @@ PRESETS: dict[str, Settings] = {
             open=OpenSettings(levels=(Level(64, 150, 1.0), Level(128, 250, 1.0), Level(256, 600, 1.0))),
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
-        recoloring=RecoloringSettings(iterations=1000),
         splats=SplatSettings(iterations=1200, count=80_000, long_side=400),
     ),
     # a laptop, ten minutes: as fine as fits in 4 GB of memory
@@ -43,7 +42,6 @@ PRESETS: dict[str, Settings] = {
             ),
         ),
         segmentation=SegmentationSettings(cache_long_side=200, iterations=300),
-        recoloring=RecoloringSettings(iterations=1000),
         splats=SplatSettings(iterations=3000, count=100_000, long_side=400),
     ),
     # a graphics card, 800 pixels; heads of the paper's width
@@ -62,7 +60,7 @@ PRESETS: dict[str, Settings] = {
             ),
         ),
         segmentation=SegmentationSettings(width=256, iterations=1000, batch=4096, cache_views=48, cache_long_side=400),
-        recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, iterations=5000, batch=4096),
+        recoloring=RecoloringSettings(width=256, frequencies=8, direction_frequencies=4, batch=4096),
         splats=SplatSettings(iterations=8000, count=200_000, long_side=1600, degree=3),
     ),
     # the paper's numbers and losses, for a graphics card: NeRF, plain Eq. 12, one palette of LoCoPalettes' size and its

@@ -188,11 +188,13 @@ class PaletteSettings(Typed):
 
 @dataclass(frozen=True)
 class RecoloringSettings(HeadSettings):
-    """The recoloring field F_w and the learnable palette (stage 2)."""
+    """The recoloring field F_w and the learnable palette (stage 2), which the paper's tables and voxel rendering use."""
 
     frequencies: int = setting(6, "Octaves of the positional encoding", 0, 16)
     direction_frequencies: int = setting(2, "Octaves of the direction's encoding", 0, 8)
-    iterations: int = setting(250, "Training iterations", 1, 1_000_000)
+    iterations: int = setting(
+        0, "Training iterations; 0: no F_w, palettes as extracted, palette weights by colors", 0, 1_000_000
+    )
     batch: int = setting(512, "Rays an iteration", 16, 1_000_000)
     rate: float = setting(3e-3, "Learning rate", 1e-6, 0.1)
     weight_loss: float = setting(0.1, "lambda_w of Eq. 14", 0.0, 100.0)

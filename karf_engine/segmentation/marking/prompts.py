@@ -15,27 +15,17 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Prompts:
-    """Prompts in pixels of the photo as stored: x to the right, y down, centers of pixels at .5.
+    """Prompts in pixels of the photo as stored: x to the right, y down, centers of pixels at .5."""
 
-    Attributes:
-        box: (x0, y0, x1, y1), a frame around the object, or None.
-        points: clicks (x, y, is_object) in the order they were made.
-        lasso: at least three corners (x, y) of a closed line around the object, or None.
-    """
-
-    box: Box | None = None
-    points: tuple[tuple[float, float, bool], ...] = ()
-    lasso: tuple[Point, ...] | None = None
+    box: Box | None = None  # (x0, y0, x1, y1), a frame around the object
+    points: tuple[tuple[float, float, bool], ...] = ()  # clicks (x, y, is_object) in their order
+    lasso: tuple[Point, ...] | None = None  # at least three corners (x, y) of a closed line around the object
 
     @classmethod
     def from_json(cls, content: Any) -> Prompts:
         """Parse `{"box": [x0, y0, x1, y1], "points": [[x, y, is_object], ..], "lasso": [[x, y], ..]}`.
 
         Each key may be missing or null. Raises BadRequest for anything else.
-
-        Examples:
-            >>> Prompts.from_json({"points": [[4.5, 2.5, True]]}).points
-            ((4.5, 2.5, True),)
         """
         try:
             box, points, lasso = (content.get(name) for name in ("box", "points", "lasso"))
@@ -51,7 +41,6 @@ class Prompts:
             ) from error
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `from_json` reads."""
         return {
             "box": None if self.box is None else list(self.box),
             "points": [list(point) for point in self.points],

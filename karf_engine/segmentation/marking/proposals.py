@@ -7,16 +7,42 @@ of the click.
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 
-from .grabcut import NOT, PERHAPS, PERHAPS_NOT, fit_colors
+from ...capture import open_capture
+from ...capture.training_images import read_photo_of_view
+from ...errors import BadRequest
+from ...io.images import write_png
+from ...io.names import is_file_name
 from .prompts import Prompts
-from .regions import CLICK_RADIUS, region_of_click
-from .working_photo import WorkingPhoto, working_photo
+from .regions import CLICK_RADIUS, WorkingPhoto, region_of_click, working_photo
 
+if TYPE_CHECKING:
+    from .segment_anything import SegmentAnything
+
+# OpenCV's values of a trimap: certainly background, certainly object, probably background, probably object
+NOT, SURE, PERHAPS_NOT, PERHAPS = cv2.GC_BGD, cv2.GC_FGD, cv2.GC_PR_BGD, cv2.GC_PR_FGD
 FRAME_ITERATIONS, CLICK_ITERATIONS = 3, 1  # of GrabCut
 REFINED_WIDTH = 15  # pixels: the border is refined in a square of this side around each changed pixel
+
+
+def fit_colors(colors: np.ndarray, trimap: np.ndarray, iterations: int) -> np.ndarray:
+    """Return the object's mask, bool [h, w], by OpenCV's GrabCut. A trimap of one side only is returned as it is.
+
+    colors: [h, w, 3] uint8. trimap: [h, w] uint8 of the four values above.
+    """
+    is_inside = (trimap & 1).astype(bool)
+    if is_inside.all() or not is_inside.any():
+        return is_inside
+    cv2.setRNGSeed(0)  # photos are marked before there are settings with a seed
+    mask, background, foreground = trimap.copy(), np.zeros((1, 65)), np.zeros((1, 65))
+    no_frame = (0, 0, 0, 0)  # ignored with GC_INIT_WITH_MASK
+    cv2.grabCut(colors, mask, no_frame, background, foreground, iterations, cv2.GC_INIT_WITH_MASK)
+    return (mask & 1).astype(bool)
 
 
 def propose(photo: np.ndarray, prompts: Prompts) -> np.ndarray:
@@ -25,11 +51,7 @@ def propose(photo: np.ndarray, prompts: Prompts) -> np.ndarray:
 
 
 class Marker:
-    """Mark one photo. Results of earlier clicks are cached, so one more click takes one step.
-
-    Args:
-        photo: float sRGB [H, W, 3 or 4] in [0, 1], straight alpha.
-    """
+    """Mark one photo, float sRGB [H, W, 3 or 4] in [0, 1]. Earlier clicks are cached: one more takes one step."""
 
     def __init__(self, photo: np.ndarray) -> None:
         self._height, self._width = photo.shape[:2]
@@ -107,3 +129,30 @@ def _touching(mask: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the connected parts of a mask that touch the known pixels."""
     _, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=8)
     return mask & np.isin(parts, np.unique(parts[mask & known]))
+
+
+def make_marker(capture: Path | str, name: str, weights: Path | str | None = None) -> Marker | SegmentAnything:
+    """Load a view for marking.
+
+    weights: folder of a Segment Anything model, to use instead of GrabCut.
+
+    Raises KarfError where the capture has no such view, its photo cannot be read, or the weights cannot be used.
+    """
+    photo = read_photo_of_view(open_capture(capture).view(name))
+    if weights is None:
+        return Marker(photo)
+    from .segment_anything import SegmentAnything  # needs torch
+
+    return SegmentAnything(photo, weights)
+
+
+def write_mask(marker: Marker | SegmentAnything, prompts: Prompts, masks: Path, object_name: str, view: str) -> Path:
+    """Write the proposed mask to MASKS/<object>/<view>.png and return the path.
+
+    Raises BadRequest where the object's name cannot be a folder's, or the prompts are empty.
+    """
+    if not is_file_name(object_name):
+        raise BadRequest(f"{object_name!r:.200} cannot be the name of a folder.", "Call the object by a plain name.")
+    path = masks / object_name / f"{view}.png"
+    write_png(path, marker.propose(prompts))
+    return path

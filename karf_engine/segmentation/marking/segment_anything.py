@@ -1,7 +1,7 @@
 """Propose masks with a model of the Segment Anything family that the user has downloaded.
 
-Its folder is in the format of Hugging Face `transformers`: config.json, processor settings and model.safetensors. Nothing
-is downloaded, and no code from the folder is run.
+Its folder is in the format of Hugging Face `transformers`: config.json, processor settings and model.safetensors.
+Nothing is downloaded, and no code from the folder is run.
 """
 
 from __future__ import annotations
@@ -23,15 +23,9 @@ HINT = "Give the folder of a Segment Anything model as saved by transformers, wi
 
 
 class SegmentAnything:
-    """Mark one photo; its image embedding is computed once.
+    """Mark one photo, float sRGB [H, W, 3 or 4] in [0, 1]; its image embedding is computed once.
 
-    Args:
-        photo: float sRGB [H, W, 3 or 4] in [0, 1], straight alpha.
-        folder: of the model.
-
-    Raises:
-        MissingDependency: the extra `marks` is not installed.
-        DataError: the folder has no such model, or a damaged one.
+    Raises MissingDependency without the extra `marks`, DataError where the folder has no such model, or a damaged one.
     """
 
     def __init__(self, photo: np.ndarray, folder: Path | str) -> None:
@@ -75,7 +69,6 @@ def _inputs(prompts: Prompts) -> dict[str, Any]:
 
 
 def _load(folder: Path) -> tuple[Any, Any]:
-    """Load model and processor from a folder."""
     try:
         from transformers import AutoModelForMaskGeneration, AutoProcessor  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:

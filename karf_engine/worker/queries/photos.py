@@ -21,7 +21,7 @@ from .session import Session, query
 if TYPE_CHECKING:
     from ...capture.capture import View
     from ...segmentation.coarse_masks import CoarseMask
-    from ...segmentation.correction_session import CorrectionSession
+    from ...segmentation.labels import CorrectionSession
 
 
 @query
@@ -69,7 +69,7 @@ def propose(
         `mask`, the path of an 8-bit PNG of the photo's size, white inside the object.
     """
     from ...segmentation.marking.prompts import Prompts
-    from ...segmentation.marking.views import make_marker
+    from ...segmentation.marking.proposals import make_marker
 
     missing = [name for name, value in (("capture", capture), ("view", view), ("prompts", prompts)) if not value]
     if missing:
@@ -109,8 +109,8 @@ def correct(
         `masks`, {object: path of a PNG} in the photo's pixel grid.
     """
     from ...segmentation.coarse_masks import find_masks  # need torch
-    from ...segmentation.correction_session import CorrectionSession
     from ...segmentation.corrections import find_corrections
+    from ...segmentation.labels import CorrectionSession
 
     owner = Project(project)
     geometry = owner.require("geometry")["fingerprint"]

@@ -131,7 +131,7 @@ def _fades(unseen: str | None) -> bool | None:
 
 def _edit(model: Model, content: dict | None) -> Edit | None:
     """Return the edit of a query; None before palettes are learned."""
-    if model.recoloring is None:
+    if not model.palettes:
         return None
     return edit_from_json(content or {}, "the query", model.palettes, model.edit().compositing)
 
@@ -149,7 +149,7 @@ def _planes(session: Session, model: Model, camera: Camera, fades: bool | None) 
     for band in split_bands(camera, 1, BAND_RAYS):
         session.check()
         picture = model.scene.render(band, samples)
-        frames.append(frame_of(model, picture, picture.color.cpu().numpy(), model.recoloring is not None))
+        frames.append(frame_of(model, picture, picture.color.cpu().numpy(), from_field=True))
     return edit_planes(stack_bands(frames), model.objects)
 
 

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from karf_engine.heads.fields import scale_positions
 from karf_engine.heads.files import load_surface
-from karf_engine.heads.object_surface import ObjectSurface
+from karf_engine.heads.training_rays import ObjectSurface
 from karf_engine.kan.encoding import positional_encoding
 from karf_engine.kan.mlp import MLPHead
 from karf_engine.kan.standardize import Standardizer

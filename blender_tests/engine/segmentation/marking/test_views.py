@@ -57,10 +57,10 @@ def test_what_cannot_be_marked_is_told_and_nothing_is_written(still_life, view, 
 
 
 def test_a_worker_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
-    from karf_engine.segmentation.marking import views
+    from karf_engine.segmentation.marking import proposals
 
     read = []
-    monkeypatch.setattr(views, "photo_of", lambda view: read.append(view) or read_photo(view.image))
+    monkeypatch.setattr(proposals, "read_photo_of_view", lambda view: read.append(view) or read_photo(view.image))
     session, options = Session(tmp_path), {"capture": str(still_life.capture), "view": view.name}
     for prompts in (Prompts(box=(0.0, 0.0, 9.0, 9.0)), Prompts(points=(middle,))):
         answer = QUERIES["propose"](session, options | {"prompts": prompts.to_json()})

@@ -15,7 +15,7 @@ from karf_engine.capture.camera import Camera
 from karf_engine.errors import BadRequest
 from karf_engine.project import Project
 from karf_engine.project.volumes import Volume, write_volumes
-from karf_engine.segmentation.correction_session import CorrectionSession
+from karf_engine.segmentation.labels import CorrectionSession
 from karf_engine.worker.queries import QUERIES
 from karf_engine.worker.queries.photos import _distorted
 from karf_engine.worker.queries.session import Session
