@@ -28,7 +28,7 @@ from ..spaces import OPAQUE_REACH
 from ..wide_baseline import PARAMETERS as WIDE_BASELINE
 from ..wide_baseline import is_photo_consistent, is_wide_baseline, rotate_about_vertical
 from .field import VoxelField
-from .fit import Batch, VoxelFit
+from .fit import VoxelFit
 from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
@@ -36,9 +36,8 @@ FOG_PENALTY = 3e-2  # weight of opacity where the background alone explains the 
 COLOR_DEVIATION = 0.03  # standard deviation between photo and background that count as equal
 # fraction of the rays of a direction that must be free before fog is penalized; with fewer, the photos show objects there
 MIN_FREE = 0.2
-HULL_VIEWS = (
-    0.25  # fraction of the views that must see a point of the visual hull; not all, a table may exceed a picture
-)
+# fraction of the views that must see a point of the visual hull; not all, a table may exceed a picture
+HULL_VIEWS = 0.25
 MATTE_BOX_CELLS = 48
 
 
@@ -57,7 +56,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
         field: VoxelField,
         is_wide: bool = False,
     ) -> None:
-        """Create a new fit. is_wide: the cameras have wide baselines."""
+        """Create a new fit. is_wide: use the losses for cameras with wide baselines."""
         background = Background().to(runtime.device) if background_kind == "opaque" else None
         super().__init__(dataset, settings, runtime, field, background)
         self.background_kind = background_kind
@@ -87,7 +86,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
         background = [] if self.background is None else list(self.background.parameters())
         return super()._trained_networks(field) + background
 
-    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
+    def _losses(self, number: int, level: Level, n_rays: int) -> tuple[Tensor, Tensor, int]:
         index = self.dataset.draw(n_rays, self.runtime)
         rays = self.dataset.rays(index)
         target = self.dataset.normalized_colors(index)
@@ -106,16 +105,13 @@ class BoxFit(VoxelFit[GeometrySettings]):
         if backdrop is not None and free is not None:
             fog = _explained_by(backdrop.detach(), target, free) * (1 - sums.final_transmittance)
             loss = loss + FOG_PENALTY * fog.mean()
-        return Batch(loss, error, sums.n_samples)
+        return loss, error, sums.n_samples
 
     def _behind(self, index: Tensor, sums: RaySums, backdrop: Tensor | None, free: Tensor | None) -> Tensor:
         """Return the color behind each pixel's ray, [R, 3].
 
-        Args:
-            index: Pixels, [R].
-            sums: Of their rays.
-            backdrop: Color of the learned background, [R, 3]; None without one.
-            free: Fraction of free rays in the same direction, [R]; None until it is measured.
+        backdrop: color of the learned background, [R, 3]; None without one.
+        free: fraction of free rays in the same direction, [R]; None until it is measured.
         """
         n_rays = len(index)
         if self.background_kind == "alpha":
@@ -177,15 +173,9 @@ def _explained_by(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
 
 
 def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
-    """Carve points by the mattes.
+    """Return True for points [n, 3] inside all mattes of the views that see them, if HULL_VIEWS of the views do.
 
-    Args:
-        dataset: Photos with mattes.
-        points: [n, 3], world.
-        margin: Dilation of the mattes, world units.
-
-    Returns:
-        [n] bool, True for points inside all mattes of the views that see them, if HULL_VIEWS of the views do.
+    margin: dilation of the mattes. Points and margin are in world units.
     """
     assert dataset.alpha is not None
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)

@@ -19,14 +19,6 @@ DARK = 1e-4  # rays are terminated at this transmittance
 
 
 @dataclass(frozen=True)
-class PointSupervision:
-    """Tolerances for observed points, grid units."""
-
-    margin: float  # largest distance between an observed point and its surface along the ray
-    off_path: float  # points farther than this from their own ray are ignored as outliers
-
-
-@dataclass(frozen=True)
 class RayBatch:
     """Rays to render."""
 

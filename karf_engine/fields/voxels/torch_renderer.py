@@ -1,4 +1,4 @@
-"""`Renderer` in plain torch: runs on any device, reference for the compiled kernels."""
+"""`Renderer` in plain torch, on any device, and the choice between it and the compiled kernels."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ from ..rendering.volume import (
 )
 from ..training.adam import Adam
 from .field import VoxelField
-from .renderer import DARK, PointSupervision, RayBatch, RaySums
+from .renderer import DARK, RayBatch, RaySums, Renderer
 
 
 class TorchRenderer:
-    """Renderer of one field on its own device (see choice.new_renderer)."""
+    """`Renderer` on the field's device, reference for the compiled kernels."""
 
     def __init__(
-        self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
+        self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, margin: float, off_path: float
     ) -> None:
+        """See `new_renderer`."""
         self.field, self.runtime = field, runtime
-        self._unit, self._russian_roulette, self._supervision = unit, russian_roulette, supervision
+        self._unit, self._russian_roulette = unit, russian_roulette
+        self._margin, self._off_path = margin, off_path
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> Adam:
         return Adam(groups, betas=betas, eps=1e-12, fused=True)
@@ -90,8 +92,8 @@ class TorchRenderer:
         first = n_rays - len(batch.observed)
         distance, gap = Polylines(paths[first:]).nearest(batch.observed)
         reach = torch.full_like(none, -1.0)
-        reach[first:] = torch.where(gap < self._supervision.off_path, distance, torch.full_like(distance, -1.0))
-        limit, margin = reach[samples.ray_indices], self._supervision.margin
+        reach[first:] = torch.where(gap < self._off_path, distance, torch.full_like(distance, -1.0))
+        limit, margin = reach[samples.ray_indices], self._margin
         nearer = torch.stack([samples.distances < limit - margin, samples.distances < limit + margin], 1)
         before, up_to = accumulate(weights, nearer & (limit >= 0)[:, None], samples.ray_indices, n_rays).unbind(1)
         return before, up_to, reach >= 0
@@ -121,3 +123,23 @@ class TorchRenderer:
         free = torch.ones(len(rays), dtype=torch.bool, device=rays.origins.device)
         free[self.field.march(rays, step).ray_indices] = False
         return free
+
+
+def new_renderer(
+    field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, margin: float, off_path: float
+) -> Renderer:
+    """Return a renderer for training this field: compiled kernels where numba runs, torch elsewhere.
+
+    Args:
+        field: Field to train.
+        runtime: Device and source of random numbers.
+        unit: Unit of the summed distances, grid units.
+        russian_roulette: Samples below this weight get a color with a probability proportional to it; 0 turns it off.
+        margin: Largest distance between an observed point and its surface along the ray, grid units.
+        off_path: Observed points farther than this from their own ray are ignored as outliers, grid units.
+    """
+    if field.suits_kernels:
+        from .fused.renderer import FusedRenderer  # needs numba
+
+        return FusedRenderer(field, runtime, unit, russian_roulette, margin, off_path)
+    return TorchRenderer(field, runtime, unit, russian_roulette, margin, off_path)

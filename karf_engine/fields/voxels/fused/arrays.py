@@ -1,14 +1,22 @@
-"""Arrays of the kernels as named tuples, which numba reads without copies.
+"""Arrays of the kernels as named tuples, which numba reads without copies, and the instruction that prefetches them.
 
 Sizes: R rays, K knots per ray, S sample slots, F features, H hidden units.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numba
 import numpy as np
+import torch
+from llvmlite import ir
+from numba.extending import intrinsic
+from torch import Tensor
 
+from ..grid import VoxelGrid
+
+ZERO, HALF, ONE, TWO, THIRD = map(np.float32, (0, 0.5, 1, 2, 1 / 3))
 # flags of a table row: it has a gradient of its density, of its features
 DENSITY, FEATURES, BOTH = np.uint8(1), np.uint8(2), np.uint8(3)
 # columns of the sums of a ray
@@ -49,7 +57,7 @@ class Grid(NamedTuple):
     plane_stride: int  # increment of the vertex number along x
     bits: np.ndarray  # occupied cells, eight per byte along z, [X * Y * row_bytes]
     coarse: np.ndarray  # `sampling.coarse_occupancy`, flat
-    index: np.ndarray  # table row of each vertex (see ../vertices.py), flat
+    index: np.ndarray  # table row of each vertex (see ../grid.py), flat
     densities: np.ndarray  # raw densities of the field, not copied
     bias: np.float32  # raw density of empty space
 
@@ -69,17 +77,11 @@ class Samples(NamedTuple):
 
 def new_samples(n_chunks: int, capacity: int) -> Samples:
     """Allocate samples, uninitialized."""
-    size = n_chunks * capacity
-    return Samples(
-        np.empty(size, np.int32),
-        np.empty((size, 4), np.int32),
-        np.empty(size, np.int32),
-        np.empty(size, LOCAL_POINT),
-        np.empty(size, LIGHT),
-        np.empty(size, np.float32),
-        np.empty((size, 3), np.float32),
-        np.empty(n_chunks, np.int64),
-    )
+    size, f32, i32 = n_chunks * capacity, np.float32, np.int32
+    vertices, corners, rays = np.empty(size, i32), np.empty((size, 4), i32), np.empty(size, i32)
+    points, light = np.empty(size, LOCAL_POINT), np.empty(size, LIGHT)
+    importances, colors = np.empty(size, f32), np.empty((size, 3), f32)
+    return Samples(vertices, corners, rays, points, light, importances, colors, np.empty(n_chunks, np.int64))
 
 
 class SampleGradients(NamedTuple):
@@ -116,16 +118,9 @@ class RayArrays(NamedTuple):
 
 def new_rays(paths: np.ndarray, jitter: np.ndarray, observed: np.ndarray) -> RayArrays:
     """Allocate the results of rays."""
-    n_rays = len(paths)
-    return RayArrays(
-        paths,
-        jitter,
-        observed,
-        np.empty(n_rays, np.int64),
-        np.empty(n_rays, np.int64),
-        np.empty(n_rays, np.float32),
-        np.zeros((n_rays, N_SUMS), np.float32),
-    )
+    n = len(paths)
+    first, counts, reach = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.float32)
+    return RayArrays(paths, jitter, observed, first, counts, reach, np.zeros((n, N_SUMS), np.float32))
 
 
 class MarchSettings(NamedTuple):
@@ -174,3 +169,63 @@ class Workspace(NamedTuple):
     hidden: np.ndarray  # [GROUP, H], before the ReLU
     hidden_gradients: np.ndarray  # [GROUP, H]
     group: np.ndarray  # [GROUP], numbers of the sorted samples
+
+
+def grid_of(field: VoxelGrid) -> Grid:
+    """Return the cells of a field, with its densities."""
+    bits = np.packbits(field.occupied.numpy(), axis=2, bitorder="little")
+    row_stride, plane_stride = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
+    return Grid(
+        field.minimum.numpy(),
+        np.float32(field.voxel),
+        Axes(*field.occupied.shape),
+        Axes(*field.coarse.shape),
+        bits.shape[2],
+        row_stride,
+        plane_stride,
+        bits.ravel(),
+        field.coarse.numpy().view(np.uint8).ravel(),
+        field.index.view(-1).numpy(),
+        flat(field.raw_density),
+        np.float32(field.density_bias),
+    )
+
+
+def network_of(field: VoxelGrid) -> Network:
+    """Return the color network with a transposed copy of its first layer's weights."""
+    hidden, output = field.color_layers
+    return Network(
+        np.ascontiguousarray(hidden.weight.detach().numpy().T),
+        hidden.bias.detach().numpy(),
+        output.weight.detach().numpy(),
+        output.bias.detach().numpy(),
+    )
+
+
+def flat(tensor: Tensor) -> np.ndarray:
+    """Return a flat view of a tensor's memory."""
+    return tensor.detach().numpy().reshape(-1)
+
+
+@intrinsic  # pyright: ignore[reportArgumentType]
+def _prefetch(typing_context: Any, array: Any, index: Any) -> Any:
+    del typing_context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        address = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
+        builder.call(function, [address, number(0), number(3), number(1)])  # read, highest locality, data cache
+        return context.get_dummy_value()
+
+    return numba.types.none(array, index), generate
+
+
+def _no_operation(array: Any, index: Any) -> None:
+    """Replace the instruction in plain Python."""
+
+
+# prefetch(array, index) loads an element into the cache; any index is valid
+prefetch: Any = _no_operation if numba.config.DISABLE_JIT else _prefetch  # pyright: ignore
