@@ -9,8 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ..fields.rendering.space import Space
-from ..kan.encoding import positional_encoding
-from ..kan.standardize import Standardizer
+from ..kan.inputs import Standardizer, positional_encoding
 from ..project.settings import RecoloringSettings, SegmentationSettings
 from .registry import build_head
 from .volumes import Volumes
