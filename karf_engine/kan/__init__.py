@@ -22,21 +22,7 @@ from .inputs import Standardizer, join_inputs, positional_encoding
 from .layers import LAYERS, BSplineLayer, GRBFLayer, LayerOptions, MLPLayer, bspline_bases, register_layer
 
 __all__ = [
-    "LAYERS",
-    "VARIANTS",
-    "BSplineLayer",
-    "GRBFLayer",
-    "GatedBlock",
-    "LayerOptions",
-    "MLPHead",
-    "MLPLayer",
-    "Standardizer",
-    "bspline_bases",
-    "count_parameters",
-    "grbf_reference",
-    "grid_spacing",
-    "join_inputs",
-    "positional_encoding",
-    "register_layer",
-    "resolve_bandwidth",
-]
+    "LAYERS", "VARIANTS", "BSplineLayer", "GRBFLayer", "GatedBlock", "LayerOptions", "MLPHead", "MLPLayer", "Standardizer",
+    "bspline_bases", "count_parameters", "grbf_reference", "grid_spacing", "join_inputs", "positional_encoding",
+    "register_layer", "resolve_bandwidth",
+]  # fmt: skip

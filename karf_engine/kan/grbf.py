@@ -56,12 +56,8 @@ def grid_spacing(n_centers: int) -> float:
 def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     """Return h of Eq. 5 in units of the normalized input.
 
-    Args:
-        bandwidth: `eq5` is the spacing, `fastkan` the spacing / sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
-        n_centers: N, at least 2.
-
-    Raises:
-        BadRequest: the name is unknown, h is outside 0.35 to 2 spacings, or n_centers is out of range.
+    `eq5` is the spacing, `fastkan` the spacing / sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
+    Raises BadRequest if the name is unknown, h is outside 0.35 to 2 spacings, or n_centers is out of range.
     """
     spacing = grid_spacing(n_centers)
     named = {"eq5": spacing, "fastkan": spacing / math.sqrt(2), "xkanerf": 1 / math.sqrt(2)}
@@ -78,10 +74,15 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
 
 @check_arguments
 def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
-    """Compute `grbf` by the plain formula, with all bases in memory and gradients of any order by autograd.
+    """Compute the Gaussian layer by the plain formula, with all bases in memory and gradients of any order by autograd.
 
-    Raises:
-        BadRequest: a shape, dtype or device differs, or n_centers is out of range.
+    Args:
+        x: [..., n_in] inputs.
+        u: [..., n_in] normalized inputs.
+        weight: [n_out, (n_centers + 1) * n_in], spline blocks, then the base block.
+        bias: [n_out].
+        bandwidth: h, 0-d, within 0.35 to 2 spacings.
+        n_centers: N, 2 to 8.
     """
     check_number("n_centers", n_centers, 2)
     check_tensor("x", x)
@@ -105,15 +106,8 @@ def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, 
     """Return the layer's output [..., n_out], keeping only x and u for the backward pass.
 
     Differentiable any number of times in its five tensors; second derivatives, and `torch.func`, need the memory of
-    `grbf_reference`. The Gaussians equal Eq. 5 to 2e-8 for any u. Does not synchronize with an accelerator.
-
-    Args:
-        x: [..., n_in] inputs.
-        u: [..., n_in] normalized inputs.
-        weight: [n_out, (n_centers + 1) * n_in], spline blocks, then the base block.
-        bias: [n_out].
-        bandwidth: h, 0-d, within 0.35 to 2 spacings.
-        n_centers: N, 2 to 8.
+    `grbf_reference`, which documents the arguments. The Gaussians equal Eq. 5 to 2e-8 for any u. Does not synchronize
+    with an accelerator.
     """
     if torch._C._are_functorch_transforms_active():  # such tensors have no memory for kernels
         return _plain(x, u, weight, bias, bandwidth, n_centers)

@@ -18,9 +18,9 @@ def check_tensor(name: str, x: Any, width: int | None = None, like: Tensor | Non
         if like is None or (x.device == like.device and (x.dtype == like.dtype or torch.is_autocast_enabled())):
             return
     check_type("This layer", name, x, Tensor)
-    kind = "floating numbers" if like is None else f"{_short(like.dtype)} on {like.device}"
+    kind = "floating numbers" if like is None else f"{like.dtype} on {like.device}"
     wanted = f"Give {kind}, [..., {'C' if width is None else width}]."
-    raise BadRequest(f"{name} is {_short(x.dtype)} of shape {tuple(x.shape)} on {x.device}.", wanted)
+    raise BadRequest(f"{name} is {x.dtype} of shape {tuple(x.shape)} on {x.device}.", wanted)
 
 
 def check_same_rows(name: str, x: Tensor, other_name: str, other: Tensor) -> None:
@@ -35,21 +35,10 @@ def check_widths(lowest: int, **widths: int) -> None:
         check_number(name, width, lowest)
 
 
-def _short(dtype: torch.dtype) -> str:
-    return str(dtype).removeprefix("torch.")
-
-
 def positional_encoding(x: Tensor, n_frequencies: int) -> Tensor:
-    """Return gamma(x): x, sin(2^0 x), cos(2^0 x), sin(2^1 x), ... without pi (Mildenhall et al. 2020).
+    """Return gamma(x), [..., 3 + 6 * n_frequencies], of x [..., 3] (Mildenhall et al. 2020).
 
-    The order, and the omission of pi, are those of the original NeRF code, so that its checkpoints fit.
-
-    Args:
-        x: [..., 3].
-        n_frequencies: number of octaves, at least 0.
-
-    Returns:
-        [..., 3 + 6 * n_frequencies].
+    It is x, sin(2^0 x), cos(2^0 x), sin(2^1 x), ... in the order of the original NeRF code and, like there, without pi.
     """
     check_tensor("x", x)
     check_type("positional_encoding", "n_frequencies", n_frequencies, int)
@@ -73,12 +62,6 @@ class Standardizer(nn.Module):
 
     The scale of prior features varies by orders of magnitude between scenes. `mean` and `std` are buffers, saved with the
     head; before `fit` it is the identity.
-
-    Example:
-        >>> standardizer = Standardizer(n_features=1)
-        >>> standardizer.fit(torch.tensor([[1.0], [3.0]]))
-        >>> standardizer(torch.tensor([[5.0]]))
-        tensor([[3.]])
     """
 
     mean: Tensor  # [F]

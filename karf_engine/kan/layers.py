@@ -67,13 +67,8 @@ class GRBFLayer(nn.Module):
 class BSplineLayer(nn.Module):
     """A B-spline and a SiLU on every edge, without bias (Liu et al. 2024), for comparison (paper, Fig. 7).
 
-    Every edge owns grid + order spline weights, one spline scale and one base weight.
-
-    Args:
-        grid: number of intervals on [-2, 2].
-        order: of the splines.
-        layer_norm: normalize the splines' inputs first, with 2 * n_in parameters. Without it, only the base branch
-            sees inputs far outside [-2, 2].
+    Every edge owns grid + order spline weights (see `bspline_bases`), one spline scale and one base weight. `layer_norm`
+    normalizes the splines' inputs, with 2 * n_in parameters; without it, only the base branch acts far outside [-2, 2].
     """
 
     @check_arguments
@@ -99,25 +94,12 @@ class BSplineLayer(nn.Module):
 
 @check_arguments
 def bspline_bases(u: Tensor, grid: int, order: int) -> Tensor:
-    """Return the values of uniform B-splines, differentiable in u for `order` >= 1.
+    """Return the values [..., grid + order, n_in] of uniform B-splines on `grid` equal intervals of [-2, 2].
 
-    With t = (u + 2) / interval, the splines with support (i, i + p + 1), i = -order .. grid - 1, follow the Cox-de Boor
-    recursion
+    They sum to 1 where u [..., n_in] is within [-2, 2), and are differentiable in u for an order p >= 1. With
+    t = (u + 2) / interval, those with support (i, i + p + 1), i = -p .. grid - 1, follow the Cox-de Boor recursion
 
         B_i^0(t) = 1 on [i, i + 1),    B_i^p(t) = ((t - i) B_i^{p-1}(t) + (i + p + 1 - t) B_{i+1}^{p-1}(t)) / p.
-
-    Args:
-        u: [..., n_in].
-        grid: number of equal intervals on [-2, 2].
-        order: p.
-
-    Returns:
-        [..., grid + order, n_in] in [0, 1]; they sum to 1 over the splines where u is within [-2, 2).
-
-    Example:
-        >>> bspline_bases(torch.tensor([[-2.0], [0.0]]), grid=2, order=1)[..., 0]
-        tensor([[1., 0., 0.],
-                [0., 1., 0.]])
     """
     check_tensor("u", u)
     check_widths(1, grid=grid)
@@ -176,14 +158,7 @@ LAYERS: dict[str, LayerBuilder] = {}
 def register_layer(name: str, build: LayerBuilder) -> None:
     """Add a kind of layer for `GatedBlock` and the settings `segmentation.layer` and `recoloring.layer`.
 
-    Args:
-        name: of the kind.
-        build: returns a layer for n_in, n_out and options.
-
-    Raises BadRequest where another kind has this name.
-
-    Example:
-        >>> register_layer("linear", lambda n_in, n_out, options: nn.Linear(n_in, n_out))  # doctest: +SKIP
+    `build` returns a layer for n_in, n_out and options. Raises BadRequest where another kind has this name.
     """
     if not name or LAYERS.setdefault(name, build) is not build:
         raise BadRequest(f"There is another kind of layer {name!r}.", "Choose another name.")
@@ -192,7 +167,7 @@ def register_layer(name: str, build: LayerBuilder) -> None:
 
 
 def build_layer(kind: str, n_in: int, n_out: int, options: LayerOptions) -> nn.Module:
-    """Return a new layer of a registered kind. Raises BadRequest for an unknown kind, or options that it refuses."""
+    """Return a new layer of a registered kind. Raises BadRequest for an unknown kind."""
     if kind not in LAYERS and kind in plugin_names(PLUGINS):
         register_layer(kind, load_plugin(PLUGINS, kind))
     check_choice("layer", kind, tuple(LAYERS))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
@@ -67,7 +67,7 @@ class VoxelFit(Generic[Recipe]):
         self._phases = [phase for level in range(len(recipe.levels)) for phase in self._phases_of(level)]
         self._number = 0  # of the current phase
         self._training_state: TrainingState | None = None  # of the current phase, once it has begun
-        self._renderer: Renderer | None = None
+        self.renderer: Renderer  # of the current phase
         self._unit = float((field.bounds[1] - field.bounds[0]).max()) / 2  # of distances along rays
 
     @property
@@ -153,7 +153,7 @@ class VoxelFit(Generic[Recipe]):
         if phase is not self._phases[0]:
             self._training_state = None  # frees its memory
             self.field = self._pruned()
-            self._renderer = None
+            del self.renderer
         begins_level = phase.level > 0 and not phase.before
         if begins_level:
             self.field = self._refined(self.recipe.levels[phase.level])
@@ -169,13 +169,7 @@ class VoxelFit(Generic[Recipe]):
         """Hook before the iterations of all levels but the first."""
 
     def _set_field(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
-        self.field, self._renderer, self._training_state = field, renderer, training_state
-
-    @property
-    def renderer(self) -> Renderer:
-        """Renderer of the current phase."""
-        assert self._renderer is not None
-        return self._renderer
+        self.field, self.renderer, self._training_state = field, renderer, training_state
 
     def _new_renderer(self, field: VoxelField) -> Renderer:
         margin, off_path = POINT_MARGIN * field.voxel, OFF_PATH * field.voxel
@@ -185,16 +179,14 @@ class VoxelFit(Generic[Recipe]):
         """Return total loss, mean squared color error and number of samples of random rays in a level."""
         raise NotImplementedError
 
-    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
-        return list(field.color_network.parameters())
-
     def _new_training_state(self, field: VoxelField, renderer: Renderer, phase: Phase) -> TrainingState:
+        background = self.background
+        trained = [] if background is None else [each for each in background.parameters() if each.requires_grad]
         groups = [
             {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
-            {"params": self._trained_networks(field), "lr": self.recipe.network_rate},
+            {"params": [*field.color_network.parameters(), *trained], "lr": self.recipe.network_rate},
         ]
         optimizer = renderer.optimizer(groups, betas=(0.9, 0.99))
-        background = self.background
 
         def learned() -> dict[str, Tensor]:  # refers to no fit: a cycle would outlive it with all its data
             behind = {} if background is None else background.state_dict()
@@ -211,21 +203,18 @@ class VoxelFit(Generic[Recipe]):
             return min(1.0, (iteration + 1) / 10) * of_level(max(phase.before + iteration, 10), level.iterations)
 
         def step(_: int, batch_scale: float) -> tuple[Tensor, dict[str, Any]]:
-            return self._step(phase.level, level, batch_scale)
+            n_rays = max(64, int(self._rays_per_batch * batch_scale))
+            loss, error, n_samples = self._losses(phase.level, level, n_rays)
+            if n_samples:
+                share = self.first_share if phase.level == 0 else 1.0
+                wanted = n_rays * share * self.recipe.samples / n_samples
+                self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
+            # stays a tensor: reading the value would synchronize with the device
+            self._loss_average = torch.lerp(self._loss_average, error.detach().double(), 0.05)
+            return loss, {"psnr": -10 * self._loss_average.clamp_min(1e-10).log10()}
 
         assert self._training_state is not None
         train(self._training_state, phase.iterations, step, schedule, progress, checkpoint)
-
-    def _step(self, number: int, level: Level, batch_scale: float) -> tuple[Tensor, dict[str, Any]]:
-        n_rays = max(64, int(self._rays_per_batch * batch_scale))
-        loss, error, n_samples = self._losses(number, level, n_rays)
-        if n_samples:
-            share = self.first_share if number == 0 else 1.0
-            wanted = n_rays * share * self.recipe.samples / n_samples
-            self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
-        # stays a tensor: reading the value would synchronize with the device
-        self._loss_average = torch.lerp(self._loss_average, error.detach().double(), 0.05)
-        return loss, {"psnr": -10 * self._loss_average.clamp_min(1e-10).log10()}
 
     @torch.no_grad()
     def _pruned(self) -> VoxelField:

@@ -12,8 +12,6 @@ Handling of the background, by kind:
   The background is never random, which would create fog, and is drawn to the photos' colors at the same elevation.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch
@@ -73,18 +71,12 @@ class BoxFit(VoxelFit[GeometrySettings]):
         for rays in self._random_rays():
             bins.append(_direction_bins(rays.viewdirs))
             is_free.append(self.renderer.is_free(rays, level.step))
-        n_rays, n_free = (
-            torch.bincount(each, minlength=len(self._free))
-            for each in (torch.cat(bins), torch.cat(bins)[torch.cat(is_free)])
-        )
-        self._free = n_free / n_rays.clamp_min(1)
+        all_bins, n = torch.cat(bins), len(self._free)
+        n_free = torch.bincount(all_bins[torch.cat(is_free)], minlength=n)
+        self._free = n_free / torch.bincount(all_bins, minlength=n).clamp_min(1)
 
     def _own_tensors(self) -> dict[str, Tensor]:
         return super()._own_tensors() | {"support": self._free}
-
-    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
-        background = [] if self.background is None else list(self.background.parameters())
-        return super()._trained_networks(field) + background
 
     def _losses(self, number: int, level: Level, n_rays: int) -> tuple[Tensor, Tensor, int]:
         index = self.dataset.draw(n_rays, self.runtime)

@@ -6,8 +6,6 @@ to a point is free before it and ends there (DS-NeRF, Deng et al. 2022; Urban Ra
 Above the horizon there may be a sky, a function of direction; opacity in front of it is penalized.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +13,7 @@ from typing import cast
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ...capture.capture import SparsePoints
 from ...compute.runtime import Runtime
@@ -109,10 +107,6 @@ class OpenFit(VoxelFit[OpenSettings]):
             missed = (sums.before + 1 - sums.up_to) * sums.observes
             loss = loss + strength * missed.sum() / n_observed
         return loss, error, sums.n_samples
-
-    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
-        sky = [] if self._horizon is None or self.background is None else list(self.background.parameters())
-        return super()._trained_networks(field) + sky
 
     def _total_variation(self) -> Tensor:
         """Return the mean squared difference to the next vertex along each axis, over random vertices."""

@@ -6,8 +6,6 @@ Vertices [X+1, Y+1, Z+1] are numbered along z, then y, then x, with P >= Z + 2 n
 corner of an occupied cell along z has the row after the lower one's.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 
@@ -96,7 +94,7 @@ class VoxelGrid(nn.Module):
 
     @property
     def suits_kernels(self) -> bool:
-        """Whether compiled kernels (fused/) run here and can process this grid."""
+        """True if compiled kernels (fused/) run here and can process this grid."""
         return self.index.device.type == "cpu" and BITS * self.index.numel() <= MAX_VERTICES and has_kernels()
 
     @property
@@ -107,12 +105,7 @@ class VoxelGrid(nn.Module):
 
 
 def vertex_index(occupied: Tensor) -> Tensor:
-    """Build the index of all vertices that touch an occupied cell, [X, Y, Z] bool -> [X+1, Y+1, P / 8] int64.
-
-    Example:
-        >>> vertex_index(torch.tensor([[[True, False]]])).tolist()  # 4 edges of two vertices each
-        [[[3], [515]], [[1027], [1539]]]
-    """
+    """Build the index of all vertices that touch an occupied cell, [X, Y, Z] bool -> [X+1, Y+1, P / 8] int64."""
     shape = [size + 1 for size in occupied.shape]
     shape[2] += BITS - shape[2] % BITS  # pads by at least one, so the number after a vertex is never in another column
     touches = torch.zeros(shape, dtype=torch.bool, device=occupied.device)

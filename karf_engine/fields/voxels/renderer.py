@@ -4,8 +4,6 @@
 expressions of the sums, the same for both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,23 +1,15 @@
 """`Renderer` in plain torch, on any device, and the choice between it and the compiled kernels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import torch
 from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
+from ..rendering import volume
 from ..rendering.rays import Rays
 from ..rendering.sampling import Polylines, Samples
-from ..rendering.volume import (
-    VISIBLE_WEIGHT,
-    accumulate,
-    distortion,
-    final_transmittance_from_sigmas,
-    ray_weights_from_sigmas,
-    transmittance_from_optical_depths,
-)
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate
 from ..training.adam import Adam
 from .field import VoxelField
 from .renderer import DARK, RayBatch, RaySums, Renderer
@@ -44,7 +36,7 @@ class TorchRenderer:
         step = samples.step
         assert isinstance(step, float)  # marching takes equal steps
         sigmas = field.density_at(rows, corner_weights)
-        weights = ray_weights_from_sigmas(sigmas, step, samples.ray_indices)
+        weights = volume.ray_weights_from_sigmas(sigmas, step, samples.ray_indices)
         importances = self._importances(weights.detach())
         colored = torch.nonzero(importances).squeeze(1)
         ray_indices = samples.ray_indices[colored]
@@ -55,8 +47,8 @@ class TorchRenderer:
         alphas = -torch.expm1(-sigmas * step)
         before, up_to, observes = self._observed(batch, paths, samples, weights)
         color = accumulate(weights[colored] * importances[colored], colors, ray_indices, n_rays)
-        final_transmittance = final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays)
-        spread = distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays)
+        final_transmittance = volume.final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays)
+        spread = volume.distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays)
         alpha = accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0]
         distance, distance_squared = moments[:, 0], moments[:, 1]
         return RaySums(
@@ -70,7 +62,7 @@ class TorchRenderer:
         samples = field.march_paths(paths, batch.step, batch.jitter)
         rows, corner_weights = field.corners(samples.positions, all_occupied=True)
         optical_depths = field.density_at(rows, corner_weights) * samples.step
-        transmittance = transmittance_from_optical_depths(optical_depths, samples.ray_indices)
+        transmittance = volume.transmittance_from_optical_depths(optical_depths, samples.ray_indices)
         lit = torch.nonzero(transmittance > DARK).squeeze(1)
         kept = Samples(samples.ray_indices[lit], samples.distances[lit], samples.positions[lit], samples.step)
         return kept, rows[lit], corner_weights[lit]

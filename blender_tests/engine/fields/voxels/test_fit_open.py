@@ -223,7 +223,7 @@ def test_the_same_fog_outlasts_pruning_in_fine_cells_as_in_coarse_ones(monkeypat
         field = VoxelField(learned.minimum, voxel, torch.ones(n, n, n, dtype=torch.bool), 6, space=learned.space)
         depth = torch.tensor(0.03 * 12 / n)  # of a cell
         field.raw_density.data.fill_(depth.expm1().log() - field.density_bias)
-        state.field, state._renderer = field, state._new_renderer(field)
+        state.field, state.renderer = field, state._new_renderer(field)
         return state._pruned().occupied.float().mean().item()
 
     assert kept(24) > 0.7 * kept(12) > 0.4

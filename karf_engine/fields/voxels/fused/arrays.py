@@ -3,8 +3,6 @@
 Sizes: R rays, K knots per ray, S sample slots, F features, H hidden units.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numba
@@ -19,9 +17,6 @@ from ..grid import VoxelGrid
 ZERO, HALF, ONE, TWO, THIRD = map(np.float32, (0, 0.5, 1, 2, 1 / 3))
 # flags of a table row: it has a gradient of its density, of its features
 DENSITY, FEATURES, BOTH = np.uint8(1), np.uint8(2), np.uint8(3)
-# columns of the sums of a ray
-RED, GREEN, BLUE, FINAL_TRANSMITTANCE, DISTORTION, BEFORE, UP_TO, DISTANCE, SQUARE, ALPHA = range(10)
-N_SUMS = 10
 
 
 def _record(*names: str) -> np.dtype:
@@ -35,6 +30,12 @@ LOCAL_POINT = _record("x", "y", "z", "distance")
 LIGHT = _record("weight", "transparency", "transmittance", "depth_gradient")
 # fractions within the cell, and the factor of the sample's color
 SORTED_POINT = _record("x", "y", "z", "importance")
+
+
+# sums along a ray, as in `RaySums`; the first three are its color
+SUMS = _record(
+    "red", "green", "blue", "final_transmittance", "distortion", "before", "up_to", "distance", "square", "alpha"
+)
 
 
 class Axes(NamedTuple):
@@ -113,14 +114,14 @@ class RayArrays(NamedTuple):
     first: np.ndarray  # [R], first sample
     counts: np.ndarray  # [R], number of samples
     reach: np.ndarray  # [R], distance to the observed point; -1 without a valid observation
-    sums: np.ndarray  # [R, N_SUMS], in the order of RED to ALPHA
+    sums: np.ndarray  # [R] of SUMS
 
 
 def new_rays(paths: np.ndarray, jitter: np.ndarray, observed: np.ndarray) -> RayArrays:
     """Allocate the results of rays."""
     n = len(paths)
     first, counts, reach = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.float32)
-    return RayArrays(paths, jitter, observed, first, counts, reach, np.zeros((n, N_SUMS), np.float32))
+    return RayArrays(paths, jitter, observed, first, counts, reach, np.zeros(n, SUMS))
 
 
 class MarchSettings(NamedTuple):
@@ -158,17 +159,6 @@ class TablePair(NamedTuple):
 
     densities: np.ndarray
     features: np.ndarray
-
-
-class Workspace(NamedTuple):
-    """Memory of one thread for the gradients of GROUP samples at a time."""
-
-    inputs: np.ndarray  # [GROUP, F + N_HARMONICS], of the color network
-    feature_gradients: np.ndarray  # [GROUP, F]
-    logit_gradients: np.ndarray  # [GROUP, 3]
-    hidden: np.ndarray  # [GROUP, H], before the ReLU
-    hidden_gradients: np.ndarray  # [GROUP, H]
-    group: np.ndarray  # [GROUP], numbers of the sorted samples
 
 
 def grid_of(field: VoxelGrid) -> Grid:

@@ -1,13 +1,11 @@
 """Forward pass by position: sorting of the samples, features and colors of the colored ones, and their sums by ray."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
 
 from ....compute.kernels import allocating_kernel, kernel
-from .arrays import BLUE, GREEN, ONE, RED, ZERO, prefetch
+from .arrays import ONE, ZERO, prefetch
 
 N_HARMONICS = 9  # per viewing direction (see rendering/spherical_harmonics.py)
 GROUP = 4  # samples processed by the network at once
@@ -207,4 +205,5 @@ def composite(first, last, rays, samples):
                 red += weight * samples.colors[sample, 0]
                 green += weight * samples.colors[sample, 1]
                 blue += weight * samples.colors[sample, 2]
-        rays.sums[ray, RED], rays.sums[ray, GREEN], rays.sums[ray, BLUE] = red, green, blue
+        sums = rays.sums[ray]
+        sums.red, sums.green, sums.blue = red, green, blue

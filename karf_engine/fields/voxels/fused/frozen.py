@@ -1,7 +1,5 @@
 """Queries of a frozen field by compiled kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor
@@ -13,24 +11,12 @@ from ...rendering.sampling import Samples
 from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace
 from ..grid import VoxelGrid
-from .arrays import (
-    FINAL_TRANSMITTANCE,
-    ONE,
-    ZERO,
-    MarchSettings,
-    RayArrays,
-    flat,
-    grid_of,
-    network_of,
-    new_rays,
-    new_samples,
-)
-from .arrays import Samples as Chunks
+from . import arrays
+from .arrays import ONE, ZERO
 from .coloring import GROUP, N_HARMONICS, gather, hidden_layers, logits, sigmoid
 from .marching import CHUNK, corners_of, march, paths_of, row_of
 
 CAPACITY = 64 * CHUNK  # initial sample slots per chunk of rays
-NO_POINTS = np.zeros((0, 3), np.float32)
 
 
 class FrozenField:
@@ -39,16 +25,18 @@ class FrozenField:
     def __init__(self, field: VoxelGrid) -> None:
         limit_torch_threads()
         self._space, self._bounds = field.space, field.bounds
-        self._grid, self._network = grid_of(field), network_of(field)
-        self._features = flat(field.feature_table)
+        self._grid, self._network = arrays.grid_of(field), arrays.network_of(field)
+        self._features = arrays.flat(field.feature_table)
         self._n_features, self._n_hidden = (0,) * field.n_features, (0,) * field.width
         self._capacity = CAPACITY
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
         """Render ray weights (see `VoxelField.trace`); rays are terminated at a transmittance of marching.DARK."""
         step = np.float32(step_in_voxels)
-        arrays = new_rays(paths_of(self._space, self._bounds, rays), np.full(len(rays), 0.5, np.float32), NO_POINTS)
-        chunks = self._march(arrays, step)
+        batch = arrays.new_rays(
+            paths_of(self._space, self._bounds, rays), np.full(len(rays), 0.5, np.float32), np.zeros((0, 3), np.float32)
+        )
+        chunks = self._march(batch, step)
         starts = np.cumsum(chunks.counts) - chunks.counts
         total = int(chunks.counts.sum())
         indices, distances = np.empty(total, np.int64), np.empty(total, np.float32)
@@ -57,7 +45,7 @@ class FrozenField:
         parallel_for(pack, len(starts), self._grid, chunks, capacity, starts, indices, distances, positions, weights)
         indices, distances, positions, weights = map(torch.from_numpy, (indices, distances, positions, weights))
         samples = Samples(indices, distances, positions, float(step * self._grid.voxel))
-        return Trace(samples, weights, torch.from_numpy(arrays.sums[:, FINAL_TRANSMITTANCE].copy()))
+        return Trace(samples, weights, torch.from_numpy(batch.sums["final_transmittance"].copy()))
 
     def features(self, positions: Tensor) -> Tensor:
         """Return prior features [n, F] at positions [n, 3] (see `VoxelField.features`)."""
@@ -74,15 +62,14 @@ class FrozenField:
         parallel_for(colors_at, len(inputs), inputs, harmonics, self._network, self._n_features, self._n_hidden, result)
         return torch.from_numpy(result)
 
-    def _march(self, rays: RayArrays, step: np.float32) -> Chunks:
+    def _march(self, rays: arrays.RayArrays, step: np.float32) -> arrays.Samples:
         """March rays, with more slots until all samples fit."""
-        n_chunks, one, zero = -(-len(rays.jitter) // CHUNK), np.float32(1), np.float32(0)
+        n_chunks = -(-len(rays.jitter) // CHUNK)
         while True:
             capacity = self._capacity
-            samples = new_samples(n_chunks, capacity)
-            parallel_for(
-                march, n_chunks, self._grid, rays, samples, MarchSettings(capacity, 0, step, zero, zero, zero, one)
-            )
+            samples = arrays.new_samples(n_chunks, capacity)
+            settings = arrays.MarchSettings(capacity, 0, step, ZERO, ZERO, ZERO, ONE)
+            parallel_for(march, n_chunks, self._grid, rays, samples, settings)
             if samples.counts.max(initial=0) < capacity:
                 return samples
             self._capacity = capacity * 3 // 2

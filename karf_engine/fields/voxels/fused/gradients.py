@@ -1,31 +1,9 @@
 """Backward pass: from gradients of the ray sums to those of the tables and the color network; total variation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ....compute.kernels import allocating_kernel, kernel, literal_kernel
-from .arrays import (
-    ALPHA,
-    BEFORE,
-    BLUE,
-    BOTH,
-    DENSITY,
-    DISTANCE,
-    DISTORTION,
-    FINAL_TRANSMITTANCE,
-    GREEN,
-    ONE,
-    RED,
-    SQUARE,
-    THIRD,
-    TWO,
-    UP_TO,
-    ZERO,
-    Network,
-    Workspace,
-    prefetch,
-)  # fmt: skip
+from .arrays import BOTH, DENSITY, ONE, THIRD, TWO, ZERO, Network, prefetch
 from .coloring import GROUP, N_HARMONICS, hidden_layers, next_group, prefetch_rows, read_inputs
 
 BLOCK_PAIRS = 2048  # pairs of rows per partial sum, so that sums do not depend on the threads
@@ -42,7 +20,7 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
     for ray in range(first, last):
         begin, end = rays.first[ray], rays.first[ray] + rays.counts[ray]
         upstream, reach = gradients[ray], rays.reach[ray]
-        weights, moments = ZERO, rays.sums[ray, DISTANCE]
+        weights, moments = ZERO, rays.sums[ray].distance
         for sample in range(begin, end):
             weights += samples.light[sample].weight
         weights_before, moments_before = ZERO, ZERO
@@ -53,26 +31,27 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
             moments_behind = moments - moments_before - weight * scaled
             weights_behind = weights - weights_before - weight
             apart = scaled * (weights_before - weights_behind) + moments_behind - moments_before
-            gradient = TWO * upstream[DISTORTION] * (apart + step / unit * THIRD * weight)
-            gradient += (upstream[DISTANCE] + upstream[SQUARE] * scaled) * scaled
+            gradient = TWO * upstream.distortion * (apart + step / unit * THIRD * weight)
+            gradient += (upstream.distance + upstream.square * scaled) * scaled
             if reach >= ZERO:
-                gradient += upstream[BEFORE] if distance < reach - margin else ZERO
-                gradient += upstream[UP_TO] if distance < reach + margin else ZERO
+                gradient += upstream.before if distance < reach - margin else ZERO
+                gradient += upstream.up_to if distance < reach + margin else ZERO
             weights_before += weight
             moments_before += weight * scaled
             importance = samples.importances[sample]
             if importance != ZERO:
                 color = logit_gradients = samples.colors[sample]  # overwritten in place
-                along_color = upstream[RED] * color[0] + upstream[GREEN] * color[1] + upstream[BLUE] * color[2]
+                along_color = upstream.red * color[0] + upstream.green * color[1] + upstream.blue * color[2]
                 gradient += importance * along_color
-                for channel in range(3):
-                    value = color[channel]
-                    logit_gradients[channel] = upstream[channel] * weight * importance * value * (ONE - value)
+                red, green, blue = color[0], color[1], color[2]
+                logit_gradients[0] = upstream.red * weight * importance * red * (ONE - red)
+                logit_gradients[1] = upstream.green * weight * importance * green * (ONE - green)
+                logit_gradients[2] = upstream.blue * weight * importance * blue * (ONE - blue)
             sample_gradients.weights[sample] = gradient
-        after = upstream[FINAL_TRANSMITTANCE] * rays.sums[ray, FINAL_TRANSMITTANCE]
+        after = upstream.final_transmittance * rays.sums[ray].final_transmittance
         for sample in range(end - 1, begin - 1, -1):
             light, gradient = samples.light[sample], sample_gradients.weights[sample]
-            by_depth = gradient * light.transmittance - after + upstream[ALPHA] * light.transparency
+            by_depth = gradient * light.transmittance - after + upstream.alpha * light.transparency
             sample_gradients.densities[sample] = light.depth_gradient * by_depth
             after += gradient * light.weight
 
@@ -154,13 +133,13 @@ def slab_gradients(
 
     The network gradients are summed by slab, so the result does not depend on the threads.
     """
-    workspace = Workspace(
-        np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32),
-        np.zeros((GROUP, len(n_features)), np.float32),
-        np.zeros((GROUP, 3), np.float32),
-        np.zeros((GROUP, len(n_hidden)), np.float32),
-        np.zeros((GROUP, len(n_hidden)), np.float32),
-        np.zeros(GROUP, np.int64),
+    workspace = (  # of the color network, for GROUP samples at a time
+        np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32),  # inputs
+        np.zeros((GROUP, len(n_features)), np.float32),  # gradients of features
+        np.zeros((GROUP, 3), np.float32),  # gradients of logits
+        np.zeros((GROUP, len(n_hidden)), np.float32),  # hidden layer before the ReLU
+        np.zeros((GROUP, len(n_hidden)), np.float32),  # its gradients
+        np.zeros(GROUP, np.int64),  # numbers of the sorted samples
     )
     for pair in range(first, last):
         slab = offset + 2 * pair
@@ -262,32 +241,15 @@ def difference_gradients(
         if has_one and has_other:
             prefetch_pair(pair, rows, other_rows, values.features, len(n_features))
             prefetch_pair(pair, rows, other_rows, gradients.features, len(n_features))
-            add_pair_gradient(one, other, values, gradients, n_features, touched, density_factor, feature_factor)
-        elif has_one:
+        if has_one:
             add_row_gradient(one, other, values, gradients, n_features, touched, density_factor, feature_factor)
-        elif has_other:
+        if has_other:
             add_row_gradient(other, one, values, gradients, n_features, touched, density_factor, feature_factor)
 
 
 @literal_kernel
-def add_pair_gradient(one, other, values, gradients, n_features, touched, density_factor, feature_factor):
-    """Add the gradients of one pair to both rows."""
-    touched[one] = touched[other] = BOTH
-    gradient = TWO * density_factor * (values.densities[other] - values.densities[one])
-    gradients.densities[one] -= gradient
-    gradients.densities[other] += gradient
-    a = np.uint64(one) * np.uint64(len(n_features))
-    b = np.uint64(other) * np.uint64(len(n_features))
-    for number in range(len(n_features)):
-        k = np.uint64(number)
-        gradient = TWO * feature_factor * (values.features[b + k] - values.features[a + k])
-        gradients.features[a + k] -= gradient
-        gradients.features[b + k] += gradient
-
-
-@literal_kernel
 def add_row_gradient(row, other, values, gradients, n_features, touched, density_factor, feature_factor):
-    """Add the gradients of one pair to the first row alone; another thread owns the other one."""
+    """Add the gradients of one pair to the first row alone; another thread may own the other one."""
     touched[row] = BOTH
     gradients.densities[row] -= TWO * density_factor * (values.densities[other] - values.densities[row])
     a = np.uint64(row) * np.uint64(len(n_features))

@@ -3,8 +3,6 @@
 A ray is terminated when its transmittance falls to DARK.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -17,20 +15,7 @@ from ...rendering.sampling import BLOCK
 from ...rendering.space import CONTRACTION_VERTICES, FAR, Contraction, Space
 from ...rendering.volume import VISIBLE_WEIGHT
 from .. import renderer
-from .arrays import (
-    ALPHA,
-    BEFORE,
-    DISTANCE,
-    DISTORTION,
-    FINAL_TRANSMITTANCE,
-    HALF,
-    ONE,
-    SQUARE,
-    THIRD,
-    TWO,
-    UP_TO,
-    ZERO,
-)  # fmt: skip
+from .arrays import HALF, ONE, THIRD, TWO, ZERO
 
 CHUNK = 32  # rays with a common range of sample slots
 DARK, FARTHEST = np.float32(renderer.DARK), np.float32(FAR)
@@ -175,7 +160,7 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, settings
     weight_sum, distance_sum, square_sum, pairs, before, up_to, alpha_sum = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
     coarse_segment, segment, block = 0, 0, -1
     if not length < MAX_STEPS * step:  # or not finite: it would never end
-        sums[FINAL_TRANSMITTANCE] = math.nan
+        sums.final_transmittance = math.nan
         return count
     while transmittance > DARK:
         block += 1
@@ -243,9 +228,9 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, settings
             count += 1
             if transmittance <= DARK:
                 break
-    sums[FINAL_TRANSMITTANCE], sums[DISTORTION] = math.exp(-depth), pairs
-    sums[BEFORE], sums[UP_TO] = before, up_to
-    sums[DISTANCE], sums[SQUARE], sums[ALPHA] = distance_sum, square_sum, alpha_sum
+    sums.final_transmittance, sums.distortion = math.exp(-depth), pairs
+    sums.before, sums.up_to = before, up_to
+    sums.distance, sums.square, sums.alpha = distance_sum, square_sum, alpha_sum
     return count
 
 

@@ -3,8 +3,6 @@
 Without it, kernels are compiled at their first call, which takes as long without a message.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess
@@ -29,11 +27,7 @@ from ..torch_renderer import new_renderer
 
 
 def prepare_kernels(settings: GeometrySettings, device: torch.device) -> Callable[[Emit, Callable[[], bool]], None]:
-    """Start compiling the kernels of a fit in another process.
-
-    Returns:
-        A function (emit, should_stop) that waits for the compilation and emits a message if it is still running.
-    """
+    """Start compiling the kernels of a fit in another process; return a function that waits for its end."""
     process = begin(settings.features) if device.type == "cpu" and has_kernels() else None
 
     def wait(emit: Emit, should_stop: Callable[[], bool]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class FusedRenderer:
         """Raw densities and features as arrays."""
         return TablePair(*map(flat, self.parameters))
 
-    def expose_gradients(self) -> None:
+    def _expose_gradients(self) -> None:
         """Set the `grad` of both parameters to the gradients' own memory, which process groups reduce in place."""
         for parameter, gradients in zip(self.parameters, self.gradients, strict=True):
             parameter.grad = torch.from_numpy(gradients).view_as(parameter)
@@ -68,7 +68,7 @@ class FusedRenderer:
         return LazyAdam(groups, betas, self)
 
     def render(self, batch: RayBatch) -> RaySums:
-        sums = _Render.apply(self.field.raw_density, self, batch)
+        sums = _KernelOperation.apply(self.field.raw_density, lambda: self._forward(batch), self._backward)
         color, rest = sums[:, :3], sums[:, 3:].unbind(1)
         final_transmittance, distortion, before, up_to, distance, square, alpha = rest
         observes = torch.from_numpy(self._rays.reach >= 0)
@@ -78,7 +78,22 @@ class FusedRenderer:
         )
 
     def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
-        return _Differences.apply(self.field.raw_density, self, rows.int().numpy(), other_rows.int().numpy()).unbind(0)
+        pairs = rows.int().numpy(), other_rows.int().numpy()
+
+        def run() -> Tensor:
+            sums = np.zeros((-(-len(rows) // BLOCK_PAIRS), 2))
+            parallel_for(difference_sums, len(sums), *pairs, *self.tables, self.n_features, sums)
+            return torch.from_numpy(sums.sum(0)).float()
+
+        def accumulate(gradient: Tensor) -> None:
+            factors = (np.float32(value) for value in gradient.tolist())
+            parallel_for(
+                difference_gradients, len(self.touched), *pairs, self.tables, self.gradients, self.n_features,
+                self.touched, *factors,
+            )  # fmt: skip
+            self._expose_gradients()
+
+        return _KernelOperation.apply(self.field.raw_density, run, accumulate).unbind(0)
 
     def visibility(self, batches: Iterable[Rays]) -> Tensor:
         visibility = np.zeros(len(self.field.raw_density), np.float32)
@@ -91,8 +106,8 @@ class FusedRenderer:
         self._march(RayBatch(rays, step, torch.full((len(rays),), 0.5)))
         return torch.from_numpy(self._rays.counts == 0)
 
-    def forward(self, batch: RayBatch) -> Tensor:
-        """Return the sums of each ray, [R, N_SUMS], in the order of arrays.RED to ALPHA."""
+    def _forward(self, batch: RayBatch) -> Tensor:
+        """Return the sums of each ray, [R, 10], in the order of arrays.SUMS."""
         self._march(batch)
         samples, ordered = self._samples, self._ordered
         total = self._sort_by_position()
@@ -104,14 +119,14 @@ class FusedRenderer:
             self.n_features, self._n_hidden, batch.is_diffuse,
         )  # fmt: skip
         parallel_for(composite, len(batch.rays), self._rays, samples)
-        return torch.from_numpy(self._rays.sums)
+        return torch.from_numpy(self._rays.sums.view(np.float32).reshape(len(batch.rays), -1))
 
-    def backward(self, gradients: Tensor) -> None:
-        """Accumulate the gradients of tables and network from those of the last batch's sums [R, N_SUMS]."""
-        settings = self._settings
+    def _backward(self, gradients: Tensor) -> None:
+        """Accumulate the gradients of tables and network from those of the last batch's sums [R, 10]."""
+        settings, upstream = self._settings, gradients.contiguous().numpy().view(arrays.SUMS)[:, 0]
         parallel_for(
-            ray_gradients, len(gradients), self._rays, self._samples, gradients.contiguous().numpy(), settings.margin,
-            settings.unit, np.float32(settings.step * self.field.voxel), self._sample_gradients,
+            ray_gradients, len(upstream), self._rays, self._samples, upstream, settings.margin, settings.unit,
+            np.float32(settings.step * self.field.voxel), self._sample_gradients,
         )  # fmt: skip
         cuts = self._cuts()
         n_slabs = len(cuts) - 1
@@ -122,7 +137,7 @@ class FusedRenderer:
                 self._harmonics, self._network, self.gradients, self.touched, sums, self.n_features, self._n_hidden,
                 self._is_diffuse,
             )  # fmt: skip
-        self.expose_gradients()
+        self._expose_gradients()
         if not self._is_diffuse:
             hidden, output = self.field.color_layers
             w1, b1, w2, b2 = (torch.from_numpy(part.sum(0)) for part in sums)
@@ -180,44 +195,24 @@ class FusedRenderer:
         self._ordered = arrays.SortedSamples(index, corners, rays, points, features, bins, planes)
 
 
-class _Render(torch.autograd.Function):
-    """Rendering as a torch operation. The densities only mark it as differentiable; kernels write the gradients."""
+class _KernelOperation(torch.autograd.Function):
+    """`run()` as a torch operation, and `accumulate(gradient)` as its backward pass.
 
-    @staticmethod
-    def forward(context: Any, densities: Tensor, renderer: FusedRenderer, batch: RayBatch) -> Tensor:
-        del densities
-        context.renderer = renderer
-        return renderer.forward(batch)
-
-    @staticmethod
-    def backward(context: Any, gradients: Tensor) -> tuple[None, None, None]:
-        context.renderer.backward(gradients)
-        return None, None, None
-
-
-class _Differences(torch.autograd.Function):
-    """Squared differences between rows as a torch operation, of densities and of features, [2]."""
+    The densities only mark it as differentiable; kernels write the gradients.
+    """
 
     @staticmethod
     def forward(
-        context: Any, densities: Tensor, renderer: FusedRenderer, rows: np.ndarray, other_rows: np.ndarray
+        context: Any, densities: Tensor, run: Callable[[], Tensor], accumulate: Callable[[Tensor], None]
     ) -> Tensor:
         del densities
-        context.renderer, context.pairs = renderer, (rows, other_rows)
-        sums = np.zeros((-(-len(rows) // BLOCK_PAIRS), 2))
-        parallel_for(difference_sums, len(sums), rows, other_rows, *renderer.tables, renderer.n_features, sums)
-        return torch.from_numpy(sums.sum(0)).float()
+        context.accumulate = accumulate
+        return run()
 
     @staticmethod
-    def backward(context: Any, gradient: Tensor) -> tuple[None, None, None, None]:
-        renderer: FusedRenderer = context.renderer
-        density, features = (np.float32(value) for value in gradient.tolist())
-        parallel_for(
-            difference_gradients, len(renderer.touched), *context.pairs, renderer.tables, renderer.gradients,
-            renderer.n_features, renderer.touched, density, features,
-        )  # fmt: skip
-        renderer.expose_gradients()
-        return None, None, None, None
+    def backward(context: Any, gradient: Tensor) -> tuple[None, None, None]:
+        context.accumulate(gradient)
+        return None, None, None
 
 
 class LazyAdam(Adam):
