@@ -121,18 +121,12 @@ class OpenFit(VoxelFit[OpenSettings]):
 
 
 def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
-    """Create the fit of a new voxel field.
+    """Create the fit of a new field; in open space it fills the part that cameras see and that is not known to be free.
 
-    Raises:
-        BadRequest: The space is a frustum and the nearest depth is unknown.
+    Raises BadRequest if the space is a frustum and the nearest depth is unknown.
     """
     if inputs.space == "box":
         return start_box_fit(inputs.dataset, inputs.background_kind, inputs.settings, inputs.runtime)
-    return _start_open_fit(inputs)
-
-
-def _start_open_fit(inputs: FitInputs) -> OpenFit:
-    """Create the fit of a new field in the part of a space that cameras see and that is not known to be free."""
     dataset, cameras, runtime = inputs.dataset, inputs.dataset.cameras, inputs.runtime
     recipe, horizon = inputs.settings.open, None
     if inputs.space == "frustum":

@@ -36,10 +36,10 @@ class RaySums:
     distortion: Tensor  # distortion of Mip-NeRF 360 (see volume.distortion), in the renderer's unit, [R]
     before: Tensor  # weight before the observed point less the margin, [R]; 0 for rays without a valid observation
     up_to: Tensor  # weight before the observed point plus the margin, [R]; 0 for rays without a valid observation
-    observes: Tensor  # rays with a valid observation, [R] bool
     distance: Tensor  # weighted distances along the ray, in the renderer's unit, [R]
     distance_squared: Tensor  # weighted squared distances, [R]
     alpha: Tensor  # sum of the samples' opacities, [R]
+    observes: Tensor  # rays with a valid observation, [R] bool
     n_samples: int  # samples of all rays
 
 

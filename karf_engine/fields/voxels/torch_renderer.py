@@ -50,9 +50,9 @@ class TorchRenderer:
         final_transmittance = volume.final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays)
         spread = volume.distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays)
         alpha = accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0]
-        distance, distance_squared = moments[:, 0], moments[:, 1]
+        distance, square = moments.unbind(1)
         return RaySums(
-            color, final_transmittance, spread, before, up_to, observes, distance, distance_squared, alpha, len(samples)
+            color, final_transmittance, spread, before, up_to, distance, square, alpha, observes, len(samples)
         )
 
     @torch.no_grad()

@@ -30,8 +30,6 @@ LOCAL_POINT = _record("x", "y", "z", "distance")
 LIGHT = _record("weight", "transparency", "transmittance", "depth_gradient")
 # fractions within the cell, and the factor of the sample's color
 SORTED_POINT = _record("x", "y", "z", "importance")
-
-
 # sums along a ray, as in `RaySums`; the first three are its color
 SUMS = _record(
     "red", "green", "blue", "final_transmittance", "distortion", "before", "up_to", "distance", "square", "alpha"
@@ -72,7 +70,9 @@ class Samples(NamedTuple):
     points: np.ndarray  # [S] of LOCAL_POINT
     light: np.ndarray  # [S] of LIGHT
     importances: np.ndarray  # [S], 1 / p for samples whose color is drawn with probability p; 0 without a color
-    colors: np.ndarray  # [S, 3], sRGB
+    colors: np.ndarray  # [S, 3], sRGB; in the backward pass gradients of the loss with respect to their logits
+    weight_gradients: np.ndarray  # [S], gradients of the loss with respect to the ray weights
+    density_gradients: np.ndarray  # [S], and to the raw densities
     counts: np.ndarray  # samples of each chunk
 
 
@@ -82,15 +82,8 @@ def new_samples(n_chunks: int, capacity: int) -> Samples:
     vertices, corners, rays = np.empty(size, i32), np.empty((size, 4), i32), np.empty(size, i32)
     points, light = np.empty(size, LOCAL_POINT), np.empty(size, LIGHT)
     importances, colors = np.empty(size, f32), np.empty((size, 3), f32)
-    return Samples(vertices, corners, rays, points, light, importances, colors, np.empty(n_chunks, np.int64))
-
-
-class SampleGradients(NamedTuple):
-    """Gradients of the loss, in the slots of `Samples`."""
-
-    weights: np.ndarray  # [S], with respect to the ray weights
-    densities: np.ndarray  # [S], with respect to the raw densities
-    logits: np.ndarray  # [S, 3], with respect to the color logits, of colored samples; in the memory of the colors
+    gradients, counts = (np.empty(size, f32), np.empty(size, f32)), np.empty(n_chunks, np.int64)
+    return Samples(vertices, corners, rays, points, light, importances, colors, *gradients, counts)
 
 
 class SortedSamples(NamedTuple):
@@ -165,31 +158,18 @@ def grid_of(field: VoxelGrid) -> Grid:
     """Return the cells of a field, with its densities."""
     bits = np.packbits(field.occupied.numpy(), axis=2, bitorder="little")
     row_stride, plane_stride = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
+    minimum, voxel, bias = field.minimum.numpy(), np.float32(field.voxel), np.float32(field.density_bias)
+    cells, blocks, coarse = Axes(*field.occupied.shape), Axes(*field.coarse.shape), field.coarse.numpy().view(np.uint8)
+    steps, index = (bits.shape[2], row_stride, plane_stride), field.index.view(-1).numpy()
     return Grid(
-        field.minimum.numpy(),
-        np.float32(field.voxel),
-        Axes(*field.occupied.shape),
-        Axes(*field.coarse.shape),
-        bits.shape[2],
-        row_stride,
-        plane_stride,
-        bits.ravel(),
-        field.coarse.numpy().view(np.uint8).ravel(),
-        field.index.view(-1).numpy(),
-        flat(field.raw_density),
-        np.float32(field.density_bias),
+        minimum, voxel, cells, blocks, *steps, bits.ravel(), coarse.ravel(), index, flat(field.raw_density), bias
     )
 
 
 def network_of(field: VoxelGrid) -> Network:
     """Return the color network with a transposed copy of its first layer's weights."""
-    hidden, output = field.color_layers
-    return Network(
-        np.ascontiguousarray(hidden.weight.detach().numpy().T),
-        hidden.bias.detach().numpy(),
-        output.weight.detach().numpy(),
-        output.bias.detach().numpy(),
-    )
+    w1, b1, w2, b2 = (part.detach().numpy() for layer in field.color_layers for part in (layer.weight, layer.bias))
+    return Network(np.ascontiguousarray(w1.T), b1, w2, b2)
 
 
 def flat(tensor: Tensor) -> np.ndarray:

@@ -11,7 +11,7 @@ PAIRS_AHEAD = 8  # pairs between the prefetch of a row and its use
 
 
 @kernel
-def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sample_gradients):
+def ray_gradients(first, last, rays, samples, gradients, margin, unit, step):
     """Write the sample gradients of rays first to last, from the gradients of their sums.
 
     The sums are linear in the ray weights, the distortion quadratic. With optical depths d and transmittances T after
@@ -47,12 +47,12 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
                 logit_gradients[0] = upstream.red * weight * importance * red * (ONE - red)
                 logit_gradients[1] = upstream.green * weight * importance * green * (ONE - green)
                 logit_gradients[2] = upstream.blue * weight * importance * blue * (ONE - blue)
-            sample_gradients.weights[sample] = gradient
+            samples.weight_gradients[sample] = gradient
         after = upstream.final_transmittance * rays.sums[ray].final_transmittance
         for sample in range(end - 1, begin - 1, -1):
-            light, gradient = samples.light[sample], sample_gradients.weights[sample]
+            light, gradient = samples.light[sample], samples.weight_gradients[sample]
             by_depth = gradient * light.transmittance - after + upstream.alpha * light.transparency
-            sample_gradients.densities[sample] = light.depth_gradient * by_depth
+            samples.density_gradients[sample] = light.depth_gradient * by_depth
             after += gradient * light.weight
 
 
@@ -126,7 +126,7 @@ def corner_weights(point):
 
 @allocating_kernel
 def slab_gradients(
-    first, last, offset, cuts, ordered, sample_gradients, harmonics, network, gradients, touched, sums,
+    first, last, offset, cuts, ordered, samples, harmonics, network, gradients, touched, sums,
     n_features, n_hidden, is_diffuse,
 ):  # fmt: skip
     """Add the gradients of slabs offset + 2 * (first to last), which share no vertex.
@@ -145,25 +145,25 @@ def slab_gradients(
         slab = offset + 2 * pair
         own_sums = Network(sums.w1[slab], sums.b1[slab], sums.w2[slab], sums.b2[slab])
         slab_gradients_in(
-            workspace, cuts[slab], cuts[slab + 1], ordered, sample_gradients, harmonics, network, gradients, touched,
+            workspace, cuts[slab], cuts[slab + 1], ordered, samples, harmonics, network, gradients, touched,
             own_sums, n_features, is_diffuse,
         )  # fmt: skip
 
 
 @kernel
 def slab_gradients_in(
-    workspace, first, last, ordered, sample_gradients, harmonics, network, gradients, touched, sums, n_features,
+    workspace, first, last, ordered, samples, harmonics, network, gradients, touched, sums, n_features,
     is_diffuse,
 ):  # fmt: skip
     """Add the gradients of the slab of sorted samples first to last."""
     inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group = workspace
-    density_gradients(first, last, ordered, sample_gradients, gradients.densities, touched)
+    density_gradients(first, last, ordered, samples, gradients.densities, touched)
     count, number = next_group(first, last, ordered, group)
     while count:
         logit_gradients[:] = ZERO
         for member in range(count):
             for channel in range(3):
-                gradient = sample_gradients.logits[ordered.index[group[member]], channel]
+                gradient = samples.colors[ordered.index[group[member]], channel]
                 logit_gradients[member, channel] = feature_gradients[member, channel] = gradient
         if not is_diffuse:
             read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
@@ -182,13 +182,13 @@ def slab_gradients_in(
 
 
 @kernel
-def density_gradients(first, last, ordered, sample_gradients, gradients, touched):
+def density_gradients(first, last, ordered, samples, gradients, touched):
     """Add the gradients of raw densities of sorted samples first to last, and flag the touched rows."""
     for number in range(first, last):
         point = ordered.points[number]
         corners = ordered.corners[number]
         weights, upper = corner_weights(point)
-        gradient = sample_gradients.densities[ordered.index[number]]
+        gradient = samples.density_gradients[ordered.index[number]]
         flag = DENSITY if point.importance == ZERO else BOTH
         for corner in range(4):
             row = np.uint64(corners[corner])

@@ -51,7 +51,6 @@ class FusedRenderer:
         self._settings = arrays.MarchSettings(64 * CHUNK, 0, np.float32(1), *limits)
         self._n_slots = -1  # nothing is allocated
         self._samples: arrays.Samples
-        self._sample_gradients: arrays.SampleGradients
         self._ordered: arrays.SortedSamples
 
     @property
@@ -69,13 +68,9 @@ class FusedRenderer:
 
     def render(self, batch: RayBatch) -> RaySums:
         sums = _KernelOperation.apply(self.field.raw_density, lambda: self._forward(batch), self._backward)
-        color, rest = sums[:, :3], sums[:, 3:].unbind(1)
-        final_transmittance, distortion, before, up_to, distance, square, alpha = rest
-        observes = torch.from_numpy(self._rays.reach >= 0)
-        n_samples = int(self._rays.counts.sum())
-        return RaySums(
-            color, final_transmittance, distortion, before, up_to, observes, distance, square, alpha, n_samples
-        )
+        observes, n_samples = torch.from_numpy(self._rays.reach >= 0), int(self._rays.counts.sum())
+        final, distortion, before, up_to, distance, square, alpha = sums[:, 3:].unbind(1)
+        return RaySums(sums[:, :3], final, distortion, before, up_to, distance, square, alpha, observes, n_samples)
 
     def differences(self, rows: Tensor, other_rows: Tensor) -> tuple[Tensor, Tensor]:
         pairs = rows.int().numpy(), other_rows.int().numpy()
@@ -126,14 +121,14 @@ class FusedRenderer:
         settings, upstream = self._settings, gradients.contiguous().numpy().view(arrays.SUMS)[:, 0]
         parallel_for(
             ray_gradients, len(upstream), self._rays, self._samples, upstream, settings.margin, settings.unit,
-            np.float32(settings.step * self.field.voxel), self._sample_gradients,
+            np.float32(settings.step * self.field.voxel),
         )  # fmt: skip
         cuts = self._cuts()
         n_slabs = len(cuts) - 1
         sums = Network(*(np.zeros((n_slabs, *part.shape), np.float32) for part in self._network))
         for offset in range(2):  # even slabs share no vertex, neither do odd ones
             parallel_for(
-                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, self._ordered, self._sample_gradients,
+                slab_gradients, (n_slabs + 1 - offset) // 2, offset, cuts, self._ordered, self._samples,
                 self._harmonics, self._network, self.gradients, self.touched, sums, self.n_features, self._n_hidden,
                 self._is_diffuse,
             )  # fmt: skip
@@ -168,30 +163,24 @@ class FusedRenderer:
         self._rays = arrays.new_rays(paths, batch.jitter.numpy(), observed)
         seed = int(self.runtime.randint(2**31 - 1, 1)) if self._settings.russian_roulette else 0
         self._settings = self._settings._replace(seed=seed, step=np.float32(batch.step))
-        self._grow(self._settings.capacity)
         while True:
+            self._ensure_slots(self._n_chunks * self._settings.capacity)
             parallel_for(march, self._n_chunks, self._grid, self._rays, self._samples, self._settings)
             if self._samples.counts[: self._n_chunks].max(initial=0) < self._settings.capacity:
                 return
-            self._grow(self._settings.capacity * 3 // 2)
+            self._settings = self._settings._replace(capacity=self._settings.capacity * 3 // 2)
 
-    def _grow(self, capacity: int) -> None:
-        """Ensure `capacity` sample slots per chunk."""
-        size = self._n_chunks * capacity
-        self._settings = self._settings._replace(capacity=capacity)
+    def _ensure_slots(self, size: int) -> None:
         if self._n_slots >= size:
             return
         self._n_slots = size
         n_planes = self.field.occupied.shape[0] + 1
-        self._samples = arrays.new_samples(self._n_chunks, capacity)
+        self._samples = arrays.new_samples(self._n_chunks, self._settings.capacity)
         f32, i32 = np.float32, np.int32
-        self._sample_gradients = arrays.SampleGradients(np.empty(size, f32), np.empty(size, f32), self._samples.colors)
         index, corners, rays = np.empty(size, i32), np.empty((size, 4), i32), np.empty(size, i32)
         points, features = np.empty(size, arrays.SORTED_POINT), np.empty((size, self.field.n_features), f32)
-        bins, planes = (
-            np.empty((core_count(), max(1, BINS // n_planes) * n_planes), i32),
-            np.empty(n_planes + 1, np.int64),
-        )
+        bins = np.empty((core_count(), max(1, BINS // n_planes) * n_planes), i32)
+        planes = np.empty(n_planes + 1, np.int64)
         self._ordered = arrays.SortedSamples(index, corners, rays, points, features, bins, planes)
 
 
