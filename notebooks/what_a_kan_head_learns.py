@@ -18,9 +18,10 @@ import torch
 import torch.nn.functional as F
 from PIL import Image, ImageDraw
 
-from karf_engine.kan.encoding import positional_encoding
 from karf_engine.kan.gated_block import GatedBlock, count_parameters
-from karf_engine.kan.grbf import GRBFLayer, grbf
+from karf_engine.kan.grbf import grbf
+from karf_engine.kan.inputs import positional_encoding
+from karf_engine.kan.layers import GRBFLayer
 
 SMALL = os.environ.get("KARF_NOTEBOOK") == "small"
 OUT = Path(os.environ.get("KARF_NOTEBOOK_OUT", "notebooks_out/kan_head"))

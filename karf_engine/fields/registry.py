@@ -30,8 +30,8 @@ from .nerf.fit import start_nerf_fit
 from .protocol import Field
 from .rendering.rays import PixelDataset
 from .voxels.field import VoxelField
-from .voxels.renderers import prepare_kernels
-from .voxels.start import start_voxel_fit
+from .voxels.fit_open import start_voxel_fit
+from .voxels.fused.preparing import prepare_kernels
 
 Wait = Callable[[Emit, Callable[[], bool]], None]  # waits; receives `emit` and `should_stop`
 

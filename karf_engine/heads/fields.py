@@ -15,8 +15,7 @@ from torch import Tensor, nn
 
 from ..errors import DataError
 from ..fields.rendering.space import Space
-from ..kan.encoding import positional_encoding
-from ..kan.standardize import Standardizer
+from ..kan.inputs import Standardizer, positional_encoding
 from ..project.settings import RecoloringSettings, SegmentationSettings
 from ..project.volumes import Volume
 from .registry import build_head

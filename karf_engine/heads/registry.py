@@ -16,8 +16,7 @@ from torch import Tensor, nn
 from ..errors import BadRequest
 from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
-from ..kan.gated_block import GatedBlock, count_parameters
-from ..kan.mlp import MLPHead
+from ..kan.gated_block import GatedBlock, MLPHead, count_parameters
 from ..project.settings import HEAD_KINDS, HeadSettings
 
 MAX_WIDTH = 16384

@@ -35,7 +35,7 @@ def exponentials(x, powers, out):
 def fill_blocks(x, u, anchor, constants, blocks):
     """Write the Gaussians of u [rows, n_in] and SiLU(x), all times exp(shift), to `blocks` [rows, N + 1, n_in].
 
-    constants: see `grbf._Recurrence.constants`.
+    constants: see `grbf._Recurrence`.
     """
     origin, steps, lowest, highest, kappa, shift, decay, exp_shift = constants
     n, n_in = blocks.shape[1] - 1, x.shape[1]

@@ -1,4 +1,4 @@
-"""Residual adaptive gating block: the head of both fields, F_s and F_w (paper, Fig. 3 and Eq. 6).
+"""Networks of both fields, F_s and F_w: the residual adaptive gating block (paper, Fig. 3 and Eq. 6), and a plain MLP.
 
 The input is z = [gamma(x), gamma(d), f_prior]; P, D, F are the widths of its parts (D = 0 without directions).
 
@@ -18,9 +18,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from ..io.arguments import check_arguments, check_choice
-from .checks import check_encodings, head_widths
-from .encoding import join_inputs
-from .layers import LayerOptions, build_layer
+from .inputs import check_tensor, check_widths, join_inputs
+from .layers import LayerOptions, MLPLayer, build_layer
 
 VARIANTS = ("all", "no_residual", "gate", "none")
 
@@ -40,14 +39,7 @@ class GatedBlock(nn.Module):
         layer: a registered kind: `grbf`, `bspline`, `mlp`, or your own.
         variant: parts of Eq. 6 (paper, Table 4): `all`; `no_residual` is SiLU(beta * f_g) * f_h; `gate` is
             SiLU(f_g) * f_h; `none` is f_h alone.
-        n_centers: N of Eq. 5, 2 to 8; for `grbf` only.
-        bandwidth: initial h of Eq. 5, see `resolve_bandwidth`; for `grbf` only.
-        learn_bandwidth: whether h is trained, one per layer; for `grbf` only.
-
-    Example:
-        >>> block = GatedBlock(n_position=9, n_direction=3, n_features=4, n_out=2, width=8)
-        >>> block(torch.zeros(5, 9), torch.zeros(5, 4), torch.zeros(5, 3)).shape
-        torch.Size([5, 2])
+        n_centers, bandwidth, learn_bandwidth: see `GRBFLayer`; for `grbf` only.
     """
 
     @check_arguments
@@ -66,7 +58,9 @@ class GatedBlock(nn.Module):
     ):
         super().__init__()
         check_choice("variant", variant, VARIANTS)
-        self._widths = head_widths(n_position, n_direction, n_features, n_out, width)
+        check_widths(1, n_position=n_position, n_out=n_out, width=width)
+        check_widths(0, n_direction=n_direction, n_features=n_features)
+        self._widths = n_position, n_direction, n_features
         n_in = n_position + n_direction + n_features
         options = LayerOptions(n_centers, bandwidth, learn_bandwidth)
         self.variant = variant
@@ -90,8 +84,7 @@ class GatedBlock(nn.Module):
             features: [..., F], standardized (see `Standardizer`).
             direction_encoding: gamma(d), [..., D]; None if D = 0.
         """
-        check_encodings(position_encoding, features, direction_encoding, self._widths, next(self.parameters()))
-        z = join_inputs(position_encoding, features, direction_encoding)
+        z = _join(self, position_encoding, features, direction_encoding)
         hidden = self._gated(z, self.backbone(z))
         return self.head(torch.cat([hidden, position_encoding], dim=-1))
 
@@ -109,12 +102,39 @@ class GatedBlock(nn.Module):
         return torch.sigmoid(self.alpha) * shallow + adapted
 
 
+class MLPHead(nn.Module):
+    """Map encodings and prior features to logits by two hidden ReLU layers; for the arguments see `GatedBlock`."""
+
+    @check_arguments
+    def __init__(self, n_position: int, n_direction: int, n_features: int, n_out: int, width: int = 64):
+        super().__init__()
+        check_widths(1, n_position=n_position, n_out=n_out, width=width)
+        check_widths(0, n_direction=n_direction, n_features=n_features)
+        self._widths = n_position, n_direction, n_features
+        self.layers = nn.Sequential(
+            MLPLayer(n_position + n_direction + n_features, width),
+            MLPLayer(width, width),
+            MLPLayer(width, n_out, is_output=True),
+        )
+
+    def forward(self, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None = None) -> Tensor:
+        """Return logits [..., n_out]; see `GatedBlock.forward`."""
+        return self.layers(_join(self, position_encoding, features, direction_encoding))
+
+
+def _join(
+    head: GatedBlock | MLPHead, position_encoding: Tensor, features: Tensor, direction_encoding: Tensor | None
+) -> Tensor:
+    """Check the inputs of a head, and join them."""
+    (n_position, n_direction, n_features), like = head._widths, next(head.parameters())
+    check_tensor("position_encoding", position_encoding, n_position, like)
+    check_tensor("features", features, n_features, like)
+    if n_direction or direction_encoding is not None:
+        check_tensor("direction_encoding", direction_encoding, n_direction, like)
+    return join_inputs(position_encoding, features, direction_encoding)
+
+
 @check_arguments
 def count_parameters(module: nn.Module) -> int:
-    """Return the number of parameters of a module. Raises TypeError for anything else.
-
-    Example:
-        >>> count_parameters(nn.Linear(3, 2))
-        8
-    """
+    """Return the number of parameters of a module. Raises TypeError for anything else."""
     return sum(parameter.numel() for parameter in module.parameters())

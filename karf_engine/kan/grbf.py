@@ -17,24 +17,22 @@ So two exponentials, and multiplications outward from the anchor, give all N Gau
 """
 
 import math
-from functools import cached_property
-from types import ModuleType
+from typing import Any
 
 import numpy as np
 import torch
 import torch.nn.functional as F
-from torch import Tensor, nn
+from torch import Tensor
 
 from ..compute.cores import parallel_for
 from ..compute.kernels import has_kernels
 from ..errors import BadRequest
 from ..io.arguments import check_arguments, check_number
-from .checks import check_alike, check_rows
+from .inputs import check_same_rows, check_tensor
 
 GRID_LIMIT = 2.0
 BANDWIDTH_LIMITS = (0.35, 2.0)  # in spacings
 MAX_CENTERS = 8
-INITIAL_SPLINE_STD = 0.02
 
 # u is clamped this many bandwidths outside the grid, where every basis is below 2e-8: keeps the recurrence finite.
 _CLAMP_BANDWIDTHS = 6.0
@@ -49,17 +47,8 @@ _MAX_PARTIAL_SUMS = 4
 
 @check_arguments
 def grid_spacing(n_centers: int) -> float:
-    """Return the distance between neighboring centers on [-2, 2]. Raises BadRequest for fewer than two centers.
-
-    Example:
-        >>> grid_spacing(5)
-        1.0
-    """
+    """Return the distance between neighboring centers on [-2, 2]. Raises BadRequest for fewer than two centers."""
     check_number("n_centers", n_centers, 2)
-    return _spacing(n_centers)
-
-
-def _spacing(n_centers: int) -> float:
     return 2 * GRID_LIMIT / (n_centers - 1)
 
 
@@ -67,16 +56,8 @@ def _spacing(n_centers: int) -> float:
 def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
     """Return h of Eq. 5 in units of the normalized input.
 
-    Args:
-        bandwidth: `eq5` is the spacing, `fastkan` the spacing / sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
-        n_centers: N, at least 2.
-
-    Raises:
-        BadRequest: the name is unknown, h is outside 0.35 to 2 spacings, or n_centers is out of range.
-
-    Example:
-        >>> resolve_bandwidth("eq5", 5), resolve_bandwidth(0.5, 5)
-        (1.0, 0.5)
+    `eq5` is the spacing, `fastkan` the spacing / sqrt(2), `xkanerf` 1 / sqrt(2); a number is h itself.
+    Raises BadRequest if the name is unknown, h is outside 0.35 to 2 spacings, or n_centers is out of range.
     """
     spacing = grid_spacing(n_centers)
     named = {"eq5": spacing, "fastkan": spacing / math.sqrt(2), "xkanerf": 1 / math.sqrt(2)}
@@ -93,24 +74,23 @@ def resolve_bandwidth(bandwidth: str | float, n_centers: int) -> float:
 
 @check_arguments
 def grbf_reference(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, n_centers: int) -> Tensor:
-    """Compute `grbf` by the plain formula, with all bases in memory and gradients of any order by autograd.
+    """Compute the Gaussian layer by the plain formula, with all bases in memory and gradients of any order by autograd.
 
-    Raises:
-        BadRequest: a shape, dtype or device differs, or n_centers is out of range.
-
-    Example:
-        >>> x = torch.tensor([[0.5, -1.0]])
-        >>> weight, bias = torch.ones(1, 3 * 2), torch.zeros(1)
-        >>> plain = grbf_reference(x, x, weight, bias, torch.tensor(2.0), n_centers=2)
-        >>> torch.allclose(plain, grbf(x, x, weight, bias, torch.tensor(2.0), n_centers=2))
-        True
+    Args:
+        x: [..., n_in] inputs.
+        u: [..., n_in] normalized inputs.
+        weight: [n_out, (n_centers + 1) * n_in], spline blocks, then the base block.
+        bias: [n_out].
+        bandwidth: h, 0-d, within 0.35 to 2 spacings.
+        n_centers: N, 2 to 8.
     """
     check_number("n_centers", n_centers, 2)
-    check_rows("weight", weight, (n_centers + 1) * x.shape[-1] if x.ndim else 0, x)
-    check_rows("u", u, x.shape[-1], x)
-    check_alike("u", u, x)
-    check_rows("bias", bias, len(weight), x)
-    check_rows("bandwidth", bandwidth.reshape(1, -1), 1, x)
+    check_tensor("x", x)
+    check_tensor("weight", weight, (n_centers + 1) * x.shape[-1], x)
+    check_tensor("u", u, x.shape[-1], x)
+    check_same_rows("u", u, "x", x)
+    check_tensor("bias", bias, len(weight), x)
+    check_tensor("bandwidth", bandwidth.reshape(1, -1), 1, x)
     return _plain(x, u, weight, bias, bandwidth, n_centers)
 
 
@@ -126,20 +106,8 @@ def grbf(x: Tensor, u: Tensor, weight: Tensor, bias: Tensor, bandwidth: Tensor, 
     """Return the layer's output [..., n_out], keeping only x and u for the backward pass.
 
     Differentiable any number of times in its five tensors; second derivatives, and `torch.func`, need the memory of
-    `grbf_reference`. The Gaussians equal Eq. 5 to 2e-8 for any u. Does not synchronize with an accelerator.
-
-    Args:
-        x: [..., n_in] inputs.
-        u: [..., n_in] normalized inputs.
-        weight: [n_out, (n_centers + 1) * n_in], spline blocks, then the base block.
-        bias: [n_out].
-        bandwidth: h, 0-d, within 0.35 to 2 spacings.
-        n_centers: N, 2 to 8.
-
-    Example:
-        >>> x = torch.zeros(4, 3)
-        >>> grbf(x, x, torch.ones(2, 9 * 3), torch.zeros(2), torch.tensor(grid_spacing(8)), n_centers=8).shape
-        torch.Size([4, 2])
+    `grbf_reference`, which documents the arguments. The Gaussians equal Eq. 5 to 2e-8 for any u. Does not synchronize
+    with an accelerator.
     """
     if torch._C._are_functorch_transforms_active():  # such tensors have no memory for kernels
         return _plain(x, u, weight, bias, bandwidth, n_centers)
@@ -151,10 +119,9 @@ class _Recurrence:
     """The constants and bases of one layer's recurrence; on an accelerator the constants stay there, without a sync."""
 
     def __init__(self, bandwidth: Tensor, n_centers: int):
-        self.kernels = _kernels_for(bandwidth)
         self.n_centers = n_centers
         self.anchor = n_centers // 2
-        self.spacing = _spacing(n_centers)
+        self.spacing = 2 * GRID_LIMIT / (n_centers - 1)
         h = bandwidth.detach().double()
         kappa = (self.spacing / h) ** 2
         margin = _CLAMP_BANDWIDTHS * h / self.spacing
@@ -165,39 +132,65 @@ class _Recurrence:
         values = constants.tolist() if h.device.type == "cpu" else constants.to(bandwidth.dtype).unbind()
         self.kappa, self.lowest, self.highest, self.shift, self.exp_shift, self.scale, self.decay = values
         self.origin = self.anchor * self.spacing - GRID_LIMIT
+        self.kernels: Any = None
+        if h.device.type == "cpu" and bandwidth.dtype == torch.float32 and has_kernels():
+            from . import fused  # needs numba
 
-    @cached_property
-    def constants(self) -> tuple[np.float32, ...]:
-        """The constants as the kernels take them."""
-        grid = self.origin, 1 / self.spacing, self.lowest, self.highest
-        return tuple(map(np.float32, (*grid, self.kappa, self.shift, self.decay, self.exp_shift)))
+            self.kernels = fused
+            grid = self.origin, 1 / self.spacing, self.lowest, self.highest
+            self.constants = tuple(map(np.float32, (*grid, self.kappa, self.shift, self.decay, self.exp_shift)))
 
-    def offsets(self, u: Tensor) -> Tensor:
-        """Return w: u in spacings from the anchor, clamped to a few bandwidths beyond the grid."""
-        return (u - self.origin).mul_(1 / self.spacing).clamp_(self.lowest, self.highest)
-
-    def fill(self, bases: Tensor, w: Tensor) -> None:
-        """Write the Gaussians, times exp(shift), into `bases` [rows, N, n_in]."""
-        m, last = self.anchor, self.n_centers - 1
-        torch.mul(w, w, out=bases[:, m])
-        bases[:, m].mul_(self.kappa * -0.5).add_(self.shift).exp_()
+    def fill(self, blocks: Tensor, x: Tensor, u: Tensor) -> None:
+        """Write the Gaussians of u and SiLU(x), all times exp(shift), into `blocks` [rows, N + 1, n_in]."""
+        if self.kernels:
+            self.kernels.fill_blocks(*_arrays(x, u), self.anchor, self.constants, *_arrays(blocks))
+            return
+        m, last, w = self.anchor, self.n_centers - 1, self._offsets(u)
+        torch.mul(w, w, out=blocks[:, m])
+        blocks[:, m].mul_(self.kappa * -0.5).add_(self.shift).exp_()
         upward = (w * self.kappa).sub_(self.kappa / 2).exp_()
         downward = torch.reciprocal(upward).mul_(self.decay)
         for k in range(m + 1, last + 1):
-            torch.mul(bases[:, k - 1], upward, out=bases[:, k])
+            torch.mul(blocks[:, k - 1], upward, out=blocks[:, k])
             upward.mul_(self.decay)
         for k in range(m - 1, -1, -1):
-            torch.mul(bases[:, k + 1], downward, out=bases[:, k])
+            torch.mul(blocks[:, k + 1], downward, out=blocks[:, k])
             downward.mul_(self.decay)
+        torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(self.exp_shift)
+
+    def fill_gradients(
+        self, blocks: Tensor, products: Tensor, x: Tensor, u: Tensor, grad_x: Tensor, grad_u: Tensor
+    ) -> Tensor | float:
+        """Write gradients of x and u (up to a factor); return the bandwidth's summand. May overwrite `products`."""
+        if self.kernels:
+            arrays = _arrays(blocks, products, grad_x, grad_u)
+            return self.kernels.fill_gradients(*_arrays(x, u), self.anchor, self.constants, *arrays)
+        w, gate = self._offsets(u), torch.sigmoid(x)
+        torch.mul(products[:, -1], torch.rsub(gate, 1).mul_(x).add_(1).mul_(gate), out=grad_x)
+        # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
+        shares = products[:, :-1].mul_(blocks[:, :-1])
+        total = shares[:, 0].clone()
+        moment = total * -self.anchor
+        for k in range(1, self.n_centers):
+            total.add_(shares[:, k])
+            moment.add_(shares[:, k], alpha=k - self.anchor)
+        weighted_total = total.mul_(w)
+        torch.sub(moment, weighted_total, out=grad_u)
+        return torch.sum(w * (weighted_total - 2 * moment))
+
+    def _offsets(self, u: Tensor) -> Tensor:
+        """Return w: u in spacings from the anchor, clamped to a few bandwidths beyond the grid."""
+        return (u - self.origin).mul_(1 / self.spacing).clamp_(self.lowest, self.highest)
 
 
-def _kernels_for(tensor: Tensor) -> ModuleType | None:
-    """Return the compiled kernels if they support such tensors."""
-    if tensor.device.type != "cpu" or tensor.dtype != torch.float32 or not has_kernels():
-        return None
-    from . import fused  # needs numba
+def _arrays(*tensors: Tensor) -> list[np.ndarray]:
+    return [tensor.detach().numpy() for tensor in tensors]
 
-    return fused
+
+def _chunks(u: Tensor) -> list[slice]:
+    """Return slices of rows, at least one."""
+    step = _CPU_ROWS_PER_CHUNK if u.device.type == "cpu" else _ACCELERATOR_ROWS_PER_CHUNK
+    return [slice(start, start + step) for start in range(0, max(1, len(u)), step)]
 
 
 class _GRBF(torch.autograd.Function):
@@ -228,7 +221,7 @@ class _Gradients(torch.autograd.Function):
         ctx.n_centers = recurrence.n_centers
         n, kappa, scale = recurrence.n_centers, recurrence.kappa, recurrence.scale
         grad_x, grad_u = torch.empty_like(x), torch.empty_like(u)
-        n_sums = max(1, min(_MAX_PARTIAL_SUMS, len(_chunks(u)))) if u.device.type == "cpu" else 1
+        n_sums = min(_MAX_PARTIAL_SUMS, len(_chunks(u))) if u.device.type == "cpu" else 1
         grad_weights, quadratics = weight.new_zeros(n_sums, *weight.shape), u.new_zeros(n_sums)
         parallel_for(
             _fill_gradients, n_sums, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics
@@ -259,136 +252,23 @@ class _Gradients(torch.autograd.Function):
 
 def _fill_outputs(first, last, x, u, scaled, bias, recurrence, output):
     """Write the outputs of the chunks first to last."""
-    buffer = _chunk_buffer(u, recurrence.n_centers + 1)
-    for rows in _chunks(u)[first:last]:
-        blocks = buffer[: u[rows].shape[0]]
-        _fill_blocks(blocks, x[rows], u[rows], recurrence)
+    chunks = _chunks(u)
+    buffer = u.new_empty(len(u[chunks[0]]), recurrence.n_centers + 1, u.shape[1])
+    for rows in chunks[first:last]:
+        blocks = buffer[: len(u[rows])]
+        recurrence.fill(blocks, x[rows], u[rows])
         torch.addmm(bias, blocks.flatten(1), scaled, out=output[rows])
 
 
 def _fill_gradients(first, last, x, u, weight, grad_output, recurrence, grad_x, grad_u, grad_weights, quadratics):
     """Write gradients of x and u (up to a factor) and the partial sums first to last of the other gradients."""
-    n, chunks, n_sums = recurrence.n_centers, _chunks(u), len(quadratics)
-    blocks_buffer, products_buffer = _chunk_buffer(u, n + 1), _chunk_buffer(u, n + 1)
+    chunks, n_sums = _chunks(u), len(quadratics)
+    buffers = u.new_empty(2, len(u[chunks[0]]), recurrence.n_centers + 1, u.shape[1])
     for number in range(first, last):
         for rows in chunks[len(chunks) * number // n_sums : len(chunks) * (number + 1) // n_sums]:
             own, gradient = (x[rows], u[rows]), grad_output[rows]
-            blocks, products = blocks_buffer[: gradient.shape[0]], products_buffer[: gradient.shape[0]]
-            _fill_blocks(blocks, *own, recurrence)
+            blocks, products = buffers[:, : len(gradient)]
+            recurrence.fill(blocks, *own)
             grad_weights[number].addmm_(gradient.T, blocks.flatten(1))
             torch.mm(gradient, weight, out=products.flatten(1))  # dL/dB_k, then dL/dSiLU
-            quadratics[number] += _fill_input_gradients(blocks, products, *own, recurrence, grad_x[rows], grad_u[rows])
-
-
-def _fill_blocks(blocks: Tensor, x: Tensor, u: Tensor, recurrence: _Recurrence) -> None:
-    """Write the Gaussians of u and SiLU(x), all times exp(shift), into `blocks` [rows, N + 1, n_in]."""
-    if recurrence.kernels:
-        recurrence.kernels.fill_blocks(*_arrays(x, u), recurrence.anchor, recurrence.constants, *_arrays(blocks))
-        return
-    recurrence.fill(blocks[:, :-1], recurrence.offsets(u))
-    torch.sigmoid(x, out=blocks[:, -1]).mul_(x).mul_(recurrence.exp_shift)
-
-
-def _fill_input_gradients(
-    blocks: Tensor, products: Tensor, x: Tensor, u: Tensor, recurrence: _Recurrence, grad_x: Tensor, grad_u: Tensor
-) -> Tensor | float:
-    """Write gradients of x and u (up to a factor); return the bandwidth's summand. May overwrite `products`."""
-    n, anchor = recurrence.n_centers, recurrence.anchor
-    if recurrence.kernels:
-        arrays = _arrays(blocks, products, grad_x, grad_u)
-        return recurrence.kernels.fill_gradients(*_arrays(x, u), anchor, recurrence.constants, *arrays)
-    w = recurrence.offsets(u)
-    torch.mul(products[:, n], _silu_slope(x), out=grad_x)
-    # With E_j = B_j dL/dB_j, dL/dw = kappa (sum_j j E_j - w sum_j E_j).
-    total, first_moment = _moments(products[:, :n].mul_(blocks[:, :n]), anchor)
-    weighted_total = total.mul_(w)
-    torch.sub(first_moment, weighted_total, out=grad_u)
-    return torch.sum(w * (weighted_total - 2 * first_moment))
-
-
-def _arrays(*tensors: Tensor) -> list[np.ndarray]:
-    return [tensor.detach().numpy() for tensor in tensors]
-
-
-def _silu_slope(x: Tensor) -> Tensor:
-    gate = torch.sigmoid(x)
-    return torch.rsub(gate, 1).mul_(x).add_(1).mul_(gate)
-
-
-def _moments(products: Tensor, anchor: int) -> tuple[Tensor, Tensor]:
-    """Return sum_j E_j and sum_j j E_j, each [rows, n_in], of `products` [rows, N, n_in] with j = index - anchor."""
-    total = products[:, 0].clone()
-    first_moment = total * -anchor
-    for k in range(1, products.shape[1]):
-        total.add_(products[:, k])
-        first_moment.add_(products[:, k], alpha=k - anchor)
-    return total, first_moment
-
-
-def _rows_per_chunk(device: torch.device) -> int:
-    return _CPU_ROWS_PER_CHUNK if device.type == "cpu" else _ACCELERATOR_ROWS_PER_CHUNK
-
-
-def _chunks(u: Tensor) -> list[slice]:
-    step = _rows_per_chunk(u.device)
-    return [slice(start, start + step) for start in range(0, u.shape[0], step)]
-
-
-def _chunk_buffer(u: Tensor, n_blocks: int) -> Tensor:
-    return u.new_empty(min(_rows_per_chunk(u.device), u.shape[0]), n_blocks, u.shape[1])
-
-
-class GRBFLayer(nn.Module):
-    """Map [..., n_in] to [..., n_out]: Gaussians of the normalized input, plus a SiLU base branch (paper, Eq. 4 and 5).
-
-    It has n_in * n_out * (n_centers + 1) + n_out + 2 * n_in parameters, plus 1 if the bandwidth is learned.
-
-    Args:
-        n_in: width of the inputs.
-        n_out: width of the outputs.
-        n_centers: N of Eq. 5, 2 to 8.
-        bandwidth: initial h of Eq. 5, one for the whole layer; see `resolve_bandwidth`.
-        learn_bandwidth: make its logarithm, `log_bandwidth`, a parameter, clamped to 0.35 to 2 spacings (with zero
-            gradient beyond). Otherwise it is a buffer.
-
-    Example:
-        >>> layer = GRBFLayer(3, 2, n_centers=5, learn_bandwidth=False)
-        >>> layer(torch.zeros(4, 3)).shape, layer.bandwidth()
-        (torch.Size([4, 2]), tensor(1.))
-    """
-
-    @check_arguments
-    def __init__(
-        self,
-        n_in: int,
-        n_out: int,
-        n_centers: int = 8,
-        bandwidth: str | float = "eq5",
-        learn_bandwidth: bool = True,
-    ):
-        super().__init__()
-        check_number("n_in", n_in, 1)
-        check_number("n_out", n_out, 1)
-        check_number("n_centers", n_centers, 2, MAX_CENTERS)
-        self.n_centers = n_centers
-        self.norm = nn.LayerNorm(n_in)
-        base = nn.Linear(n_in, n_out)
-        # A wider start makes the first logits of a 256-wide block too confident.
-        spline_weight = nn.init.trunc_normal_(torch.empty(n_out, n_centers * n_in), std=INITIAL_SPLINE_STD)
-        self.weight = nn.Parameter(torch.cat([spline_weight, base.weight.detach()], dim=1))
-        self.bias = base.bias
-        log_bandwidth = torch.tensor(math.log(resolve_bandwidth(bandwidth, n_centers)))
-        if learn_bandwidth:
-            self.log_bandwidth = nn.Parameter(log_bandwidth)
-        else:
-            self.register_buffer("log_bandwidth", log_bandwidth)
-
-    def bandwidth(self) -> Tensor:
-        """Return h, a 0-d tensor within 0.35 to 2 spacings."""
-        low, high = (math.log(limit * _spacing(self.n_centers)) for limit in BANDWIDTH_LIMITS)
-        return self.log_bandwidth.clamp(low, high).exp()
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Return [..., n_out] for x [..., n_in]."""
-        check_rows("x", x, self.norm.normalized_shape[0], self.weight)
-        return grbf(x, self.norm(x), self.weight, self.bias, self.bandwidth(), self.n_centers)
+            quadratics[number] += recurrence.fill_gradients(blocks, products, *own, grad_x[rows], grad_u[rows])

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor, nn
 
 from karf_engine.heads.registry import HeadSizes, build_head, register_head
-from karf_engine.kan.grbf import INITIAL_SPLINE_STD, grbf, resolve_bandwidth
-from karf_engine.kan.layers import LayerOptions, register_layer
+from karf_engine.kan.grbf import grbf, resolve_bandwidth
+from karf_engine.kan.layers import INITIAL_SPLINE_STD, LayerOptions, register_layer
 from karf_engine.project.settings import HeadSettings
 
 

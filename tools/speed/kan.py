@@ -15,9 +15,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from karf_engine.kan.bspline import BSplineLayer
-from karf_engine.kan.grbf import GRBFLayer
-from karf_engine.kan.mlp import MLPLayer
+from karf_engine.kan.layers import BSplineLayer, GRBFLayer, MLPLayer
 
 from .rows import Row, median_seconds
 

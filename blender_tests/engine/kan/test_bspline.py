@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from karf_engine.kan.bspline import BSplineLayer, bspline_bases
+from karf_engine.kan.layers import BSplineLayer, bspline_bases
 
 GRID, ORDER = 5, 3
 INTERVAL = 4 / GRID

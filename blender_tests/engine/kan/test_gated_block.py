@@ -7,10 +7,9 @@ import torch
 import torch.nn.functional as F
 
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.kan.encoding import positional_encoding
 from karf_engine.kan.gated_block import VARIANTS, GatedBlock
+from karf_engine.kan.inputs import Standardizer, positional_encoding
 from karf_engine.kan.layers import LAYERS
-from karf_engine.kan.standardize import Standardizer
 
 P, D, FEATURES = 63, 27, 256
 

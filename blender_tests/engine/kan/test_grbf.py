@@ -7,9 +7,9 @@ import torch
 
 from karf_engine.compute import cores
 from karf_engine.errors import BadRequest
-from karf_engine.kan import BSplineLayer, MLPLayer
+from karf_engine.kan import BSplineLayer, GRBFLayer, MLPLayer
 from karf_engine.kan import grbf as grbf_module
-from karf_engine.kan.grbf import GRBFLayer, grbf, grbf_reference, grid_spacing, resolve_bandwidth
+from karf_engine.kan.grbf import grbf, grbf_reference, grid_spacing, resolve_bandwidth
 
 BANDWIDTHS_IN_SPACINGS = [0.35, 0.5, 1 / math.sqrt(2), 1.0, 2.0]
 

@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from ...kan.encoding import positional_encoding
+from ...kan.inputs import positional_encoding
 from ..rendering.rays import Rays
 from ..rendering.sampling import Samples, dense_ray_weights, interval_lengths, refine, stratified_samples
 from ..rendering.space import StraightSpace, space_from_json, space_to_json

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
-from torch.nn.functional import softplus
+from torch.nn.functional import embedding_bag, softplus
 
 from ..rendering.rays import Rays, spherical_harmonics
-from ..rendering.sampling import Samples, cell_indices, march
+from ..rendering.sampling import Samples, cell_indices, dilate_axis, march
 from ..rendering.space import space_from_json, space_to_json
 from ..rendering.volume import Trace, make_trace, outward_normals
 from .grid import VoxelGrid
-from .tables import WeightedGather, dilate, rescaled_raw
 
 if TYPE_CHECKING:
     from .fused.frozen import FrozenField
@@ -29,6 +28,31 @@ if TYPE_CHECKING:
 FREEZE_LOCK = threading.Lock()  # threads render chunks of one picture
 CORNERS = torch.tensor([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
 CHUNK = 1 << 18  # points processed at once, to limit memory
+
+
+class WeightedGather(torch.autograd.Function):
+    """sum_k weights[:, k] * table[rows[:, k]], differentiable in the table alone."""
+
+    @staticmethod
+    def forward(context: Any, table: Tensor, rows: Tensor, weights: Tensor) -> Tensor:
+        context.save_for_backward(rows, weights)
+        context.n_rows = len(table)
+        return embedding_bag(rows, table, per_sample_weights=weights, mode="sum")
+
+    @staticmethod
+    def backward(context: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
+        rows, weights = context.saved_tensors
+        n_columns = gradient.shape[1]
+        if gradient.device.type == "cpu":  # scattering scalars by column is four times faster than scattering rows
+            columns = torch.zeros(n_columns, context.n_rows, dtype=gradient.dtype)
+            index = rows.long().view(-1)
+            for column in range(n_columns):
+                columns[column].scatter_add_(0, index, (gradient[:, column, None] * weights).view(-1))
+            return columns.t().contiguous(), None, None
+        table_gradient = torch.zeros(context.n_rows, n_columns, dtype=gradient.dtype, device=gradient.device)
+        for k in range(8):  # avoids an [n, 8, F] copy
+            table_gradient.index_add_(0, rows[:, k], gradient * weights[:, k : k + 1])
+        return table_gradient, None, None
 
 
 class VoxelField(VoxelGrid):
@@ -227,3 +251,17 @@ class VoxelField(VoxelGrid):
         """Split vertex numbers, raw densities and features into chunks of rows."""
         tables = self.numbers(), self.raw_density.data, self.feature_table.data
         return zip(*(table.split(CHUNK) for table in tables), strict=True)
+
+
+def rescaled_raw(raw: Tensor, ratio: float, bias: float) -> Tensor:
+    """Return the raw density that keeps softplus(raw + bias) / voxel when the voxel edge changes by `ratio`."""
+    optical_depth = softplus(raw + bias) * ratio
+    # inverse softplus: log(expm1(x)) = x + log(-expm1(-x)) neither overflows nor cancels
+    return optical_depth + torch.log(-torch.expm1(-optical_depth)) - bias
+
+
+def dilate(occupied: Tensor) -> Tensor:
+    """Dilate occupied cells [X, Y, Z] bool by one cell, diagonals included."""
+    for axis in range(3):
+        occupied = dilate_axis(occupied, axis, 1)
+    return occupied

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
@@ -34,8 +34,8 @@ from ..training import (
     train,
 )
 from .field import VoxelField
-from .renderer import PointSupervision, Renderer
-from .renderers import new_renderer
+from .renderer import Renderer
+from .torch_renderer import new_renderer
 
 POINT_MARGIN = 2.0  # voxels between an observed point and its surface
 OFF_PATH = 3.0  # voxels between an observed point and its ray, beyond which it is an outlier
@@ -48,15 +48,6 @@ Recipe = TypeVar("Recipe", GeometrySettings, OpenSettings)
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Result of one step: total loss, mean squared color error, number of samples."""
-
-    loss: Tensor
-    error: Tensor
-    n_samples: int
-
-
-@dataclass(frozen=True)
 class Phase:
     """Part of a level between two prunings."""
 
@@ -66,20 +57,12 @@ class Phase:
 
 
 class VoxelFit(Generic[Recipe]):
-    """`Fit` (see fields/fit.py) of a voxel field and its background. Subclasses define the loss.
+    """`Fit` (see fields/fit.py) of a voxel field and its background. Subclasses define the loss."""
 
-    Attributes:
-        background_kind: alpha, black, white or opaque.
-        cuts: Fractions of a level's iterations before another pruning.
-        first_share: Factor of the samples per iteration in the first level, whose fog needs a color for each sample.
-        russian_roulette: See `choice.new_renderer`.
-        recipe: Levels, learning rates and limits.
-    """
-
-    background_kind: str
-    cuts: tuple[float, ...] = ()
-    first_share = 1.0
-    russian_roulette = 0.0
+    background_kind: str  # alpha, black, white or opaque
+    cuts: tuple[float, ...] = ()  # fractions of a level's iterations before another pruning
+    first_share = 1.0  # factor of the samples per iteration in the first level, whose fog needs a color for each sample
+    russian_roulette = 0.0  # see `new_renderer`
 
     def __init__(
         self, dataset: PixelDataset, recipe: Recipe, runtime: Runtime, field: VoxelField, background: Background | None
@@ -91,7 +74,7 @@ class VoxelFit(Generic[Recipe]):
         self._phases = [phase for level in range(len(recipe.levels)) for phase in self._phases_of(level)]
         self._number = 0  # of the current phase
         self._training_state: TrainingState | None = None  # of the current phase, once it has begun
-        self._renderer: Renderer | None = None
+        self.renderer: Renderer  # of the current phase
         self._unit = float((field.bounds[1] - field.bounds[0]).max()) / 2  # of distances along rays
 
     @property
@@ -130,11 +113,7 @@ class VoxelFit(Generic[Recipe]):
     def state(self) -> dict[str, Tensor]:
         """Return the tensors to resume from. Requires a fit that has begun."""
         assert self._training_state is not None
-        return (
-            self._position()
-            | add_prefix("own", self._own_tensors())
-            | add_prefix("course", self._training_state.state())
-        )
+        return self._own_state() | add_prefix("course", self._training_state.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
         """Resume this new fit from a state on the processor, saved with the same photos and settings.
@@ -144,7 +123,7 @@ class VoxelFit(Generic[Recipe]):
         """
         saved_state = strip_prefix("course", state)
         own = {name: tensor for name, tensor in state.items() if not name.startswith("course.")}
-        check_same_layout(own, self._position() | add_prefix("own", self._own_tensors()))
+        check_same_layout(own, self._own_state())
         phase_number = read_integer(state, "part", len(self._phases) - 1)
         field = self._field_like(strip_prefix("learned.field", saved_state), float(state["voxel"]))
         renderer = self._new_renderer(field)
@@ -157,13 +136,13 @@ class VoxelFit(Generic[Recipe]):
             tensor.copy_(state[f"own.{name}"])
         self._set_field(field, renderer, training_state)
 
-    def _position(self) -> dict[str, Tensor]:
+    def _own_state(self) -> dict[str, Tensor]:
         return {
             "voxel": scalar_tensor(self.field.voxel),
             "part": scalar_tensor(self._number),
             "rays_per_batch": scalar_tensor(self._rays_per_batch),
             "loss_average": self._loss_average.detach().cpu(),
-        }
+        } | add_prefix("own", self._own_tensors())
 
     def _own_tensors(self) -> dict[str, Tensor]:
         """Return the tensors of constant shape beside field and background."""
@@ -181,7 +160,7 @@ class VoxelFit(Generic[Recipe]):
         if phase is not self._phases[0]:
             self._training_state = None  # frees its memory
             self.field = self._pruned()
-            self._renderer = None
+            del self.renderer
         begins_level = phase.level > 0 and not phase.before
         if begins_level:
             self.field = self._refined(self.recipe.levels[phase.level])
@@ -197,32 +176,24 @@ class VoxelFit(Generic[Recipe]):
         """Hook before the iterations of all levels but the first."""
 
     def _set_field(self, field: VoxelField, renderer: Renderer, training_state: TrainingState) -> None:
-        self.field, self._renderer, self._training_state = field, renderer, training_state
-
-    @property
-    def renderer(self) -> Renderer:
-        """Renderer of the current phase."""
-        assert self._renderer is not None
-        return self._renderer
+        self.field, self.renderer, self._training_state = field, renderer, training_state
 
     def _new_renderer(self, field: VoxelField) -> Renderer:
-        supervision = PointSupervision(POINT_MARGIN * field.voxel, OFF_PATH * field.voxel)
-        return new_renderer(field, self.runtime, self._unit, self.russian_roulette, supervision)
+        margin, off_path = POINT_MARGIN * field.voxel, OFF_PATH * field.voxel
+        return new_renderer(field, self.runtime, self._unit, self.russian_roulette, margin, off_path)
 
-    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
-        """Compute the loss of random rays in the level of this number."""
+    def _losses(self, number: int, level: Level, n_rays: int) -> tuple[Tensor, Tensor, int]:
+        """Return total loss, mean squared color error and number of samples of random rays in a level."""
         raise NotImplementedError
 
-    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
-        return list(field.color_network.parameters())
-
     def _new_training_state(self, field: VoxelField, renderer: Renderer, phase: Phase) -> TrainingState:
+        background = self.background
+        trained = [] if background is None else [each for each in background.parameters() if each.requires_grad]
         groups = [
             {"params": [field.raw_density, field.feature_table], "lr": self.recipe.table_rate},
-            {"params": self._trained_networks(field), "lr": self.recipe.network_rate},
+            {"params": [*field.color_network.parameters(), *trained], "lr": self.recipe.network_rate},
         ]
         optimizer = renderer.optimizer(groups, betas=(0.9, 0.99))
-        background = self.background
 
         def learned() -> dict[str, Tensor]:  # refers to no fit: a cycle would outlive it with all its data
             behind = {} if background is None else background.state_dict()
@@ -239,21 +210,18 @@ class VoxelFit(Generic[Recipe]):
             return min(1.0, (iteration + 1) / 10) * of_level(max(phase.before + iteration, 10), level.iterations)
 
         def step(_: int, batch_scale: float) -> tuple[Tensor, dict[str, Any]]:
-            return self._step(phase.level, level, batch_scale)
+            n_rays = max(64, int(self._rays_per_batch * batch_scale))
+            loss, error, n_samples = self._losses(phase.level, level, n_rays)
+            if n_samples:
+                share = self.first_share if phase.level == 0 else 1.0
+                wanted = n_rays * share * self.recipe.samples / n_samples
+                self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
+            # stays a tensor: reading the value would synchronize with the device
+            self._loss_average = torch.lerp(self._loss_average, error.detach().double(), 0.05)
+            return loss, {"psnr": -10 * self._loss_average.clamp_min(1e-10).log10()}
 
         assert self._training_state is not None
         train(self._training_state, phase.iterations, step, schedule, progress, checkpoint)
-
-    def _step(self, number: int, level: Level, batch_scale: float) -> tuple[Tensor, dict[str, Any]]:
-        n_rays = max(64, int(self._rays_per_batch * batch_scale))
-        batch = self._batch(number, level, n_rays)
-        if batch.n_samples:
-            share = self.first_share if number == 0 else 1.0
-            wanted = n_rays * share * self.recipe.samples / batch.n_samples
-            self._rays_per_batch = min(0.8 * self._rays_per_batch + 0.2 * wanted, self.recipe.max_rays)
-        # stays a tensor: reading the value would synchronize with the device
-        self._loss_average = torch.lerp(self._loss_average, batch.error.detach().double(), 0.05)
-        return batch.loss, {"psnr": -10 * self._loss_average.clamp_min(1e-10).log10()}
 
     @torch.no_grad()
     def _pruned(self) -> VoxelField:

@@ -12,8 +12,6 @@ Handling of the background, by kind:
   The background is never random, which would create fog, and is drawn to the photos' colors at the same elevation.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch
@@ -26,7 +24,7 @@ from ..priors import is_photo_consistent, rotate_about_vertical
 from ..rendering.rays import PixelDataset
 from ..scene import Background
 from .field import VoxelField
-from .fit import Batch, VoxelFit
+from .fit import VoxelFit
 from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
@@ -35,9 +33,8 @@ FOG_PENALTY = 3e-2  # weight of opacity where the background alone explains the 
 COLOR_DEVIATION = 0.03  # standard deviation between photo and background that count as equal
 # fraction of the rays of a direction that must be free before fog is penalized; with fewer, the photos show objects there
 MIN_FREE = 0.2
-HULL_VIEWS = (
-    0.25  # fraction of the views that must see a point of the visual hull; not all, a table may exceed a picture
-)
+# fraction of the views that must see a point of the visual hull; not all, a table may exceed a picture
+HULL_VIEWS = 0.25
 MATTE_BOX_CELLS = 48
 
 
@@ -56,7 +53,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
         field: VoxelField,
         is_wide: bool = False,
     ) -> None:
-        """Create a new fit. is_wide: the cameras have wide baselines."""
+        """Create a new fit. is_wide: use the losses for cameras with wide baselines."""
         background = Background().to(runtime.device) if background_kind == "opaque" else None
         super().__init__(dataset, settings, runtime, field, background)
         self.background_kind = background_kind
@@ -73,20 +70,14 @@ class BoxFit(VoxelFit[GeometrySettings]):
         for rays in self._random_rays():
             bins.append(_direction_bins(rays.viewdirs))
             is_free.append(self.renderer.is_free(rays, level.step))
-        n_rays, n_free = (
-            torch.bincount(each, minlength=len(self._free))
-            for each in (torch.cat(bins), torch.cat(bins)[torch.cat(is_free)])
-        )
-        self._free = n_free / n_rays.clamp_min(1)
+        all_bins, n = torch.cat(bins), len(self._free)
+        n_free = torch.bincount(all_bins[torch.cat(is_free)], minlength=n)
+        self._free = n_free / torch.bincount(all_bins, minlength=n).clamp_min(1)
 
     def _own_tensors(self) -> dict[str, Tensor]:
         return super()._own_tensors() | {"support": self._free}
 
-    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
-        background = [] if self.background is None else list(self.background.parameters())
-        return super()._trained_networks(field) + background
-
-    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
+    def _losses(self, number: int, level: Level, n_rays: int) -> tuple[Tensor, Tensor, int]:
         index = self.dataset.draw(n_rays, self.runtime)
         rays = self.dataset.rays(index)
         target = self.dataset.normalized_colors(index)
@@ -105,16 +96,13 @@ class BoxFit(VoxelFit[GeometrySettings]):
         if backdrop is not None and free is not None:
             fog = _explained_by(backdrop.detach(), target, free) * (1 - sums.final_transmittance)
             loss = loss + FOG_PENALTY * fog.mean()
-        return Batch(loss, error, sums.n_samples)
+        return loss, error, sums.n_samples
 
     def _behind(self, index: Tensor, sums: RaySums, backdrop: Tensor | None, free: Tensor | None) -> Tensor:
         """Return the color behind each pixel's ray, [R, 3].
 
-        Args:
-            index: Pixels, [R].
-            sums: Of their rays.
-            backdrop: Color of the learned background, [R, 3]; None without one.
-            free: Fraction of free rays in the same direction, [R]; None until it is measured.
+        backdrop: color of the learned background, [R, 3]; None without one.
+        free: fraction of free rays in the same direction, [R]; None until it is measured.
         """
         n_rays = len(index)
         if self.background_kind == "alpha":
@@ -176,15 +164,9 @@ def _explained_by(backdrop: Tensor, target: Tensor, free: Tensor) -> Tensor:
 
 
 def visual_hull(dataset: PixelDataset, points: Tensor, margin: float) -> Tensor:
-    """Carve points by the mattes.
+    """Return True for points [n, 3] inside all mattes of the views that see them, if HULL_VIEWS of the views do.
 
-    Args:
-        dataset: Photos with mattes.
-        points: [n, 3], world.
-        margin: Dilation of the mattes, world units.
-
-    Returns:
-        [n] bool, True for points inside all mattes of the views that see them, if HULL_VIEWS of the views do.
+    margin: dilation of the mattes. Points and margin are in world units.
     """
     assert dataset.alpha is not None
     possible = torch.ones(len(points), dtype=torch.bool, device=points.device)

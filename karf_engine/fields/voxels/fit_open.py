@@ -6,26 +6,30 @@ to a point is free before it and ends there (DS-NeRF, Deng et al. 2022; Urban Ra
 Above the horizon there may be a sky, a function of direction; opacity in front of it is penalized.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import cast
 
+import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from ...capture.capture import SparsePoints
 from ...compute.runtime import Runtime
 from ...project.settings import Level, OpenSettings
-from ..priors import FreeSpace, Horizon
+from ..extent import contraction_around_focus, is_reliable, mean_frustum
+from ..fit import FitInputs
+from ..priors import FreeSpace, Horizon, estimate_horizon
 from ..rendering.rays import PixelDataset
-from ..rendering.space import OpenSpace
+from ..rendering.space import OpenSpace, Space, space_to_device
 from ..scene import Background
 from ..training import Adam, TrainingState
 from .field import VoxelField
-from .fit import Batch, VoxelFit
-from .observations import Observations
+from .fit import VoxelFit
+from .fit_box import start_box_fit
+from .grid import BITS
 from .renderer import RayBatch, Renderer
-from .vertices import BITS
 
 DENSITY_BIAS = -4.5  # visible fog from the start, since every ray must end on something
 LATE_POINTS = 0.25  # factor of the points' weight in the last level, where photos locate surfaces better than points
@@ -38,7 +42,7 @@ COLOR_DEVIATION = 0.2  # standard deviation between photo and sky that count as 
 
 
 class OpenFit(VoxelFit[OpenSettings]):
-    """Fit of a field in open space. horizon: there may be a sky above it; None for no sky."""
+    """Fit of a field in open space."""
 
     cuts = (1 / 4, 1 / 2)
     russian_roulette = 0.02
@@ -50,14 +54,16 @@ class OpenFit(VoxelFit[OpenSettings]):
         settings: OpenSettings,
         runtime: Runtime,
         field: VoxelField,
-        observations: Observations,
+        observations: tuple[Tensor, Tensor],
         free: FreeSpace,
         horizon: Horizon | None,
     ) -> None:
+        """Create a new fit. observations: see `find_observations`. horizon: where a sky may begin; None for no sky."""
         background = fit_background(dataset, runtime)
         sky = None if horizon is None else fit_sky(dataset, horizon, runtime)
         super().__init__(dataset, settings, runtime, field, sky or background)
-        self._observations, self._free = observations, free
+        self._observing_pixels, self._observed_points = observations
+        self._free = free
         self._horizon = None if sky is None else horizon
 
     def _refined(self, level: Level) -> VoxelField:
@@ -70,13 +76,14 @@ class OpenFit(VoxelFit[OpenSettings]):
         super()._set_field(field, renderer, training_state)
         self._vertices = field.numbers()
 
-    def _batch(self, number: int, level: Level, n_rays: int) -> Batch:
+    def _losses(self, number: int, level: Level, n_rays: int) -> tuple[Tensor, Tensor, int]:
         settings, runtime, dataset = self.recipe, self.runtime, self.dataset
-        n_observed = int(n_rays * settings.point_share) if len(self._observations) else 0
+        n_observations = len(self._observing_pixels)
+        n_observed = int(n_rays * settings.point_share) if n_observations else 0
         index = dataset.draw(n_rays, runtime)
-        chosen = runtime.randint(max(1, len(self._observations)), n_observed)
-        index[n_rays - n_observed :] = self._observations.index[chosen]
-        jitter, observed = runtime.rand(n_rays), self._observations.positions[chosen]
+        chosen = runtime.randint(max(1, n_observations), n_observed)
+        index[n_rays - n_observed :] = self._observing_pixels[chosen]
+        jitter, observed = runtime.rand(n_rays), self._observed_points[chosen]
         rays, target = dataset.rays(index), dataset.normalized_colors(index)
         sums = self.renderer.render(RayBatch(rays, level.step, jitter, number == 0, observed))
         # random colors behind everything but the sky, so that rays must end on something
@@ -95,11 +102,7 @@ class OpenFit(VoxelFit[OpenSettings]):
             # weight in front of an observed point, and weight missing up to it
             missed = (sums.before + 1 - sums.up_to) * sums.observes
             loss = loss + strength * missed.sum() / n_observed
-        return Batch(loss, error, sums.n_samples)
-
-    def _trained_networks(self, field: VoxelField) -> list[nn.Parameter]:
-        sky = [] if self._horizon is None or self.background is None else list(self.background.parameters())
-        return super()._trained_networks(field) + sky
+        return loss, error, sums.n_samples
 
     def _total_variation(self) -> Tensor:
         """Return the mean squared difference to the next vertex along each axis, over random vertices."""
@@ -113,25 +116,51 @@ class OpenFit(VoxelFit[OpenSettings]):
         return (density + features / self.field.n_features) / TV_VERTICES
 
 
-def start_open_fit(
-    dataset: PixelDataset,
-    space: OpenSpace,
-    settings: OpenSettings,
-    n_features: int,
-    observations: Observations,
-    free: FreeSpace,
-    horizon: Horizon | None,
-    runtime: Runtime,
-) -> OpenFit:
-    """Create the fit of a new field in the part of a space that cameras see and that is not known to be free."""
-    low, high = space.grid_bounds(dataset.cameras)
-    voxel = float((high - low).max()) / settings.levels[0].voxels
+def start_voxel_fit(inputs: FitInputs) -> VoxelFit:
+    """Create the fit of a new field; in open space it fills the part that cameras see and that is not known to be free.
+
+    Raises BadRequest if the space is a frustum and the nearest depth is unknown.
+    """
+    if inputs.space == "box":
+        return start_box_fit(inputs.dataset, inputs.background_kind, inputs.settings, inputs.runtime)
+    dataset, cameras, runtime = inputs.dataset, inputs.dataset.cameras, inputs.runtime
+    recipe, horizon = inputs.settings.open, None
+    if inputs.space == "frustum":
+        space = mean_frustum(inputs.views, inputs.points)
+        levels = tuple(replace(each, voxels=round(recipe.frustum_detail * each.voxels)) for each in recipe.levels)
+        smoothness = recipe.frustum_smoothness * recipe.total_variation
+        recipe = replace(recipe, levels=levels, total_variation=smoothness)
+    else:
+        space = contraction_around_focus(cameras, recipe)
+        horizon = estimate_horizon(cameras, inputs.points, space.center, space.radius).to(runtime.device)
+    space = cast(OpenSpace, space_to_device(space, runtime.device))
+    observations = find_observations(dataset, space, inputs.points)
+    free = FreeSpace.from_views(inputs.views, inputs.points, runtime.device)
+    low, high = space.grid_bounds(cameras)
+    voxel = float((high - low).max()) / recipe.levels[0].voxels
     shape = [max(1, math.ceil(float(side) / voxel - 1e-3)) for side in high - low]
     occupied = torch.ones(shape, dtype=torch.bool, device=runtime.device)
     cells = low + (torch.nonzero(occupied) + 0.5) * voxel
-    occupied = (space.is_seen(cells, dataset.cameras) & ~free.contains(space.to_world(cells))).view(shape)
-    field = VoxelField(low, voxel, occupied, n_features, 64, DENSITY_BIAS, space)
-    return OpenFit(dataset, settings, runtime, field, observations, free, horizon)
+    occupied = (space.is_seen(cells, cameras) & ~free.contains(space.to_world(cells))).view(shape)
+    field = VoxelField(low, voxel, occupied, inputs.settings.features, 64, DENSITY_BIAS, space)
+    return OpenFit(dataset, recipe, runtime, field, observations, free, horizon)
+
+
+def find_observations(dataset: PixelDataset, space: Space, points: SparsePoints | None) -> tuple[Tensor, Tensor]:
+    """Return the pixels that observe a reliable sparse point, [m], and the observed points, [m, 3], grid coordinates."""
+    index, positions = [torch.zeros(0, dtype=torch.long)], [torch.zeros(0, 3)]
+    if points is not None and len(points):
+        reliable = is_reliable(points)
+        for number, camera in enumerate(dataset.cameras):
+            seen = points.point[points.view == number]
+            world = points.positions[seen[reliable[seen]]]
+            pixels, depth = camera.project(world)
+            cells = np.floor(pixels).astype(int)
+            inside = (depth > 0) & ((cells >= 0) & (cells < (camera.width, camera.height))).all(1)
+            index.append(int(dataset.offsets[number]) + torch.from_numpy(cells[inside] @ (1, camera.width)))
+            positions.append(torch.from_numpy(world[inside]).float())
+    device = dataset.color.device
+    return torch.cat(index).to(device), space.to_grid(torch.cat(positions).to(device))
 
 
 def fit_background(dataset: PixelDataset, runtime: Runtime) -> Background:

@@ -4,8 +4,6 @@
 expressions of the sums, the same for both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,14 +14,6 @@ from torch import Tensor
 from ..rendering.rays import Rays
 
 DARK = 1e-4  # rays are terminated at this transmittance
-
-
-@dataclass(frozen=True)
-class PointSupervision:
-    """Tolerances for observed points, grid units."""
-
-    margin: float  # largest distance between an observed point and its surface along the ray
-    off_path: float  # points farther than this from their own ray are ignored as outliers
 
 
 @dataclass(frozen=True)
@@ -46,10 +36,10 @@ class RaySums:
     distortion: Tensor  # distortion of Mip-NeRF 360 (see volume.distortion), in the renderer's unit, [R]
     before: Tensor  # weight before the observed point less the margin, [R]; 0 for rays without a valid observation
     up_to: Tensor  # weight before the observed point plus the margin, [R]; 0 for rays without a valid observation
-    observes: Tensor  # rays with a valid observation, [R] bool
     distance: Tensor  # weighted distances along the ray, in the renderer's unit, [R]
     distance_squared: Tensor  # weighted squared distances, [R]
     alpha: Tensor  # sum of the samples' opacities, [R]
+    observes: Tensor  # rays with a valid observation, [R] bool
     n_samples: int  # samples of all rays
 
 

@@ -1,6 +1,4 @@
-"""`Renderer` in plain torch: runs on any device, reference for the compiled kernels."""
-
-from __future__ import annotations
+"""`Renderer` in plain torch, on any device, and the choice between it and the compiled kernels."""
 
 from collections.abc import Iterable
 
@@ -8,29 +6,25 @@ import torch
 from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
+from ..rendering import volume
 from ..rendering.rays import Rays
 from ..rendering.sampling import Polylines, Samples
-from ..rendering.volume import (
-    VISIBLE_WEIGHT,
-    accumulate,
-    distortion,
-    final_transmittance_from_sigmas,
-    ray_weights_from_sigmas,
-    transmittance_from_optical_depths,
-)
+from ..rendering.volume import VISIBLE_WEIGHT, accumulate
 from ..training import Adam
 from .field import VoxelField
-from .renderer import DARK, PointSupervision, RayBatch, RaySums
+from .renderer import DARK, RayBatch, RaySums, Renderer
 
 
 class TorchRenderer:
-    """Renderer of one field on its own device (see choice.new_renderer)."""
+    """`Renderer` on the field's device, reference for the compiled kernels."""
 
     def __init__(
-        self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, supervision: PointSupervision
+        self, field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, margin: float, off_path: float
     ) -> None:
+        """See `new_renderer`."""
         self.field, self.runtime = field, runtime
-        self._unit, self._russian_roulette, self._supervision = unit, russian_roulette, supervision
+        self._unit, self._russian_roulette = unit, russian_roulette
+        self._margin, self._off_path = margin, off_path
 
     def optimizer(self, groups: list[dict], betas: tuple[float, float]) -> Adam:
         return Adam(groups, betas=betas, eps=1e-12, fused=True)
@@ -42,7 +36,7 @@ class TorchRenderer:
         step = samples.step
         assert isinstance(step, float)  # marching takes equal steps
         sigmas = field.density_at(rows, corner_weights)
-        weights = ray_weights_from_sigmas(sigmas, step, samples.ray_indices)
+        weights = volume.ray_weights_from_sigmas(sigmas, step, samples.ray_indices)
         importances = self._importances(weights.detach())
         colored = torch.nonzero(importances).squeeze(1)
         ray_indices = samples.ray_indices[colored]
@@ -53,12 +47,12 @@ class TorchRenderer:
         alphas = -torch.expm1(-sigmas * step)
         before, up_to, observes = self._observed(batch, paths, samples, weights)
         color = accumulate(weights[colored] * importances[colored], colors, ray_indices, n_rays)
-        final_transmittance = final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays)
-        spread = distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays)
+        final_transmittance = volume.final_transmittance_from_sigmas(sigmas, step, samples.ray_indices, n_rays)
+        spread = volume.distortion(weights, scaled, step / self._unit, samples.ray_indices, n_rays)
         alpha = accumulate(alphas, None, samples.ray_indices, n_rays)[:, 0]
-        distance, distance_squared = moments[:, 0], moments[:, 1]
+        distance, square = moments.unbind(1)
         return RaySums(
-            color, final_transmittance, spread, before, up_to, observes, distance, distance_squared, alpha, len(samples)
+            color, final_transmittance, spread, before, up_to, distance, square, alpha, observes, len(samples)
         )
 
     @torch.no_grad()
@@ -68,7 +62,7 @@ class TorchRenderer:
         samples = field.march_paths(paths, batch.step, batch.jitter)
         rows, corner_weights = field.corners(samples.positions, all_occupied=True)
         optical_depths = field.density_at(rows, corner_weights) * samples.step
-        transmittance = transmittance_from_optical_depths(optical_depths, samples.ray_indices)
+        transmittance = volume.transmittance_from_optical_depths(optical_depths, samples.ray_indices)
         lit = torch.nonzero(transmittance > DARK).squeeze(1)
         kept = Samples(samples.ray_indices[lit], samples.distances[lit], samples.positions[lit], samples.step)
         return kept, rows[lit], corner_weights[lit]
@@ -90,8 +84,8 @@ class TorchRenderer:
         first = n_rays - len(batch.observed)
         distance, gap = Polylines(paths[first:]).nearest(batch.observed)
         reach = torch.full_like(none, -1.0)
-        reach[first:] = torch.where(gap < self._supervision.off_path, distance, torch.full_like(distance, -1.0))
-        limit, margin = reach[samples.ray_indices], self._supervision.margin
+        reach[first:] = torch.where(gap < self._off_path, distance, torch.full_like(distance, -1.0))
+        limit, margin = reach[samples.ray_indices], self._margin
         nearer = torch.stack([samples.distances < limit - margin, samples.distances < limit + margin], 1)
         before, up_to = accumulate(weights, nearer & (limit >= 0)[:, None], samples.ray_indices, n_rays).unbind(1)
         return before, up_to, reach >= 0
@@ -121,3 +115,23 @@ class TorchRenderer:
         free = torch.ones(len(rays), dtype=torch.bool, device=rays.origins.device)
         free[self.field.march(rays, step).ray_indices] = False
         return free
+
+
+def new_renderer(
+    field: VoxelField, runtime: Runtime, unit: float, russian_roulette: float, margin: float, off_path: float
+) -> Renderer:
+    """Return a renderer for training this field: compiled kernels where numba runs, torch elsewhere.
+
+    Args:
+        field: Field to train.
+        runtime: Device and source of random numbers.
+        unit: Unit of the summed distances, grid units.
+        russian_roulette: Samples below this weight get a color with a probability proportional to it; 0 turns it off.
+        margin: Largest distance between an observed point and its surface along the ray, grid units.
+        off_path: Observed points farther than this from their own ray are ignored as outliers, grid units.
+    """
+    if field.suits_kernels:
+        from .fused.renderer import FusedRenderer  # needs numba
+
+        return FusedRenderer(field, runtime, unit, russian_roulette, margin, off_path)
+    return TorchRenderer(field, runtime, unit, russian_roulette, margin, off_path)

@@ -10,9 +10,8 @@ from torch import Tensor, nn
 from karf_engine.heads.fields import scale_positions
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import ObjectSurface
-from karf_engine.kan.encoding import positional_encoding
-from karf_engine.kan.mlp import MLPHead
-from karf_engine.kan.standardize import Standardizer
+from karf_engine.kan.gated_block import MLPHead
+from karf_engine.kan.inputs import Standardizer, positional_encoding
 from karf_engine.recolor.model import Model
 
 FREQUENCIES, DIRECTION_FREQUENCIES = 5, 2  # octaves of the encodings

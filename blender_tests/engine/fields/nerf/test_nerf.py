@@ -16,7 +16,7 @@ from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.space import Box, Similarity
 from karf_engine.fields.scene import Scene
 from karf_engine.io.checkpoints import load_tensors, save_tensors
-from karf_engine.kan.encoding import positional_encoding
+from karf_engine.kan.inputs import positional_encoding
 
 SMALL = NerfShape(width=16, view_width=8, position_frequencies=4, direction_frequencies=2)
 

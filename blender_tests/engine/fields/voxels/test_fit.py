@@ -101,7 +101,7 @@ def test_a_finished_fit_frees_its_photos_fields_and_moments_at_once(photos, kern
             pass
         box_fit.state()
         moments = [entry["exp_avg"] for entry in box_fit._training_state.optimizer.state.values()]
-        parts = [box_fit, box_fit.dataset, box_fit.field, box_fit.background, box_fit._renderer, *moments]
+        parts = [box_fit, box_fit.dataset, box_fit.field, box_fit.background, box_fit.renderer, *moments]
         held = [weakref.ref(part) for part in parts]
         del box_fit, moments, parts, _
         assert [reference() for reference in held] == [None] * len(held)

@@ -20,10 +20,8 @@ from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box, Contraction
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.fields.voxels.observations import find_observations
-from karf_engine.fields.voxels.renderer import PointSupervision
-from karf_engine.fields.voxels.renderers import new_renderer
-from karf_engine.fields.voxels.torch_renderer import TorchRenderer
+from karf_engine.fields.voxels.fit_open import find_observations
+from karf_engine.fields.voxels.torch_renderer import TorchRenderer, new_renderer
 from karf_engine.metrics.images import psnr
 from karf_engine.project.settings import GeometrySettings, Level, OpenSettings
 
@@ -205,7 +203,7 @@ def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch
     few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=6000))
     state = start(cameras(8), "contraction", True, few)
     unpruned = next(state.scenes(silent())).field
-    renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, PointSupervision(0.1, 0.1))
+    renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, 0.1, 0.1)
     pixels = torch.arange(len(state.dataset))
     is_shown = renderer.visibility(state.dataset.rays(part) for part in pixels.split(4096)) > 0.1
     kept = state._pruned().occupied[unpruned.occupied]
@@ -224,7 +222,7 @@ def test_the_same_fog_outlasts_pruning_in_fine_cells_as_in_coarse_ones(monkeypat
         field = VoxelField(learned.minimum, voxel, torch.ones(n, n, n, dtype=torch.bool), 6, space=learned.space)
         depth = torch.tensor(0.03 * 12 / n)  # of a cell
         field.raw_density.data.fill_(depth.expm1().log() - field.density_bias)
-        state.field, state._renderer = field, state._new_renderer(field)
+        state.field, state.renderer = field, state._new_renderer(field)
         return state._pruned().occupied.float().mean().item()
 
     assert kept(24) > 0.7 * kept(12) > 0.4
@@ -271,13 +269,13 @@ def test_each_observation_is_the_pixel_that_shows_its_point():
     photos = [take_photo(camera) for camera in ring()]
     points = points_on_the_still_life(ring(), photos)
     dataset = PixelDataset(ring(), [photo.color for photo in photos], None)
-    observations = find_observations(dataset, Box(), points)
-    assert len(observations) == len(points.view)
-    rays = dataset.rays(observations.index)
-    toward = torch.nn.functional.normalize(observations.positions - rays.origins, dim=1)
+    pixels, positions = find_observations(dataset, Box(), points)
+    assert len(pixels) == len(positions) == len(points.view)
+    rays = dataset.rays(pixels)
+    toward = torch.nn.functional.normalize(positions - rays.origins, dim=1)
     assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / ring()[0].fx)  # within a pixel
     bad = replace(points, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
-    assert len(find_observations(dataset, Box(), bad)) == (points.point >= 150).sum()
+    assert len(find_observations(dataset, Box(), bad)[0]) == (points.point >= 150).sum()
 
 
 def test_only_what_a_camera_sees_is_looked_for():

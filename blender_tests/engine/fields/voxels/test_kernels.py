@@ -24,15 +24,13 @@ from karf_engine.fields.rendering.volume import accumulate, ray_weights_from_sig
 from karf_engine.fields.training import TrainingState, constant, train
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
-from karf_engine.fields.voxels.fused.marching import importance_of, uniform
-from karf_engine.fields.voxels.fused.ray_paths import paths_of
+from karf_engine.fields.voxels.fused.marching import importance_of, paths_of, uniform
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
-from karf_engine.fields.voxels.renderer import PointSupervision, RayBatch
-from karf_engine.fields.voxels.renderers import new_renderer
-from karf_engine.fields.voxels.torch_renderer import TorchRenderer
+from karf_engine.fields.voxels.renderer import RayBatch
+from karf_engine.fields.voxels.torch_renderer import TorchRenderer, new_renderer
 
 ROOT = Path(__file__).resolve().parents[4]
-SUPERVISION = PointSupervision(margin=0.05, off_path=0.4)
+MARGIN, OFF_PATH = 0.05, 0.4
 UNIT = 0.3
 SUMS = ("color", "final_transmittance", "distortion", "before", "up_to", "distance", "distance_squared", "alpha")
 SPACES = {
@@ -72,11 +70,11 @@ def doubled(batch: RayBatch) -> RayBatch:
 
 
 def fused(field: VoxelField, russian_roulette: float = 0.0) -> FusedRenderer:
-    return FusedRenderer(field, start_runtime(0, 1, "cpu"), UNIT, russian_roulette, SUPERVISION)
+    return FusedRenderer(field, start_runtime(0, 1, "cpu"), UNIT, russian_roulette, MARGIN, OFF_PATH)
 
 
 def exact(field: VoxelField) -> TorchRenderer:
-    return TorchRenderer(field, start_runtime(0, 1, "cpu"), UNIT, 0.0, SUPERVISION)
+    return TorchRenderer(field, start_runtime(0, 1, "cpu"), UNIT, 0.0, MARGIN, OFF_PATH)
 
 
 def gradients_of(field: VoxelField) -> dict:
@@ -211,7 +209,7 @@ def test_colors_count_as_much_as_without_russian_roulette_on_average(weight):
 def _learn(threads: int, iterations: int = 12) -> VoxelField:
     runtime = start_runtime(0, threads, "cpu")
     field, batch = random_field("box", share=0.7), random_batch("box", 1000)
-    renderer = FusedRenderer(field, runtime, UNIT, 0.02, SUPERVISION)
+    renderer = FusedRenderer(field, runtime, UNIT, 0.02, MARGIN, OFF_PATH)
     groups = [
         {"params": [field.raw_density, field.feature_table], "lr": 0.05},
         {"params": list(field.color_network.parameters()), "lr": 0.01},
@@ -245,7 +243,7 @@ def test_rows_that_no_ray_touches_rest():
     optimizer = renderer.optimizer([{"params": [field.raw_density, field.feature_table], "lr": 0.1}], (0.9, 0.99))
     for _ in range(2):
         renderer.render(batch).color.sum().backward()
-        touched = renderer.tables.touched > 0
+        touched = renderer.touched > 0
         optimizer.step()
     moved = (field.raw_density.detach() != before)[:, 0].numpy()
     assert 0 < moved.sum() < len(moved) / 2
@@ -270,12 +268,12 @@ def test_what_is_not_a_number_stops_training():
 
 def test_without_numba_or_where_it_is_left_out_torch_learns(monkeypatch):
     field, runtime = random_field("box"), start_runtime(0, 1, "cpu")
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, SUPERVISION), FusedRenderer)
+    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, MARGIN, OFF_PATH), FusedRenderer)
     monkeypatch.setenv("KARF_KERNELS", "off")
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, SUPERVISION), TorchRenderer)
+    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, MARGIN, OFF_PATH), TorchRenderer)
     monkeypatch.delenv("KARF_KERNELS")
     monkeypatch.setitem(sys.modules, "numba", None)
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, SUPERVISION), TorchRenderer)
+    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, MARGIN, OFF_PATH), TorchRenderer)
 
 
 def check_bounds(file, names, cache):

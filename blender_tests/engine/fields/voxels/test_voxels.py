@@ -9,8 +9,7 @@ ndimage = pytest.importorskip("scipy.ndimage")
 
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.scene import Background, Scene
-from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.fields.voxels.tables import WeightedGather, dilate, rescaled_raw
+from karf_engine.fields.voxels.field import VoxelField, WeightedGather, dilate, rescaled_raw
 
 MINIMUM, VOXEL = torch.tensor([-1.0, 0.5, 2.0]), 0.25
 

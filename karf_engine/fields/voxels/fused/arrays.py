@@ -1,19 +1,22 @@
-"""Arrays of the kernels as named tuples, which numba reads without copies.
+"""Arrays of the kernels as named tuples, which numba reads without copies, and the instruction that prefetches them.
 
 Sizes: R rays, K knots per ray, S sample slots, F features, H hidden units.
 """
 
-from __future__ import annotations
+from typing import Any, NamedTuple
 
-from typing import NamedTuple
-
+import numba
 import numpy as np
+import torch
+from llvmlite import ir
+from numba.extending import intrinsic
+from torch import Tensor
 
+from ..grid import VoxelGrid
+
+ZERO, HALF, ONE, TWO, THIRD = map(np.float32, (0, 0.5, 1, 2, 1 / 3))
 # flags of a table row: it has a gradient of its density, of its features
 DENSITY, FEATURES, BOTH = np.uint8(1), np.uint8(2), np.uint8(3)
-# columns of the sums of a ray
-RED, GREEN, BLUE, FINAL_TRANSMITTANCE, DISTORTION, BEFORE, UP_TO, DISTANCE, SQUARE, ALPHA = range(10)
-N_SUMS = 10
 
 
 def _record(*names: str) -> np.dtype:
@@ -27,6 +30,10 @@ LOCAL_POINT = _record("x", "y", "z", "distance")
 LIGHT = _record("weight", "transparency", "transmittance", "depth_gradient")
 # fractions within the cell, and the factor of the sample's color
 SORTED_POINT = _record("x", "y", "z", "importance")
+# sums along a ray, as in `RaySums`; the first three are its color
+SUMS = _record(
+    "red", "green", "blue", "final_transmittance", "distortion", "before", "up_to", "distance", "square", "alpha"
+)
 
 
 class Axes(NamedTuple):
@@ -49,7 +56,7 @@ class Grid(NamedTuple):
     plane_stride: int  # increment of the vertex number along x
     bits: np.ndarray  # occupied cells, eight per byte along z, [X * Y * row_bytes]
     coarse: np.ndarray  # `sampling.coarse_occupancy`, flat
-    index: np.ndarray  # table row of each vertex (see ../vertices.py), flat
+    index: np.ndarray  # table row of each vertex (see ../grid.py), flat
     densities: np.ndarray  # raw densities of the field, not copied
     bias: np.float32  # raw density of empty space
 
@@ -63,31 +70,20 @@ class Samples(NamedTuple):
     points: np.ndarray  # [S] of LOCAL_POINT
     light: np.ndarray  # [S] of LIGHT
     importances: np.ndarray  # [S], 1 / p for samples whose color is drawn with probability p; 0 without a color
-    colors: np.ndarray  # [S, 3], sRGB
+    colors: np.ndarray  # [S, 3], sRGB; in the backward pass gradients of the loss with respect to their logits
+    weight_gradients: np.ndarray  # [S], gradients of the loss with respect to the ray weights
+    density_gradients: np.ndarray  # [S], and to the raw densities
     counts: np.ndarray  # samples of each chunk
 
 
 def new_samples(n_chunks: int, capacity: int) -> Samples:
     """Allocate samples, uninitialized."""
-    size = n_chunks * capacity
-    return Samples(
-        np.empty(size, np.int32),
-        np.empty((size, 4), np.int32),
-        np.empty(size, np.int32),
-        np.empty(size, LOCAL_POINT),
-        np.empty(size, LIGHT),
-        np.empty(size, np.float32),
-        np.empty((size, 3), np.float32),
-        np.empty(n_chunks, np.int64),
-    )
-
-
-class SampleGradients(NamedTuple):
-    """Gradients of the loss, in the slots of `Samples`."""
-
-    weights: np.ndarray  # [S], with respect to the ray weights
-    densities: np.ndarray  # [S], with respect to the raw densities
-    logits: np.ndarray  # [S, 3], with respect to the color logits, of colored samples; in the memory of the colors
+    size, f32, i32 = n_chunks * capacity, np.float32, np.int32
+    vertices, corners, rays = np.empty(size, i32), np.empty((size, 4), i32), np.empty(size, i32)
+    points, light = np.empty(size, LOCAL_POINT), np.empty(size, LIGHT)
+    importances, colors = np.empty(size, f32), np.empty((size, 3), f32)
+    gradients, counts = (np.empty(size, f32), np.empty(size, f32)), np.empty(n_chunks, np.int64)
+    return Samples(vertices, corners, rays, points, light, importances, colors, *gradients, counts)
 
 
 class SortedSamples(NamedTuple):
@@ -111,21 +107,14 @@ class RayArrays(NamedTuple):
     first: np.ndarray  # [R], first sample
     counts: np.ndarray  # [R], number of samples
     reach: np.ndarray  # [R], distance to the observed point; -1 without a valid observation
-    sums: np.ndarray  # [R, N_SUMS], in the order of RED to ALPHA
+    sums: np.ndarray  # [R] of SUMS
 
 
 def new_rays(paths: np.ndarray, jitter: np.ndarray, observed: np.ndarray) -> RayArrays:
     """Allocate the results of rays."""
-    n_rays = len(paths)
-    return RayArrays(
-        paths,
-        jitter,
-        observed,
-        np.empty(n_rays, np.int64),
-        np.empty(n_rays, np.int64),
-        np.empty(n_rays, np.float32),
-        np.zeros((n_rays, N_SUMS), np.float32),
-    )
+    n = len(paths)
+    first, counts, reach = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.float32)
+    return RayArrays(paths, jitter, observed, first, counts, reach, np.zeros(n, SUMS))
 
 
 class MarchSettings(NamedTuple):
@@ -165,12 +154,48 @@ class TablePair(NamedTuple):
     features: np.ndarray
 
 
-class Workspace(NamedTuple):
-    """Memory of one thread for the gradients of GROUP samples at a time."""
+def grid_of(field: VoxelGrid) -> Grid:
+    """Return the cells of a field, with its densities."""
+    bits = np.packbits(field.occupied.numpy(), axis=2, bitorder="little")
+    row_stride, plane_stride = field.vertex_numbers(torch.tensor([[0, 1, 0], [1, 0, 0]])).tolist()
+    minimum, voxel, bias = field.minimum.numpy(), np.float32(field.voxel), np.float32(field.density_bias)
+    cells, blocks, coarse = Axes(*field.occupied.shape), Axes(*field.coarse.shape), field.coarse.numpy().view(np.uint8)
+    steps, index = (bits.shape[2], row_stride, plane_stride), field.index.view(-1).numpy()
+    return Grid(
+        minimum, voxel, cells, blocks, *steps, bits.ravel(), coarse.ravel(), index, flat(field.raw_density), bias
+    )
 
-    inputs: np.ndarray  # [GROUP, F + N_HARMONICS], of the color network
-    feature_gradients: np.ndarray  # [GROUP, F]
-    logit_gradients: np.ndarray  # [GROUP, 3]
-    hidden: np.ndarray  # [GROUP, H], before the ReLU
-    hidden_gradients: np.ndarray  # [GROUP, H]
-    group: np.ndarray  # [GROUP], numbers of the sorted samples
+
+def network_of(field: VoxelGrid) -> Network:
+    """Return the color network with a transposed copy of its first layer's weights."""
+    w1, b1, w2, b2 = (part.detach().numpy() for layer in field.color_layers for part in (layer.weight, layer.bias))
+    return Network(np.ascontiguousarray(w1.T), b1, w2, b2)
+
+
+def flat(tensor: Tensor) -> np.ndarray:
+    """Return a flat view of a tensor's memory."""
+    return tensor.detach().numpy().reshape(-1)
+
+
+@intrinsic  # pyright: ignore[reportArgumentType]
+def _prefetch(typing_context: Any, array: Any, index: Any) -> Any:
+    del typing_context
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        address = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address.type, number, number, number])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
+        builder.call(function, [address, number(0), number(3), number(1)])  # read, highest locality, data cache
+        return context.get_dummy_value()
+
+    return numba.types.none(array, index), generate
+
+
+def _no_operation(array: Any, index: Any) -> None:
+    """Replace the instruction in plain Python."""
+
+
+# prefetch(array, index) loads an element into the cache; any index is valid
+prefetch: Any = _no_operation if numba.config.DISABLE_JIT else _prefetch  # pyright: ignore

@@ -1,19 +1,68 @@
-"""Forward pass in sorted order: features and colors of the colored samples, and their sums by ray."""
-
-from __future__ import annotations
+"""Forward pass by position: sorting of the samples, features and colors of the colored ones, and their sums by ray."""
 
 import math
 
 import numpy as np
 
 from ....compute.kernels import allocating_kernel, kernel
-from .arrays import BLUE, GREEN, RED
-from .marching import ONE, ZERO
-from .prefetching import prefetch
+from .arrays import ONE, ZERO, prefetch
 
 N_HARMONICS = 9  # per viewing direction (see rendering/rays.py)
 GROUP = 4  # samples processed by the network at once
 AHEAD = 12  # samples between the prefetch of a row and its use
+
+
+@kernel
+def count_bins(first, last, cuts, grid, samples, bins, capacity):
+    """Count the samples of each bin, a part of a plane of the grid, in ranges of chunks."""
+    plane = grid.plane_stride
+    parts = bins.shape[1] // (grid.cells.x + 1)  # per plane
+    for span in range(first, last):
+        counts = bins[span]
+        counts[:] = 0
+        for chunk in range(cuts[span], cuts[span + 1]):
+            for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+                counts[bin_of(samples.vertices[sample], plane, parts)] += 1
+
+
+@kernel
+def bin_offsets(n_planes, bins, planes):
+    """Replace the counts of each range and bin by offsets in the sorted order; return the number of samples."""
+    parts = bins.shape[1] // n_planes
+    total = 0
+    for number in range(n_planes * parts):
+        if number % parts == 0:
+            planes[number // parts] = total
+        for span in range(len(bins)):
+            total, bins[span, number] = total + bins[span, number], total
+    planes[n_planes] = total
+    return total
+
+
+@kernel
+def write_sorted(first, last, cuts, grid, samples, ordered, bins, capacity):
+    """Write the sorted samples: a stable counting sort, whatever the ranges."""
+    plane = grid.plane_stride
+    parts = bins.shape[1] // (grid.cells.x + 1)
+    for span in range(first, last):
+        for chunk in range(cuts[span], cuts[span + 1]):
+            for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
+                number = bin_of(samples.vertices[sample], plane, parts)
+                target = bins[span, number]
+                bins[span, number] = target + 1
+                ordered.index[target] = sample
+                for corner in range(4):
+                    ordered.corners[target, corner] = samples.corners[sample, corner]
+                ordered.rays[target] = samples.rays[sample]
+                copy, point = ordered.points[target], samples.points[sample]
+                copy.x, copy.y, copy.z, copy.importance = point.x, point.y, point.z, samples.importances[sample]
+
+
+@kernel
+def bin_of(vertex, plane, parts):
+    """Return the bin of a vertex."""
+    i = vertex // plane
+    return i * parts + (vertex - i * plane) * parts // plane
 
 
 @kernel
@@ -156,4 +205,5 @@ def composite(first, last, rays, samples):
                 red += weight * samples.colors[sample, 0]
                 green += weight * samples.colors[sample, 1]
                 blue += weight * samples.colors[sample, 2]
-        rays.sums[ray, RED], rays.sums[ray, GREEN], rays.sums[ray, BLUE] = red, green, blue
+        sums = rays.sums[ray]
+        sums.red, sums.green, sums.blue = red, green, blue

@@ -1,32 +1,17 @@
-"""Backward pass: from gradients of the ray sums to those of the tables and the color network."""
-
-from __future__ import annotations
+"""Backward pass: from gradients of the ray sums to those of the tables and the color network; total variation."""
 
 import numpy as np
 
-from ....compute.kernels import allocating_kernel, kernel
-from .arrays import (
-    ALPHA,
-    BEFORE,
-    BLUE,
-    BOTH,
-    DENSITY,
-    DISTANCE,
-    DISTORTION,
-    FINAL_TRANSMITTANCE,
-    GREEN,
-    RED,
-    SQUARE,
-    UP_TO,
-    Network,
-    Workspace,
-)
+from ....compute.kernels import allocating_kernel, kernel, literal_kernel
+from .arrays import BOTH, DENSITY, ONE, THIRD, TWO, ZERO, Network, prefetch
 from .coloring import GROUP, N_HARMONICS, hidden_layers, next_group, prefetch_rows, read_inputs
-from .marching import ONE, THIRD, TWO, ZERO
+
+BLOCK_PAIRS = 2048  # pairs of rows per partial sum, so that sums do not depend on the threads
+PAIRS_AHEAD = 8  # pairs between the prefetch of a row and its use
 
 
 @kernel
-def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sample_gradients):
+def ray_gradients(first, last, rays, samples, gradients, margin, unit, step):
     """Write the sample gradients of rays first to last, from the gradients of their sums.
 
     The sums are linear in the ray weights, the distortion quadratic. With optical depths d and transmittances T after
@@ -35,7 +20,7 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
     for ray in range(first, last):
         begin, end = rays.first[ray], rays.first[ray] + rays.counts[ray]
         upstream, reach = gradients[ray], rays.reach[ray]
-        weights, moments = ZERO, rays.sums[ray, DISTANCE]
+        weights, moments = ZERO, rays.sums[ray].distance
         for sample in range(begin, end):
             weights += samples.light[sample].weight
         weights_before, moments_before = ZERO, ZERO
@@ -46,27 +31,28 @@ def ray_gradients(first, last, rays, samples, gradients, margin, unit, step, sam
             moments_behind = moments - moments_before - weight * scaled
             weights_behind = weights - weights_before - weight
             apart = scaled * (weights_before - weights_behind) + moments_behind - moments_before
-            gradient = TWO * upstream[DISTORTION] * (apart + step / unit * THIRD * weight)
-            gradient += (upstream[DISTANCE] + upstream[SQUARE] * scaled) * scaled
+            gradient = TWO * upstream.distortion * (apart + step / unit * THIRD * weight)
+            gradient += (upstream.distance + upstream.square * scaled) * scaled
             if reach >= ZERO:
-                gradient += upstream[BEFORE] if distance < reach - margin else ZERO
-                gradient += upstream[UP_TO] if distance < reach + margin else ZERO
+                gradient += upstream.before if distance < reach - margin else ZERO
+                gradient += upstream.up_to if distance < reach + margin else ZERO
             weights_before += weight
             moments_before += weight * scaled
             importance = samples.importances[sample]
             if importance != ZERO:
                 color = logit_gradients = samples.colors[sample]  # overwritten in place
-                along_color = upstream[RED] * color[0] + upstream[GREEN] * color[1] + upstream[BLUE] * color[2]
+                along_color = upstream.red * color[0] + upstream.green * color[1] + upstream.blue * color[2]
                 gradient += importance * along_color
-                for channel in range(3):
-                    value = color[channel]
-                    logit_gradients[channel] = upstream[channel] * weight * importance * value * (ONE - value)
-            sample_gradients.weights[sample] = gradient
-        after = upstream[FINAL_TRANSMITTANCE] * rays.sums[ray, FINAL_TRANSMITTANCE]
+                red, green, blue = color[0], color[1], color[2]
+                logit_gradients[0] = upstream.red * weight * importance * red * (ONE - red)
+                logit_gradients[1] = upstream.green * weight * importance * green * (ONE - green)
+                logit_gradients[2] = upstream.blue * weight * importance * blue * (ONE - blue)
+            samples.weight_gradients[sample] = gradient
+        after = upstream.final_transmittance * rays.sums[ray].final_transmittance
         for sample in range(end - 1, begin - 1, -1):
-            light, gradient = samples.light[sample], sample_gradients.weights[sample]
-            by_depth = gradient * light.transmittance - after + upstream[ALPHA] * light.transparency
-            sample_gradients.densities[sample] = light.depth_gradient * by_depth
+            light, gradient = samples.light[sample], samples.weight_gradients[sample]
+            by_depth = gradient * light.transmittance - after + upstream.alpha * light.transparency
+            samples.density_gradients[sample] = light.depth_gradient * by_depth
             after += gradient * light.weight
 
 
@@ -140,44 +126,44 @@ def corner_weights(point):
 
 @allocating_kernel
 def slab_gradients(
-    first, last, offset, cuts, ordered, sample_gradients, harmonics, network, gradients, touched, sums,
+    first, last, offset, cuts, ordered, samples, harmonics, network, gradients, touched, sums,
     n_features, n_hidden, is_diffuse,
 ):  # fmt: skip
     """Add the gradients of slabs offset + 2 * (first to last), which share no vertex.
 
     The network gradients are summed by slab, so the result does not depend on the threads.
     """
-    workspace = Workspace(
-        np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32),
-        np.zeros((GROUP, len(n_features)), np.float32),
-        np.zeros((GROUP, 3), np.float32),
-        np.zeros((GROUP, len(n_hidden)), np.float32),
-        np.zeros((GROUP, len(n_hidden)), np.float32),
-        np.zeros(GROUP, np.int64),
+    workspace = (  # of the color network, for GROUP samples at a time
+        np.zeros((GROUP, len(n_features) + N_HARMONICS), np.float32),  # inputs
+        np.zeros((GROUP, len(n_features)), np.float32),  # gradients of features
+        np.zeros((GROUP, 3), np.float32),  # gradients of logits
+        np.zeros((GROUP, len(n_hidden)), np.float32),  # hidden layer before the ReLU
+        np.zeros((GROUP, len(n_hidden)), np.float32),  # its gradients
+        np.zeros(GROUP, np.int64),  # numbers of the sorted samples
     )
     for pair in range(first, last):
         slab = offset + 2 * pair
         own_sums = Network(sums.w1[slab], sums.b1[slab], sums.w2[slab], sums.b2[slab])
         slab_gradients_in(
-            workspace, cuts[slab], cuts[slab + 1], ordered, sample_gradients, harmonics, network, gradients, touched,
+            workspace, cuts[slab], cuts[slab + 1], ordered, samples, harmonics, network, gradients, touched,
             own_sums, n_features, is_diffuse,
         )  # fmt: skip
 
 
 @kernel
 def slab_gradients_in(
-    workspace, first, last, ordered, sample_gradients, harmonics, network, gradients, touched, sums, n_features,
+    workspace, first, last, ordered, samples, harmonics, network, gradients, touched, sums, n_features,
     is_diffuse,
 ):  # fmt: skip
     """Add the gradients of the slab of sorted samples first to last."""
     inputs, feature_gradients, logit_gradients, hidden, hidden_gradients, group = workspace
-    density_gradients(first, last, ordered, sample_gradients, gradients.densities, touched)
+    density_gradients(first, last, ordered, samples, gradients.densities, touched)
     count, number = next_group(first, last, ordered, group)
     while count:
         logit_gradients[:] = ZERO
         for member in range(count):
             for channel in range(3):
-                gradient = sample_gradients.logits[ordered.index[group[member]], channel]
+                gradient = samples.colors[ordered.index[group[member]], channel]
                 logit_gradients[member, channel] = feature_gradients[member, channel] = gradient
         if not is_diffuse:
             read_inputs(group, count, ordered, harmonics, len(n_features), inputs)
@@ -196,13 +182,13 @@ def slab_gradients_in(
 
 
 @kernel
-def density_gradients(first, last, ordered, sample_gradients, gradients, touched):
+def density_gradients(first, last, ordered, samples, gradients, touched):
     """Add the gradients of raw densities of sorted samples first to last, and flag the touched rows."""
     for number in range(first, last):
         point = ordered.points[number]
         corners = ordered.corners[number]
         weights, upper = corner_weights(point)
-        gradient = sample_gradients.densities[ordered.index[number]]
+        gradient = samples.density_gradients[ordered.index[number]]
         flag = DENSITY if point.importance == ZERO else BOTH
         for corner in range(4):
             row = np.uint64(corners[corner])
@@ -210,3 +196,64 @@ def density_gradients(first, last, ordered, sample_gradients, gradients, touched
             gradients[row + np.uint64(1)] += weights[corner] * upper * gradient
             touched[row] |= flag
             touched[row + np.uint64(1)] |= flag
+
+
+@kernel
+def difference_sums(first, last, rows, other_rows, density, features, n_features, sums):
+    """Write sums [blocks, 2] of squared differences of densities and features; pairs with a row of -1 are skipped."""
+    for block in range(first, last):
+        density_sum, feature_sum = 0.0, 0.0
+        for pair in range(block * BLOCK_PAIRS, min(len(rows), (block + 1) * BLOCK_PAIRS)):
+            prefetch_pair(pair, rows, other_rows, features, len(n_features))
+            one, other = rows[pair], other_rows[pair]
+            if one < 0 or other < 0:
+                continue
+            density_sum += (density[other] - density[one]) ** 2
+            a = np.uint64(one) * np.uint64(len(n_features))
+            b = np.uint64(other) * np.uint64(len(n_features))
+            total = ZERO
+            for number in range(len(n_features)):
+                k = np.uint64(number)
+                total += (features[b + k] - features[a + k]) ** 2
+            feature_sum += total
+        sums[block, 0], sums[block, 1] = density_sum, feature_sum
+
+
+@kernel
+def prefetch_pair(pair, rows, other_rows, table, n):
+    """Prefetch both rows of n values of the pair PAIRS_AHEAD of this one."""
+    pair += PAIRS_AHEAD
+    if pair < len(rows):
+        prefetch(table, np.int64(rows[pair]) * n)
+        prefetch(table, np.int64(other_rows[pair]) * n)
+
+
+@kernel
+def difference_gradients(
+    first, last, rows, other_rows, values, gradients, n_features, touched, density_factor, feature_factor
+):
+    """Add the gradients of both sums, times their factors, to table rows first to last."""
+    for pair in range(len(rows)):
+        one, other = rows[pair], other_rows[pair]
+        if one < 0 or other < 0:
+            continue
+        has_one, has_other = first <= one < last, first <= other < last
+        if has_one and has_other:
+            prefetch_pair(pair, rows, other_rows, values.features, len(n_features))
+            prefetch_pair(pair, rows, other_rows, gradients.features, len(n_features))
+        if has_one:
+            add_row_gradient(one, other, values, gradients, n_features, touched, density_factor, feature_factor)
+        if has_other:
+            add_row_gradient(other, one, values, gradients, n_features, touched, density_factor, feature_factor)
+
+
+@literal_kernel
+def add_row_gradient(row, other, values, gradients, n_features, touched, density_factor, feature_factor):
+    """Add the gradients of one pair to the first row alone; another thread may own the other one."""
+    touched[row] = BOTH
+    gradients.densities[row] -= TWO * density_factor * (values.densities[other] - values.densities[row])
+    a = np.uint64(row) * np.uint64(len(n_features))
+    b = np.uint64(other) * np.uint64(len(n_features))
+    for number in range(len(n_features)):
+        k = np.uint64(number)
+        gradients.features[a + k] -= TWO * feature_factor * (values.features[b + k] - values.features[a + k])

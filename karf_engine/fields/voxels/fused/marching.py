@@ -1,40 +1,57 @@
-"""Forward pass by ray: samples in occupied cells, densities, ray weights, and the selection of colored samples.
+"""Forward pass by ray: its path, samples in occupied cells, densities, ray weights, and the choice of colored samples.
 
-A ray is terminated when its transmittance falls to DARK. Sorting of the samples by position follows.
+A ray is terminated when its transmittance falls to DARK.
 """
-
-from __future__ import annotations
 
 import math
 
 import numpy as np
+from torch import Tensor
 
+from ....compute.cores import parallel_for
 from ....compute.kernels import allocating_kernel, kernel
+from ...rendering.rays import Rays
 from ...rendering.sampling import BLOCK
+from ...rendering.space import CONTRACTION_VERTICES, FAR, Contraction, Space
 from ...rendering.volume import VISIBLE_WEIGHT
 from .. import renderer
-from .arrays import ALPHA, BEFORE, DISTANCE, DISTORTION, FINAL_TRANSMITTANCE, SQUARE, UP_TO
+from .arrays import HALF, ONE, THIRD, TWO, ZERO
 
 CHUNK = 32  # rays with a common range of sample slots
-DARK = np.float32(renderer.DARK)
+DARK, FARTHEST = np.float32(renderer.DARK), np.float32(FAR)
 MAX_STEPS = np.float32(1 << 20)  # per ray: three times the diagonal of the finest grid
 VISIBLE = np.float32(VISIBLE_WEIGHT)  # least weight of a colored sample without Russian roulette
-ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
-THIRD = np.float32(1 / 3)
+
+
+def paths_of(space: Space, bounds: Tensor, rays: Rays) -> np.ndarray:
+    """Return `space.paths` within the grid's corners `bounds` [2, 3], [R, K, 3]."""
+    if not isinstance(space, Contraction):  # whose knots take torch longer than the kernels need for the samples
+        return space.paths(rays, *bounds).contiguous().numpy()
+    paths = np.empty((len(rays), CONTRACTION_VERTICES, 3), np.float32)
+    origins, viewdirs = rays.origins.contiguous().numpy(), rays.viewdirs.contiguous().numpy()
+    lengths = map(np.float32, (space.radius, space.room, space.near))
+    parallel_for(contracted_paths, len(rays), origins, viewdirs, space.center.numpy(), *lengths, paths)
+    return paths
 
 
 @kernel
-def uniform(seed, ray, number):
-    """Return a pseudorandom number in [0, 1): an integer hash of the arguments (after Wellons, 2018)."""
-    mask = np.uint64(0xFFFFFFFF)  # numba widens 32-bit products to 64 bits
-    x = (np.uint64(seed) + np.uint64(ray) * np.uint64(0x9E3779B1) + np.uint64(number) * np.uint64(0x85EBCA77)) & mask
-    for _ in range(2):  # one round leaves neighbors correlated
-        x ^= x >> np.uint64(16)
-        x = (x * np.uint64(0x7FEB352D)) & mask
-        x ^= x >> np.uint64(15)
-        x = (x * np.uint64(0x846CA68B)) & mask
-        x ^= x >> np.uint64(16)
-    return np.float32(x >> np.uint64(8)) * np.float32(1 / 16777216)
+def contracted_paths(first, last, origins, viewdirs, center, radius, room, near, paths):
+    """Write the knots of rays first to last in a contraction (see space.Contraction.paths)."""
+    n_knots = paths.shape[1]
+    to_unit = ONE / radius
+    for ray in range(first, last):
+        dx, dy, dz = viewdirs[ray, 0], viewdirs[ray, 1], viewdirs[ray, 2]
+        x, y, z = origins[ray, 0] - center[0], origins[ray, 1] - center[1], origins[ray, 2] - center[2]
+        closest = -(x * dx + y * dy + z * dz)
+        start = (near - closest) / (TWO * radius)
+        start = FARTHEST * start / (ONE + abs(start))
+        for knot in range(n_knots):
+            u = start + np.float32(knot) / np.float32(n_knots - 1) * (ONE - start)
+            t = closest + TWO * radius * u / (FARTHEST - abs(u))
+            a, b, c = (x + t * dx) * to_unit, (y + t * dy) * to_unit, (z + t * dz) * to_unit
+            norm = max(math.sqrt(a * a + b * b + c * c), ONE)
+            scale = (ONE + room - room / norm) / norm
+            paths[ray, knot, 0], paths[ray, knot, 1], paths[ray, knot, 2] = a * scale, b * scale, c * scale
 
 
 @kernel
@@ -66,7 +83,7 @@ def distance_to(point, path, starts, directions, off_path):
 
 @kernel
 def row_of(index, vertex):
-    """Return the table row of a vertex with a row (see ../vertices.py)."""
+    """Return the table row of a vertex with a row (see ../grid.py)."""
     entry = index[vertex >> 3]
     n_lower = entry & ((1 << (vertex & 7)) - 1)
     n_lower -= (n_lower >> 1) & 0x55
@@ -143,7 +160,7 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, settings
     weight_sum, distance_sum, square_sum, pairs, before, up_to, alpha_sum = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
     coarse_segment, segment, block = 0, 0, -1
     if not length < MAX_STEPS * step:  # or not finite: it would never end
-        sums[FINAL_TRANSMITTANCE] = math.nan
+        sums.final_transmittance = math.nan
         return count
     while transmittance > DARK:
         block += 1
@@ -211,9 +228,9 @@ def march_ray(ray, count, end, starts, directions, grid, rays, samples, settings
             count += 1
             if transmittance <= DARK:
                 break
-    sums[FINAL_TRANSMITTANCE], sums[DISTORTION] = math.exp(-depth), pairs
-    sums[BEFORE], sums[UP_TO] = before, up_to
-    sums[DISTANCE], sums[SQUARE], sums[ALPHA] = distance_sum, square_sum, alpha_sum
+    sums.final_transmittance, sums.distortion = math.exp(-depth), pairs
+    sums.before, sums.up_to = before, up_to
+    sums.distance, sums.square, sums.alpha = distance_sum, square_sum, alpha_sum
     return count
 
 
@@ -230,56 +247,17 @@ def importance_of(weight, settings, ray, number):
 
 
 @kernel
-def count_bins(first, last, cuts, grid, samples, bins, capacity):
-    """Count the samples of each bin, a part of a plane of the grid, in ranges of chunks."""
-    plane = grid.plane_stride
-    parts = bins.shape[1] // (grid.cells.x + 1)  # per plane
-    for span in range(first, last):
-        counts = bins[span]
-        counts[:] = 0
-        for chunk in range(cuts[span], cuts[span + 1]):
-            for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
-                counts[bin_of(samples.vertices[sample], plane, parts)] += 1
-
-
-@kernel
-def bin_offsets(n_planes, bins, planes):
-    """Replace the counts of each range and bin by offsets in the sorted order; return the number of samples."""
-    parts = bins.shape[1] // n_planes
-    total = 0
-    for number in range(n_planes * parts):
-        if number % parts == 0:
-            planes[number // parts] = total
-        for span in range(len(bins)):
-            total, bins[span, number] = total + bins[span, number], total
-    planes[n_planes] = total
-    return total
-
-
-@kernel
-def write_sorted(first, last, cuts, grid, samples, ordered, bins, capacity):
-    """Write the sorted samples: a stable counting sort, whatever the ranges."""
-    plane = grid.plane_stride
-    parts = bins.shape[1] // (grid.cells.x + 1)
-    for span in range(first, last):
-        for chunk in range(cuts[span], cuts[span + 1]):
-            for sample in range(chunk * capacity, chunk * capacity + samples.counts[chunk]):
-                number = bin_of(samples.vertices[sample], plane, parts)
-                target = bins[span, number]
-                bins[span, number] = target + 1
-                ordered.index[target] = sample
-                for corner in range(4):
-                    ordered.corners[target, corner] = samples.corners[sample, corner]
-                ordered.rays[target] = samples.rays[sample]
-                copy, point = ordered.points[target], samples.points[sample]
-                copy.x, copy.y, copy.z, copy.importance = point.x, point.y, point.z, samples.importances[sample]
-
-
-@kernel
-def bin_of(vertex, plane, parts):
-    """Return the bin of a vertex."""
-    i = vertex // plane
-    return i * parts + (vertex - i * plane) * parts // plane
+def uniform(seed, ray, number):
+    """Return a pseudorandom number in [0, 1): an integer hash of the arguments (after Wellons, 2018)."""
+    mask = np.uint64(0xFFFFFFFF)  # numba widens 32-bit products to 64 bits
+    x = (np.uint64(seed) + np.uint64(ray) * np.uint64(0x9E3779B1) + np.uint64(number) * np.uint64(0x85EBCA77)) & mask
+    for _ in range(2):  # one round leaves neighbors correlated
+        x ^= x >> np.uint64(16)
+        x = (x * np.uint64(0x7FEB352D)) & mask
+        x ^= x >> np.uint64(15)
+        x = (x * np.uint64(0x846CA68B)) & mask
+        x ^= x >> np.uint64(16)
+    return np.float32(x >> np.uint64(8)) * np.float32(1 / 16777216)
 
 
 @kernel
