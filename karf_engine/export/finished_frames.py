@@ -35,11 +35,7 @@ class FinishedFrames:
 
     @classmethod
     def read(cls, folder: Path) -> FinishedFrames:
-        """Read the record of a folder; incomplete lines of killed jobs are skipped.
-
-        Raises:
-            DataError: The record is a folder, a pipe or a device.
-        """
+        """Read the record of a folder; incomplete lines of killed jobs are skipped."""
         path, frames = folder / RECORD_NAME, {}
         if not path.exists():
             return cls(folder)

@@ -86,11 +86,7 @@ def describe_layers(objects: Sequence[ObjectLayers]) -> str:
 
 
 def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
-    """Read the layers of a layered picture from its header.
-
-    Raises:
-        DataError: The file is missing, no EXR, or not written by KaRF.
-    """
+    """Read the layers of a layered picture from its header. Raises DataError if KaRF did not write it."""
     check_file(path)
     try:
         with path.open("rb") as stream:

@@ -104,11 +104,7 @@ def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np
 
 
 def read_points(path: Path) -> ScenePoints:
-    """Read points that `write_points` wrote.
-
-    Raises:
-        DataError: The file is missing or damaged, or its arrays do not match.
-    """
+    """Read points that `write_points` wrote. Raises DataError if the file is damaged, or its arrays do not match."""
     objects, *numbers = read_arrays(path, ("objects", *NUMBERS), "surface points", AGAIN)
     names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))
     positions, normals, sizes, colors, probabilities, weights, learned = numbers

@@ -181,10 +181,9 @@ def _property_lines(dtype: np.dtype) -> list[str]:
 
 
 def encode_ply(tables: Mapping[str, np.ndarray], comments: Sequence[str] = ()) -> bytes:
-    """Encode a binary little-endian PLY file of elements, structured arrays of little-endian fields by name.
+    """Encode a binary PLY file of elements, structured arrays of little-endian fields, by name.
 
-    Raises:
-        ValueError: A field's type is not a PLY type.
+    Raises ValueError if a field's type is not a PLY type.
     """
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {comment}" for comment in comments)]
     for name, table in tables.items():

@@ -117,13 +117,12 @@ class SplatFit:
         seed: int,
         pseudo_photos: Sequence[Photo] = (),
     ) -> None:
-        """Create a new fit.
+        """Start with initial Gaussians, which are not modified.
 
         Args:
-            gaussians: Initial Gaussians, not modified.
             photos: Training photos.
             iterations: Photos, or windows of them, to show.
-            seed: Seed of their order.
+            seed: Of their order.
             pseudo_photos: Pictures of the field between the photos, shown in two of three iterations.
         """
         self.iterations, self.done = iterations, 0
@@ -151,12 +150,7 @@ class SplatFit:
         return self._exposures.gains
 
     def run(self, progress: Progress, checkpoint: Checkpoint | None = None) -> None:
-        """Run the remaining iterations.
-
-        Raises:
-            Diverged: The error is not finite.
-            Cancelled: `progress` was asked to stop.
-        """
+        """Run the remaining iterations. Raises Diverged if the error is not finite, and Cancelled."""
         while self.done < self.iterations:
             error = self._step()
             with np.errstate(all="ignore"):
@@ -209,7 +203,7 @@ class SplatFit:
 
     @property
     def _is_between(self) -> bool:
-        """Whether this iteration shows a picture between the photos."""
+        """True if this iteration shows a picture between the photos."""
         return bool(self._between[0]) and self.done % PHOTO_EVERY != 0
 
     def _shown_before(self) -> int:
@@ -248,8 +242,7 @@ class SplatFit:
     def resume(self, state: dict[str, Tensor]) -> None:
         """Resume this new fit from a state; the result is the same as without interruption, to the bit.
 
-        Raises:
-            DataError: The state is of another fit; nothing is changed then.
+        Raises DataError, with nothing changed, if the state is of another fit.
         """
         check_same_layout(state, self.state())
         self.done = read_integer(state, "done", self.iterations)
@@ -277,10 +270,6 @@ def interpolate_gains(gains: np.ndarray, places: Sequence[int], place: int) -> n
         gains: [n, 3], of the training photos.
         places: Positions of these n photos in shooting order, ascending.
         place: Position of the held-out photo.
-
-    Examples:
-        >>> interpolate_gains(np.array([[1.0, 1.0, 1.0], [1.2, 1.0, 0.8]]), [0, 2], 1)
-        array([1.1, 1. , 0.9], dtype=float32)
     """
     return np.array([np.interp(place, places, channel) for channel in gains.T], np.float32)
 

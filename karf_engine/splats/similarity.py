@@ -19,8 +19,7 @@ N_DIRECTIONS = 64
 def transform_gaussians(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
     """Return Gaussians after a rotation, uniform scale and translation, [4, 4] float64.
 
-    Raises:
-        BadRequest: The matrix shears, mirrors, scales unequally or is not finite.
+    Raises BadRequest if the matrix shears, mirrors, scales unequally or is not finite.
     """
     try:
         table = transform_table(gaussians.table, matrix)
@@ -38,8 +37,7 @@ def transform_gaussians(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
 def transform_table(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Transform a table of Gaussians, of any floating type; return the table itself if the matrix is the identity.
 
-    Raises:
-        ValueError: The matrix shears, mirrors, or scales unequally.
+    Raises ValueError if the matrix shears, mirrors, or scales unequally.
     """
     if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
         return table

@@ -47,7 +47,7 @@ class Original:
 
     @property
     def is_text(self) -> bool:
-        """Whether the file is text, which cannot be changed in place."""
+        """True for a text file, which cannot be changed in place."""
         return self._ply.header.encoding == "ascii"
 
 

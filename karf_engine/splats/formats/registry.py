@@ -32,9 +32,6 @@ def read_splat(path: Path) -> SplatFile:
 
     32 bytes per Gaussian, no header, degree 0 only, axes of PLY; a quaternion of four bytes 128 is the identity.
     Precision: float32 for centers and scales, 1/510 for opacity and color, 1/256 for quaternions.
-
-    Raises:
-        DataError: The file is missing, its size is not a multiple of 32, or a row is not a Gaussian.
     """
     data = read_bytes(path)
     if len(data) % SPLAT_ROW.itemsize:
