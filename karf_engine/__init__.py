@@ -37,8 +37,10 @@ if TYPE_CHECKING:
     )
     from .capture import open_capture
     from .capture.camera import Camera
+    from .capture.camera_paths import camera_spline, orbit
     from .capture.capture import Capture, View
     from .errors import KarfError
+    from .export.video import write_video
     from .palettes.color_books import ColorBook, nearest_names, read_color_book
     from .palettes.palette import Edit, Palette, read_edit, write_edit
     from .project.settings import PRESETS, Settings
@@ -54,8 +56,10 @@ _DEFINES = {
     ),
     "capture": ("open_capture",),
     "capture.camera": ("Camera",),
+    "capture.camera_paths": ("orbit", "camera_spline"),
     "capture.capture": ("Capture", "View"),
     "errors": ("KarfError",),
+    "export.video": ("write_video",),
     "palettes.palette": ("Edit", "Palette", "read_edit", "write_edit"),
     "palettes.color_books": ("ColorBook", "nearest_names", "read_color_book"),
     "project.settings": ("PRESETS", "Settings"),

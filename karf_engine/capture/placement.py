@@ -61,7 +61,7 @@ class Placement:
 
     def angles(self, directions: np.ndarray) -> np.ndarray:
         """Return azimuth in (-180, 180] and elevation of directions [m, 3], degrees, [m, 2]."""
-        right, forward = _axes(self.up)
+        right, forward = horizontal_axes(self.up)
         azimuth = np.arctan2(directions @ forward, directions @ right)
         return np.degrees(np.stack([azimuth, np.arcsin((directions @ self.up).clip(-1, 1))], -1))
 
@@ -112,13 +112,13 @@ def _wanted_directions(bare: Placement) -> tuple[np.ndarray, bool]:
     low, high = np.sin(np.radians([elevation.min(), elevation.max()]))
     azimuths = np.radians(start + width * (np.arange(ROUND) + 0.5) / ROUND)
     elevations = np.arcsin(low + (high - low) * (np.arange(HIGH) + 0.5) / HIGH)  # equal areas
-    right, forward = _axes(bare.up)
+    right, forward = horizontal_axes(bare.up)
     flat = np.cos(azimuths)[:, None] * right + np.sin(azimuths)[:, None] * forward
     directions = np.cos(elevations)[:, None, None] * flat + np.sin(elevations)[:, None, None] * bare.up
     return directions.reshape(-1, 3), is_open
 
 
-def _axes(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def horizontal_axes(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return two axes [3] that form a right-handed orthonormal basis with `up`."""
     start = np.eye(3)[np.abs(up).argmin()]
     right = start - up * (start @ up)
