@@ -6,18 +6,10 @@ from .. import karf_engine
 from ..karf_engine.api import render_bundle
 from ..karf_engine.capture import FORMATS, hold_out, open_capture, write_cameras
 from ..karf_engine.capture.camera import Camera, wrong_size_error
-from ..karf_engine.capture.capture import UNIT_GAINS, Capture, SparsePoints, View
-from ..karf_engine.capture.distortion import distort
-from ..karf_engine.capture.mask_names import masks_of_view
-from ..karf_engine.capture.reprojection import (
-    ErrorSummary,
-    observed_points,
-    reprojection_errors,
-    summarize,
-    undistort_points_near,
-)
-from ..karf_engine.capture.transforms_json import camera_to_json
-from ..karf_engine.capture.undistortion import undistorted
+from ..karf_engine.capture.capture import UNIT_GAINS, Capture, SparsePoints, View, masks_of_view
+from ..karf_engine.capture.distortion import distort, undistort_points_near, undistorted
+from ..karf_engine.capture.sparse_points import ErrorSummary, observed_points, reprojection_errors, summarize
+from ..karf_engine.capture.transforms import camera_to_json
 from ..karf_engine.commands.options import FarmOptions, PointsOptions
 from ..karf_engine.errors import (
     BadRequest,
@@ -45,19 +37,15 @@ from ..karf_engine.palettes.added import (
     split_weights,
     split_weights_of_objects,
 )
+from ..karf_engine.palettes.calibration import ChartFit, ReferenceLight, fit_photo, to_mean_exposure, to_photo_exposure
 from ..karf_engine.palettes.color_books import SUFFIXES as BOOK_SUFFIXES
 from ..karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
-from ..karf_engine.palettes.color_chart import ChartFit, fit_photo
+from ..karf_engine.palettes.color_histogram import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.color_text import color_to_text, colors_of_text
-from ..karf_engine.palettes.colorways.planning import PlannedColorway, plan_colorways
-from ..karf_engine.palettes.colorways.prediction import dominant_color, evaluate_edit, reached_color
-from ..karf_engine.palettes.colorways.prediction import edited_colors as shown_colors
+from ..karf_engine.palettes.colorways import PlannedColorway, plan_colorways
 from ..karf_engine.palettes.compositing import Planes, planes_made_from, read_planes, stack_palettes
 from ..karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
-from ..karf_engine.palettes.edge_shape import MAX_CHOKE, MAX_FEATHER, EdgeShape
-from ..karf_engine.palettes.edges_in_space import Borders
-from ..karf_engine.palettes.edit_files import edit_from_json, edit_to_json, write_edit
-from ..karf_engine.palettes.exposure import to_mean_exposure, to_photo_exposure
+from ..karf_engine.palettes.edge_shape import MAX_CHOKE, MAX_FEATHER, Borders, EdgeShape
 from ..karf_engine.palettes.matching.becomes import (
     add_fixed_paints,
     match_becomes,
@@ -65,11 +53,10 @@ from ..karf_engine.palettes.matching.becomes import (
     match_fewest,
     mean_weights,
     nearest_weights,
+    residual_delta_e,
 )
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
-from ..karf_engine.palettes.matching.residual import residual_delta_e
 from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
-from ..karf_engine.palettes.object_colors import ColorHistogram, read_object_colors
 from ..karf_engine.palettes.palette import (
     COMPOSITING_MODES,
     MAX_ADDED,
@@ -81,20 +68,24 @@ from ..karf_engine.palettes.palette import (
     AddedColor,
     Edit,
     Palette,
+    edit_from_json,
+    edit_to_json,
     hex_to_rgb,
     read_palettes,
     rgb_to_hex,
+    write_edit,
 )
 from ..karf_engine.palettes.palette_files import SUFFIXES as EDIT_SUFFIXES
 from ..karf_engine.palettes.palette_files import read_edit_file, write_edit_file
-from ..karf_engine.palettes.reference_light import ReferenceLight
+from ..karf_engine.palettes.prediction import dominant_color, evaluate_edit, reached_color
+from ..karf_engine.palettes.prediction import edited_colors as shown_colors
 from ..karf_engine.palettes.swatch_picture import ObjectPlanes, SwatchPicture, delta_picture, paper_picture
 from ..karf_engine.project import Project
 from ..karf_engine.project.jobs import new_job
 from ..karf_engine.project.settings import PRESETS, seconds_of_stages
 from ..karf_engine.project.state import result_fingerprint
 from ..karf_engine.project.volumes import Volume, read_volumes, write_volumes
-from ..karf_engine.worker.findings import ERROR, OK, VERDICT, WARNING, Finding
+from ..karf_engine.worker.findings import ERROR, OK, REQUIRED, VERDICT, WARNING, Finding
 from ..karf_engine.worker.protocol import (
     CANCEL,
     LOG_FILE,
@@ -106,7 +97,6 @@ from ..karf_engine.worker.protocol import (
     Request,
     folder_line,
 )
-from ..karf_engine.worker.requirements import REQUIRED
 
 # the file or folder by which each known kind of capture is recognized
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)

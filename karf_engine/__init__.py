@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from .capture.capture import Capture, View
     from .errors import KarfError
     from .palettes.color_books import ColorBook, nearest_names, read_color_book
-    from .palettes.edit_files import read_edit, write_edit
-    from .palettes.palette import Edit, Palette
+    from .palettes.palette import Edit, Palette, read_edit, write_edit
     from .project.settings import PRESETS, Settings
     from .recolor.frames import Frame
     from .recolor.model import Model
@@ -49,35 +48,20 @@ if TYPE_CHECKING:
 # module -> the public names that it defines
 _DEFINES = {
     "api": (
-        "find_poses",
-        "import_splat",
-        "inspect_capture",
-        "mark",
-        "learn",
-        "learn_geometry",
-        "segment",
-        "extract_palettes",
-        "learn_recoloring",
-        "learn_splats",
-        "load",
-        "render",
-        "colorways",
-        "write_points",
-        "export_splat",
-        "render_bundle",
-        "learning_bundle",
+        "find_poses", "import_splat", "inspect_capture", "mark",
+        "learn", "learn_geometry", "segment", "extract_palettes", "learn_recoloring", "learn_splats", "load",
+        "render", "colorways", "write_points", "export_splat", "render_bundle", "learning_bundle",
     ),
     "capture": ("open_capture",),
     "capture.camera": ("Camera",),
     "capture.capture": ("Capture", "View"),
     "errors": ("KarfError",),
-    "palettes.edit_files": ("read_edit", "write_edit"),
-    "palettes.palette": ("Edit", "Palette"),
+    "palettes.palette": ("Edit", "Palette", "read_edit", "write_edit"),
     "palettes.color_books": ("ColorBook", "nearest_names", "read_color_book"),
     "project.settings": ("PRESETS", "Settings"),
     "recolor.frames": ("Frame",),
     "recolor.model": ("Model",),
-}
+}  # fmt: skip
 _HOME = {name: module for module, names in _DEFINES.items() for name in names}
 
 __all__ = sorted([*_HOME, "__version__"])

@@ -1,6 +1,6 @@
 """The signatures of the library's functions, with every keyword.
 
-Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options.py; change it there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -10,7 +10,7 @@ from typing import Any, Literal
 import torch
 
 from .capture.capture import Capture
-from .capture.quality.advice import Advice
+from .capture.advice import Advice
 from .compute.progress import Emit
 from .palettes.palette import Edit
 from .recolor.model import Model
@@ -162,13 +162,13 @@ def render(
     layer_space: str | None = None,
     ocio: str | None = None,
     overrides: list[str] | tuple[str, ...] | Mapping[str, Any] = (),
+    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
+    planes: bool = False,
+    skip_existing: bool = False,
     views: str = "all",
     first: int | None = None,
     last: int | None = None,
     count: int | None = None,
-    edit: PathLike | Edit | Sequence[PathLike | Edit] | None = None,
-    planes: bool = False,
-    skip_existing: bool = False,
     threads: int | None = None,
     device: str | torch.device | None = None,
     progress: Callable[[str], None] | None = None,

@@ -30,20 +30,14 @@ class Message(str):
 
     Placeholders are `{name}`, `{name!r}` or `{name:.1f}`; braces around any other name stay in the text.
 
-    Attributes:
-        key: The template with plain placeholders (`{name}`), the key of translation tables.
-        values: Formatted values by placeholder; nested messages stay messages.
-
     Examples:
         >>> message = Message("{path} has {share:.0%} of {name!r}.", path="a.png", share=0.25, name="pot")
-        >>> message
-        "a.png has 25% of 'pot'."
         >>> message.key, message.values
         ('{path} has {share} of {name}.', {'path': 'a.png', 'share': '25%', 'name': "'pot'"})
     """
 
-    key: str
-    values: dict[str, str]
+    key: str  # the template with plain placeholders, the key of translation tables
+    values: dict[str, str]  # formatted values by placeholder; nested messages stay messages
 
     def __new__(cls, template: str, /, **values: Any) -> Message:
         texts = {name: text for place in PLACE.finditer(template) for name, text in _formatted(place, values)}
@@ -86,14 +80,8 @@ def _cut(text: str) -> str:
 class KarfError(Exception):
     """Base class of all errors that a user can act on.
 
-    Attributes:
-        code: Stable identifier of the class.
-        exit_code: Exit status of a process that ends with this error.
-        sentence: The problem; names the file and the value.
-        hint: The remedy.
-
     Args:
-        sentence: Template of the problem, see `Message`.
+        sentence: Template of the problem, see `Message`; names the file and the value.
         hint: Template of the remedy.
         **values: Values of both templates.
 
@@ -104,8 +92,8 @@ class KarfError(Exception):
             print(error.sentence, error.hint)
     """
 
-    code = "internal"
-    exit_code = 70
+    code = "internal"  # stable identifier of the class
+    exit_code = 70  # of a process that ends with this error
 
     def __init__(self, sentence: str, hint: str = "", /, **values: Any) -> None:
         for name, text in (("sentence", sentence), ("hint", hint)):
@@ -168,12 +156,7 @@ ERROR_CLASSES = (BadRequest, MissingDependency, DataError, OutOfMemory, Cancelle
 
 
 def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
-    """Rebuild an error from its code, for example one sent by another process.
-
-    Examples:
-        >>> error_from_code("data", "a.png is empty.", "Copy it again.")
-        DataError('a.png is empty. Copy it again.')
-    """
+    """Rebuild an error from its code, for example one sent by another process."""
     for error_class in ERROR_CLASSES:
         if error_class.code == code:
             return error_class(sentence, hint)
@@ -181,12 +164,7 @@ def error_from_code(code: str, sentence: str, hint: str = "") -> KarfError:
 
 
 def is_out_of_memory(error: BaseException) -> bool:
-    """Test whether an error reports a failed allocation, on any device and by any library.
-
-    Examples:
-        >>> is_out_of_memory(RuntimeError("CUDA out of memory.")), is_out_of_memory(ValueError("no"))
-        (True, False)
-    """
+    """Test whether an error reports a failed allocation, on any device and by any library."""
     if isinstance(error, KarfError):
         return isinstance(error, OutOfMemory)
     if isinstance(error, MemoryError) or type(error).__name__ == "OutOfMemoryError":

@@ -18,14 +18,15 @@ from typing import Any
 import karf_engine
 from karf_engine import api
 from karf_engine.commands.options import COMMANDS
-from karf_engine.io.options import Options, fields_in_help_order, flag_of, types_of, union_members
+from karf_engine.io.arguments import annotations_of, union_members
+from karf_engine.io.options import Options, fields_in_help_order, flag_of
 from karf_engine.project.settings import describe
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 HEAD = """# Commands and their options
 
-<!-- written by `python -m tools.reference` from karf_engine/commands/options/; change it there -->
+<!-- written by `python -m tools.reference` from karf_engine/commands/options.py; change it there -->
 
 Every command has one frozen dataclass of options, from which the command line (`karf VERB`, or `python karf_engine
 VERB` in a checkout), a job's `request.json` and the library's functions take their names, types, ranges and defaults.
@@ -45,7 +46,7 @@ and formats of your own: [extending](extending.md). Every module is described [i
 """
 STUB = '''"""The signatures of the library's functions, with every keyword.
 
-Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options/; change it there.
+Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options.py; change it there.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -55,7 +56,7 @@ from typing import Any, Literal
 import torch
 
 from .capture.capture import Capture
-from .capture.quality.advice import Advice
+from .capture.advice import Advice
 from .compute.progress import Emit
 from .palettes.palette import Edit
 from .recolor.model import Model
@@ -67,7 +68,7 @@ TITLES = {
     "api": "Functions",
     "capture": "Captures",
     "errors": "Errors",
-    "palettes.edit_files": "Edits and palettes",
+    "palettes.palette": "Edits and palettes",
     "palettes.color_books": "Color books",
     "project.settings": "Settings",
     "recolor.frames": "What is learned and rendered",
@@ -80,6 +81,7 @@ def library() -> str:
     parts = [LIBRARY]
     for module, names in karf_engine._DEFINES.items():
         parts += [f"## {TITLES[module]}\n"] if module in TITLES else []
+        parts += [f"{inspect.getdoc(api)}\n"] if module == "api" else []
         parts += [_name(name) for name in names]
     return "\n".join(parts)
 
@@ -153,7 +155,7 @@ def _settings() -> str:
 def _row(kind: type[Options], item: Field) -> str:
     flag = f"`{item.metadata['metavar']}`" if item.metadata["positional"] else _flag(item)
     default = "required" if item.default is MISSING else _default(item.default)
-    kinds = _type(types_of(kind)[item.name], item)
+    kinds = _type(annotations_of(kind)[item.name], item)
     return f"| {flag} | `{item.name}` | {_cell(kinds)} | {default} | {_cell(item.metadata['help'])} |"
 
 
@@ -209,7 +211,7 @@ def _keyword_types(kind: type[Options]) -> dict[str, str]:
     """The types of a command's options as the library takes them, by name."""
     found = {}
     for item in fields_in_help_order(kind):
-        own = union_members(types_of(kind)[item.name])
+        own = union_members(annotations_of(kind)[item.name])
         extra = f" | {api.OBJECTS[item.name]}" if item.name in api.OBJECTS else ""
         if item.metadata["choices"]:
             text = f"Literal[{', '.join(map(_literal, item.metadata['choices']))}]"

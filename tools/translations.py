@@ -30,7 +30,7 @@ ERRORS = (
     "BadRequest",
     "DataError",
     "MissingDependency",
-    "NothingSolid",
+    "NoSurface",
     "OutOfMemory",
     "Cancelled",
     "Diverged",

@@ -31,19 +31,17 @@ SHARED = [
     "project/settings/*",
     "palettes/*",
     "palettes/matching/*",
-    "palettes/colorways/*",
     "export/frame_options",
     "export/layer_names",
     "export/scene_points",
     "commands/dispatch",
-    "commands/options/*",
+    "commands/options",
     "commands/farm/*",
     "worker/protocol",
     "worker/findings",
-    "worker/requirements",
 ]
 # files of those rooms that the engine alone imports
-ENGINE_ALONE = {"training_images", "locking"}
+ENGINE_ALONE = {"training_images", "locking", "extraction", "palette_weights"}
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("engine_api", "translations"),

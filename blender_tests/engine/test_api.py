@@ -8,10 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import sysconfig
-import venv
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -286,49 +283,3 @@ def test_what_is_shown_of_a_value_is_short(model):
     view = model.capture.views[0]
     for value in (model, model.capture, view, model.edit(), model.palettes[0], model.render(view.camera.reduced(8))):
         assert len(repr(value)) < 300, type(value)
-
-
-def library_block() -> str:
-    """The Python block of README.md's library section."""
-    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The library\n")[2]
-    return section.partition("```python\n")[2].partition("```")[0]
-
-
-def test_the_readme_runs_as_printed_from_the_wheel_alone(wheel, tmp_path):
-    home = tmp_path / "home"
-    venv.create(home, with_pip=False, symlinks=True)
-    place = Path(sysconfig.get_path("purelib", vars={"base": str(home), "platbase": str(home)}))
-    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(place), str(wheel)]
-    subprocess.run(install, check=True)
-    # torch and the rest come from this environment, which has no karf_engine of its own
-    (place / "packages.pth").write_text(sysconfig.get_path("purelib"))
-    work = tmp_path / "work"
-    work.mkdir()
-    lay_out_garden(work)
-    # the preset is made small, the block is as printed
-    script = SMALL_FAST + library_block()
-    done = subprocess.run(
-        [str(home / "bin" / "python"), "-c", script], cwd=work, capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].startswith("(32, 32, 3)")
-    assert (work / "blue_pot.json").exists() and (work / "garden_karf" / "recoloring.safetensors").exists()
-
-
-SMALL_FAST = f"""
-import karf_engine.project.settings as settings
-assert "site-packages" in settings.__file__
-settings.PRESETS["fast"] = settings.with_overrides(settings.preset("demo"), {list(QUICK)!r})
-"""
-
-
-def lay_out_garden(work: Path) -> None:
-    """The still life under the names that the README has."""
-    from blender_tests.engine.reference.still_life import write_capture, write_masks
-
-    photos = write_capture(work / "garden")
-    (work / "garden" / "train" / "r_3.png").rename(work / "garden" / "train" / "r_003.png")
-    frames = work / "garden" / "transforms_train.json"
-    frames.write_text(frames.read_text().replace('/r_3"', '/r_003"'))
-    write_masks(work / "masks", photos)
-    (work / "masks" / "ball").rename(work / "masks" / "pot")

@@ -209,7 +209,7 @@ class Worker:
         """Send a query to a worker whose job answers them; one of the same kind that was not begun is dropped.
 
         Args:
-            kind: One of the engine's `queries.kinds.QUERIES`.
+            kind: One of the engine's `queries.QUERIES`.
             options: JSON values, paths absolute.
             note: Is kept in `unanswered`.
         """

@@ -81,7 +81,7 @@ def draw_surfaces(layout, item):
     column.label(text="")
     for index, swatch in shown:
         button = column.row(align=True)
-        button.enabled = not surfaces.of(swatch).is_identity
+        button.enabled = not surfaces.of(swatch).is_neutral
         reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
         reset.object_name, reset.index = item.name, index
 

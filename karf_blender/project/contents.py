@@ -42,7 +42,9 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
         return stages
     project = folders.project_of(scene)
     results = {"segmentation": project.segmentation_file, "recoloring": project.palette_file}
-    found = {name for name, result in results.items() if name not in stages and result.exists()}
+    again = _state(scene).get("outdated", ())
+    # earlier versions of the engine list no outdated stages, but keep their files
+    found = {name for name, file in results.items() if name not in stages and (name in again or file.exists())}
     if "segmentation" in stages and _newest_mark(scene, project) > _written(project.segmentation_file) + GRACE_SECONDS:
         found.add("segmentation")
     return frozenset(found)

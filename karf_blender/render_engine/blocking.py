@@ -33,7 +33,7 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
 
     Args:
         scene: One with a project, which the option `project` names if it is not given.
-        kind: One of the engine's `queries.kinds.QUERIES`.
+        kind: One of the engine's `queries.QUERIES`.
         options: JSON values, paths absolute.
         is_cancelled: Asked while waiting.
 

@@ -68,7 +68,7 @@ class _ObjectEdits:
     def touched(self) -> set[int]:
         """The swatches that are edited, locked, move with others or were added."""
         edited = (self.colors != self.learned).any(axis=-1)
-        has_surface = [not surface.is_identity for surface in self.surfaces]
+        has_surface = [not surface.is_neutral for surface in self.surfaces]
         kept = list(zip(edited, self.locked, self.links, self.merged, has_surface, strict=True))[: self.size]
         return {index for index, each in enumerate(kept) if index and any(each)} | set(self.places(self.size))
 

@@ -28,7 +28,7 @@ def _numbers(swatch: bpy.types.PropertyGroup) -> tuple[float, ...]:
 
 def is_neutral(item: bpy.types.PropertyGroup) -> bool:
     """Whether no swatch of an object has a surface."""
-    return all(of(swatch).is_identity for swatch in item.swatches)
+    return all(of(swatch).is_neutral for swatch in item.swatches)
 
 
 def put(swatch: bpy.types.PropertyGroup, surface: Surface) -> None:
@@ -110,7 +110,7 @@ def _solved(item: bpy.types.PropertyGroup, histogram_of: Histogram) -> np.ndarra
 
 def _is_held(swatch: bpy.types.PropertyGroup) -> bool:
     """Whether surfaces of others must not move a swatch: it is locked, and has none of its own."""
-    return swatch.locked and of(swatch).is_identity
+    return swatch.locked and of(swatch).is_neutral
 
 
 def _kept(item: bpy.types.PropertyGroup) -> np.ndarray:

@@ -55,7 +55,7 @@ def send(
 
     Args:
         scene: One with a project, which the option `project` names if it is not given.
-        kind: One of the engine's `queries.kinds.QUERIES`.
+        kind: One of the engine's `queries.QUERIES`.
         options: JSON values, paths absolute.
         on_answer: Called with the scene and the answer's values; files that these name are the caller's to delete.
         on_error: Called with why there is no answer; by default the panel says it, and in background mode it is raised.

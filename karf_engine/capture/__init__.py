@@ -6,7 +6,7 @@ package, adds a format.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,44 +14,36 @@ from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from .camera import Camera
-from .capture import Capture, CapturedSplats, SparsePoints, View, hold_out, in_space
+from .capture import SPLITS, Capture, View, hold_out, in_space
 from .colmap import is_colmap, read_colmap
 from .llff import is_llff, read_llff
-from .transforms_json import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
+from .transforms import is_nerf_synthetic, is_transforms, read_nerf_synthetic, read_transforms, write_cameras
 
 __all__ = [
     "FORMATS",
     "Camera",
     "Capture",
-    "CapturedSplats",
     "Format",
-    "SparsePoints",
     "View",
+    "choose_views",
     "hold_out",
     "in_space",
     "open_capture",
     "register_format",
+    "slice_of_views",
     "write_cameras",
 ]
 
 
 @dataclass(frozen=True)
 class Format:
-    """A capture format.
+    """A capture format."""
 
-    Attributes:
-        name: The value of `Capture.format`, such as `colmap`.
-        marker: The characteristic file or folder, for messages.
-        reason: Why it takes precedence over later formats in the same folder; completes the sentence of a remark.
-        recognizes: Predicate of an existing path; quick, by file names only.
-        read: Reader of such a path; the second argument is `photos` of `open_capture`. Raises DataError.
-    """
-
-    name: str
-    marker: str
-    reason: str
-    recognizes: Callable[[Path], bool]
-    read: Callable[[Path, bool], Capture]
+    name: str  # the value of `Capture.format`, such as `colmap`
+    marker: str  # the characteristic file or folder, for messages
+    reason: str  # why it takes precedence over later formats in a folder; completes the sentence of a remark
+    recognizes: Callable[[Path], bool]  # quick, by file names only; the path exists
+    read: Callable[[Path, bool], Capture]  # arguments: path and `photos` of `open_capture`; raises DataError
 
 
 @check_arguments
@@ -104,6 +96,36 @@ def register_format(added: Format) -> None:
         raise BadRequest(f"There is another capture format {added.name!r}.", "Choose another name.")
     if added.name not in known:
         FORMATS.insert(0, added)
+
+
+def choose_views(capture: Capture, wanted: str) -> tuple[list[View], bool]:
+    """Return the views of a split, `all`, of comma-separated names or of a CAMERAS.json; and False for the last.
+
+    Raises DataError if a name is unknown or a split is empty.
+    """
+    if wanted in ("all", *SPLITS):
+        views = list(capture.split(wanted))
+        if not views:
+            raise DataError(f"{capture.source} has no {wanted} views.", "Use another split, or all.")
+        return views, True
+    if wanted.endswith(".json"):
+        return list(open_capture(Path(wanted), photos=False).views), False
+    return [capture.view(name.strip()) for name in wanted.split(",")], True
+
+
+def slice_of_views(views: Sequence, first: int | None, last: int | None, count: int | None) -> slice:
+    """Return the slice of views from number `first` to `last` (from 1, both included), at most `count` of them.
+
+    Raises BadRequest if the slice is empty.
+    """
+    start = (1 if first is None else first) - 1
+    ends = [len(views), *([last] if last is not None else []), *([start + count] if count is not None else [])]
+    if not 0 <= start < min(ends):
+        raise BadRequest(
+            f"There are {len(views)} views; from number {start + 1} to {min(ends)} there are none.",
+            "Views are counted from 1.",
+        )
+    return slice(start, min(ends))
 
 
 FORMATS = [

@@ -10,40 +10,36 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_array, check_fields, check_number
+from ..io.image_size import MOST_PIXELS
 
 POSE_TOLERANCE = 1e-3  # deviation of a rotation matrix from orthonormal
+LARGEST_POSITION = 1e12  # its square fits single precision
+LARGEST_SIDE = 10**6  # pixels
 
 
 class Limits(NamedTuple):
-    """Allowed ranges of a camera's parameters.
+    """Allowed ranges of a camera's parameters; lengths in pixels are relative to the longer side."""
 
-    Attributes:
-        side: Largest width and height, pixels.
-        pixels: Largest number of pixels.
-        focal: Smallest and largest focal length over the longer side.
-        center: Largest coordinate of the principal point over the longer side.
-        coefficient: Largest distortion coefficient.
-        position: Largest coordinate of the position.
-        skew: Largest deviation of the rotation from orthonormal.
-    """
-
-    side: float
-    pixels: float
-    focal: tuple[float, float]
-    center: float
-    coefficient: float
-    position: float
-    skew: float
+    side: float  # largest width and height, pixels
+    pixels: float  # largest number of pixels
+    focal: tuple[float, float]  # smallest and largest focal length
+    center: float  # largest coordinate of the principal point
+    coefficient: float  # largest distortion coefficient
+    position: float  # largest coordinate of the position
+    skew: float  # largest deviation of the rotation from orthonormal
 
 
 LARGEST = np.finfo(np.float64).max
 FINITE = Limits(2**53, math.inf, (np.finfo(np.float64).tiny, LARGEST), LARGEST, LARGEST, LARGEST, math.inf)
+# Beyond these, single precision or memory overflows. Focal lengths of fields of view from above 179 degrees to 0.001;
+# twice the pose's tolerance, since `reader_utils.rigid_pose` accepts scales that are 1 up to rounding.
+USABLE = Limits(LARGEST_SIDE, MOST_PIXELS, (1e-3, 1e6), 1e3, 1e6, LARGEST_POSITION, 2 * POSE_TOLERANCE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +61,7 @@ class Camera:
     Raises:
         TypeError: A field has another type than declared.
         BadRequest: A number is not finite, a size or focal length is not positive, or the pose has another shape or is
-            mirrored. `limits.check_camera` has the stricter limits of captures.
+            mirrored. `check_camera` has the stricter limits of captures.
 
     Examples:
         >>> camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, np.eye(4))
@@ -194,16 +190,29 @@ def find_invalid_parameter(camera: Camera, limits: Limits) -> str:
 
 
 def is_rigid(pose: np.ndarray, tolerance: float = POSE_TOLERANCE) -> bool:
-    """Test whether a matrix [4, 4] is a rigid transform, without scale, shear or mirroring.
-
-    Examples:
-        >>> is_rigid(np.eye(4)), is_rigid(np.diag([2.0, 2.0, 2.0, 1.0]))
-        (True, False)
-    """
+    """Test whether a matrix [4, 4] is a rigid transform, without scale, shear or mirroring."""
     rotation = pose[:3, :3]
     if not np.abs(rotation.T @ rotation - np.eye(3)).max() <= tolerance:
         return False
     return bool(np.linalg.det(rotation) > 0 and np.abs(pose[3] - [0, 0, 0, 1]).max() <= tolerance)
+
+
+def check_camera(camera: Camera, label: str, hint: str = "Export the cameras again.") -> Camera:
+    """Return the camera. Raises DataError "`label` has ..." with the remedy `hint` if it is not within `USABLE`."""
+    wrong = find_invalid_parameter(camera, USABLE)
+    if wrong:
+        raise DataError(f"{label} has {wrong}, which cannot be.", hint)
+    return camera
+
+
+def read_camera(label: str, *args: Any, hint: str = "Export the cameras again.", **kwargs: Any) -> Camera:
+    """Make a camera from the arguments of `Camera`. Raises DataError as `check_camera`."""
+    try:
+        camera = Camera(*args, **kwargs)
+    except BadRequest as error:
+        wrong = error.sentence.values.get("wrong", error.sentence)
+        raise DataError("{label} has {wrong}, which cannot be.", hint, label=label, wrong=wrong) from error
+    return check_camera(camera, label, hint)
 
 
 def wrong_size_error(photo: Path, width: int, height: int, camera: Camera) -> DataError:

@@ -1,7 +1,7 @@
-"""A capture (cameras with photos, split into train and test) and its canonical JSON.
+"""A capture (cameras with photos, split into train and test), its canonical JSON, and the names of its mask files.
 
 The canonical JSON (`capture.json`) has each path twice, absolute and relative to the JSON's folder, so that a project can
-be moved together with its photos.
+be moved together with its photos. Masks are MASKS/<object>/<photo stem>.png, optionally in the photos' subfolders.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_choice, check_fields
 from ..io.color_spaces import ColorSpace
-from ..io.names import case_folded, check_name, check_names
-from .camera import Camera
-from .limits import LARGEST_POSITION, check_camera, read_camera
+from ..io.names import check_name, check_names, file_name
+from .camera import LARGEST_POSITION, Camera, check_camera, read_camera
 
 SCHEMA = "karf-capture/1"
 WITH_SPLATS = "karf-capture/2"  # adds `splats`, which older readers would ignore
 WITH_SPACES = "karf-capture/3"  # adds `color_space`, which older readers would ignore
 UNIT_GAINS = (1.0, 1.0, 1.0)  # gains of a photo with the mean exposure
 SPLITS = ("train", "val", "test")
+MASK_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 
 
 @dataclass(frozen=True)
@@ -74,23 +74,14 @@ class View:
 
 @dataclass(frozen=True)
 class SparsePoints:
-    """Sparse points of structure from motion, and their observations.
+    """n sparse points of structure from motion, and their m observations, in pixels of the photos as stored."""
 
-    Attributes:
-        positions: [n, 3] float64, world.
-        colors: [n, 3] uint8 sRGB.
-        errors: [n] float32, mean reprojection error in pixels of the photos as stored; nan if unknown.
-        view: [m] int32, view index of each observation.
-        point: [m] int32, point index of each observation.
-        pixels: [m, 2] float32, position of each observation in the photo as stored.
-    """
-
-    positions: np.ndarray
-    colors: np.ndarray
-    errors: np.ndarray
-    view: np.ndarray
-    point: np.ndarray
-    pixels: np.ndarray
+    positions: np.ndarray  # [n, 3] float64, world
+    colors: np.ndarray  # [n, 3] uint8 sRGB
+    errors: np.ndarray  # [n] float32, mean reprojection error in pixels; nan if unknown
+    view: np.ndarray  # [m] int32, view index
+    point: np.ndarray  # [m] int32, point index
+    pixels: np.ndarray  # [m, 2] float32
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -105,15 +96,10 @@ class SparsePoints:
 
 @dataclass(frozen=True)
 class CapturedSplats:
-    """Gaussians of the scene trained by another program, in the capture's world.
+    """Gaussians of the scene trained by another program, in the capture's world."""
 
-    Attributes:
-        path: Absolute path of the file (see `karf_engine.splats.formats`).
-        is_antialiased: Whether they were trained with the opacity-compensated screen filter.
-    """
-
-    path: Path
-    is_antialiased: bool = False
+    path: Path  # absolute; see `karf_engine.splats.formats`
+    is_antialiased: bool = False  # trained with the opacity-compensated screen filter
 
 
 @dataclass(frozen=True)
@@ -144,7 +130,7 @@ class Capture:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        check_holdout(self.holdout)
+        _check_holdout(self.holdout)
 
     def __repr__(self) -> str:
         counts = [f"{len(self.split(name))} {name}" for name in SPLITS if self.split(name)]
@@ -172,11 +158,18 @@ def hold_out(capture: Capture, every: int) -> Capture:
     A capture with test photos, or with fewer than `every` training photos, is returned unchanged, as for 0. LLFF's
     convention is 8. Raises BadRequest if `every` is 1 or negative.
     """
-    check_holdout(every)
+    _check_holdout(every)
     names = sorted(view.name for view in capture.split("train"))
     if not every or capture.split("test") or len(names) < every:
         return capture
     return replace(with_split(capture, names[::every], "test"), holdout=every)
+
+
+def _check_holdout(every: int) -> None:
+    if every < 0 or every == 1:
+        raise BadRequest(
+            f"holdout = {every}: every {every}th photo cannot be held out.", "Give 0 for none, or a number from 2."
+        )
 
 
 def in_space(capture: Capture, space: ColorSpace | None) -> Capture:
@@ -189,21 +182,11 @@ def in_space(capture: Capture, space: ColorSpace | None) -> Capture:
 def with_gains(capture: Capture, gains: Mapping[str, Sequence[float]]) -> Capture:
     """Return the capture with the `View.gains` of some views, by name."""
 
-    def gains_of(view: View) -> tuple[float, float, float]:
-        if view.name not in gains:
-            return view.gains
-        red, green, blue = gains[view.name]
-        return float(red), float(green), float(blue)
+    def exposed(view: View) -> View:
+        red, green, blue = gains.get(view.name, view.gains)
+        return replace(view, gains=(float(red), float(green), float(blue)))
 
-    return replace(capture, views=tuple(replace(view, gains=gains_of(view)) for view in capture.views))
-
-
-def check_holdout(every: int) -> None:
-    """Raise BadRequest if every photo, or a negative number, would be held out."""
-    if every < 0 or every == 1:
-        raise BadRequest(
-            f"holdout = {every}: every {every}th photo cannot be held out.", "Give 0 for none, or a number from 2."
-        )
+    return replace(capture, views=tuple(map(exposed, capture.views)))
 
 
 def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
@@ -213,37 +196,21 @@ def with_split(capture: Capture, names: Collection[str], split: str) -> Capture:
     )
 
 
-def unique_names(stems: list[tuple[str, str]]) -> list[str]:
-    """Return a unique name for each (split, stem): the stem if it is unique, else split_stem, else numbered.
-
-    NeRF-synthetic captures repeat stems in each split. Names that differ in case or Unicode form only are not unique.
-
-    Examples:
-        >>> unique_names([("train", "r_0"), ("test", "r_0"), ("train", "r_1")])
-        ['train_r_0', 'test_r_0', 'r_1']
-    """
-    count: dict[str, int] = {}
-    for _, stem in stems:
-        count[case_folded(stem)] = count.get(case_folded(stem), 0) + 1
-    names, taken, numbers = [], set(), {}
-    for split, stem in stems:
-        name = base = stem if count[case_folded(stem)] == 1 else f"{split}_{stem}"
-        while case_folded(name) in taken:
-            numbers[base] = numbers.get(base, 1) + 1
-            name = f"{base}_{numbers[base]}"
-        taken.add(case_folded(name))
-        names.append(name)
-    return names
-
-
 def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, Any]:
     """Convert a capture to its canonical JSON, with paths relative to `folder` besides the absolute ones."""
+    splats, schema = None, SCHEMA  # the oldest that can represent the capture
+    if capture.splats is not None:
+        schema = WITH_SPLATS
+        path, is_antialiased = capture.splats.path, capture.splats.is_antialiased
+        splats = {"path": str(path), **_from_folder("path", path, folder), "is_antialiased": is_antialiased}
+    if any(view.space is not None for view in capture.views):
+        schema = WITH_SPACES
     return {
-        "schema": _schema_of(capture),
+        "schema": schema,
         "source": str(capture.source),
         "format": capture.format,
         "remarks": list(capture.warnings),
-        **_splats_to_json(capture.splats, folder),
+        **({} if splats is None else {"splats": splats}),
         "views": [
             {
                 "name": view.name,
@@ -265,18 +232,10 @@ def capture_to_json(capture: Capture, folder: Path | None = None) -> dict[str, A
     }
 
 
-def _schema_of(capture: Capture) -> str:
-    """Return the oldest schema that can represent a capture."""
-    if any(view.space is not None for view in capture.views):
-        return WITH_SPACES
-    return SCHEMA if capture.splats is None else WITH_SPLATS
-
-
 def capture_from_json(content: Any, path: Path) -> Capture:
-    """Read a capture from its canonical JSON; `path` is its file.
+    """Read a capture from its canonical JSON in the file `path`.
 
-    Raises:
-        DataError: The content is damaged or has an unknown schema, an invalid name or an impossible camera.
+    Raises DataError if the content is damaged or has an unknown schema, an invalid name or an impossible camera.
     """
     schema = content.get("schema") if isinstance(content, dict) else None
     if schema not in (SCHEMA, WITH_SPLATS, WITH_SPACES):
@@ -293,54 +252,32 @@ def capture_from_json(content: Any, path: Path) -> Capture:
 
 
 def _view_from_json(entry: dict[str, Any], label: str, path: Path) -> View:
-    width, height = entry["size"]
+    width, height = map(int, entry["size"])
     fx, fy, cx, cy = map(float, entry["intrinsics"])
-    camera = read_camera(
-        label,
-        "Import the capture again.",
-        width=int(width),
-        height=int(height),
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        camera_to_world=np.array(entry["camera_to_world"], np.float64).reshape(4, 4),
-        distortion=tuple(map(float, entry["distortion"])),
-        fisheye=bool(entry.get("fisheye", False)),
-    )
+    pose = np.array(entry["camera_to_world"], np.float64).reshape(4, 4)
+    lens = tuple(map(float, entry["distortion"])), bool(entry.get("fisheye", False))
+    camera = read_camera(label, width, height, fx, fy, cx, cy, pose, *lens, hint="Import the capture again.")
     if len(camera.distortion) > 8 or entry["split"] not in SPLITS:
         raise ValueError(f"{label}: its pose, lens or split")
-    image = _find_file(path.parent, entry["image"], entry.get("image_from_here"))
-    stem, name = check_name(entry["stem"], path, "a photo"), check_name(entry["name"], path, "a view")
-    return View(
-        name,
-        stem,
-        camera,
-        image,
-        entry["split"],
-        _bounds_from_json(entry.get("depth_bounds")),
-        space=_space_from_json(entry),
-        gains=_gains_from_json(entry),
-    )
-
-
-def _gains_from_json(entry: dict[str, Any]) -> tuple[float, float, float]:
-    red, green, blue = (float(gain) for gain in entry.get("gains", UNIT_GAINS))
+    space, bounds = entry.get("color_space"), entry.get("depth_bounds")
+    if bounds is not None:
+        near, far = map(float, bounds)
+        if not 0 < near < far <= LARGEST_POSITION:
+            raise ValueError(f"the depth bounds {near:g} and {far:g}")
+        bounds = near, far
+    red, green, blue = map(float, entry.get("gains", UNIT_GAINS))
     if not all(0 < gain < math.inf for gain in (red, green, blue)):
         raise ValueError(f"its gains are {(red, green, blue)}")
-    return red, green, blue
-
-
-def _space_from_json(entry: dict[str, Any]) -> ColorSpace | None:
-    space = entry.get("color_space")
-    return None if space is None else ColorSpace(str(space["name"]), str(space["config"]))
-
-
-def _splats_to_json(splats: CapturedSplats | None, folder: Path | None) -> dict[str, Any]:
-    if splats is None:
-        return {}
-    entry = {"path": str(splats.path), **_from_folder("path", splats.path, folder)}
-    return {"splats": entry | {"is_antialiased": splats.is_antialiased}}
+    return View(
+        stem=check_name(entry["stem"], path, "a photo"),
+        name=check_name(entry["name"], path, "a view"),
+        camera=camera,
+        image=_find_file(path.parent, entry["image"], entry.get("image_from_here")),
+        split=entry["split"],
+        depth_bounds=bounds,
+        space=None if space is None else ColorSpace(str(space["name"]), str(space["config"])),
+        gains=(red, green, blue),
+    )
 
 
 def _splats_from_json(entry: Any, path: Path) -> CapturedSplats | None:
@@ -371,10 +308,26 @@ def _find_file(folder: Path, *paths: str | None) -> Path | None:
     return candidates[0] if candidates else None
 
 
-def _bounds_from_json(value: Any) -> tuple[float, float] | None:
-    if value is None:
-        return None
-    near, far = map(float, value)
-    if not 0 < near < far <= LARGEST_POSITION:
-        raise ValueError(f"the depth bounds {near:g} and {far:g}")
-    return near, far
+# ----------------------------------------------------------------------------------------------------------- mask files
+def mask_files(folder: Path) -> list[Path]:
+    """Return the masks below an object's folder, sorted; hidden files and folders are skipped."""
+    found = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        found += [Path(place, name) for name in names if not name.startswith(".")]
+    return sorted(path for path in found if path.suffix.lower() in MASK_SUFFIXES)
+
+
+def matches_view(below: Path, view: View) -> bool:
+    """Test whether a mask, by its path below the object's folder, can belong to a view."""
+    stem = file_name(below.stem)
+    if len(below.parts) == 1:
+        return stem in (view.name, view.stem)
+    folders = below.parts[:-1]
+    return view.image is not None and stem == view.stem and view.image.parts[:-1][-len(folders) :] == folders
+
+
+def masks_of_view(folder: Path, view: View) -> list[Path]:
+    """Return the masks of an object that can belong to a view; several if stems repeat, exact names first."""
+    masks = [path for path in mask_files(folder) if matches_view(path.relative_to(folder), view)]
+    return sorted(masks, key=lambda path: file_name(path.stem) != view.name)

@@ -13,18 +13,16 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ..errors import DataError
-from .camera import Camera
+from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture, SparsePoints
 from .colmap_model import Image, Intrinsics, Points, count_images, read_cameras, read_images, read_points
-from .limits import LARGEST_POSITION, read_camera
 from .reader_utils import (
     PHOTO_SUFFIXES,
-    at_size,
+    at_photo,
     exists,
     make_views,
     merge_notes,
     opencv_distortion,
-    photo_size,
     photos_in,
 )
 
@@ -64,9 +62,9 @@ def read_colmap(path: Path, photos: bool) -> Capture:
         found = [photo for photo in found if photo]
 
     declared = [_camera(images[number], intrinsics[images[number].camera], model / f"images{suffix}") for number in ids]
-    sized = [_at_photo(camera, photo) for camera, photo in zip(declared, found, strict=True)]
+    sized = [at_photo(camera, photo) for camera, photo in zip(declared, found, strict=True)]
     cameras = [camera for camera, _ in sized]
-    stems = [photo.stem if photo else _stem(images[n].name) for n, photo in zip(ids, found, strict=True)]
+    stems = [photo.stem if photo else _path(images[n].name).stem for n, photo in zip(ids, found, strict=True)]
     views = make_views(cameras, found, stems, ["train"] * len(ids))
     remarks += merge_notes(note for _, notes in sized for note in notes)
     if points is None:
@@ -144,19 +142,9 @@ def _camera(image: Image, source: Intrinsics, file: Path) -> Camera:
     values = source.parameters
     fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
     fisheye = source.model in FISHEYES
-    return read_camera(
-        label,
-        "Export the model again, or leave this image out.",
-        width=source.width,
-        height=source.height,
-        fx=fx,
-        fy=fy,
-        cx=values["cx"],
-        cy=values["cy"],
-        camera_to_world=_camera_to_world(image.pose, label),
-        distortion=opencv_distortion(values, fisheye),
-        fisheye=fisheye,
-    )
+    lens = fx, fy, values["cx"], values["cy"], _camera_to_world(image.pose, label), opencv_distortion(values, fisheye)
+    hint = "Export the model again, or leave this image out."
+    return read_camera(label, source.width, source.height, *lens, fisheye, hint=hint)
 
 
 def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
@@ -177,17 +165,12 @@ def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
     return camera_to_world
 
 
-def _at_photo(camera: Camera, photo: Path | None) -> tuple[Camera, list[str]]:
-    return at_size(camera, photo_size(photo, (camera.width, camera.height))) if photo else (camera, [])
-
-
 # --------------------------------------------------------------------------------------------------------------- photos
 def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list[str]]:
     """Return the photo of each sorted image name, and remarks.
 
-    The pairing rules are tried from the strictest to the loosest: same path, same path with another suffix, same file
-    name in one folder, same order. Each rule is tried from the model's folder upwards, since outer folders may have
-    photos of the same names before undistortion. All photos come from the folder with the most pairs.
+    Pairing rules are tried from the strictest to the loosest, each from the model's folder upwards, since outer folders
+    may have photos of the same names before undistortion. All photos come from the folder with the most pairs.
     """
     paths = [_relative(model, name) for name in names]
     for pair in (_by_name, _by_stem, _by_file_name, _by_order):
@@ -209,7 +192,7 @@ def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list
 
 
 def _relative(model: Path, name: str) -> PurePosixPath:
-    path = PurePosixPath(name.replace("\\", "/"))
+    path = _path(name)
     if not path.name or ".." in path.parts or path.is_absolute() or path.parts[0][1:] == ":":
         raise DataError(
             f"{model} has a photo {name!r}, which is not a path below a folder of photos.",
@@ -267,8 +250,8 @@ def _left_out(folder: Path, names: list[str], photos: list[Path | None]) -> list
     return remarks
 
 
-def _stem(name: str) -> str:
-    return PurePosixPath(name.replace("\\", "/")).stem
+def _path(name: str) -> PurePosixPath:
+    return PurePosixPath(name.replace("\\", "/"))
 
 
 # --------------------------------------------------------------------------------------------------------------- points

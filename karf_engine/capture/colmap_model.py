@@ -6,6 +6,7 @@ are at integers. The rigs and frames of newer versions repeat the images' poses 
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,9 +17,8 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.inputs import check_file
-from .binary import BinaryFile
-from .limits import LARGEST_POSITION
-from .reader_utils import read_text
+from .camera import LARGEST_POSITION
+from .reader_utils import read_bytes, read_text
 
 AGAIN = "Copy the file again, or export the model again from COLMAP."
 MODELS = {  # id: (camera model, parameters in file order)
@@ -60,40 +60,24 @@ class Intrinsics:
 
 @dataclass(frozen=True)
 class Image:
-    """An entry of images: a registered photo.
+    """An entry of images: a registered photo."""
 
-    Attributes:
-        name: Path below the photo folder.
-        camera: Id of its camera.
-        pose: World to camera, quaternion (w, x, y, z) and translation, [7] float64.
-        pixels: Features, [n, 2] float64.
-        points: Point ids of the features, [n] int64, negative for none.
-    """
-
-    name: str
-    camera: int
-    pose: np.ndarray
-    pixels: np.ndarray
-    points: np.ndarray
+    name: str  # path below the photo folder
+    camera: int  # id
+    pose: np.ndarray  # world to camera, quaternion (w, x, y, z) and translation, [7] float64
+    pixels: np.ndarray  # features, [n, 2] float64
+    points: np.ndarray  # point ids of the features, [n] int64, negative for none
 
 
 @dataclass(frozen=True)
 class Points:
-    """The table points3D.
+    """The table points3D."""
 
-    Attributes:
-        ids: [n] int64.
-        positions: [n, 3] float64, world.
-        colors: [n, 3] uint8.
-        errors: Mean reprojection errors in pixels, [n] float64.
-        seen_by: Image ids of all tracks, [m] int64.
-    """
-
-    ids: np.ndarray
-    positions: np.ndarray
-    colors: np.ndarray
-    errors: np.ndarray
-    seen_by: np.ndarray
+    ids: np.ndarray  # [n] int64
+    positions: np.ndarray  # [n, 3] float64, world
+    colors: np.ndarray  # [n, 3] uint8
+    errors: np.ndarray  # mean reprojection errors in pixels, [n] float64
+    seen_by: np.ndarray  # image ids of all tracks, [m] int64
 
 
 def read_cameras(path: Path) -> dict[int, Intrinsics]:
@@ -107,11 +91,7 @@ def read_images(path: Path) -> dict[int, Image]:
 
 
 def read_points(path: Path) -> Points:
-    """Read points3D.bin or points3D.txt.
-
-    Raises:
-        DataError: The file is missing or damaged, repeats an id, or has a position that is not finite.
-    """
+    """Read points3D.bin or points3D.txt. Raises DataError if the file is missing or damaged, or repeats an id."""
     points = _points_binary(path) if path.suffix == ".bin" else _points_text(path)
     if len(np.unique(points.ids)) != len(points.ids):
         raise DataError(f"{path} has two points of one id.", AGAIN)
@@ -155,8 +135,51 @@ def _intrinsics(path: Path, number: int, model: str, width: int, height: int, va
 
 
 # --------------------------------------------------------------------------------------------------------------- binary
+class _BinaryFile:
+    """The content of a little-endian file and a read position; `what` names the entry that is read.
+
+    Reading beyond the end raises DataError, before memory is allocated.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.data, self.position = path, read_bytes(path), 0
+
+    def entries(self, what: str) -> Iterator[str]:
+        """Read the number of entries and yield a label for each; raises DataError if bytes are left at the end."""
+        (count,) = self.values("Q", f"the number of {what}s")
+        for number in range(count):
+            yield f"{what} {number + 1} of {count}"
+        if self.position != len(self.data):
+            n_left = len(self.data) - self.position
+            raise DataError(f"{self.path} has {n_left} bytes after its last {what}.", AGAIN)
+
+    def skip(self, size: int, what: str) -> int:
+        """Advance by `size` bytes and return the old position."""
+        start, self.position = self.position, self.position + size
+        if self.position > len(self.data):
+            raise DataError(f"{self.path} is cut off at byte {len(self.data)}, within {what}.", AGAIN)
+        return start
+
+    def values(self, layout: str, what: str) -> tuple:
+        """Read values of a `struct` layout."""
+        return struct.unpack_from("<" + layout, self.data, self.skip(struct.calcsize("<" + layout), what))
+
+    def table(self, dtype: np.dtype, count: int, what: str) -> np.ndarray:
+        """Read `count` records as a view of the file's bytes."""
+        return np.frombuffer(self.data, dtype, count, self.skip(dtype.itemsize * count, what))
+
+    def text(self, what: str) -> str:
+        """Read a zero-terminated UTF-8 string."""
+        end = self.data.find(b"\0", self.position)
+        start = self.skip((end if end >= 0 else len(self.data)) + 1 - self.position, what)
+        try:
+            return self.data[start : self.position - 1].decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise DataError(f"{self.path} has a name that is not UTF-8 text in {what}.", AGAIN) from error
+
+
 def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
-    file = BinaryFile(path, AGAIN)
+    file = _BinaryFile(path)
     for what in file.entries("camera"):
         number, model, width, height = file.values("IiQQ", what)
         if model not in MODELS:
@@ -169,7 +192,7 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
 
 
 def _images_binary(path: Path) -> Iterator[tuple[int, Image]]:
-    file = BinaryFile(path, AGAIN)
+    file = _BinaryFile(path)
     for what in file.entries("image"):
         number, *pose, camera = file.values("I7dI", what)
         name = file.text(what)
@@ -180,7 +203,7 @@ def _images_binary(path: Path) -> Iterator[tuple[int, Image]]:
 
 def _points_binary(path: Path) -> Points:
     """Split the file by track lengths and parse all points at once: models have up to millions of points."""
-    file = BinaryFile(path, AGAIN)
+    file = _BinaryFile(path)
     heads, tracks = [], []
     for what in file.entries("point"):
         track = file.position + POINT.itemsize

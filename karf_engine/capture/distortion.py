@@ -1,4 +1,4 @@
-"""OpenCV's perspective and fisheye lens distortion in numpy.
+"""OpenCV's perspective and fisheye lens distortion in numpy, of points and of photos for Blender's backgrounds.
 
 With x, y the pinhole's normalized coordinates (x right, y down, depth 1) and r^2 = x^2 + y^2 (OpenCV documentation,
 calib3d and fisheye)::
@@ -17,6 +17,9 @@ from .camera import Camera
 NEWTON_STEPS = 25
 GRADIENT_STEP = 1e-3  # step of difference quotients, pixels
 TOLERANCE = 1e-4  # final residual of the inversion, pixels
+LENS_STEP = 0.5  # half step of central differences, pixels
+NEAR_STEPS = 3  # Newton steps from a near guess
+BLOCK_ROWS = 16  # rows undistorted at a time, so that intermediate results fit the CPU cache
 
 
 def distort(camera: Camera, pixels: np.ndarray) -> np.ndarray:
@@ -64,6 +67,22 @@ def _newton_step(
     return np.where(np.isfinite(step).all(1, keepdims=True), step, (center - estimate) / 4)
 
 
+def undistort_points_near(camera: Camera, pixels: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Map pixels [m, 2] of the photo as stored to undistorted pixels, float64, from the guess `near` [m, 2].
+
+    Takes a fixed number of Newton steps, unlike `undistort_points`.
+    """
+    if camera.is_pinhole:
+        return np.asarray(pixels, np.float64)
+    du, dv = np.array([LENS_STEP, 0.0]), np.array([0.0, LENS_STEP])
+    for _ in range(NEAR_STEPS):
+        a, c = (distort(camera, near + du) - distort(camera, near - du)).T
+        b, d = (distort(camera, near + dv) - distort(camera, near - dv)).T
+        u, v = (pixels - distort(camera, near)).T * (2 * LENS_STEP)
+        near = near + np.stack([d * u - b * v, a * v - c * u], -1) / (a * d - b * c)[:, None]
+    return near
+
+
 def _perspective(plane: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:
     k1, k2, p1, p2, k3, k4, k5, k6 = (*distortion, *[0.0] * 8)[:8]
     x, y = plane[..., 0], plane[..., 1]
@@ -88,3 +107,41 @@ def _fisheye(plane: np.ndarray, distortion: tuple[float, ...]) -> np.ndarray:
     is_valid = 1 + a2 * (3 * k1 + a2 * (5 * k2 + a2 * (7 * k3 + a2 * 9 * k4))) > 0
     factor = np.where(radius > 1e-8, distorted / np.maximum(radius, 1e-8), 1.0)  # the limit at the center is 1
     return plane * np.where(is_valid, factor, np.nan)
+
+
+# --------------------------------------------------------------------------------------------------------------- photos
+def undistorted(photo: np.ndarray, camera: Camera) -> np.ndarray:
+    """Undistort a photo as stored, float32 [H, W, C], with bilinear interpolation; black outside the photo.
+
+    The pixels are those of `training_images.undistort`.
+    """
+    photo = np.ascontiguousarray(photo)
+    result = np.empty_like(photo)
+    columns = np.arange(camera.width) + 0.5
+    for top in range(0, camera.height, BLOCK_ROWS):
+        rows = np.arange(top, min(top + BLOCK_ROWS, camera.height)) + 0.5
+        positions = distort(camera, np.stack(np.meshgrid(columns, rows), -1))
+        is_inside = (positions >= 0) & (positions <= (camera.width, camera.height))  # False for nan
+        inside = np.all(is_inside, axis=-1)
+        result[top : top + BLOCK_ROWS] = _bilinear(photo, np.where(inside[..., None], positions - 0.5, 0))
+        result[top : top + BLOCK_ROWS][~inside] = 0
+    return result
+
+
+def _bilinear(photo: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """Sample an image at (column, row) positions [..., 2], clamped to the outer pixel centers; [..., C]."""
+    height, width, channels = photo.shape
+    pixels = photo.reshape(-1, channels)
+    column, row = np.clip(positions[..., 0], 0, width - 1), np.clip(positions[..., 1], 0, height - 1)
+    left, top = column.astype(np.intp), row.astype(np.intp)
+    fraction_u = (column - left).astype(np.float32)[..., None]
+    fraction_v = (row - top).astype(np.float32)[..., None]
+    right, below = (left < width - 1).astype(np.intp), (top < height - 1) * width  # index offsets of the neighbors
+    corner = top * width + left
+    upper = _lerp(pixels.take(corner, 0), pixels.take(corner + right, 0), fraction_u)
+    lower = _lerp(pixels.take(corner + below, 0), pixels.take(corner + below + right, 0), fraction_u)
+    return _lerp(upper, lower, fraction_v)
+
+
+def _lerp(first: np.ndarray, second: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    return first + (second - first) * weight

@@ -16,10 +16,9 @@ import numpy as np
 
 from ..errors import DataError, is_out_of_memory
 from ..io.image_size import image_size
-from .camera import Camera
+from .camera import LARGEST_POSITION, Camera, read_camera
 from .capture import Capture
-from .limits import LARGEST_POSITION, read_camera
-from .reader_utils import at_size, make_views, merge_notes, photo_size, photos_in, read_bytes, rigid_pose
+from .reader_utils import at_photo, make_views, merge_notes, photos_in, read_bytes, rigid_pose
 
 POSES = "poses_bounds.npy"
 SHARED_INTRINSICS = "hwf_cxcy.npy"
@@ -43,11 +42,9 @@ def read_llff(path: Path, photos: bool) -> Capture:
     cameras, notes = [], []
     for number, (row, image) in enumerate(zip(table, images, strict=True)):
         camera, camera_notes = _camera(row, shared, f"{file}, row {number}")
-        if image:
-            camera, size_notes = at_size(camera, photo_size(image, (camera.width, camera.height)))
-            camera_notes += size_notes
+        camera, size_notes = at_photo(camera, image)
         cameras.append(camera)
-        notes += camera_notes
+        notes += camera_notes + size_notes
     stems = [image.stem if image else f"{number:03d}" for number, image in enumerate(images)]
     views = make_views(cameras, images, stems, ["train"] * len(table))
     is_range = (table[:, -2] > 0) & (table[:, -1] > table[:, -2]) & (table[:, -1] <= LARGEST_POSITION)
@@ -118,8 +115,7 @@ def _camera(row: np.ndarray, shared: np.ndarray | None, label: str) -> tuple[Cam
     height, width, fx, fy, cx, cy = map(float, shared)
     if not (math.isfinite(width) and math.isfinite(height)):
         raise DataError(f"{label} has a picture of {width:g}x{height:g} pixels, which cannot be.", "Export them again.")
-    numbers = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, "camera_to_world": pose}
-    return read_camera(label, width=round(width), height=round(height), **numbers), notes
+    return read_camera(label, round(width), round(height), fx, fy, cx, cy, pose), notes
 
 
 def _photos(file: Path, count: int) -> list[Path]:

@@ -11,10 +11,9 @@ import numpy as np
 from ..errors import DataError
 from ..io.image_size import LFS_POINTER, image_header
 from ..io.inputs import check_file
-from ..io.names import file_name
-from .camera import Camera, is_rigid
-from .capture import View, unique_names
-from .limits import LARGEST_POSITION
+from ..io.names import case_folded, file_name
+from .camera import LARGEST_POSITION, Camera, is_rigid
+from .capture import View
 
 PHOTO_SUFFIXES = (".png", ".jpg", ".jpeg", ".JPG", ".PNG", ".JPEG", ".webp", ".tif", ".tiff", ".bmp", ".exr")
 LENS_KEYS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -49,18 +48,9 @@ def read_text(path: Path) -> str:
 
 # ---------------------------------------------------------------------------------------------------------------- poses
 def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, list[str]]:
-    """Remove a uniform scale from the rotation of a pose.
+    """Remove a uniform scale from the rotation of a camera_to_world [4, 4]; also return a note if there was one.
 
-    Args:
-        matrix: camera_to_world, [4, 4] float64.
-        label: Subject of the message "`label` has a `what` that ...".
-        what: Name of the pose in the file.
-
-    Returns:
-        camera_to_world [4, 4] float64 with a pure rotation, and a note if a scale was removed.
-
-    Raises:
-        DataError: The matrix is not finite, too large, or not a rotation with a uniform scale.
+    Raises DataError "`label` has a `what` that ..." if the matrix is not finite, too large, or otherwise not a pose.
     """
     if not np.abs(matrix).max() <= LARGEST_POSITION:
         raise DataError(f"{label} has a {what} that is not finite.", "Leave this photo out.")
@@ -78,12 +68,7 @@ def rigid_pose(matrix: np.ndarray, label: str, what: str) -> tuple[np.ndarray, l
 
 
 def opencv_distortion(coefficients: Mapping[str, float], fisheye: bool) -> tuple[float, ...]:
-    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`.
-
-    Examples:
-        >>> opencv_distortion({"k1": 0.1, "p2": -0.01}, fisheye=False)
-        (0.1, 0.0, 0.0, -0.01)
-    """
+    """Convert coefficients by OpenCV's names, 0 if absent, to the shortest equivalent `Camera.distortion`."""
     values = [float(coefficients.get(key, 0.0)) for key in (FISHEYE_KEYS if fisheye else LENS_KEYS)]
     lengths = (0, 4) if fisheye else (0, 4, 5, 8)
     return tuple(values[: next(length for length in lengths if not any(values[length:]))])
@@ -107,18 +92,10 @@ def exists(path: Path) -> bool:
 
 
 def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]:
-    """Return width and height of a photo in the orientation of its camera.
+    """Return width and height of a photo in the orientation of its camera. Raises DataError if it is damaged.
 
-    Args:
-        image: The photo.
-        declared: Width and height in the capture's file, if any.
-
-    Returns:
-        The size for display, unless the Exif orientation swaps the sides and the declared aspect is that of the stored
-        size; then the stored size.
-
-    Raises:
-        DataError: The photo is missing or damaged.
+    That is the size for display, unless the Exif orientation swaps the sides and the size that the capture's file
+    declares has the aspect of the stored one.
     """
     header = image_header(image)
     if declared and header.swaps_sides and (declared[0] > declared[1]) == (header.width > header.height):
@@ -134,6 +111,11 @@ def at_size(camera: Camera, size: tuple[int, int]) -> tuple[Camera, list[str]]:
     return camera.scaled(*size), [note + "their intrinsics were scaled."]
 
 
+def at_photo(camera: Camera, image: Path | None) -> tuple[Camera, list[str]]:
+    """Scale a camera to its photo's size, as `at_size`; without a photo it stays."""
+    return at_size(camera, photo_size(image, (camera.width, camera.height))) if image else (camera, [])
+
+
 # ---------------------------------------------------------------------------------------------------------------- views
 def make_views(
     cameras: Iterable[Camera], images: Iterable[Path | None], stems: Iterable[str], splits: Iterable[str]
@@ -145,6 +127,23 @@ def make_views(
         View(name, stem, camera, image.absolute() if image else None, split)
         for name, stem, camera, image, split in zip(names, stems, cameras, images, splits, strict=True)
     ]
+
+
+def unique_names(stems: list[tuple[str, str]]) -> list[str]:
+    """Return a unique name for each (split, stem): the stem if it is unique, else split_stem, else numbered.
+
+    NeRF-synthetic captures repeat stems in each split. Names that differ in case or Unicode form only are not unique.
+    """
+    count = Counter(case_folded(stem) for _, stem in stems)
+    names, taken, numbers = [], set(), {}
+    for split, stem in stems:
+        name = base = stem if count[case_folded(stem)] == 1 else f"{split}_{stem}"
+        while case_folded(name) in taken:
+            numbers[base] = numbers.get(base, 1) + 1
+            name = f"{base}_{numbers[base]}"
+        taken.add(case_folded(name))
+        names.append(name)
+    return names
 
 
 def merge_notes(notes: Iterable[str]) -> list[str]:

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..errors import BadRequest, DataError
 from ..io.files import read_json
-from .camera import Camera
-from .limits import check_camera
+from .camera import Camera, check_camera
 from .reader_utils import rigid_pose
 
 NAME = "cameras.json"

@@ -28,28 +28,19 @@ LENS_DETAIL = 3  # undistort at this multiple of the working size, to keep detai
 
 @dataclass(frozen=True)
 class TrainingImage:
-    """A view at the working size, without distortion.
-
-    Attributes:
-        view: The captured view.
-        camera: A pinhole camera at the working size.
-        color: sRGB float32 [H, W, 3] in [0, 1], straight.
-        alpha: float32 [H, W] in [0, 1]; None if the photo is opaque.
-        valid: bool [H, W], False outside the photo; None if all pixels are inside.
-    """
+    """A view at the working size, without distortion."""
 
     view: View
-    camera: Camera
-    color: np.ndarray
-    alpha: np.ndarray | None
-    valid: np.ndarray | None
+    camera: Camera  # a pinhole at the working size
+    color: np.ndarray  # sRGB float32 [H, W, 3] in [0, 1], straight
+    alpha: np.ndarray | None  # float32 [H, W] in [0, 1]; None if the photo is opaque
+    valid: np.ndarray | None  # bool [H, W], False outside the photo; None if all pixels are inside
 
 
 def load_views(views: Sequence[View], long_side: int) -> list[TrainingImage]:
     """Read photos, undistort them and scale them down to at most `long_side` pixels a side, one at a time.
 
-    Raises:
-        DataError: A photo is missing, damaged or of another size than its camera.
+    Raises DataError if a photo is missing, damaged or of another size than its camera.
     """
     return [_load_view(view, long_side) for view in views]
 
@@ -83,19 +74,10 @@ def _load_view(view: View, long_side: int) -> TrainingImage:
 
 
 def load_target_image(view: View, picture: Path, long_side: int) -> np.ndarray:
-    """Read a painted or graded image of a view at the size of its training image, undistorted.
+    """Read a painted or graded image of a view at the size of its training image, undistorted and over white.
 
-    Args:
-        view: The captured view.
-        picture: An image with distortion if it has the photo's size, of any other size without.
-        long_side: As for `load_views`, pixels.
-
-    Returns:
-        sRGB float32 [H, W, 3] in [0, 1], composited over white.
-
-    Raises:
-        DataError: The image is missing or damaged.
-        BadRequest: The image has another aspect ratio than the view.
+    The image has distortion if it has the photo's size; of any other size it has none. Returns sRGB float32 [H, W, 3] in
+    [0, 1]. Raises DataError if the image is missing or damaged, BadRequest if it has another aspect ratio than the view.
     """
     pixels, camera = read_photo(picture, space=view.space), view.camera.reduced(long_side)
     height, width = pixels.shape[:2]
@@ -114,8 +96,7 @@ def load_target_image(view: View, picture: Path, long_side: int) -> np.ndarray:
 def read_photo_of_view(view: View) -> np.ndarray:
     """Read a view's photo in its camera's orientation, sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha.
 
-    Raises:
-        DataError: The photo is missing, damaged or of another size than its camera.
+    Raises DataError if the photo is missing, damaged or of another size than its camera.
     """
     path = photo_path(view)
     size, shape = (view.camera.height, view.camera.width), ()
@@ -129,7 +110,7 @@ def read_photo_of_view(view: View) -> np.ndarray:
 
 
 def photo_path(view: View) -> Path:
-    """Return the path of a view's photo. Raises DataError if it has none."""
+    """Return the path of a view's photo. Raises DataError for a bare camera."""
     if view.image is None:
         raise DataError(f"View {view.name!r} is a bare camera without a photo.", "Give a capture with photos.")
     return view.image
@@ -138,8 +119,7 @@ def photo_path(view: View) -> Path:
 def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np.ndarray]:
     """Undistort an image, float [H, W, 1, 3 or 4]; focal lengths, principal point and size stay.
 
-    Returns:
-        The image (float32), its pinhole camera, and a mask of the pixels inside the photo, bool [H, W].
+    Returns the image (float32), its pinhole camera, and a mask of the pixels inside the photo, bool [H, W].
     """
     if camera.is_pinhole:
         return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
@@ -155,10 +135,9 @@ def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np
 def lens_map(
     width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the remap tables that undistort a photo; arguments as the attributes of `Camera`.
+    """Return the remap tables that undistort a photo, and a mask of positions inside the photo, all [H, W].
 
-    Returns:
-        Columns and rows, float32 [H, W], with pixel centers at integers; and a mask of positions inside the photo.
+    The tables are columns and rows, float32, with pixel centers at integers.
     """
     lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
     maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
@@ -172,16 +151,10 @@ def lens_map(
 
 
 def background_kind(photos: Sequence[np.ndarray]) -> str:
-    """Classify the background of a capture's photos.
+    """Classify the background of photos, float [H, W, 3 or 4] in [0, 1].
 
-    Args:
-        photos: Float [H, W, 3 or 4] in [0, 1]. An alpha channel of 1 everywhere is not a matte.
-
-    Returns:
-        `alpha` (a matte), `black`, `white`, or `opaque` (a real background).
-
-    Raises:
-        DataError: All photos are transparent everywhere.
+    Returns `alpha` (a matte, less than 1 somewhere), `black`, `white`, or `opaque` (a real background). Raises DataError
+    if all photos are transparent everywhere.
     """
     if photos and all(photo.shape[-1] == 4 and not photo[..., 3].any() for photo in photos):
         raise DataError("All photos are transparent everywhere.", "Export them with their colors, or without alpha.")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ..errors import Cancelled
-from ..worker.reporting import as_karf_error, log, print_error
-from .parser import check_known, make_parser
+from ..io.failures import as_karf_error, log, print_error
+from .verbs import check_known, make_parser
 
 BROKEN_PIPE = 128 + 13  # the exit code of programs that SIGPIPE ends
 
@@ -27,9 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_known(options, others)
         if is_one_of_several():
-            from .together import run_together  # needs torch, and `doctor` must run without it
-
-            return run_together(lambda: options.action(options))
+            return _run_together(lambda: options.action(options))
         code = options.action(options)
         print(end="", flush=True)
         return code
@@ -43,3 +41,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error = as_karf_error(raised)
         print_error(error)
         return error.exit_code
+
+
+def _run_together(command: Callable[[], int]) -> int:
+    """Run a command on rank 0, while the other processes of torchrun take part in learning the scene."""
+    from ..commands.geometry import help_to_learn  # need torch, and `doctor` must run without it
+    from ..compute.runtime import join, leave
+
+    process_group = join()
+    if process_group.rank:
+        help_to_learn(process_group)
+        leave()
+        os._exit(0)  # gloo's threads may still run, and would abort a normal exit
+    if code := command():  # torchrun then ends all processes
+        return code
+    process_group.share(None)  # tells the others to end
+    leave()
+    return 0

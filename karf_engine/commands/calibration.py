@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
+from ..io.color import to_bytes
 from ..io.images import read_photo
-from ..palettes.color_chart import MAX_CONDITION, ChartFit, fit_photo
+from ..palettes.calibration import MAX_CONDITION, ChartFit, ReferenceLight, fit_photo
 from ..palettes.project_edit import as_color
-from ..palettes.reference_light import ReferenceLight
-from ..recolor.chart_detection import find_corners
 from .options import CalibrationOptions
 
 
@@ -48,3 +48,14 @@ def fit_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
             path=path,
         )
     return fit_photo(photo, found)
+
+
+def find_corners(photo: np.ndarray) -> np.ndarray | None:
+    """Find the corners of a chart's block of patches in a photo, sRGB [H, W, 3] in [0, 1], or None.
+
+    OpenCV's box is a little wider than the block.
+    """
+    detector = cv2.mcc.CCheckerDetector_create()  # pyright: ignore[reportAttributeAccessIssue]
+    detector.setColorChartType(cv2.mcc.MCC24)
+    found = detector.process(np.ascontiguousarray(to_bytes(photo[..., ::-1])), 1)
+    return detector.getBestColorChecker().getBox().astype(np.float64) if found else None

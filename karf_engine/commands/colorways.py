@@ -16,26 +16,31 @@ from pathlib import Path
 
 import numpy as np
 
+from ..capture import choose_views
 from ..capture.capture import View
-from ..capture.chosen_views import choose_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.colorway_pictures import ColorProbe, pictures_of
-from ..export.colorway_table import Reached, write_table, write_view_table
-from ..export.contact_sheet import Line, Row, write_contact_sheet
+from ..export.colorways import (
+    ColorProbe,
+    Line,
+    Reached,
+    Row,
+    pictures_of,
+    write_contact_sheet,
+    write_table,
+    write_view_table,
+)
 from ..export.finished_frames import FinishedFrames, frame_fingerprint, model_fingerprint, view_fingerprint
-from ..palettes.colorways.planning import PlannedColorway, plan_colorways
-from ..palettes.colorways.prediction import Prediction
+from ..palettes.calibration import ReferenceLight
+from ..palettes.colorways import PlannedColorway, plan_colorways
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import read_palettes, rgb_to_hex
 from ..palettes.palette_files import read_edit_file
-from ..palettes.reference_light import ReferenceLight
+from ..palettes.prediction import Prediction
 from ..project import Project
-from ..project.locking import open_project, read_lock
 from ..recolor.model import Model
 from .calibration import reference_light
-from .disputes import warn_of_disputes
-from .job import Job, open_job
+from .job import Job, open_job, warn_of_disputes
 from .options import ColorwaysOptions
 
 VERSION = 1  # of the pictures; incremented when the same inputs would give others
@@ -45,7 +50,7 @@ MAX_WARNINGS = 5
 
 def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Report the predicted colors of each colorway, then render all views. Raises DataError for a wrong row of the sheet."""
-    project = open_project(options.project)
+    project = Project(options.project).snapshot()
     light = reference_light(options, emit)
     edges = _read_edges(project, options.edges)
     planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
@@ -53,10 +58,8 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     write_table(options.out / "colorways.csv", planned, light=light)
     if not options.predict_only:
         project.require("recoloring")
-        with read_lock(project):
-            job = open_job(options, emit, should_stop)
-            renderer = _Renderer(job, Model(project, job.runtime.device), planned, options, light)
-        renderer.run()
+        job = open_job(options, emit, should_stop, project)
+        _Renderer(job, Model(project, job.runtime.device), planned, options, light).run()
         job.artifact("contact sheet", options.out / "contact_sheet.png")
     emit("artifact", kind="colorways", path=str(options.out / "colorways.csv"))
 

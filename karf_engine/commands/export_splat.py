@@ -1,7 +1,7 @@
 """Export a project's Gaussian splats for other programs, with an edit baked into their colors, or a file per colorway.
 
-Gaussians that the edit does not change keep their bits. An imported .ply file that is exported whole, as .ply and without
-a transform, keeps all other bytes too.
+Gaussians that the edit does not change keep their bits. An imported .ply file, exported whole, as .ply and without a
+transform, keeps all other bytes too.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 
 from ..compute.progress import Emit
 from ..errors import BadRequest, DataError, missing_package
-from ..palettes.colorways.planning import plan_colorways
+from ..palettes.colorways import plan_colorways
 from ..palettes.palette import Edit
 from ..palettes.palette_files import read_edit_file
-from ..project.locking import open_project, read_lock
+from ..project import Project
 from ..recolor.model import Model
-from ..recolor.splat_colors import WEIGHT, columns_of
+from ..recolor.splatted_scene import WEIGHT, columns_of
 from ..splats.formats import ply
 from ..splats.formats.registry import end_of, is_plain_ply, write_splats
 from ..splats.formats.splat_file import SplatFile
@@ -34,14 +34,13 @@ def run(options: ExportSplatOptions, emit: Emit, should_stop: Callable[[], bool]
     """Write the splats. Raises BadRequest where none are learned, or the format cannot store the request."""
     if options.attributes and end_of(options.out) != ".ply":
         raise BadRequest(f"{options.out} holds no attributes.", "Give a .ply to write.")
-    project = open_project(options.project)
+    project = Project(options.project).snapshot()
     project.require("splats")
     if options.edit or options.sheet or options.objects or options.attributes:
         project.require("recoloring")
-    with read_lock(project):
-        job = open_job(options, emit, should_stop)
-        settings = replace(job.settings, render=replace(job.settings.render, source="splats"))
-        model = Model(project, job.runtime.device, settings)
+    job = open_job(options, emit, should_stop, project)
+    settings = replace(job.settings, render=replace(job.settings.render, source="splats"))
+    model = Model(project, job.runtime.device, settings)
     if model.splats is None:
         raise missing_package("numba")
     exporter = _Exporter(job, model, options)

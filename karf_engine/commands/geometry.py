@@ -11,47 +11,40 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from ..capture import hold_out, in_space, open_capture
 from ..capture.capture import UNIT_GAINS, Capture, SparsePoints, capture_to_json, with_gains, with_split
-from ..capture.poses.triangulation import triangulate
 from ..capture.reader_utils import read_bytes
 from ..capture.training_images import TrainingImage
+from ..capture.triangulation import triangulate
 from ..compute import cores
 from ..compute.kernels import has_kernels
-from ..compute.process_group import ProcessGroup, current_group
 from ..compute.progress import Emit, Progress
-from ..compute.runtime import start_runtime
+from ..compute.runtime import ProcessGroup, current_group, start_runtime
 from ..errors import Cancelled, DataError, KarfError
-from ..fields.detail import psnr_without_detail, typical_pixels_per_voxel
-from ..fields.exposures import PARAMETERS as EXPOSURES
+from ..fields.exposures import LONG_SIDE as EXPOSURE_LONG_SIDE
 from ..fields.exposures import gains_from_render
+from ..fields.extent import psnr_without_detail, typical_pixels_per_voxel
 from ..fields.files import save_scene
 from ..fields.nerf.field import NerfNetwork
-from ..fields.nerf.files import read_nerf
-from ..fields.nerf.importing import import_nerf
-from ..fields.registry import field_kind
+from ..fields.nerf.importing import import_nerf, read_nerf
+from ..fields.registry import background_kind_of, build_pixel_dataset, field_kind, make_fit_task
 from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
-from ..fields.task import background_kind_of, build_pixel_dataset, make_fit_task
+from ..fields.voxels.fit import VoxelFit
 from ..io.color_spaces import ColorSpace, color_space
 from ..io.files import write_json
 from ..io.fingerprints import file_digest
 from ..io.images import alpha_composite, write_png
 from ..project import Project
 from ..project import settings as settings_module
-from ..project.locking import open_project
 from ..segmentation.coarse_masks import find_masks, marked_views
 from ..splats.depths import sample_surface_points
-from ..splats.importing import read_captured_gaussians
+from ..splats.formats.registry import read_captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options import GeometryOptions
-
-if TYPE_CHECKING:
-    from ..fields.voxels.fit import VoxelFit
 
 VALIDATION_VIEWS = 8
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 3, 200  # photos that align an imported NeRF
@@ -64,11 +57,7 @@ MAX_PSNR_DROP = 0.5  # dB that held-out views may lose from level to level witho
 def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
     """Learn the scene of a capture into the project, unless it is finished with the same inputs.
 
-    Args:
-        options: The command's options.
-        emit: Receives the events.
-        should_stop: Returns whether to stop.
-        capture: The opened capture of `options.capture`, if the caller has it in memory.
+    `capture` is the opened capture of `options.capture`, if the caller has it in memory.
     """
     settings = settings_module.with_overrides(settings_module.preset(options.preset), list(options.overrides))
     space = None if options.photo_space is None else color_space(options.photo_space, options.ocio)
@@ -79,7 +68,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         emit("warning", code="capture", sentence=remark)
     if options.masks is not None:
         find_masks(options.masks, capture)  # refuse masks without a photo before learning
-    project = open_project(options.project)
+    project = Project(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
     capture = in_space(capture, space or _previous_space(project))
@@ -104,7 +93,7 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
             scene, capture = learn(job, capture, run)
         else:
             scene = import_scene(job, capture, nerf, networks, run.summary)
-        write_json(run.output(project.capture_file), capture_to_json(capture, project.folder))
+        write_json(run.output(project.capture_file), capture_to_json(capture, run.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
 
@@ -117,17 +106,13 @@ def _previous_space(project: Project) -> ColorSpace | None:
 
 
 def with_marked_in_training(project: Project, capture: Capture, masks: Path | None) -> Capture:
-    """Return the capture with all marked photos in the training split. Not part of the fingerprint.
+    """Return the capture with all photos that the project or `masks` marks in the training split.
 
-    Args:
-        project: Its masks and corrections count as marks.
-        capture: The capture.
-        masks: A folder of further marks.
+    The marks are not part of the fingerprint.
     """
     folders = [folder for folder in (project.masks_folder, project.corrections_folder, masks) if folder is not None]
-    return with_split(
-        capture, set().union(*(marked_views(project.check_inside(folder), capture) for folder in folders)), "train"
-    )
+    marked = set().union(*(marked_views(project.check_inside(folder), capture) for folder in folders))
+    return with_split(capture, marked, "train")
 
 
 def _inputs(capture: Capture, nerf: Path | None) -> list:
@@ -165,11 +150,11 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
         if held_out is not None:
             validate(job, scene, held_out, scores)
     run.summary.update(background=task.kind, space=task.space, **scene.field.summary(), held_out=scores)
-    if settings.field == "voxels":
+    if isinstance(fit, VoxelFit):
         pixels = typical_pixels_per_voxel(scene.field.space, scene.field.voxel, task.views, task.points)
         run.summary["pixels_per_voxel"] = round(pixels, 2)
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
-        gains = {view.name: tuple(own) for view, own in zip(views, cast("VoxelFit", fit).gains, strict=True)}
+        gains = {view.name: tuple(own) for view, own in zip(views, fit.gains, strict=True)}
         if any(own != UNIT_GAINS for own in gains.values()):
             gains |= gains_of_other_views(job, capture, scene)
         capture = with_gains(capture, gains)
@@ -181,7 +166,7 @@ def gains_of_other_views(job: Job, capture: Capture, scene: Scene) -> dict[str, 
     others = [view for view in capture.views if view.split != "train" and view.image is not None]
     return {
         image.view.name: gains_from_render(scene, image.camera, image.color)
-        for image in job.training_images(others, EXPOSURES.long_side)
+        for image in job.training_images(others, EXPOSURE_LONG_SIDE)
     }
 
 

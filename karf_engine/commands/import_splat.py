@@ -6,11 +6,9 @@ renderings from cameras chosen around the Gaussians. OUT appears only when it is
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,35 +17,29 @@ from ..capture.camera import Camera
 from ..capture.capture import Capture, CapturedSplats, View
 from ..capture.splat_cameras import cameras_beside, folders_around, read_splat_cameras
 from ..capture.training_images import load_views
-from ..capture.transforms_json import write_capture
+from ..capture.transforms import write_capture
 from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
-from ..io.files import copy_file, read_json
+from ..io.files import read_json
 from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
-from ..splats.importing import imported_gaussians
+from ..splats.gaussians import Gaussians, imported_gaussians
 from .options import ImportSplatOptions
-from .output_folder import new_folder
-
-if TYPE_CHECKING:
-    from ..splats.gaussians import Gaussians
+from .output_folder import link_or_copy, new_folder
 
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
 MIN_PSNR = 15.0  # dB
 MIN_FILTER_GAIN = 0.5  # dB between the two screen filters for the photos to decide
-THUMBNAIL = 100  # pixels of the renderings that are searched for an empty background
+THUMBNAIL = 100  # pixels of the renderings that decide whether the background is empty
 MIN_VIEWS = 3
 MAX_EMPTY = 0.1  # share of empty pixels above which the views get an alpha channel
-AXES = {
-    **dict(zip(("x", "y", "z"), np.eye(3), strict=True)),
-    **dict(zip(("-x", "-y", "-z"), -np.eye(3), strict=True)),
-}
+AXES: dict[str, np.ndarray] = dict(zip(("x", "y", "z", "-x", "-y", "-z"), [*np.eye(3), *-np.eye(3)], strict=True))
 
 
 def run(options: ImportSplatOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -82,10 +74,7 @@ def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
         return folder / "splat.ply"
     is_compressed = splat.name.lower().endswith(".compressed.ply")
     linked = folder / f"splat{'.compressed' if is_compressed else ''}{splat.suffix.lower()}"
-    try:
-        os.link(splat.resolve(), linked)
-    except OSError:  # another disk, or a file system without links
-        copy_file(splat, linked)
+    link_or_copy(splat, linked)
     return linked
 
 
@@ -199,8 +188,7 @@ def _render(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray
 # --------------------------------------------------------------------------------------------------------- with photos
 def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
     """Return the photos' capture with the Gaussians and the screen filter that reproduces the photos better."""
-    from ..splats.fit import Photo  # needs numba
-    from ..splats.quality import psnr
+    from ..splats.fit import Photo, psnr  # need numba
 
     assert options.photos is not None
     capture = open_capture(options.photos)

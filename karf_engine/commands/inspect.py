@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..capture import open_capture
-from ..capture.quality.advice import Advice, advise
-from ..capture.quality.drawing import draw_map
-from ..capture.quality.inspection import inspect_capture
+from ..capture.advice import Advice, advise, draw_map
+from ..capture.inspection import inspect_capture
 from ..compute.progress import Emit
 from ..errors import DataError
 from ..io.files import write_json

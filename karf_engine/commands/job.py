@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,13 +15,15 @@ from ..capture.training_images import TrainingImage, load_views
 from ..compute.progress import Emit, Progress, peak_memory_bytes
 from ..compute.runtime import Runtime, start_runtime
 from ..errors import BadRequest, Diverged
-from ..fields.training.checkpoint import Checkpoint
+from ..fields.fit import Checkpoint
 from ..io.fingerprints import fingerprint
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module
 from ..project.contents import read_capture, settings_for
-from ..project.locking import open_project, read_lock, write_lock
+from ..project.locking import write_lock
 from ..project.settings import Settings
+
+MAX_NAMED = 3  # views in one warning
 
 
 class ProjectOptions(Protocol):
@@ -38,7 +41,7 @@ class ProjectOptions(Protocol):
 
 @dataclass(frozen=True)
 class Job:
-    """One run of one command; see `compute.progress` for `emit` and `should_stop`."""
+    """One run of one command; `emit` and `should_stop` as in `compute.progress`."""
 
     project: Project
     settings: Settings
@@ -47,11 +50,9 @@ class Job:
     should_stop: Callable[[], bool]
 
     def progress(self, stage: str, total: int) -> Progress:
-        """Return a counter of `total` steps under this name."""
         return Progress(self.emit, self.should_stop, stage, total)
 
     def capture(self) -> Capture:
-        """Read the project's capture. Raises DataError where it is damaged."""
         return read_capture(self.project)
 
     def with_overrides(self, stage: str, overrides: Sequence[str]) -> Job:
@@ -67,31 +68,34 @@ class Job:
         return load_views(views, min(working, long_side or working))
 
     def artifact(self, kind: str, path: Path) -> None:
-        """Emit the path of a finished file."""
         self.emit("artifact", kind=kind, path=str(path))
 
 
 @dataclass(frozen=True)
 class StageRun:
-    """A running stage.
+    """A running stage."""
 
-    Attributes:
-        checkpoint: The training state of its fit.
-        summary: Its metrics, stored with the commit.
-    """
-
-    checkpoint: Checkpoint
-    _outputs: Path
-    summary: dict[str, Any] = field(default_factory=dict)
+    checkpoint: Checkpoint  # of its fit
+    folder: Path  # of its outputs
+    summary: dict[str, Any] = field(default_factory=dict)  # metrics, stored with the commit
 
     def output(self, path: Path) -> Path:
-        """Return the temporary path of an output that the commit moves to this path of the project."""
-        return self._outputs / path.name
+        """Return where to write the output that has this path in the project."""
+        return self.folder / path.name
 
 
-def open_job(options: ProjectOptions, emit: Emit, should_stop: Callable[[], bool]) -> Job:
-    """Open the project of a command's options, with learned geometry, and the settings for the command."""
-    project = open_project(options.project)
+def open_job(
+    options: ProjectOptions, emit: Emit, should_stop: Callable[[], bool], project: Project | None = None
+) -> Job:
+    """Open the project of a command's options, with learned geometry, and the settings for the command.
+
+    Args:
+        options: The command's options.
+        emit: See `Job`.
+        should_stop: See `Job`.
+        project: A snapshot of the project, for commands that only read it.
+    """
+    project = project or Project(options.project)
     return make_job(project, options, settings_for(project, options.command), emit, should_stop)
 
 
@@ -112,18 +116,9 @@ def stage_fingerprint(job: Job, stage: str, *inputs: Any) -> str:
 
 @contextmanager
 def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
-    """Run the block, then commit the stage's outputs.
+    """Run the block, then commit the stage's outputs. Yields None if it is finished with the same fingerprint.
 
-    Args:
-        job: The job.
-        stage: One of `STAGE_ORDER`.
-        *inputs: JSON values; part of the fingerprint, as are the stage's version, settings and the stage it builds on.
-
-    Yields:
-        The running stage; None where the stage is finished with the same fingerprint.
-
-    Raises:
-        BadRequest: Another job is writing to the project.
+    Raises BadRequest if another job is writing to the project. inputs: JSON values, part of the fingerprint.
     """
     project = job.project
     with write_lock(project):
@@ -135,15 +130,28 @@ def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
             return
         job.emit("stage", name=stage)
         start = time.perf_counter()
-        run = StageRun(Checkpoint(project.checkpoint_file(stage), own, stage, job.emit), project.outputs_folder)
+        checkpoint = Checkpoint(project.checkpoint_file(stage), own, stage, job.emit)
+        run = StageRun(checkpoint, project.new_result(stage))
         try:
             yield run
             cost = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
-            with read_lock(project):
-                project.commit(stage, own, settings_module.to_dict(job.settings), **cost, **run.summary)
-            run.checkpoint.delete()
-        except Diverged:
-            run.checkpoint.delete()  # resuming would diverge again
+            project.commit(stage, run.folder, own, settings_module.to_dict(job.settings), **cost, **run.summary)
+            checkpoint.delete()
+        except BaseException as error:
+            shutil.rmtree(run.folder, ignore_errors=True)
+            if isinstance(error, Diverged):
+                checkpoint.delete()  # resuming would diverge again
             raise
-        finally:
-            project.remove_leftovers()
+
+
+def warn_of_disputes(disputed: Mapping[str, Iterable[str]], emit: Emit) -> None:
+    """Emit one warning per object whose photos contradict its learned edges. disputed: objects by the view's name."""
+    views_of: dict[str, list[str]] = {}
+    for view, objects in disputed.items():
+        for name in objects:
+            views_of.setdefault(name, []).append(view)
+    for name, views in views_of.items():
+        more = f" and {len(views) - MAX_NAMED} more" if len(views) > MAX_NAMED else ""
+        where = ", ".join(views[:MAX_NAMED]) + more
+        sentence = f"Photo and learned scene disagree about {name} in {where}: its edges there are the scene's."
+        emit("warning", code="edges", sentence=sentence)

@@ -10,14 +10,13 @@ import numpy as np
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.color import srgb_to_lab
-from ..palettes.colorways.prediction import evaluate_edit
+from ..palettes.calibration import ReferenceLight
+from ..palettes.color_histogram import read_object_colors
 from ..palettes.matching.paints import pigment_gate
-from ..palettes.object_colors import read_object_colors
 from ..palettes.palette import rgb_to_hex
+from ..palettes.prediction import evaluate_edit
 from ..palettes.project_edit import ProjectEdit, as_color, edit_of
-from ..palettes.reference_light import ReferenceLight
 from ..project import Project
-from ..project.locking import open_project, read_lock
 from .calibration import reference_light
 from .options import MatchOptions
 
@@ -25,7 +24,7 @@ from .options import MatchOptions
 def run(options: MatchOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Solve the edit and write it; other objects keep their part of `options.edit`."""
     del should_stop  # seconds at most
-    project = open_project(options.project)
+    project = Project(options.project).snapshot()
     project.require("palette")
     edit = edit_of(project, options.edit)
     edit = (_match_picture if options.is_of_picture else _match_colors)(project, options, edit, emit)
@@ -78,8 +77,7 @@ def _match_picture(project: Project, options: MatchOptions, edit: ProjectEdit, e
     assert options.view and options.picture  # `MatchOptions` requires them
     project.require("recoloring")
     runtime = start_runtime(0, options.threads, options.device)
-    with read_lock(project):
-        model = Model(project, runtime.device)
+    model = Model(project, runtime.device)
     matches = model.match(model.capture.view(options.view), options.picture, edit)
     if not matches:
         raise BadRequest(

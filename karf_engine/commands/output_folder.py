@@ -1,14 +1,15 @@
-"""Write folders atomically."""
+"""Write folders atomically, with links to the files of others."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import BadRequest
-from ..io.files import remove_temporaries, temporary_folder
+from ..io.files import copy_file, remove_temporaries, temporary_folder
 
 
 @contextmanager
@@ -32,3 +33,11 @@ def new_folder(out: Path) -> Iterator[Path]:
         folder.replace(out)
     finally:
         shutil.rmtree(work, ignore_errors=True)
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Make a hard link, or a copy on another disk or a file system without links."""
+    try:
+        os.link(source.resolve(), target)
+    except OSError:
+        copy_file(source, target)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from ..compute.progress import Emit
 from ..heads.files import load_surface
 from ..heads.training_rays import object_pixels, objects_with_few_pixels
-from ..palettes.extraction.extraction import color_histograms, extract_palettes
-from ..palettes.object_colors import write_object_colors
+from ..palettes.color_histogram import write_object_colors
+from ..palettes.extraction import color_histograms, extract_palettes
 from ..palettes.palette import write_palettes
 from .job import open_job, run_stage
 from .options import PaletteOptions

@@ -6,12 +6,11 @@ from collections.abc import Callable
 
 from ..compute.progress import Emit
 from ..errors import BadRequest
-from ..export.ply import write_ply
 from ..export.point_sampling import chosen_views, scene_points
-from ..export.scene_points import write_points
+from ..export.scene_points import write_ply, write_points
 from ..palettes.compositing import stack_palettes
 from ..palettes.palette_files import read_edit_file
-from ..project.locking import open_project, read_lock
+from ..project import Project
 from ..recolor.model import Model
 from .job import open_job
 from .options import PointsOptions
@@ -21,7 +20,7 @@ KINDS = (".npz", ".ply")
 
 def run(options: PointsOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
     """Write the points. Raises BadRequest for other suffixes than .npz and .ply, or an edit with .npz."""
-    project = open_project(options.project)
+    project = Project(options.project).snapshot()
     out, is_ply = options.out, options.out.suffix.lower() == ".ply"
     if out.suffix.lower() not in KINDS:
         raise BadRequest(
@@ -30,9 +29,8 @@ def run(options: PointsOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
     if options.edit and not is_ply:
         raise BadRequest(f"{out} cannot be written with the edit {options.edit}.", "Give a .ply to write.")
     project.require("recoloring")
-    with read_lock(project):
-        job = open_job(options, emit, should_stop)
-        model = Model(project, job.runtime.device)
+    job = open_job(options, emit, should_stop, project)
+    model = Model(project, job.runtime.device)
     edit = read_edit_file(options.edit, model.palettes, job.settings.compositing) if options.edit else None
     views = job.capture().split("train") or job.capture().views
     emit("stage", name="points", text=f"{len(chosen_views(views))} views")

@@ -7,7 +7,6 @@ only when it is complete.
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,17 +15,16 @@ from pathlib import Path
 
 from PIL import Image, ImageOps
 
-from ..capture.poses.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct
-from ..capture.poses.video import write_sharpest_frames
-from ..capture.poses.work_folder import work_folder
+from ..capture.child_process import work_folder
 from ..capture.reader_utils import photos_in
+from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct, write_sharpest_frames
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
-from ..io.files import copy_file, errors_naming_path
+from ..io.files import errors_naming_path
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
 from .options import PosesOptions
-from .output_folder import new_folder
+from .output_folder import link_or_copy, new_folder
 
 MAX_EXHAUSTIVE = 250  # photos; matching all pairs of more takes hours
 GOOD_SHARE = 0.9  # share of registered photos below which more sensitive features are tried, and the user is warned
@@ -86,10 +84,7 @@ def _add_photo(photo: Path, folder: Path) -> str:
     """Link or copy the photo into `folder`, upright, and return its name there. Raises DataError where it is damaged."""
     header = image_header(photo)
     if header.orientation == 1 and header.kind != "exr":
-        try:
-            os.link(photo.resolve(), folder / photo.name)
-        except OSError:  # another disk, or a file system without links
-            copy_file(photo, folder / photo.name)
+        link_or_copy(photo, folder / photo.name)
         return photo.name
     if header.kind == "jpeg":  # keeps the Exif focal length, COLMAP's initial guess
         with errors_naming_path(folder / photo.name), Image.open(photo) as picture:

@@ -18,9 +18,9 @@ from ..heads.files import load_segmentation, load_surface, save_recoloring
 from ..heads.fit import ObjectRays, fit_recoloring
 from ..heads.rendering import segment_cache
 from ..heads.training_rays import ObjectSurface, object_pixels, training_rays
+from ..palettes.color_histogram import write_object_colors
 from ..palettes.compositing import stack_palettes
-from ..palettes.extraction.extraction import color_histograms
-from ..palettes.object_colors import write_object_colors
+from ..palettes.extraction import color_histograms
 from ..palettes.palette import Palette, read_palettes, write_palettes
 from ..segmentation.coarse_masks import find_masks
 from ..segmentation.field_fit import whole_surface
@@ -38,7 +38,7 @@ def run(options: RecoloringOptions, emit: Emit, should_stop: Callable[[], bool])
         if run is None:
             return
         surface, objects = load_surface(project.verified(project.surface_file), job.runtime.device)
-        initial = read_palettes(project.verified(project.palette_file), "initial", objects)
+        initial = read_palettes(project.verified(project.output("palette.json", "palette")), "initial", objects)
         palettes = _train(job, run, surface, initial) if is_trained else initial
         write_palettes(run.output(project.palette_file), palettes, job.settings.palette.shared, initial)
         histograms = color_histograms(palettes, object_pixels(surface, objects))

@@ -22,21 +22,21 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
+from ..capture import choose_views, slice_of_views
 from ..capture.capture import View
-from ..capture.chosen_views import choose_views, slice_of_views
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..export.finished_frames import ModelFingerprint, model_fingerprint, pending_frames
 from ..export.frame_files import write_view
-from ..export.frame_options import RenderOptions
 from ..io.color_spaces import color_space
 from ..palettes.palette import Edit, Palette
 from ..palettes.palette_files import read_edit_file
-from ..project.locking import open_project, read_lock, write_lock
-from ..recolor.learned import UNTRAINED
+from ..project import Project
+from ..project.locking import write_lock
+from ..recolor.field_rendering import UNTRAINED
 from ..recolor.model import Model
-from .disputes import warn_of_disputes
-from .job import Job, open_job
+from .job import Job, open_job, warn_of_disputes
+from .options import RenderOptions
 
 
 def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> None:
@@ -45,17 +45,15 @@ def run(options: RenderOptions, emit: Emit, should_stop: Callable[[], bool]) -> 
         raise BadRequest("The render stage was given nowhere to write.", "Name a folder with --out.")
     if options.layer_space is not None:
         color_space(options.layer_space, options.ocio)  # refuse an unknown one before rendering
-    project = open_project(options.project)
+    project = Project(options.project)
     project.require("geometry")
     with write_lock(project) if options.planes else nullcontext():
-        with read_lock(project):
-            job = open_job(options, emit, should_stop).with_overrides("render", options.overrides)
-            model, learned = Model(project, job.runtime.device, job.settings), model_fingerprint(project, job.settings)
-        _render(job, model, learned, options)
+        job = open_job(options, emit, should_stop, project.snapshot()).with_overrides("render", options.overrides)
+        model = Model(job.project, job.runtime.device, job.settings)
+        _render(job, model, model_fingerprint(job.project, job.settings), options)
 
 
 def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOptions) -> None:
-    """Render the unfinished frames. learned: `model_fingerprint` of the model."""
     if options.unsure:
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
@@ -88,17 +86,9 @@ def _warn_without_field(model: Model, emit: Emit) -> None:
 def read_edits(
     wanted: Path | Sequence[Path] | None, views: Sequence[View], palettes: Sequence[Palette], compositing: str
 ) -> list[Edit | None]:
-    """Read the edit of each view.
+    """Read the edit of each view, from one file for all, one for each, or a folder with `<view>.json` for each.
 
-    Args:
-        wanted: One file for all, one for each, a folder with `<view>.json` for each, or None.
-        views: The views.
-        palettes: The learned palettes.
-        compositing: See `read_edit_file`.
-
-    Raises:
-        BadRequest: The number of edits is not that of the views.
-        DataError: A file is not an edit of these palettes.
+    Raises BadRequest if there are not as many edits as views. compositing: see `read_edit_file`.
     """
     if isinstance(wanted, Path) and wanted.is_dir():
         wanted = [wanted / f"{view.name}.json" for view in views]

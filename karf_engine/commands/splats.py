@@ -17,11 +17,10 @@ from ..fields.files import load_scene
 from ..fields.scene_surface import NoSurface
 from ..io.fingerprints import file_digest
 from ..project.settings import to_dict
-from ..splats.exposures import interpolate_gains
 from ..splats.files import save_gaussians
+from ..splats.formats.registry import read_captured_gaussians
 from ..splats.gaussians import Gaussians
-from ..splats.importing import read_captured_gaussians
-from ..splats.start import initial_gaussians, surface_views
+from ..splats.start import initial_gaussians, pseudo_cameras, render_pseudo_photos, surface_views
 from .job import Job, open_job, run_stage
 from .options import SplatsOptions
 
@@ -71,8 +70,7 @@ def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
 
 def _learn(job: Job) -> None:
     from ..splats.fit import SplatFit
-    from ..splats.pseudo_views import pseudo_cameras, render_pseudo_photos  # need numba
-    from ..splats.visibility import visibility_in_photos
+    from ..splats.visibility import visibility_in_photos  # needs numba
 
     settings = job.settings.splats
     with run_stage(job, "splats") as run:
@@ -111,6 +109,8 @@ def _photos(views: Sequence, long_side: int) -> list[Photo]:
 
 def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> list[np.ndarray]:
     """Interpolate the gains [3] of held-out photos from the learned ones [n, 3] of their neighbors by name."""
+    from ..splats.fit import interpolate_gains  # needs numba
+
     place = {name: number for number, name in enumerate(sorted(view.name for view in capture.views))}
     learned = [place[view.name] for view in capture.split("train")]
     order = np.argsort(learned)
@@ -119,7 +119,7 @@ def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> 
 
 def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:
     """Return the mean and worst PSNR of held-out photos in dB, then both with their interpolated exposures."""
-    from ..splats.quality import psnr  # needs numba
+    from ..splats.fit import psnr  # needs numba
 
     alike = [psnr(gaussians, [photo]) for photo in photos]
     exposed = [psnr(gaussians, [photo], gain) for photo, gain in zip(photos, gains, strict=True)]

@@ -51,14 +51,6 @@ def parallel_for(function: Callable[..., None], n: int, *arguments: Any) -> None
     """Call `function(first, last, *arguments)` for parts of `range(n)`, in parallel after `limit_torch_threads`.
 
     The parts must be independent and run without gradients.
-
-    Example:
-        >>> squares = [0] * 5
-        >>> def fill(first, last, out):
-        ...     out[first:last] = [number**2 for number in range(first, last)]
-        >>> parallel_for(fill, 5, squares)
-        >>> squares
-        [0, 1, 4, 9, 16]
     """
     threads = core_count() if _Cores.has_pool and not _thread.is_worker else 1
     if threads == 1 or n <= 1:

@@ -1,9 +1,12 @@
-"""Compile kernels with numba, and locate their cache."""
+"""Compile kernels with numba, and cache them on disk, verified by checksum before unpickling."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import sys
+import uuid
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -14,14 +17,11 @@ from ..errors import is_out_of_memory
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 # all fast-math flags except nnan and ninf: training must detect values that are not finite
 MATH = {"contract", "reassoc", "nsz", "arcp", "afn"}
+DIGEST_BYTES = 32
 
 
 def has_kernels() -> bool:
-    """Test whether numba can be imported and the environment does not set KARF_KERNELS=off.
-
-    Raises:
-        Exception: Memory ran out while numba was loaded.
-    """
+    """Test whether numba can be imported and the environment does not set KARF_KERNELS=off."""
     if os.environ.get("KARF_KERNELS", "on") == "off":
         return False
     try:
@@ -73,7 +73,60 @@ def _compile(function: Kernel, math: set[str] | bool, makes_arrays: bool) -> Ker
     compiled: Any = numba.njit(function, **options)
     # without a writable folder with a UTF-8 name, or with an unknown numba, each process compiles for itself
     with suppress(RuntimeError, ImportError, AttributeError, TypeError, UnicodeError):
-        from .kernel_cache import KernelCache
-
-        compiled._cache = KernelCache(function)
+        compiled._cache = _disk_cache(function)
     return compiled
+
+
+def _disk_cache(function: Callable[..., Any]) -> Any:
+    """Return numba's cache of a function on disk; read errors count as missing entries, write errors are ignored."""
+    import numba
+    from numba.core.caching import FunctionCache
+
+    class KernelCache(FunctionCache):
+        def save_overload(self, sig: Any, data: Any) -> None:
+            with suppress(OSError):
+                super().save_overload(sig, data)
+
+    cache: Any = KernelCache(function)
+    source = f"{numba.__version__} {cache._impl.locator.get_source_stamp()!r}"
+    cache._cache_file = _CheckedFile(Path(cache.cache_path, f"{cache._impl.filename_base}.kernel"), source.encode())
+    return cache
+
+
+class _CheckedFile:
+    """Machine code by signature in one file, which begins with the SHA-256 of the source and the rest of the file.
+
+    `source` identifies source code and compiler; a file with another source counts as missing.
+    """
+
+    def __init__(self, path: Path, source: bytes) -> None:
+        self._path = path
+        self._source = source
+
+    def load(self, key: Any) -> Any:
+        """Return the value saved for a key, or None."""
+        entry = self._entries().get(key)
+        return None if entry is None else pickle.loads(entry)
+
+    def save(self, key: Any, data: Any) -> None:
+        """Save a value for a key. Raises OSError if the file cannot be written."""
+        from numba.core.serialize import dumps
+
+        body = dumps(self._entries() | {key: dumps(data)})
+        temporary = self._path.with_name(f"{self._path.name}.{uuid.uuid4().hex[:16]}")
+        try:
+            temporary.write_bytes(self._digest(body) + body)
+            temporary.replace(self._path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def _entries(self) -> dict[Any, bytes]:
+        try:
+            content = self._path.read_bytes()
+        except OSError:
+            return {}
+        digest, body = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
+        return pickle.loads(body) if digest == self._digest(body) else {}
+
+    def _digest(self, body: bytes) -> bytes:
+        return hashlib.sha256(self._source + body).digest()

@@ -13,11 +13,6 @@ def build_kd_tree(positions: np.ndarray, **options: bool) -> cKDTree:
     """Build a k-d tree of finite positions [n, D] with denormal numbers enabled; options are those of `cKDTree`.
 
     SciPy may split at the denormal number next to a coordinate of 0; flushed to zero, the split recurses endlessly.
-
-    Examples:
-        >>> tree = build_kd_tree(np.array([[0.0, 0.0], [3.0, 4.0]]))
-        >>> tree.query([3.0, 3.0])
-        (1.0, 1)
     """
     are_flushed = math.ulp(0.0) * 1.0 == 0.0  # in this thread
     torch.set_flush_denormal(False)

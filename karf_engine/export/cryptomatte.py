@@ -38,23 +38,14 @@ def murmur3(data: bytes) -> int:
 
 
 def object_id(name: str) -> int:
-    """Return an object's id: the hash of its name, with one bit flipped if it is not a normal float.
-
-    Examples:
-        >>> hex(object_id("hello, world"))
-        '0x149bbb7f'
-    """
+    """Return an object's id: the hash of its name, with one bit flipped if it is not a normal float."""
     bits = murmur3(name.encode("utf-8"))
     exponent = bits >> 23 & 255
     return bits ^ 1 << 23 if exponent in (0, 255) else bits
 
 
 def header(objects: Sequence[str], name: str = NAME) -> dict[str, str]:
-    """Return the file's metadata.
-
-    Args:
-        objects: Names of the objects.
-        name: Prefix of the layers' names.
+    """Return the file's metadata. name: prefix of the layers' names.
 
     Examples:
         >>> for key, value in header(["pot"]).items():
@@ -77,14 +68,7 @@ def header(objects: Sequence[str], name: str = NAME) -> dict[str, str]:
 def channels(objects: Sequence[str], coverage: np.ndarray) -> dict[str, np.ndarray]:
     """Return the channels of the layers CryptoObject00, CryptoObject01 and so on, float32 [H, W] by name.
 
-    Args:
-        objects: Names of the K objects.
-        coverage: [K, H, W] in [0, 1], any float.
-
-    Examples:
-        >>> planes = channels(["pot", "mug"], np.array([[[0.25]], [[0.75]]]))
-        >>> [float(planes[f"CryptoObject00.{letter}"][0, 0]) for letter in "GA"]
-        [0.75, 0.25]
+    coverage: [K, H, W] in [0, 1], any float, of these K objects.
     """
     _, height, width = coverage.shape
     bands = [slice(top, top + BAND_ROWS) for top in range(0, height, BAND_ROWS)]

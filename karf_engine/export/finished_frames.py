@@ -12,8 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..capture.capture import Capture, View, capture_to_json
-from ..capture.mask_names import mask_files
+from ..capture.capture import Capture, View, capture_to_json, mask_files
 from ..io.files import errors_naming_path
 from ..io.fingerprints import file_digest, fingerprint
 from ..io.inputs import check_file
@@ -21,12 +20,10 @@ from ..palettes.edge_shape import active_edges
 from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
-from .frame_options import RenderOptions
+from .frame_options import FrameFileOptions, FrameOptions
 
 VERSION = 4  # raise it when the same inputs give other pictures
 RECORD_NAME = "finished.jsonl"
-# options that do not change a frame's content
-NOT_OF_A_FRAME = {"project", "views", "first", "last", "count", "edit", "out", "threads", "device", "skip_existing"}
 
 
 @dataclass(frozen=True)
@@ -81,14 +78,14 @@ def _size(path: Path) -> int:
 
 @dataclass(frozen=True)
 class ModelFingerprint:
-    """Fingerprints of what a project has learned with its settings of rendering, and of its rough masks."""
+    """Fingerprints of what a project has learned with its settings of rendering, and of its masks."""
 
     learned: str
     masks: str
 
 
 def model_fingerprint(project: Project, settings: Settings) -> ModelFingerprint:
-    """Return the current fingerprints of a project."""
+    """Return the fingerprints of a project."""
     stages = {stage: project.finished(stage) or {} for stage in STAGE_ORDER}
     learned = {stage: [facts.get("fingerprint"), facts.get("files")] for stage, facts in stages.items()}
     folder = project.check_inside(project.masks_folder)
@@ -121,13 +118,10 @@ def _mark_of(color: AddedColor) -> list:
 
 @dataclass(frozen=True)
 class PendingFrames:
-    """The views of a request that are not finished, with their edits and fingerprints, in order.
-
-    finished: record of the output folder; None without a folder.
-    """
+    """The views of a request that are not finished, with their edits and fingerprints, in order."""
 
     todo: list[tuple[View, Edit | None, str]]
-    finished: FinishedFrames | None
+    finished: FinishedFrames | None  # record of the output folder
 
     def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
         """Record a frame as finished, if there is an output folder."""
@@ -136,7 +130,7 @@ class PendingFrames:
 
 
 def pending_frames(
-    options: RenderOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
+    options: FrameFileOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
 ) -> PendingFrames:
     """Return all frames of a command; with `skip_existing` only missing ones and those made from other inputs.
 
@@ -144,8 +138,8 @@ def pending_frames(
     """
     if options.out is None:
         return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
-    values = asdict(options)
-    own = {name: value for name, value in values.items() if name not in NOT_OF_A_FRAME and value}
+    values = asdict(options.subset(FrameOptions)) | {"planes": options.planes, "threads": None, "device": None}
+    own = {name: value for name, value in values.items() if value}
     finished = FinishedFrames.read(options.out)
     frames = [
         (view, edit, frame_fingerprint(view_fingerprint(learned, view, own), edit))

@@ -1,4 +1,4 @@
-"""The files of one rendered view."""
+"""The files of one rendered view; PNG of 8 or 16 bits and EXR of halves or floats, as in Blender's output panel."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 
 from ..capture.camera import Camera
 from ..capture.capture import View
-from ..io.color_spaces import ColorSpace, color_space
+from ..io.color import srgb_to_linear, to_bytes
+from ..io.color_spaces import color_space
 from ..io.files import atomic_write
-from ..io.images import write_png
+from ..io.images import encode_image, write_png
+from ..io.library_paths import save_exr
 from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import write_planes
 from ..palettes.edge_shape import EdgeShape
 from ..palettes.palette import AddedColor, Edit
 from ..project.state import result_fingerprint
-from ..recolor.frames import Frame, edit_planes, remove_background
+from ..recolor.frames import Frame, Layers, edit_planes, remove_background
 from ..recolor.full_resolution import PhotoView
-from ..recolor.layers import Layers
-from ..recolor.model import Model
-from ..recolor.photo_recoloring import base_of
+from ..recolor.model import Model, base_of
 from ..recolor.photos import suffix_for, write_mask, write_photo
-from .frame_formats import write_frame
-from .frame_options import FORMATS, RenderOptions
+from .frame_options import FORMATS, FrameFileOptions
 from .layers import write_layers
 
 
@@ -34,17 +34,13 @@ def write_view(
     view: View,
     edit: Edit | None,
     captured: bool,
-    options: RenderOptions,
+    options: FrameFileOptions,
     artifact: Callable[[str, Path], None],
 ) -> tuple[list[Path], set[str]]:
-    """Write the files of a view.
+    """Write the files of a view, captured or of any camera.
 
     Args:
-        model: Of the view.
-        view: A captured view, or any camera.
         edit: Of the recolored picture; None for no such picture.
-        captured: Whether the view is of the capture.
-        options: Select files and folder.
         artifact: Called with the kind and the path of each file written to the project.
 
     Returns:
@@ -64,7 +60,7 @@ class _Files:
     view: View
     edit: Edit | None
     captured: bool
-    options: RenderOptions
+    options: FrameFileOptions
     artifact: Callable[[str, Path], None]
     written: list[Path] = field(default_factory=list)
     disputed: set[str] = field(default_factory=set)
@@ -76,11 +72,6 @@ class _Files:
     @property
     def edges(self) -> dict[str, EdgeShape]:
         return {} if self.edit is None else self.edit.edges
-
-    @property
-    def _layer_space(self) -> ColorSpace | None:
-        name = self.options.layer_space
-        return None if name is None else color_space(name, self.options.ocio)
 
     def write_rendering(self) -> None:
         camera = self.model.working_camera(self.view) if self.captured else self.view.camera
@@ -127,8 +118,7 @@ class _Files:
             assert frame.palette_weights is not None
             palettes = extended_palettes(self.model.palettes, self.added)
             weights = split_weights_of_objects(frame.palette_weights, self.model.palettes, self.added)
-            layers = Layers(palettes, frame.base, frame.probabilities, weights, frame.depth, frame.gains)
-            write_layers(self._path("layers", ".exr"), layers, self._layer_space)
+            self._layers(Layers(palettes, frame.base, frame.probabilities, weights, frame.depth, frame.gains))
 
     def _photo(self, finished: PhotoView) -> None:
         """Write masks, recolored picture and layers in the photo's own pixels."""
@@ -140,8 +130,12 @@ class _Files:
             write_photo(self._path("recolor", suffix), finished.recolor(self.edit))
         if self.options.layers:
             depth = self.model.render_field(self.model.working_camera(self.view)).depth
-            layers = finished.layers(depth, self.added, self.edges)
-            write_layers(self._path("layers", ".exr"), layers, self._layer_space)
+            self._layers(finished.layers(depth, self.added, self.edges))
+
+    def _layers(self, layers: Layers) -> None:
+        name = self.options.layer_space
+        space = None if name is None else color_space(name, self.options.ocio)
+        write_layers(self._path("layers", ".exr"), layers, space)
 
     def _planes(self, frame: Frame) -> None:
         self.disputed.update(frame.disputed)
@@ -161,3 +155,28 @@ class _Files:
 
 def _cut_out(color: np.ndarray, frame: Frame, behind: np.ndarray | None) -> np.ndarray:
     return color if behind is None else remove_background(color, frame.opacity, behind)
+
+
+def write_frame(path: Path, color: np.ndarray, kind: str) -> None:
+    """Write a picture, atomically: PNG as sRGB with straight alpha, EXR scene-linear with premultiplied alpha.
+
+    Args:
+        path: With the kind's suffix.
+        color: sRGB [H, W, 3], or with straight alpha [H, W, 4], in [0, 1].
+        kind: One of `FORMATS`.
+    """
+    atomic_write(path, lambda temporary: _write(temporary, color, kind))
+
+
+def _write(path: Path, color: np.ndarray, kind: str) -> None:
+    if kind == "png8":
+        path.write_bytes(encode_image(".png", to_bytes(color)))
+    elif kind == "png16":
+        path.write_bytes(encode_image(".png", np.rint(np.clip(color, 0, 1) * 65535).astype(np.uint16)))
+    else:
+        light, alpha = srgb_to_linear(color[..., :3]), color[..., 3:]
+        if color.shape[-1] == 4:
+            light = np.concatenate([light * alpha, alpha], -1)
+        pixels = light.astype({"exr16": np.float16, "exr32": np.float32}[kind])
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        save_exr(OpenEXR.File(header, {"RGBA" if pixels.shape[-1] == 4 else "RGB": pixels}), path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 from ..errors import BadRequest
 from ..io.options import Options, option
@@ -20,7 +19,7 @@ CONFIG = (
 
 @dataclass(frozen=True, kw_only=True)
 class FrameOptions(Options):
-    """Files of each view."""
+    """What the files of each view contain."""
 
     base: str | None = option(
         "what an edit of a captured view changes (default: photo; with the preset paper: render)",
@@ -58,16 +57,9 @@ class FrameOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RenderOptions(FrameOptions):
-    """Render masks, pictures and recolored frames, of captured views or of any cameras."""
+class FrameFileOptions(FrameOptions):
+    """Frames written to a folder."""
 
-    command: ClassVar[str] = "render"
-
-    project: Path = option("project folder", positional=True, metavar="DIR")
-    views: str = option("train, test, val, all, names with commas, or CAMERAS.json (transforms.json with sizes)", "all")
-    first: int | None = option("the first of these views to write, counted from 1", None, metavar="N")
-    last: int | None = option("the last one; beyond the end: the end", None, metavar="N")
-    count: int | None = option("how many at most", None, metavar="N")
     edit: Path | tuple[Path, ...] | None = option(
         "EDIT.json, a palette file, or a folder with <view>.json for each view: write recolored frames too",
         None,

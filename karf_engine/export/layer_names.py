@@ -36,26 +36,13 @@ AGAIN = "Render the layers again."
 
 @dataclass(frozen=True)
 class ObjectLayers:
-    """The layers of one object.
-
-    Attributes:
-        name: Of the object.
-        coverage: Name of the coverage plane.
-        weights: Names of the palette colors' planes, which sum to the coverage.
-        colors: The palette as learned, [M, 3] float32 sRGB in [0, 1]; entry 0 is black.
-        gains: Exposure of the picture, see `View`: they multiply changes of the colors.
-
-    Examples:
-        >>> (pot,) = name_layers([Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))])
-        >>> pot.coverage, pot.weights
-        ('pot_coverage', ('pot_color_0', 'pot_color_1'))
-    """
+    """The layers of one object."""
 
     name: str
-    coverage: str
-    weights: tuple[str, ...]
-    colors: np.ndarray
-    gains: tuple[float, float, float] = UNIT_GAINS
+    coverage: str  # name of the coverage plane
+    weights: tuple[str, ...]  # names of the palette colors' planes, which sum to the coverage
+    colors: np.ndarray  # palette as learned, [M, 3] float32 sRGB in [0, 1]; entry 0 is black
+    gains: tuple[float, float, float] = UNIT_GAINS  # exposure of the picture, see `View`: they multiply color changes
 
 
 def name_layers(
@@ -84,12 +71,7 @@ def name_layers(
 
 
 def describe_layers(objects: Sequence[ObjectLayers]) -> str:
-    """Return the header's JSON text: names of the layers and colors as learned.
-
-    Examples:
-        >>> describe_layers(name_layers([Palette("pot", np.zeros((1, 3), np.float32))])).splitlines()[2:4]
-        [' "objects": [', '  {']
-    """
+    """Return the header's JSON text: names of the layers and colors as learned."""
     listed = [
         {
             "name": each.name,
@@ -108,16 +90,6 @@ def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
 
     Raises:
         DataError: The file is missing, no EXR, or not written by KaRF.
-
-    Examples:
-        >>> import tempfile
-        >>> text = describe_layers(name_layers([Palette("pot", np.zeros((1, 3), np.float32))])).encode()
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "view.exr"
-        ...     head = EXR_MAGIC + bytes(4) + b"karf\\0string\\0" + struct.pack("<I", len(text))
-        ...     _ = path.write_bytes(head + text + bytes(1))
-        ...     read_layer_names(path)[0].weights
-        ('pot_color_0',)
     """
     check_file(path)
     try:

@@ -28,7 +28,7 @@ from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
 from ..io.images import white_level
 from ..io.library_paths import save_exr
-from ..recolor.layers import Layers
+from ..recolor.frames import Layers
 from . import cryptomatte
 from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers
 
@@ -48,17 +48,6 @@ def write_layers(path: Path, layers: Layers, space: ColorSpace | None = None) ->
     """Write a layered picture, atomically.
 
     layers: half floats are written without a copy. space: of the base picture; None: linear Rec. 709.
-
-    Examples:
-        >>> import tempfile
-        >>> from ..palettes.palette import Palette
-        >>> from .layer_names import read_layer_names
-        >>> pot, half = Palette("pot", np.zeros((1, 3), np.float32)), np.full((1, 1, 4, 4), 0.5)
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "view.exr"
-        ...     write_layers(path, Layers((pot,), np.zeros((4, 4, 3), np.uint8), half[0], half))
-        ...     print(read_layer_names(path)[0].coverage)
-        pot_coverage
     """
     objects = name_layers(layers.palettes, layers.gains)
     names = [each.name for each in objects]

@@ -25,13 +25,7 @@ MOST_VIEWS = 64
 
 
 def scene_points(model: Model, views: Sequence[View], count: int, progress: Progress | None = None) -> ScenePoints:
-    """Sample surface points of a learned model.
-
-    Args:
-        model: With palettes.
-        views: Of the scene; at most MOST_VIEWS, spread around it, are rendered.
-        count: Approximate number of points.
-        progress: Gets a step for each of the `chosen_views`; may cancel.
+    """Sample about `count` surface points of a learned model with palettes, in `chosen_views`.
 
     Raises:
         BadRequest: No palettes are learned, or the count is out of range.
@@ -45,7 +39,7 @@ def scene_points(model: Model, views: Sequence[View], count: int, progress: Prog
 
 
 def chosen_views(views: Sequence[View]) -> list[View]:
-    """Choose the views that are rendered for points."""
+    """Choose at most MOST_VIEWS views, spread around the scene, that are rendered for points."""
     return farthest_point_views(views, [], MOST_VIEWS)
 
 
@@ -56,12 +50,9 @@ def _described(model: Model, points: SurfacePoints) -> ScenePoints:
     n = len(points.positions)
     positions, viewdirs = (torch.from_numpy(each).to(model.device) for each in (points.positions, points.viewdirs))
     cache = SurfaceCache(
-        positions[:, None],
-        positions.new_zeros(n, 1),
-        viewdirs,
-        positions.new_ones(n),
+        positions[:, None], positions.new_zeros(n, 1), viewdirs, positions.new_ones(n),
         torch.arange(n, device=model.device),
-    )
+    )  # fmt: skip
     samples = object_samples(model.segmentation, model.scene.field, cache)
     shares = samples.rendered[:, 1:].cpu().numpy()
     if model.recoloring is not None:

@@ -9,46 +9,38 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..io.color import to_bytes
 from ..io.files import atomic_write
 from ..io.names import check_names
 from ..io.npz import has_arrays, read_arrays
+from ..io.ply import encode_ply
 from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import delta_composite, stack_palettes
-from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.edges_in_space import Borders, apply_edges_to_points
+from ..palettes.edge_shape import Borders, EdgeShape, active_edges, apply_edges_to_points
 from ..palettes.palette import AddedColor, Palette
 from ..palettes.star import plain_hull, star_of, star_weights_in
 
 NUMBERS = ("positions", "normals", "sizes", "colors", "probabilities", "palette_weights", "learned")
 BORDERS = ("distances", "spacings", "pixels")  # in files prefixed with "border_"
 AGAIN = "Make the points again."
+VERTEX = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(c, "u1") for c in ("red", "green", "blue")]
+)
 
 
 @dataclass(frozen=True)
 class ScenePoints:
-    """Points on the surface of a scene.
+    """Points on the surface of a scene."""
 
-    Attributes:
-        objects: Names of the K objects.
-        positions: [N, 3] float32, the capture's world.
-        normals: [N, 3] float32, outward, of unit length.
-        sizes: [N] float32, local distance between points, world units.
-        colors: [N, 3] uint8 sRGB, as learned: the mean over the views that see the point.
-        probabilities: [N, K] float16 in [0, 1].
-        palette_weights: [N, K, M] float16 in [0, 1], times probabilities.
-        learned: Palettes as learned, [K, M, 3] float32 sRGB.
-        borders: Distances to the objects' borders; None in files of older versions.
-    """
-
-    objects: tuple[str, ...]
-    positions: np.ndarray
-    normals: np.ndarray
-    sizes: np.ndarray
-    colors: np.ndarray
-    probabilities: np.ndarray
-    palette_weights: np.ndarray
-    learned: np.ndarray
-    borders: Borders | None = None
+    objects: tuple[str, ...]  # names of the K objects
+    positions: np.ndarray  # [N, 3] float32, the capture's world
+    normals: np.ndarray  # [N, 3] float32, outward, of unit length
+    sizes: np.ndarray  # [N] float32, local distance between points, world units
+    colors: np.ndarray  # [N, 3] uint8 sRGB, as learned: the mean over the views that see the point
+    probabilities: np.ndarray  # [N, K] float16 in [0, 1]
+    palette_weights: np.ndarray  # [N, K, M] float16 in [0, 1], times probabilities
+    learned: np.ndarray  # palettes as learned, [K, M, 3] float32 sRGB
+    borders: Borders | None = None  # distances to the objects' borders; None in files of older versions
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -63,10 +55,6 @@ class ScenePoints:
         """Move and fade the edges of objects; without changes, return these points. Call it before `with_added`.
 
         Newly covered points get palette weights by their own colors.
-
-        Args:
-            palettes: Of the K objects as learned.
-            edges: By object; others stay unchanged.
 
         Raises:
             DataError: The points have no borders.
@@ -88,35 +76,14 @@ class ScenePoints:
         return replace(self, probabilities=shares.astype(np.float16), palette_weights=weights.astype(np.float16))
 
     def recolored(self, edited: np.ndarray) -> np.ndarray:
-        """Recolor the points with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by `delta_composite`.
-
-        Examples:
-            A white point of a pot whose second swatch becomes red:
-
-            >>> none, palette = np.zeros((1, 3), np.float32), np.array([[[0, 0, 0], [1, 1, 1]]], np.float32)
-            >>> white, weights = np.full((1, 3), 255, np.uint8), np.array([[[0, 1]]], np.float16)
-            >>> points = ScenePoints(("pot",), none, none, none[:, 0], white, np.ones((1, 1)), weights, palette)
-            >>> points.recolored(np.array([[[0, 0, 0], [1, 0, 0]]])).tolist()
-            [[1.0, 0.0, 0.0]]
-        """
+        """Recolor the points with an edit's palettes [K, M, 3], [N, 3] float32 sRGB in [0, 1], by `delta_composite`."""
         base = self.colors[None].astype(np.float32) / 255
         weights = self.palette_weights.transpose(1, 2, 0)[:, :, None].astype(np.float32)
         return delta_composite(base, weights, self.learned, edited)[0]
 
 
 def write_points(path: Path, points: ScenePoints) -> None:
-    """Write points as a compressed npz, atomically.
-
-    Examples:
-        >>> import tempfile
-        >>> none, palette = np.zeros((1, 3), np.float32), np.zeros((1, 2, 3), np.float32)
-        >>> shares, weights = np.ones((1, 1), np.float16), np.ones((1, 1, 2), np.float16)
-        >>> points = ScenePoints(("pot",), none, none, none[:, 0], none.astype(np.uint8), shares, weights, palette)
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_points(Path(folder) / "points.npz", points)
-        ...     sorted(np.load(Path(folder) / "points.npz"))[:4]
-        ['colors', 'learned', 'normals', 'objects']
-    """
+    """Write points as a compressed npz, atomically."""
     arrays = {name: getattr(points, name) for name in NUMBERS}
     if points.borders is not None:
         arrays |= {f"border_{name}": getattr(points.borders, name) for name in BORDERS}
@@ -127,22 +94,20 @@ def write_points(path: Path, points: ScenePoints) -> None:
     atomic_write(path, write)
 
 
+def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> None:
+    """Write points with positions, normals and sRGB colors in [0, 1], each [N, 3], as binary PLY, atomically."""
+    table = np.empty(len(positions), VERTEX)
+    columns = (*positions.T, *normals.T, *to_bytes(colors).T)
+    for name, column in zip(VERTEX.names or (), columns, strict=True):
+        table[name] = column
+    atomic_write(path, lambda temporary: temporary.write_bytes(encode_ply({"vertex": table})))
+
+
 def read_points(path: Path) -> ScenePoints:
     """Read points that `write_points` wrote.
 
     Raises:
         DataError: The file is missing or damaged, or its arrays do not match.
-
-    Examples:
-        >>> import tempfile
-        >>> none, palette = np.zeros((1, 3), np.float32), np.zeros((1, 2, 3), np.float32)
-        >>> shares, weights = np.ones((1, 1), np.float16), np.ones((1, 1, 2), np.float16)
-        >>> points = ScenePoints(("pot",), none, none, none[:, 0], none.astype(np.uint8), shares, weights, palette)
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_points(Path(folder) / "points.npz", points)
-        ...     again = read_points(Path(folder) / "points.npz")
-        >>> again.objects, again.palette_weights.shape
-        (('pot',), (1, 1, 2))
     """
     objects, *numbers = read_arrays(path, ("objects", *NUMBERS), "surface points", AGAIN)
     names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))

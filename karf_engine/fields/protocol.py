@@ -16,29 +16,15 @@ class Field(Protocol):
     """A frozen radiance field, usually an `nn.Module`. Positions, boxes and lengths are in grid coordinates."""
 
     @property
-    def kind(self) -> str:
-        """Name in the registry and in files (see registry.py)."""
-        ...
-
+    def kind(self) -> str: ...  # name in the registry and in files (see registry.py)
     @property
-    def space(self) -> Space:
-        """The map from the world to grid coordinates."""
-        ...
-
+    def space(self) -> Space: ...  # the map from the world to grid coordinates
     @property
-    def bounds(self) -> Tensor:
-        """Lowest and highest corner of the contents, [2, 3]."""
-        ...
-
+    def bounds(self) -> Tensor: ...  # lowest and highest corner of the contents, [2, 3]
     @property
-    def voxel(self) -> float:
-        """The finest resolved length, the scale of normals and of the label solve."""
-        ...
-
+    def voxel(self) -> float: ...  # the finest resolved length, the scale of normals and of the label solve
     @property
-    def n_features(self) -> int:
-        """F, the number of prior features."""
-        ...
+    def n_features(self) -> int: ...  # F, the number of prior features
 
     def trace(self, rays: Rays, step_in_voxels: float) -> Trace:
         """Sample rays in world units. Fields that do not march ignore `step_in_voxels`."""
@@ -53,13 +39,7 @@ class Field(Protocol):
         ...
 
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-        """Return sRGB colors [n, 3] in [0, 1].
-
-        Args:
-            positions: [n, 3].
-            viewdirs: Unit directions [n, 3] in the world.
-            features: [n, F], of these positions.
-        """
+        """Return sRGB colors [n, 3] in [0, 1], for unit directions [n, 3] in the world and the features [n, F] there."""
         ...
 
     def normals(self, positions: Tensor) -> Tensor:

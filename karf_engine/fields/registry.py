@@ -1,4 +1,4 @@
-"""The registry of field kinds.
+"""The registry of field kinds, and the task of fitting a field to photos, which each process of a group can begin.
 
 A new kind is one file: a `Field`, its `Fit`, and a call of `register_field`, or an entry point `karf.fields` that is a
 `FieldKind`.
@@ -7,21 +7,28 @@ A new kind is one file: a `Field`, its `Fit`, and a call of `register_field`, or
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from ..capture.capture import SparsePoints, View
+from ..capture.training_images import TrainingImage, background_kind, solid_pixels
+from ..compute import cores
 from ..compute.progress import Emit
+from ..compute.runtime import Runtime
 from ..errors import BadRequest
 from ..io.arguments import check_arguments
 from ..io.plugins import load_plugin, plugin_names
 from ..project.settings import FIELD_KINDS, GeometrySettings
+from .extent import choose_space
 from .fit import Fit, FitInputs
 from .nerf.field import NerfField
-from .nerf.start import start_nerf_fit
+from .nerf.fit import start_nerf_fit
 from .protocol import Field
+from .rendering.rays import PixelDataset
 from .voxels.field import VoxelField
 from .voxels.renderers import prepare_kernels
 from .voxels.start import start_voxel_fit
@@ -31,18 +38,12 @@ Wait = Callable[[Emit, Callable[[], bool]], None]  # waits; receives `emit` and 
 
 @dataclass(frozen=True)
 class FieldKind:
-    """One kind of field.
+    """One kind of field."""
 
-    Attributes:
-        name: In the setting `geometry.field` and in files.
-        start: Begins a fresh fit from photos.
-        restore: Restores a field from its config and tensors (see `Field.restore`).
-        prepare: Starts preparations that run while photos are read; returns a function that waits for them.
-    """
-
-    name: str
-    start: Callable[[FitInputs], Fit]
-    restore: Callable[[dict[str, Any], dict[str, Tensor], torch.device | str], Field]
+    name: str  # in the setting `geometry.field` and in files
+    start: Callable[[FitInputs], Fit]  # begins a fresh fit from photos
+    restore: Callable[[dict[str, Any], dict[str, Tensor], torch.device | str], Field]  # see `Field.restore`
+    # starts preparations that run while photos are read; returns a function that waits for them
     prepare: Callable[[GeometrySettings, torch.device], Wait] = lambda settings, device: lambda emit, should_stop: None
 
 
@@ -83,13 +84,66 @@ def field_kind(name: str) -> FieldKind:
     return _KINDS[name]
 
 
-def start_fit(inputs: FitInputs) -> Fit:
-    """Begin a fresh fit of the kind in the settings.
+@dataclass(frozen=True)
+class FitTask:
+    """All that each process of a group needs to begin the same fit."""
 
-    Raises:
-        BadRequest: No such kind, or the capture does not suit the requested space.
-    """
-    return field_kind(inputs.settings.field).start(inputs)
+    training_images: list[TrainingImage]  # with cameras of their sizes
+    kind: str  # background of the photos
+    space: str
+    views: list[View]
+    points: SparsePoints | None
+    settings: GeometrySettings
+    seed: int  # of all random numbers
+    threads: int  # of each process
+    device: str  # type of device
+
+    def start(self, runtime: Runtime) -> Fit:
+        """Begin the fit on this process's device.
+
+        Raises:
+            BadRequest: The capture does not suit the requested space.
+        """
+        dataset = build_pixel_dataset(self.training_images, self.kind, runtime.device)
+        inputs = FitInputs(dataset, self.kind, self.space, self.views, self.points, self.settings, runtime)
+        return field_kind(self.settings.field).start(inputs)
+
+
+def make_fit_task(
+    views: list[View],
+    training_images: list[TrainingImage],
+    kind: str,
+    points: SparsePoints | None,
+    settings: GeometrySettings,
+    seed: int,
+    device: torch.device,
+) -> FitTask:
+    """Build the task of fitting these views, in the space that suits them, with this process's threads."""
+    views = [replace(view, camera=image.camera) for view, image in zip(views, training_images, strict=True)]
+    space = choose_space(kind, views, points, settings)
+    return FitTask(training_images, kind, space, views, points, settings, seed, cores.core_count(), device.type)
+
+
+def background_kind_of(training_images: list[TrainingImage]) -> str:
+    """Return the background of the training images: alpha, black, white or opaque."""
+    return background_kind(
+        [image.color if image.alpha is None else np.dstack([image.color, image.alpha]) for image in training_images]
+    )
+
+
+def build_pixel_dataset(training_images: list[TrainingImage], kind: str, device: torch.device) -> PixelDataset:
+    """Build the dataset of the training images, with the opacity that the kind of background implies."""
+    alphas = solids = valid = None
+    if kind == "alpha":
+        alphas = [np.ones(image.color.shape[:2]) if image.alpha is None else image.alpha for image in training_images]
+    if kind in ("black", "white"):
+        solids = [solid_pixels(image.color, kind) for image in training_images]
+    if any(image.valid is not None for image in training_images):
+        valid = [
+            np.ones(image.color.shape[:2], bool) if image.valid is None else image.valid for image in training_images
+        ]
+    cameras, colors = [image.camera for image in training_images], [image.color for image in training_images]
+    return PixelDataset(cameras, colors, alphas, solids, valid, device)
 
 
 register_field(FieldKind(VoxelField.kind, start_voxel_fit, VoxelField.restore, prepare_kernels))

@@ -4,23 +4,33 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from ..capture.camera import Camera
-from ..compute.cores import parallel_for
-from .background import Background
 from .protocol import Field
-from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance
-from .rendering.surface_cache import SurfaceCache, concatenate_caches, quantile_samples
+from .rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance, spherical_harmonics
+from .rendering.surface_cache import SurfaceCache, concatenate_caches, map_chunks, quantile_samples
 from .rendering.volume import VISIBLE_WEIGHT, accumulate
 
 CPU_RAYS_PER_CHUNK = 2048  # samples fit the cache
 ACCELERATOR_RAYS_PER_CHUNK = 65536
 VALIDATION_PIXELS = 1500
+
+
+class Background(nn.Module):
+    """Learned color of rays that leave the field, by direction: an MLP with one hidden layer."""
+
+    def __init__(self, width: int = 32) -> None:
+        super().__init__()
+        self.network = nn.Sequential(nn.Linear(9 + 18, width), nn.ReLU(), nn.Linear(width, 3))
+
+    def forward(self, viewdirs: Tensor) -> Tensor:
+        """Return sRGB colors [n, 3] in (0, 1) of unit directions [n, 3]."""
+        waves = [f(k * viewdirs) for k in (2.0, 4.0, 8.0) for f in (torch.sin, torch.cos)]
+        return torch.sigmoid(self.network(torch.cat([spherical_harmonics(viewdirs), *waves], 1)))
 
 
 @dataclass(frozen=True)
@@ -50,12 +60,7 @@ class Scene:
 
     @torch.no_grad()
     def render(self, camera: Camera, n_quantiles: int) -> Picture:
-        """Render a camera. Not differentiable.
-
-        Args:
-            camera: In world units; the picture has its lens distortion.
-            n_quantiles: Quantile samples per ray, >= 1.
-        """
+        """Render a camera, with its lens distortion and `n_quantiles` >= 1 samples per ray. Not differentiable."""
         device = self.field.bounds.device
         colors, opacities, distances, caches = self._render_rays(camera_rays(camera, device), n_quantiles)
         shape = (camera.height, camera.width)
@@ -75,15 +80,8 @@ class Scene:
     def _render_rays(self, rays: Rays, n_quantiles: int) -> tuple[tuple, ...]:
         """Return chunks of colors, opacities, distances and caches."""
         chunk = CPU_RAYS_PER_CHUNK if rays.origins.device.type == "cpu" else ACCELERATOR_RAYS_PER_CHUNK
-        starts = range(0, len(rays), chunk)
-        parts = {}
-
-        def render(first: int, last: int) -> None:
-            for start in starts[first:last]:
-                parts[start] = self._render_chunk(rays[start : start + chunk], start, n_quantiles)
-
-        parallel_for(render, len(starts))
-        return tuple(zip(*(parts[start] for start in starts), strict=True))
+        parts = map_chunks(lambda rays, first: self._render_chunk(rays, first, n_quantiles), rays, chunk)
+        return tuple(zip(*parts, strict=True))
 
     def _render_chunk(self, rays: Rays, first: int, n_quantiles: int) -> tuple[Tensor, Tensor, Tensor, SurfaceCache]:
         field = self.field
@@ -103,18 +101,9 @@ class Scene:
 
 def psnr_of_views(scene: Scene, dataset: PixelDataset, n_pixels: int = VALIDATION_PIXELS, seed: int = 0) -> list[float]:
     """Return the PSNR of each training image over random pixels, dB, at most 100. The seed determines the pixels."""
-    errors = [
-        ((shown - photo) ** 2).mean()
-        for shown, photo in rendered_and_photographed_pixels(scene, dataset, n_pixels, seed)
-    ]
-    return [-10 * math.log10(float(error) + 1e-10) for error in errors]
-
-
-def rendered_and_photographed_pixels(
-    scene: Scene, dataset: PixelDataset, n_pixels: int, seed: int = 0
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield rendered and photographed colors [n, 3] at random pixels of each training image."""
-    random = torch.Generator().manual_seed(seed)
+    random, found = torch.Generator().manual_seed(seed), []
     for first, last in itertools.pairwise(dataset.offsets.tolist()):
         index = torch.randint(first, last, (n_pixels,), generator=random).to(dataset.color.device)
-        yield scene.colors(dataset.rays(index)), dataset.color[index].float() / 255
+        error = ((scene.colors(dataset.rays(index)) - dataset.color[index].float() / 255) ** 2).mean()
+        found.append(-10 * math.log10(float(error) + 1e-10))
+    return found

@@ -51,16 +51,12 @@ class SurfacePoints:
 def surface_points(
     scene: Scene, views: Sequence[View], count: int, step: Callable[[], None] = lambda: None
 ) -> SurfacePoints:
-    """Compute points on the surface that these views see.
+    """Compute about `count` points on the surface of a frozen scene that these views, spread around it, see.
 
-    Args:
-        scene: Frozen.
-        views: Spread around the scene.
-        count: Approximate number of points.
-        step: Called after each view; may raise Cancelled.
+    `step` is called after each view; it may raise Cancelled.
 
     Raises:
-        NothingSolid: No ray ends at a surface.
+        NoSurface: No ray ends at a surface.
     """
     probes = [len(_trace_view(scene, _pinhole(view, PROBE)).ends.weights) for view in views[:: max(1, len(views) // 8)]]
     pixels = count * ENDS_PER_POINT / len(views) / max(float(np.mean(probes)) / PROBE, FEWEST_SHARP)
@@ -92,7 +88,6 @@ class _Ends:
     weights: np.ndarray  # [n], sharpness of the end; low for silhouettes, whose colors are mixed
 
     def part(self, chosen: np.ndarray) -> _Ends:
-        """Select some of the ends."""
         return _Ends(self.positions[chosen], self.colors[chosen], self.viewdirs[chosen], self.weights[chosen])
 
 
@@ -167,7 +162,7 @@ def _cell_numbers(positions: np.ndarray, cell: float) -> np.ndarray:
 def _is_seen(world: np.ndarray, voxels: np.ndarray, traces: Sequence[_ViewEnds]) -> np.ndarray:
     """Return which points [n, 3] at least two views end at, and at least as many as see through them.
 
-    voxels: [n], local size of the field's voxels, world units.
+    `voxels` [n] is the local size of the field's voxels, world units.
     """
     ending, passing = np.zeros(len(world), np.int32), np.zeros(len(world), np.int32)
     for trace in traces:

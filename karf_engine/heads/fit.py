@@ -14,12 +14,10 @@ from torch import Tensor
 
 from ..compute.progress import Progress
 from ..compute.runtime import Runtime
+from ..fields.fit import Checkpoint
 from ..fields.protocol import Field
 from ..fields.rendering.surface_cache import SurfaceCache
-from ..fields.training.adam import Adam
-from ..fields.training.checkpoint import Checkpoint
-from ..fields.training.loop import Step, constant, cosine_with_warmup, train
-from ..fields.training.state import TrainingState
+from ..fields.training import Adam, Step, TrainingState, constant, cosine_with_warmup, train
 from ..project.settings import RecoloringSettings, SegmentationSettings
 from .fields import RecoloringField, SegmentationField
 from .rendering import SAMPLES_PER_CHUNK, features_of, render_classes, render_weights

@@ -13,9 +13,8 @@ from ..capture.camera import Camera
 from ..compute.progress import Progress
 from ..errors import DataError
 from ..fields.protocol import Field
-from ..palettes.extraction.barycentric_weights import star_weights
-from ..palettes.extraction.loco_weights import loco_weights
 from ..palettes.palette import Palette
+from ..palettes.palette_weights import loco_weights, star_weights
 from ..project.settings import RecoloringSettings
 from .fit import ObjectRays
 

@@ -1,16 +1,18 @@
-"""Check the arguments of library functions against their annotations. Needs the standard library only, except for arrays.
+"""Check values against type annotations: arguments of functions, fields of dataclasses, options, settings and queries.
 
-A value of the wrong type raises TypeError; a value of the right type that is out of range raises a KarfError.
+A value of the wrong type raises TypeError, one that is out of range BadRequest. Needs the standard library only, except
+for arrays.
 """
 
 from __future__ import annotations
 
+import difflib
 import inspect
 import sys
 import types
 import typing
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, fields
 from functools import cache, wraps
 from numbers import Integral, Real
 from os import PathLike
@@ -24,28 +26,20 @@ if TYPE_CHECKING:
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 NAMES = {
-    "str": "a text", "int": "a whole number", "float": "a number", "bool": "True or False", "Path": "a path",
-    "ndarray": "an array", "NoneType": "None",
+    "str": "a text", "int": "a whole number", "float": "a number", "bool": "true or false", "Path": "a path",
+    "dict": "a dictionary", "ndarray": "an array", "NoneType": "None",
 }  # fmt: skip
+ABSTRACT = {int: Integral, float: Real, Path: PathLike}  # what is accepted for these
 LONGEST = 80  # characters of a value quoted in a message
 
 
 def check_arguments(function: Function) -> Function:
-    """Decorate a function so that arguments of other types than annotated raise TypeError.
-
-    Examples:
-        >>> @checked
-        ... def double(number: int) -> int:
-        ...     return 2 * number
-        >>> double("2")
-        Traceback (most recent call last):
-        TypeError: double takes a whole number as number, not '2'.
-    """
+    """Decorate a function so that arguments of other types than annotated raise TypeError."""
     signature = inspect.signature(function)
 
     @wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:
-        bound, annotations = signature.bind(*args, **kwargs), _types_of(function)
+        bound, annotations = signature.bind(*args, **kwargs), annotations_of(function)
         for name, value in bound.arguments.items():
             if name in annotations and signature.parameters[name].kind is not inspect.Parameter.VAR_KEYWORD:
                 check_type(function.__qualname__.removesuffix(".__init__"), name, value, annotations[name])
@@ -56,34 +50,25 @@ def check_arguments(function: Function) -> Function:
 
 def check_fields(record: Any) -> None:
     """Raise TypeError if a field of a dataclass instance has another type than declared."""
-    annotations = _types_of(type(record))
+    annotations = annotations_of(type(record))
     for item in fields(record):
         check_type(type(record).__name__, item.name, getattr(record, item.name), annotations[item.name])
 
 
 def check_type(what: str, name: str, value: Any, kind: Any) -> None:
-    """Check a value against an annotation.
-
-    Raises TypeError, or BadRequest for a path that is empty or has a NUL character.
-    """
-    if not _fits(value, kind):
-        raise TypeError(f"{what} takes {_name_of(kind)} as {name}, not {format_value(value)}.")
+    """Raise TypeError if a value does not fit an annotation, or BadRequest if a path is empty or has a zero character."""
+    if coerce(value, kind) is MISSING:
+        raise TypeError(f"{what} takes {describe_type(kind)} as {name}, not {format_value(value)}.")
     if isinstance(value, str) and Path in typing.get_args(kind) and (not value or "\0" in value):
         raise BadRequest(f"{name} = {value!r:.200} is no path.", "Give the path of a file or folder.")
 
 
 def check_number(name: str, value: float, lowest: float, highest: float | None = None) -> None:
-    """Raise BadRequest if a number is not finite or outside [lowest, highest]; a `highest` of None means no limit.
-
-    Examples:
-        >>> check_number("size", 0, 1)
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: size = 0 is out of range. Allowed: from 1.
-    """
+    """Raise BadRequest if a number is not finite or outside [lowest, highest]; a `highest` of None means no limit."""
     if lowest <= value <= (sys.float_info.max if highest is None else highest):
         return
     allowed = f"from {lowest}" if highest is None else f"{lowest} to {highest}"
-    raise BadRequest(f"{name} = {value!r} is out of range.", f"Allowed: {allowed}.")
+    raise BadRequest(f"{name} = {value!r:.200} is out of range.", f"Allowed: {allowed}.")
 
 
 def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
@@ -92,12 +77,6 @@ def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> N
     Raises:
         TypeError: The argument is not an array.
         BadRequest: The array has another shape or is not numeric.
-
-    Examples:
-        >>> import numpy as np
-        >>> check_array("points", np.zeros((2, 2)), ("n", 3))
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: points is an array of shape (2, 2). Give numbers [n, 3].
     """
     import numpy as np  # the rest of this module must run without numpy
 
@@ -109,20 +88,22 @@ def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> N
         raise BadRequest(f"{name} is {format_value(array)}.", f"Give numbers [{', '.join(map(str, shape))}].")
 
 
-def check_choice(name: str, value: str, choices: Sequence[str]) -> None:
+def check_choice(name: str, value: Any, choices: Sequence[str]) -> None:
     """Raise BadRequest if a value is not one of the choices."""
     if value not in choices:
         raise BadRequest(f"{name} = {format_value(value)} is unknown.", f"Use one of: {', '.join(choices)}.")
 
 
-def format_value(value: Any) -> str:
-    """Format a value for a message: the repr if short, otherwise its type; arrays by their shape.
+def unknown_name_error(what: str, name: str, known: Iterable[str], prefix: str = "") -> BadRequest:
+    """Return the error for an unknown option or setting, with the nearest known name; `prefix` precedes both names."""
+    known = list(known)
+    nearest = difflib.get_close_matches(name, known, 1)
+    hint = f"Did you mean {prefix}{nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
+    return BadRequest(f"Unknown {what} {prefix}{name:.200}.", hint)
 
-    Examples:
-        >>> import numpy as np
-        >>> format_value(np.zeros((2, 3))), format_value("r_003")
-        ('an array of shape (2, 3)', "'r_003'")
-    """
+
+def format_value(value: Any) -> str:
+    """Format a value for a message: the repr if short, otherwise its type; arrays by their shape."""
     if type(value).__name__ == "ndarray":
         return f"an array of shape {value.shape}"
     text = repr(value)
@@ -130,8 +111,8 @@ def format_value(value: Any) -> str:
 
 
 @cache
-def _types_of(owner: Any) -> dict[str, Any]:
-    """Return resolved annotations by name; lazily, since modules may refer to each other's types."""
+def annotations_of(owner: Any) -> dict[str, Any]:
+    """Return the resolved annotations of a class's fields or a function's parameters by name."""
     if isinstance(owner, type):
         return typing.get_type_hints(owner)
     # the return type may be imported under TYPE_CHECKING only
@@ -139,35 +120,72 @@ def _types_of(owner: Any) -> dict[str, Any]:
     return typing.get_type_hints(types.SimpleNamespace(__annotations__=arguments), vars(sys.modules[owner.__module__]))
 
 
-def _fits(value: Any, kind: Any) -> bool:
+def union_members(kind: Any) -> tuple[Any, ...]:
+    """Return the members of a union without None, or the one type."""
+    parts = typing.get_args(kind) if typing.get_origin(kind) in (Union, types.UnionType) else (kind,)
+    return tuple(part for part in parts if part is not types.NoneType)
+
+
+def coerce(value: Any, kind: Any, is_json: bool = False) -> Any:
+    """Return a value as the annotated type, or dataclasses.MISSING if it does not fit.
+
+    Args:
+        value: Any value.
+        kind: The annotation.
+        is_json: Whether it comes from JSON or a command line: texts then become paths, lists tuples, and whole numbers
+            floats. Otherwise the value is returned unchanged.
+
+    Raises:
+        BadRequest: A text of JSON has a zero character.
+    """
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any:
-        return True
+        return value
     if origin in (Union, types.UnionType):
-        return any(_fits(value, part) for part in parts)
-    if kind in (int, float):
-        return isinstance(value, Integral if kind is int else Real) and not isinstance(value, bool)
-    if kind is Path:
-        return isinstance(value, PathLike)
-    if origin is None:
-        return isinstance(value, kind)
-    return isinstance(value, origin) and not isinstance(value, str) and _items_fit(value, origin, parts)
+        return next((each for part in parts if (each := coerce(value, part, is_json)) is not MISSING), MISSING)
+    if is_json and isinstance(value, str | PathLike):
+        if "\0" in str(value):
+            raise BadRequest(f"{value!r:.200} holds a zero character.", "Correct it.")
+        if kind is Path:
+            return Path(value) if str(value) else MISSING
+    is_number = kind in (int, float)
+    accepted = (tuple, list) if is_json and origin is tuple else ABSTRACT.get(kind, origin or kind)
+    if (
+        not isinstance(value, accepted)
+        or (is_number and isinstance(value, bool))
+        or (origin and isinstance(value, str))
+    ):
+        return MISSING
+    if is_number and is_json:
+        return kind(cast(Any, value))
+    return _coerce_items(value, origin, parts, is_json) if parts else value
 
 
-def _items_fit(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:
+def _coerce_items(value: Any, origin: type, parts: tuple[Any, ...], is_json: bool) -> Any:
+    if origin is tuple:
+        parts = parts[:1] * len(value) if parts[-1] is Ellipsis else parts
+        items = [coerce(each, part, is_json) for each, part in zip(value, parts, strict=False)]
+        return MISSING if len(value) != len(parts) or any(each is MISSING for each in items) else tuple(items)
+    items = []
     if issubclass(origin, Mapping):
-        return all(_fits(key, parts[0]) and _fits(each, parts[1]) for key, each in value.items())
-    if origin is tuple and parts[-1] is not Ellipsis:
-        return len(value) == len(parts) and all(map(_fits, value, parts))
-    return not issubclass(origin, Sequence) or all(_fits(each, parts[0]) for each in value)
+        items = [coerce(each, part) for pair in value.items() for each, part in zip(pair, parts, strict=True)]
+    elif issubclass(origin, Sequence):
+        items = [coerce(each, parts[0]) for each in value]
+    return MISSING if any(each is MISSING for each in items) else value
 
 
-def _name_of(kind: Any) -> str:
+def describe_type(kind: Any, is_json: bool = False) -> str:
+    """Return the words for an annotation, such as "a whole number or None"."""
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (Union, types.UnionType):
-        return " or ".join(dict.fromkeys(_name_of(part) for part in parts))
+        return " or ".join(dict.fromkeys(describe_type(part, is_json) for part in parts))
     if origin is None:
         return NAMES.get(kind.__name__) or ("an " if kind.__name__[0] in "AEIOU" else "a ") + kind.__name__
-    if origin is tuple and Ellipsis not in parts:
-        return f"a tuple of {len(parts)}"
-    return {dict: "a dictionary", tuple: "a tuple", Callable: "a function"}.get(origin, "a list")
+    if origin is tuple:
+        word = "a list" if is_json else "a tuple"
+        return (
+            f"{word}, each {describe_type(parts[0], is_json)}"
+            if Ellipsis in parts
+            else f"{word} of {len(parts)} values"
+        )
+    return {dict: "a dictionary", Callable: "a function"}.get(origin, "a list")

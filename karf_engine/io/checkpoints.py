@@ -43,9 +43,7 @@ def load_tensors(
 ) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read tensors, on a device, and metadata of a file with one of the accepted schemas.
 
-    Raises:
-        DataError: The file is missing, damaged or of another schema, or a tensor is not finite or of a type that cannot
-            be checked.
+    Raises DataError if the file is missing, damaged or of another schema, or a tensor is not finite or cannot be checked.
     """
     if path.exists():
         check_file(path, sys.maxsize)

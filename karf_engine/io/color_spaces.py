@@ -1,7 +1,7 @@
-"""Convert between the engine's sRGB and named color spaces of an OpenColorIO configuration.
+"""Convert between the engine's sRGB and named color spaces of an OpenColorIO configuration, the user's or the built-in one.
 
-The configuration is a file of the user or the built-in one. Conversions are computed in float32 without OpenColorIO's
-fast approximations, so that 16-bit sRGB survives a round trip to within one step.
+Conversions are computed in float32 without OpenColorIO's fast approximations, so that 16-bit sRGB survives a round trip to
+within one step.
 """
 
 from __future__ import annotations
@@ -52,12 +52,10 @@ class ColorSpace:
 
 
 def color_space(name: str, config: str | None = None) -> ColorSpace:
-    """Find a color space in a configuration.
+    """Find a color space by name or alias.
 
-    Args:
-        name: Name or alias.
-        config: Path or `ocio://` address of the configuration. None: that of the environment variable OCIO, else the
-            built-in one.
+    `config` is the path or `ocio://` address of a configuration; None: that of the environment variable OCIO, else the
+    built-in one.
 
     Raises:
         MissingDependency: OpenColorIO is not installed.

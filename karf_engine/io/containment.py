@@ -16,11 +16,7 @@ JUNCTION = 0xA0000003  # Windows: IO_REPARSE_TAG_MOUNT_POINT
 
 
 def checked_path(root: Path, *names: str) -> Path:
-    """Join path parts to a folder and check every link on the way; the path need not exist.
-
-    Raises:
-        DataError: A link leads out of the folder or is circular.
-    """
+    """Join path parts to a folder; the path need not exist. Raises DataError if a link leads out of it or is circular."""
     path = root
     for name in names:
         path = path / name
@@ -30,12 +26,9 @@ def checked_path(root: Path, *names: str) -> Path:
 
 
 def check_tree(root: Path, folder: Path) -> Path:
-    """Check every link in a folder below `root`, at any depth, and return the folder.
+    """Check every link in a folder below `root`, at any depth, and return the folder. Raises DataError as `checked_path`.
 
     Hidden dangling links, such as those of programs that synchronize folders, are ignored.
-
-    Raises:
-        DataError: A link leads out of `root` or is circular.
     """
     checked_path(root, *folder.relative_to(root).parts)
     for place, folders, files in os.walk(folder):  # follows no links

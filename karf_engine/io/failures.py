@@ -1,4 +1,4 @@
-"""Translate system errors (full disk, missing permission, out of memory) of any library into KarfErrors. Needs no torch."""
+"""Translate system errors (full disk, missing permission, out of memory) of any library into KarfErrors, and print them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import errno
 import os
 import re
 import shutil
+import sys
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from ..errors import DataError, KarfError, OutOfMemory, is_out_of_memory
 
@@ -39,22 +42,12 @@ SYSTEM_ERRORS = {  # errno: (sentence, hint)
 
 
 def first_line(error: BaseException) -> str:
-    """Return the first line of an error's message, without its final period.
-
-    Examples:
-        >>> first_line(ValueError("bad magic number.\\nSee the manual.")), first_line(EOFError())
-        ('bad magic number', 'EOFError')
-    """
+    """Return the first line of an error's message, without its final period."""
     return str(error).strip().split("\n")[0].rstrip(".:") or type(error).__name__
 
 
 def translate_error(error: BaseException) -> KarfError | None:
-    """Translate an error into one that a user can act on; None for a bug.
-
-    Examples:
-        >>> str(translate_error(FileNotFoundError(2, "No such file", "/films/a.png")))
-        '/films/a.png is not there, or no longer. Put it back, or check the path; then start again.'
-    """
+    """Translate an error into one that a user can act on; None for a bug."""
     if isinstance(error, KarfError):
         return error
     if is_out_of_memory(error):
@@ -100,3 +93,25 @@ def errno_of(error: BaseException) -> int | None:
         return None
     number = int(match[match.lastindex or 0])
     return WINDOWS_ERRORS.get(number, number) if is_windows else number
+
+
+def as_karf_error(error: Exception) -> KarfError:
+    """Convert an exception for the user; print the traceback of an internal error."""
+    if (known := translate_error(error)) is not None:
+        return known
+    log("".join(traceback.format_exception(error)).rstrip())
+    return KarfError("Internal error: {error!r}.", "Report it with its trace (of a job: in engine.log).", error=error)
+
+
+def print_error(error: KarfError) -> None:
+    """Print an error's sentence and hint to standard error."""
+    log(f"error: {error.sentence}\n       {error.hint}".rstrip())
+
+
+def log(text: str) -> None:
+    """Print to standard error, or nowhere if that is a log on a full disk."""
+    try:
+        print(text, file=sys.stderr, flush=True)
+    except OSError:
+        # else the interpreter would try again at exit, and change the exit code
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")

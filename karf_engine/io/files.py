@@ -10,9 +10,11 @@ import errno
 import hashlib
 import json
 import os
+import platform
 import re
 import shutil
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -23,57 +25,53 @@ from typing import Any
 from ..errors import DataError, KarfError
 from .failures import errno_of
 from .inputs import MAX_JSON_BYTES, check_file
-from .processes import host_name, is_running
 
-HOST = hashlib.sha256(host_name().encode()).hexdigest()[:8]
 TEMPORARY = re.compile(r"\.karf-([0-9a-f]{8})-(\d{1,10})-[a-z0-9_]{8}")  # host, process id, random
 HELD = (5, 32, 33, 1224)  # Windows errors: access denied, sharing violation, lock violation, mapped by a process
 HELD_SECONDS = 3.0  # how long virus scanners and indexers may keep a new file open on Windows
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)  # can only come from writing
 PROBE_BYTES = 1 << 20  # more than a file system preallocates for an open file
+SYNCHRONIZE, NO_SUCH_PROCESS, STILL_RUNS = 0x100000, 87, 0x102  # Windows: access right, error, wait result
+
+
+def host_name() -> str:
+    """Return the name of this computer, on Linux with its process namespace (containers number processes anew)."""
+    with suppress(OSError):
+        return f"{platform.node()} {Path('/proc/self/ns/pid').readlink()}"
+    return platform.node()
+
+
+HOST = hashlib.sha256(host_name().encode()).hexdigest()[:8]
 
 
 def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file whole or not at all; on any failure `path` stays unchanged.
 
-    Writes through a symbolic link to its target, and keeps the mode of an existing file.
+    Writes through a symbolic link to its target, and keeps the mode of an existing file. Makes the folder if needed.
 
     Args:
-        path: The file; its folder is created.
+        path: The file.
         write: Called with the path of a temporary file of the same suffix; the result is ignored.
 
     Raises:
         OSError: The disk is full, the folder cannot be written, or the file is read-only; names `path`.
-
-    Examples:
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     atomic_write(Path(folder) / "note.txt", lambda temporary: temporary.write_text("done"))
-        ...     (Path(folder) / "note.txt").read_text()
-        'done'
     """
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     mode = _mode_of(target)
-    folder = None
-    try:
+    with errors_naming_path(path):
         target.parent.mkdir(parents=True, exist_ok=True)
         # a separate folder, because libraries create temporary files beside their output
         folder = temporary_folder(target.parent)
-        temporary = folder / f"new{path.suffix}"  # image and npz writers derive the format from the suffix
-        write(temporary)
-        with temporary.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        temporary.chmod(mode)
-        replace(temporary, target)
-    except KarfError:
-        raise
-    except Exception as error:
-        number = _write_failure(error, target.parent, folder)
-        if number is None:
-            raise
-        raise OSError(number, getattr(error, "strerror", None) or os.strerror(number), str(path)) from error
+    try:
+        with errors_naming_path(path, folder):
+            temporary = folder / f"new{path.suffix}"  # image and npz writers derive the format from the suffix
+            write(temporary)
+            with temporary.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            temporary.chmod(mode)
+            replace(temporary, target)
     finally:
-        if folder:
-            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def temporary_folder(parent: Path) -> Path:
@@ -87,25 +85,27 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 @contextmanager
-def errors_naming_path(path: Path) -> Iterator[None]:
-    """Raise failed writes of the block as OSError that names this file or folder, unless the error names a file itself."""
+def errors_naming_path(path: Path, folder: Path | None = None) -> Iterator[None]:
+    """Raise failed writes of the block as OSError that names this file or folder.
+
+    Errors that name another file themselves pass, such as those of reading a source. `folder` is where the block writes,
+    by default that of `path`.
+    """
     try:
         yield
     except Exception as error:
         if isinstance(error, KarfError) and error.code != KarfError.code:
             raise
-        number = errno_of(error) or _probe(path if path.is_dir() else path.parent)
-        if number is None or getattr(error, "filename", None):
+        number = errno_of(error) or _probe(folder or (path if path.is_dir() else path.parent))
+        named = getattr(error, "filename", None)
+        names_another = named and number not in NO_ROOM and not TEMPORARY.search(str(named))
+        if number is None or names_another:
             raise
         raise OSError(number, getattr(error, "strerror", None) or os.strerror(number), str(path)) from error
 
 
 def replace(source: Path, target: Path) -> None:
-    """Rename a file or folder over the target and flush; on Windows, retry while another program has either open.
-
-    Raises:
-        OSError: The rename failed, or either was open for more than `HELD_SECONDS`.
-    """
+    """Rename a file or folder over the target and flush; on Windows, retry while another program has either open."""
     deadline = time.monotonic() + HELD_SECONDS
     while True:
         try:
@@ -144,16 +144,6 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def _write_failure(error: Exception, parent: Path, folder: Path | None) -> int | None:
-    """Return the errno of a failed write; None if something else failed, such as reading a source."""
-    number = errno_of(error)
-    if number is None:
-        return _probe(folder) if folder else None
-    if number in NO_ROOM or not isinstance(error, OSError) or error.filename is None:
-        return number
-    return number if str(error.filename).startswith(str(parent / ".karf-")) else None
 
 
 def _probe(folder: Path) -> int | None:
@@ -206,3 +196,24 @@ def remove_temporaries(folder: Path) -> None:
             match = TEMPORARY.fullmatch(path.name)
             if match and match[1] == HOST and not is_running(int(match[2])):
                 shutil.rmtree(path, ignore_errors=True)  # follows no links
+
+
+def is_running(pid: int) -> bool:
+    """Test whether a process of this computer has this id."""
+    if sys.platform == "win32":  # `os.kill` would end the process
+        import ctypes
+
+        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+        handle = kernel.OpenProcess(SYNCHRONIZE, False, pid)
+        if not handle:
+            return ctypes.get_last_error() != NO_SUCH_PROCESS
+        running = kernel.WaitForSingleObject(handle, 0) == STILL_RUNS
+        kernel.CloseHandle(handle)
+        return running
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # another user's
+        pass
+    return True

@@ -18,11 +18,7 @@ def fingerprint(*parts: Any) -> str:
 
 
 def file_digest(path: Path) -> list:
-    """Return [size, SHA-256] of a file; files over 1 MiB are hashed by their first and last 256 KiB.
-
-    Raises:
-        DataError: The file is missing or not a regular file.
-    """
+    """Return [size, SHA-256] of a file; files over 1 MiB are hashed by their first and last 256 KiB."""
     size = check_file(path)
     with path.open("rb") as stream:
         if size <= WHOLE_BYTES:

@@ -1,7 +1,7 @@
-"""Image sizes from file headers, with the standard library only.
+"""Image sizes from file headers, with the standard library only. Sizes are (width, height) in pixels.
 
 Reads PNG (IHDR, eXIf), JPEG (ITU T.81, SOFn segments), Exif 2.3 orientation, WebP (VP8, VP8L and VP8X chunks), TIFF 6.0
-(first directory), Windows bitmaps and OpenEXR (displayWindow). Sizes are (width, height) in pixels.
+(first directory), Windows bitmaps and OpenEXR (displayWindow).
 """
 
 from __future__ import annotations
@@ -29,34 +29,23 @@ KINDS = "PNG, JPEG, WebP, TIFF, BMP or EXR"
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Size and pixel format of an image file.
-
-    Attributes:
-        width: Width as stored.
-        height: Height as stored.
-        orientation: Exif orientation, 1..8.
-        kind: `png`, `jpeg`, `webp`, `tiff`, `bmp` or `exr`.
-        deep: Whether colors have more than 8 bits a channel.
-        premultiplied: Whether colors are multiplied by alpha.
-        depth: Bytes of a channel.
-    """
+    """Size and pixel format of an image file, as stored."""
 
     width: int
     height: int
-    orientation: int = 1
-    kind: str = ""
-    deep: bool = False
-    premultiplied: bool = False
-    depth: int = 1
+    orientation: int = 1  # of Exif, 1..8
+    kind: str = ""  # png, jpeg, webp, tiff, bmp or exr
+    deep: bool = False  # whether colors have more than 8 bits a channel
+    premultiplied: bool = False  # whether colors are multiplied by alpha
+    depth: int = 1  # bytes of a channel
 
     @property
     def swaps_sides(self) -> bool:
-        """Whether the orientation swaps width and height for display."""
+        """True if the orientation swaps width and height for display."""
         return self.orientation >= 5
 
     @property
     def stored_size(self) -> tuple[int, int]:
-        """Width and height as stored."""
         return self.width, self.height
 
     @property
@@ -71,11 +60,7 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def image_header(path: Path) -> ImageHeader:
-    """Read the header of a PNG, JPEG, WebP, TIFF, BMP or EXR file.
-
-    Raises:
-        DataError: The file is missing, damaged, of another kind or too large.
-    """
+    """Read the header of an image file. Raises DataError if it is missing, damaged, of another kind or too large."""
     try:
         header = find_header(path)
     except OSError as error:
@@ -99,17 +84,14 @@ def webp_size(data: bytes) -> tuple[int, int]:
 def check_pixels(
     path: Path, width: int, height: int, min_pixel_limit: int = MOST_PIXELS_OF_SMALL, depth: int = 1
 ) -> None:
-    """Refuse an image file that claims too many pixels for its length.
+    """Raise DataError for an image file that claims too many pixels for its length.
 
     Args:
         path: The file.
         width: Claimed width.
         height: Claimed height.
-        of_small: Pixels allowed in the smallest file.
+        min_pixel_limit: Pixels allowed in the smallest file.
         depth: Bytes of a channel; above two, the limit shrinks in proportion.
-
-    Raises:
-        DataError: The limit is exceeded.
     """
     length = path.stat().st_size
     most = min(MOST_PIXELS, max(min_pixel_limit, MOST_PIXELS_PER_BYTE * length)) * 2 // max(2, depth)
@@ -123,9 +105,7 @@ def check_pixels(
 def find_header(path: Path) -> ImageHeader | None:
     """Read the header of an image file; None if it is damaged or of an unknown kind.
 
-    Raises:
-        OSError: The file cannot be read.
-        DataError: The file is missing or not a regular file.
+    Raises OSError if the file cannot be read, DataError if it is missing or not a regular file.
     """
     check_file(path, MOST_PHOTO_BYTES)
     with path.open("rb") as stream:

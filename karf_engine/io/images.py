@@ -46,8 +46,8 @@ cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None) -> np.ndarray:
     """Read an image of any kind that Pillow, OpenCV or OpenEXR reads.
 
-    Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear
-    light, become clipped sRGB with straight alpha on their display window.
+    Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear light,
+    become clipped sRGB with straight alpha on their display window.
 
     Args:
         path: The file.
@@ -78,19 +78,9 @@ def convert_to_srgb(colors: np.ndarray, space: ColorSpace) -> np.ndarray:
 def read_pixels(
     path: Path, upright: bool, min_pixel_limit: int = MOST_PIXELS_OF_SMALL, space: ColorSpace | None = None
 ) -> tuple[np.ndarray, ImageHeader]:
-    """Read pixels at their stored depth; EXR files as display colors.
+    """Read pixels [H, W] or [H, W, C] at their stored depth, and the header; EXR files as display colors in `space`.
 
-    Args:
-        path: The file.
-        upright: Whether to apply the Exif orientation.
-        of_small: Pixels allowed in the smallest file.
-        space: Color space of an EXR file; other pixels are not converted.
-
-    Returns:
-        Pixels [H, W] or [H, W, C], and the file's header.
-
-    Raises:
-        DataError: As `read_photo`.
+    `min_pixel_limit` is that of `check_pixels`. Raises DataError as `read_photo`.
     """
     with decoding(path):
         header = find_header(path) or ImageHeader(0, 0)  # Pillow knows more kinds than `find_header`
@@ -136,7 +126,6 @@ def _read_deep(path: Path) -> np.ndarray:
 
 
 def apply_exif_orientation_copy(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """Apply an Exif orientation to pixels [H, W, ...]."""
     return np.ascontiguousarray(apply_exif_orientation(pixels, orientation))
 
 
@@ -248,10 +237,7 @@ def write_png(path: Path, array: np.ndarray) -> None:
 
 
 def encode_image(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -> memoryview:
-    """Encode RGB or RGBA pixels as an image file, by OpenCV, with its flags, each followed by its value.
-
-    Raises OSError if the format cannot hold these pixels.
-    """
+    """Encode RGB or RGBA pixels as an image file, by OpenCV with its flags. Raises OSError if the format cannot hold them."""
     order = cv2.COLOR_RGBA2BGRA if pixels.shape[-1] == 4 else cv2.COLOR_RGB2BGR
     done, content = cv2.imencode(suffix, cv2.cvtColor(pixels, order), options)
     if not done:
@@ -278,12 +264,7 @@ def read_mask(path: Path) -> np.ndarray:
 
 
 def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Resize [H, W, ...] by exact area averaging along axes that shrink and linear interpolation along axes that grow.
-
-    Examples:
-        >>> resize(np.array([[0.0, 1.0, 3.0, 4.0]]), 2, 1).tolist()
-        [[0.5, 3.5]]
-    """
+    """Resize [H, W, ...] by exact area averaging along axes that shrink and linear interpolation along axes that grow."""
     resized = image.astype(np.float32, copy=False)
     smaller = (min(width, image.shape[1]), min(height, image.shape[0]))
     for size, method in ((smaller, cv2.INTER_AREA), ((width, height), cv2.INTER_LINEAR)):
@@ -293,12 +274,7 @@ def resize(image: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def alpha_composite(colors: np.ndarray, alpha: np.ndarray | None, gray: float = 1.0) -> np.ndarray:
-    """Composite straight colors [H, W, 3] with alpha [H, W] over a gray; unchanged if alpha is None.
-
-    Examples:
-        >>> alpha_composite(np.array([[[1.0, 0.0, 0.0]]]), np.array([[0.5]])).tolist()
-        [[[1.0, 0.5, 0.5]]]
-    """
+    """Composite straight colors [H, W, 3] with alpha [H, W] over a gray; unchanged if alpha is None."""
     return colors if alpha is None else colors * alpha[..., None] + gray * (1 - alpha[..., None])
 
 

@@ -14,8 +14,7 @@ MOST_BYTES = 8 << 30  # bytes of a file that is read whole
 def check_file(path: Path, most: int = MOST_BYTES, label: str = "") -> int:
     """Return the size in bytes of a regular file, called `label` in messages; links are followed.
 
-    Raises:
-        DataError: The file is missing, not a regular file, or larger than `most`.
+    Raises DataError if it is missing, not a regular file, or larger than `most`.
     """
     label = label or str(path)
     try:

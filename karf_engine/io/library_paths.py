@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def library_path(path: Path) -> Iterator[str]:
     """Yield a UTF-8 path to a file, which may be missing if its own name is UTF-8.
 
-    On Linux, names that are not UTF-8 are opened here and passed as /dev/fd. Raises OSError if that fails.
+    On Linux, names that are not UTF-8 are opened here and passed as /dev/fd.
     """
     if _is_utf8(str(path)):
         yield str(path)

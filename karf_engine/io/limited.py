@@ -38,11 +38,8 @@ def run_limited(
 ) -> list[np.ndarray]:
     """Call `work(path, *more)` in a child process that ends with this one, and return its arrays of these names.
 
-    `work` is a module-level function of this package that returns arrays by name.
-
-    Raises:
-        DataError: The file is missing, or the child crashed or exceeded a limit.
-        KarfError: Raised by `work`.
+    `work` is a module-level function of this package that returns arrays by name. Raises DataError if the file is missing or
+    the child crashed or exceeded a limit, and the KarfErrors of `work`.
     """
     size = check_file(path)
     seconds = LEAST_SECONDS + SECONDS_PER_MEGABYTE * size // 10**6

@@ -17,15 +17,10 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
 
 
 def acquire(path: Path, seconds: float = 0.0) -> BaseFileLock:
-    """Acquire a lock; call `release` on the result.
+    """Acquire a lock; call `release` on the result. The file is created and kept.
 
-    Args:
-        path: The lock file, which is created and kept.
-        seconds: Time to wait for another holder; for a lease at least until it expires.
-
-    Raises:
-        Timeout: Another process has the lock.
-        OSError: The file cannot be created.
+    Waits `seconds` for another holder, for a lease at least until it expires. Raises Timeout if another process has the
+    lock, OSError if the file cannot be created.
     """
     lock: BaseFileLock = FileLock(path, timeout=seconds, fallback_to_soft=False)
     try:

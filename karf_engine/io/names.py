@@ -18,12 +18,7 @@ RESERVED = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[\d¹²³]) *
 
 
 def file_name(text: str) -> str:
-    """Turn a text into a valid file name, changing as little as possible.
-
-    Examples:
-        >>> file_name("IMG_0001"), file_name("a/b?"), file_name("NUL.png")
-        ('IMG_0001', 'a_b_', '_NUL.png')
-    """
+    """Turn a text into a valid file name, changing as little as possible."""
     name = FORBIDDEN.sub("_", normalize_unicode(text))
     name = name.encode()[:LONGEST_MADE].decode(errors="ignore")
     if name.rstrip(". ") != name:  # Windows drops them
@@ -32,12 +27,7 @@ def file_name(text: str) -> str:
 
 
 def normalize_unicode(name: str) -> str:
-    """Normalize a name to NFC; macOS may decompose accents.
-
-    Examples:
-        >>> normalize_unicode("cafe\\u0301") == "caf\\u00e9"
-        True
-    """
+    """Normalize a name to NFC; macOS may decompose accents."""
     return unicodedata.normalize("NFC", name)
 
 
@@ -70,11 +60,7 @@ def check_name(value: Any, path: Path, what: str) -> str:
 
 
 def check_names(values: Any, path: Path, what: str) -> list[str]:
-    """Return a list of distinct, valid file names; arguments as `check_name`.
-
-    Raises:
-        DataError: As `check_name`, or the values are not a list or repeat.
-    """
+    """Return a list of distinct, valid file names. Raises DataError as `check_name`, or if they are not a list or repeat."""
     if not isinstance(values, Iterable) or isinstance(values, str | dict):
         raise DataError(f"{path} has no list of names of {what}.", "Run the stage that writes it again.")
     names = [check_name(value, path, what) for value in values]
@@ -84,12 +70,7 @@ def check_names(values: Any, path: Path, what: str) -> list[str]:
 
 
 def first_case_collision(names: Iterable[str]) -> tuple[str, str] | None:
-    """Return the first two names that differ in case or Unicode form only; None if there are none.
-
-    Examples:
-        >>> first_case_collision(["pot", "mug", "Pot"])
-        ('pot', 'Pot')
-    """
+    """Return the first two names that differ in case or Unicode form only; None if there are none."""
     first: dict[str, str] = {}
     for name in names:
         if first.setdefault(case_folded(name), name) != name:

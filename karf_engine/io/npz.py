@@ -21,8 +21,7 @@ MOST_PER_BYTE = 200
 def read_arrays(path: Path, names: Sequence[str], what: str, hint: str) -> list[np.ndarray]:
     """Read arrays of an npz file, in the order of the names; `what` and `hint` are content and remedy, for messages.
 
-    Raises:
-        DataError: The file is missing or damaged, lacks an array, or claims too many bytes.
+    Raises DataError if the file is missing or damaged, lacks an array, or claims too many bytes.
     """
     label = f"{path} ({what})"
     most = max(MOST_OF_SMALL, MOST_PER_BYTE * check_file(path, label=label))

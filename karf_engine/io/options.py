@@ -7,17 +7,21 @@ standard library only.
 from __future__ import annotations
 
 import dataclasses
-import difflib
-import os
-import types
-import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Self, TypeVar, Union
+from typing import Any, ClassVar, Self, TypeVar
 
 from ..errors import BadRequest
+from .arguments import (
+    annotations_of,
+    check_choice,
+    check_number,
+    coerce,
+    describe_type,
+    union_members,
+    unknown_name_error,
+)
 
 MOST_THREADS = 256
 Kind = TypeVar("Kind", bound="Options")
@@ -43,7 +47,7 @@ def option(
         metavar: Placeholder of the value in `--help`.
         choices: Allowed values.
         minimum: Least allowed number.
-        maximum: Greatest allowed number.
+        maximum: Greatest allowed number, with a minimum.
         positional: Whether the command line takes it by position.
     """
     facts = {"help": text, "flag": flag, "metavar": metavar, "choices": choices, "positional": positional}
@@ -52,11 +56,7 @@ def option(
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Options of a command, checked on creation; paths may be strings, tuples may be lists.
-
-    Attributes:
-        command: Name of the command.
-    """
+    """Options of a command, checked on creation; paths may be strings, tuples may be lists."""
 
     command: ClassVar[str] = ""
 
@@ -66,11 +66,9 @@ class Options:
     device: str | None = option("cpu, cuda or cuda:NUMBER (default: cuda where there is one)", None)
 
     def __post_init__(self) -> None:
-        kinds = types_of(type(self))
+        kinds = annotations_of(type(self))
         for item in fields(self):
-            value = _coerce_field(item.name, kinds[item.name], getattr(self, item.name))
-            _check_range(item, value)
-            object.__setattr__(self, item.name, value)
+            object.__setattr__(self, item.name, _checked(item, kinds[item.name], getattr(self, item.name)))
 
     @classmethod
     def of(cls, **values: Any) -> Self:
@@ -78,16 +76,11 @@ class Options:
 
         Raises:
             BadRequest: A name is unknown, a required option is missing, or a value has a wrong type or range.
-
-        Examples:
-            >>> Options.of(thread=1)
-            Traceback (most recent call last):
-            karf_engine.errors.BadRequest: Unknown option thread. Did you mean threads?
         """
         known = {item.name: item for item in fields(cls)}
         for name in values:
             if name not in known:
-                raise unknown_option_error(name, known)
+                raise unknown_name_error("option", name, known)
         missing = [name for name, item in known.items() if item.default is MISSING and values.get(name) is None]
         if missing:
             raise BadRequest(f"The {cls.command} command was given no {missing[0]}.", f"Give {' and '.join(missing)}.")
@@ -116,24 +109,10 @@ class Options:
         return [part for item in fields(self) for part in _arguments(item, getattr(self, item.name))]
 
 
-def unknown_option_error(name: str, known: Iterable[str]) -> BadRequest:
-    """Return the error for an unknown option, with the nearest known name."""
-    known = list(known)
-    nearest = difflib.get_close_matches(name, known, 1)
-    hint = f"Did you mean {nearest[0]}?" if nearest else f"Known: {', '.join(known)}."
-    return BadRequest(f"Unknown option {name:.200}.", hint)
-
-
 def fields_in_help_order(kind: type[Options]) -> list[dataclasses.Field]:
     """Return the fields of a class in the order of the help: common fields last."""
     common = {item.name for item in fields(Options)}
     return sorted(fields(kind), key=lambda item: item.name in common and kind is not Options)
-
-
-@cache
-def types_of(kind: type[Options]) -> dict[str, Any]:
-    """Return the field types of an options class by name."""
-    return typing.get_type_hints(kind)
 
 
 def flag_of(item: dataclasses.Field) -> str | None:
@@ -143,79 +122,24 @@ def flag_of(item: dataclasses.Field) -> str | None:
 
 
 def bounds_of(kind: type[Options], name: str) -> dict[str, Any]:
-    """Return default, minimum and maximum of a number as keywords of a Blender property.
-
-    Examples:
-        >>> bounds_of(Options, "threads")
-        {'min': 1, 'max': 256}
-    """
+    """Return default, minimum and maximum of a number as keywords of a Blender property."""
     item = next(item for item in fields(kind) if item.name == name)
     bounds = {"default": item.default, "min": item.metadata["minimum"], "max": item.metadata["maximum"]}
     return {key: value for key, value in bounds.items() if value not in (None, MISSING)}
 
 
-def union_members(kind: Any) -> tuple[Any, ...]:
-    """Return the members of a union without None, or the one type.
-
-    Examples:
-        >>> union_members(int | None)
-        (<class 'int'>,)
-    """
-    parts = typing.get_args(kind) if typing.get_origin(kind) in (Union, types.UnionType) else (kind,)
-    return tuple(part for part in parts if part is not type(None))
-
-
-def _coerce_field(name: str, kind: Any, value: Any) -> Any:
-    """Coerce a value to the type of its field. Raises BadRequest if it has another type."""
-    if value is None and type(None) in typing.get_args(kind):
-        return None
-    for part in union_members(kind):
-        coerced = _coerce(part, value)
-        if coerced is not MISSING:
-            return coerced
-    wanted = " or ".join(_name_of(part) for part in union_members(kind))
-    raise BadRequest(f"The option {name} = {value!r:.200} is not {wanted}.", "Correct it.")
-
-
-def _coerce(kind: Any, value: Any) -> Any:
-    """Coerce a value to a type; MISSING if it has another."""
-    if "\0" in str(value):
-        raise BadRequest(f"{value!r:.200} holds a zero character.", "Correct it.")
-    if typing.get_origin(kind) is tuple:
-        return _coerce_tuple(typing.get_args(kind), value)
-    if kind is Path:
-        return Path(value) if isinstance(value, str | os.PathLike) and str(value) else MISSING
-    if kind is float:
-        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else MISSING
-    return value if type(value) is kind else MISSING
-
-
-def _coerce_tuple(parts: tuple[Any, ...], value: Any) -> Any:
-    if not isinstance(value, list | tuple):
-        return MISSING
-    parts = parts[:1] * len(value) if parts[-1] is Ellipsis else parts
-    coerced = [_coerce(part, each) for part, each in zip(parts, value, strict=False)]
-    is_complete = len(parts) == len(value) and all(each is not MISSING for each in coerced)
-    return tuple(coerced) if is_complete else MISSING
-
-
-def _name_of(kind: Any) -> str:
-    names = {str: "a text", int: "a whole number", float: "a number", bool: "true or false", Path: "a path"}
-    if kind in names:
-        return names[kind]
-    part, *others = typing.get_args(kind)
-    return f"a list of {len(others) + 1} values" if Ellipsis not in others else f"a list, each {_name_of(part)}"
-
-
-def _check_range(item: dataclasses.Field, value: Any) -> None:
+def _checked(item: dataclasses.Field, kind: Any, value: Any) -> Any:
+    """Return a value as the type of its field. Raises BadRequest if it has another type or is out of range."""
+    coerced = coerce(value, kind, is_json=True)
+    if coerced is MISSING:
+        wanted = " or ".join(describe_type(part, is_json=True) for part in union_members(kind))
+        raise BadRequest(f"The option {item.name} = {value!r:.200} is not {wanted}.", "Correct it.")
     choices, minimum, maximum = (item.metadata[name] for name in ("choices", "minimum", "maximum"))
-    if value is None:
-        return
-    if choices and value not in choices:
-        raise BadRequest(f"The option {item.name} = {value!r:.200} is unknown.", f"Use one of: {', '.join(choices)}.")
-    if (minimum is not None and value < minimum) or (maximum is not None and value > maximum):
-        allowed = f"{minimum} to {maximum}" if maximum is not None else f"from {minimum}"
-        raise BadRequest(f"The option {item.name} = {value} is out of range.", f"Allowed: {allowed}.")
+    if coerced is not None and choices:
+        check_choice(f"The option {item.name}", coerced, choices)
+    if coerced is not None and minimum is not None:
+        check_number(f"The option {item.name}", coerced, minimum, maximum)
+    return coerced
 
 
 def _to_json(value: Any) -> Any:

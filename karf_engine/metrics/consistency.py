@@ -22,19 +22,19 @@ DEPTH_TOLERANCE = 0.01  # relative; points farther behind the visible surface ar
 
 @dataclass(frozen=True)
 class DepthView:
-    """A pinhole view: camera, depth [H, W], and a mask of the pixels that count, bool [H, W]."""
+    """A pinhole view."""
 
     camera: Camera
-    depth: np.ndarray
-    mask: np.ndarray
+    depth: np.ndarray  # [H, W]
+    mask: np.ndarray  # pixels that count, bool [H, W]
 
 
 @dataclass(frozen=True)
 class Correspondence:
-    """Surface points visible in two views: pixel indices [n] in one, pixel positions [n, 2] in the other."""
+    """Surface points visible in two views."""
 
-    pixels: np.ndarray
-    positions: np.ndarray
+    pixels: np.ndarray  # indices in one view, [n]
+    positions: np.ndarray  # in the other view, [n, 2]
 
     def rmse(self, picture: np.ndarray, other: np.ndarray) -> float:
         """Return the RMSE of two pictures over points and channels; NaN without points."""
@@ -62,12 +62,8 @@ def flicker(before: Correspondence, after: Correspondence, pictures: Sequence[np
     """Return the flicker of three consecutive frames; NaN where no point is in all of them.
 
     `F = sqrt(mean((c[t-1] - 2 c[t] + c[t+1])^2) / 6)` over surface points and channels, with c[t] the color of a point in
-    frame t. Steady changes cancel; noise of deviation s, independent in each frame, gives F = s (6 = 1 + 4 + 1).
-
-    Args:
-        before: correspondence of the middle view with the view before it.
-        after: correspondence of the middle view with the view after it.
-        pictures: of the three views in order, [H, W, 3] each.
+    frame t. Steady changes cancel; independent noise of deviation s gives F = s. `before` and `after` match the middle
+    view with the view before and after it; pictures are in order.
     """
     _, of_before, of_after = np.intersect1d(before.pixels, after.pixels, assume_unique=True, return_indices=True)
     if not len(of_before):
@@ -88,8 +84,8 @@ def sample_bilinear(picture: np.ndarray, positions: np.ndarray) -> np.ndarray:
 def flow_rmse(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: np.ndarray) -> float:
     """Return the RMSE between `shown` and `other` warped by the flow from `first` to `second`; NaN without valid pixels.
 
-    first, second: two views of the scene without the edit; shown, other: the same views to compare. As Lai et al. 2018,
-    without hidden pixels and motion boundaries, but with OpenCV's DIS flow instead of a network.
+    `first` and `second` are the views without the edit. As Lai et al. 2018, without hidden pixels and motion boundaries,
+    but with OpenCV's DIS flow instead of a network.
     """
     forward, backward = optical_flow(first, second), optical_flow(second, first)
     warped = sample_bilinear(other, warp_positions(forward)).reshape(other.shape)
@@ -107,9 +103,8 @@ def optical_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def visible_by_flow(forward: np.ndarray, backward: np.ndarray) -> np.ndarray:
     """Return True for pixels that both flows bring back to their start, where the flow is smooth, bool [H, W]."""
-    return forward_backward_consistent(
-        forward, sample_bilinear(backward, warp_positions(forward)).reshape(forward.shape)
-    )
+    returning = sample_bilinear(backward, warp_positions(forward)).reshape(forward.shape)
+    return forward_backward_consistent(forward, returning)
 
 
 def forward_backward_consistent(flow: np.ndarray, back: np.ndarray) -> np.ndarray:

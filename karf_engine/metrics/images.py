@@ -25,9 +25,8 @@ def psnr(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None = None) 
 def color_correct(shown: np.ndarray, photo: np.ndarray) -> np.ndarray:
     """Return a rendered picture with the exposure and white balance of its photo, [H, W, 3] float64 in [0, 1].
 
-    Each channel is a least-squares fit of the photo on quadratic polynomials of the picture, over pixels that are not
-    clipped, in five rounds (Mildenhall et al. 2022, `multinerf`, color_correct). A channel with hardly any
-    such pixels is unchanged.
+    Each channel is a least-squares fit on quadratic polynomials of the picture, over pixels that are not clipped, in five
+    rounds (Mildenhall et al. 2022, `multinerf`, color_correct). A channel with hardly any such pixels is unchanged.
     """
     pixels, target = (np.array(each, np.float64).reshape(-1, 3) for each in (shown, photo))
     usable = _is_unclipped(pixels) & _is_unclipped(target)
@@ -74,10 +73,7 @@ def ssim(first: np.ndarray, second: np.ndarray, mask: np.ndarray | None = None) 
 
 
 def hue_shift(image: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Rotate the HSV hue of every pixel by the hue difference of target [3] and source [3]: a baseline for recoloring.
-
-    image: [..., 3] sRGB in [0, 1]. Returns [..., 3] float64.
-    """
+    """Rotate the HSV hue of pixels [..., 3] by that of target [3] minus source [3]: a baseline for recoloring."""
     hsv = rgb2hsv(np.asarray(image, np.float64))
     hsv[..., 0] = (hsv[..., 0] + rgb2hsv(target)[0] - rgb2hsv(source)[0]) % 1
     return hsv2rgb(hsv)

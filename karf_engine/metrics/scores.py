@@ -39,10 +39,7 @@ def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskSco
 
 
 def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, palettes: np.ndarray) -> np.ndarray:
-    """Return each object's colors as its palette mixes them, W P / probability, [K, H, W, 3].
-
-    palette_weights: [K, M, H, W]; probabilities: [K, H, W]; palettes: [K, M, 3].
-    """
+    """Return each object's colors as its palette mixes them, W P / probability, [K, H, W, 3]; shapes: `score_palettes`."""
     mixed = np.einsum("kmhw,kmc->khwc", palette_weights.astype(np.float32), palettes)
     return np.clip(mixed / np.maximum(probabilities, 1e-4)[..., None], 0, 1)
 
@@ -67,8 +64,7 @@ def score_palettes(
     """Score the objects as their palettes mix them, W P, against the photos.
 
     In the frame all else is black, as in the paper's segmented scene. Inside the true masks each object is shown opaque.
-    For each view: palette_weights [K, M, H, W], probabilities [K, H, W], photo [H, W, 3], object_masks bool [K, H, W].
-    palettes: [K, M, 3].
+    Shapes: palettes [K, M, 3]; for each view, palette_weights [K, M, H, W], probabilities [K, H, W], masks [K, H, W].
     """
     rows = []
     for weights, shares, photo, masks in zip(palette_weights, probabilities, photos, object_masks, strict=True):
@@ -113,14 +109,11 @@ def hue_shifted(
 
 @dataclass(frozen=True)
 class EditScore:
-    """Mean CIEDE2000 inside the edited objects against the true recolor, of our edit and of baselines.
-
-    `hue_shift` changes the whole picture, `hue_shift_in_true_mask` only the object.
-    """
+    """Mean CIEDE2000 inside the edited objects against the true recolor, of our edit and of baselines."""
 
     ours: float
     no_edit: float
-    hue_shift: float
+    hue_shift: float  # of the whole picture
     hue_shift_in_true_mask: float
     mse_outside: float
     psnr: float

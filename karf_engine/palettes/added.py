@@ -15,15 +15,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..io.color import lab_chroma, lab_hue, lab_saturation, srgb_to_lab
-from .matching.becomes import match_pigment
-from .matching.paints import GREY_CHROMA, HUE_GATE, pigment_gate
-from .object_colors import ColorHistogram
+from ..io.color import lab_chroma, lab_saturation, srgb_to_lab
+from .color_histogram import ColorHistogram
+from .matching.becomes import append_sources
+from .matching.fitting import match_pixels
+from .matching.paints import GREY_CHROMA, HUE_GATE, hue_difference, pigment_gate, repainted
 from .palette import PROTECT, AddedColor, Palette
 
 FEW_NEUTRALS = 0.05  # share of an object; so few are highlights and shades of its pigments
 MIN_REACH, PROPOSED_REACH = 0.3, 0.75  # range of proposed reaches
 HUE_BINS = np.arange(0, np.pi / HUE_GATE, 0.1)  # hue differences, in units of reach
+EMPHASIS_OF_SQUARES = 10.0  # weight of the picked color relative to the whole object
 SPARSE = 0.02  # share of an object in a hue bin that counts as a gap
 GATE_CLOSED = 1.3  # hue difference over reach that nearly closes the gate
 
@@ -33,23 +35,13 @@ def propose_added_color(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
 
     The reach ends at a gap in the object's hues, before the next pigment. Neutrals are protected if much of the object
     is neutral (silver, foil, paper).
-
-    Examples:
-        Red letters on silver, and a red beside an orange:
-
-        >>> red, silver, orange = [0.7, 0.1, 0.1], [0.6, 0.6, 0.62], [0.8, 0.4, 0.1]
-        >>> for other in (silver, orange):
-        ...     color = propose_added_color(ColorHistogram(np.array([red, other]), np.array([9, 9]), np.eye(2)), np.array(red))
-        ...     print(round(color.reach, 2), color.protect)
-        0.75 0.1
-        0.38 0.0
     """
     lab, source = srgb_to_lab(seen.colors), srgb_to_lab(np.asarray(picked, np.float64))
     if lab_chroma(source) < GREY_CHROMA:  # no hue to compare others with
         return AddedColor(np.asarray(picked, np.float32))
     is_neutral = lab_saturation(lab) < PROTECT * lab_saturation(source)
-    hue_difference = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    distance, counts = np.abs(hue_difference[~is_neutral]) / HUE_GATE, seen.counts[~is_neutral] / seen.counts.sum()
+    distance = np.abs(hue_difference(lab, source)[~is_neutral]) / HUE_GATE
+    counts = seen.counts[~is_neutral] / seen.counts.sum()
     is_gap = np.histogram(distance, HUE_BINS, weights=counts)[0] <= SPARSE
     is_other_pigment = ~is_gap & np.logical_or.accumulate(is_gap)
     next_hue = HUE_BINS[is_other_pigment.argmax()] if is_other_pigment.any() else np.inf
@@ -59,27 +51,14 @@ def propose_added_color(seen: ColorHistogram, picked: np.ndarray) -> AddedColor:
 
 
 def pigment_of_swatch(seen: ColorHistogram, index: int) -> np.ndarray:
-    """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch.
-
-    Examples:
-        >>> weights = np.array([[0, 0.9], [0.8, 0.2]])
-        >>> seen = ColorHistogram(np.array([[0.8, 0, 0], [0.5, 0.4, 0.4]]), np.array([5, 9]), weights)
-        >>> pigment_of_swatch(seen, 1).tolist()
-        [0.8, 0.0, 0.0]
-    """
+    """Return the mean color, sRGB [3], of the object's colors with at least half of the largest weight of a swatch."""
     shares = seen.palette_weights[:, index]
     weights = np.where(shares >= shares.max() / 2, shares * seen.counts, 0)
     return np.average(seen.colors, axis=0, weights=weights if weights.any() else None)
 
 
 def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
-    """Append the sets of added colors to a learned palette [M, 3]: [M (1 + A), 3] float32.
-
-    Examples:
-        >>> palette = np.array([[0, 0, 0], [1, 0.5, 0]])
-        >>> append_added_sets(palette, [AddedColor(np.array([0.5, 0.25, 0]))]).tolist()
-        [[0.0, 0.0, 0.0], [1.0, 0.5, 0.0], [0.5, 0.25, 0.0], [1.0, 0.5, 0.0]]
-    """
+    """Append the sets of added colors to a learned palette [M, 3]: [M (1 + A), 3] float32."""
     sets = [[each.picked, *palette[1:]] for each in added]
     return np.array([*palette, *(color for one in sets for color in one)], np.float32)
 
@@ -87,22 +66,9 @@ def append_added_sets(palette: np.ndarray, added: Sequence[AddedColor]) -> np.nd
 def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[AddedColor]) -> np.ndarray:
     """Distribute an object's palette weights over the sets of its added colors; later colors take precedence.
 
-    Args:
-        weights: [M, ...] of pixels, points or colors, >= 0.
-        palette: As learned, sRGB [M, 3] in [0, 1].
-        added: The A added colors.
-
-    Returns:
-        [M (1 + A), ...] of the same dtype. The parts of a weight add up to it exactly, so that unedited sets change no
-        picture. Without added colors, the weights themselves.
-
-    Examples:
-        The blue one of two pixels moves to the added set:
-
-        >>> palette = np.array([[0, 0, 0], [0.8, 0.1, 0.1], [0.1, 0.1, 0.8]])
-        >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
-        >>> split_weights(np.array([[0, 0], [1.0, 0], [0, 1.0]]), palette, [blue]).round(2).tolist()[1:]
-        [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 1.0]]
+    Weights [M, ...] >= 0 are of pixels, points or colors; the palette is as learned, sRGB [M, 3]. Returns
+    [M (1 + A), ...] of the same dtype; without added colors, the weights themselves. The parts of a weight add up to it
+    exactly, so that unedited sets change no picture.
     """
     if not added:
         return weights
@@ -128,14 +94,7 @@ def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[Adde
 def split_weights_of_objects(
     weights: np.ndarray, palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]
 ) -> np.ndarray:
-    """Apply `split_weights` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A).
-
-    Examples:
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
-        >>> blue = AddedColor(np.array([0.1, 0.1, 0.7]))
-        >>> split_weights_of_objects(np.array([[[0.5], [0.5]]]), [pot], {"pot": [blue]})[0, :, 0].round(2).tolist()
-        [0.5, 0.0, 0.0, 0.5]
-    """
+    """Apply `split_weights` to the weights [K, M, ...] of K objects, zero padded to the largest M (1 + A)."""
     if not any(added.get(palette.name) for palette in palettes):
         return weights
     parts = [
@@ -149,35 +108,21 @@ def split_weights_of_objects(
 
 
 def extended_palettes(palettes: Sequence[Palette], added: Mapping[str, Sequence[AddedColor]]) -> tuple[Palette, ...]:
-    """Append the sets of added colors, given by object name, to learned palettes.
-
-    Examples:
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.1, 0.1, 0.8]]))
-        >>> (longer,) = extended_palettes([pot], {"pot": [AddedColor(np.array([0.1, 0.1, 0.7]))]})
-        >>> longer.colors.shape
-        (4, 3)
-    """
+    """Append the sets of added colors, given by object name, to learned palettes."""
     return tuple(Palette(each.name, append_added_sets(each.colors, added.get(each.name, ()))) for each in palettes)
 
 
 def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, wanted: np.ndarray) -> np.ndarray:
     """Solve for the set of an added color that gives its pigment the wanted color and keeps shading and gloss.
 
-    Args:
-        seen: The object's colors.
-        palette: As learned, sRGB [M, 3] in [0, 1].
-        added: The added color; not black.
-        wanted: New color of the picked one, sRGB [3] in [0, BRIGHTEST].
-
-    Returns:
-        [M, 3] float32 sRGB, the wanted color first; exactly as learned if that is the picked one.
-
-    Examples:
-        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
-        >>> seen = ColorHistogram(np.array([[0.7, 0.1, 0.1]]), np.array([9]), np.array([[0.0, 1.0]]))
-        >>> print(match_added_color(seen, palette, AddedColor(palette[1]), np.array([0.1, 0.2, 0.7])).round(2))
-        [[0.1 0.2 0.7]
-         [0.1 0.2 0.7]]
+    The palette [M, 3] is as learned; `wanted`, sRGB [3] in [0, MAX_SRGB], is the new color of the picked one. Other
+    colors of the object `seen` do not count, as they have separate swatches. Returns [M, 3] float32 sRGB, the wanted
+    color first; exactly as learned if that is the picked one. Raises BadRequest if the picked color is black.
     """
-    colors = match_pigment(*seen, palette, added.picked, wanted, added.reach, added.protect)
-    return np.array([wanted, *colors[1:]], np.float32)
+    colors, counts, weights = seen
+    counts = counts * pigment_gate(colors, added.picked, added.reach, added.protect)
+    targets = repainted(colors, added.picked, wanted)
+    weights, colors, targets, counts = append_sources(
+        colors, counts, weights, targets, added.picked, wanted, EMPHASIS_OF_SQUARES
+    )
+    return np.array([wanted, *match_pixels(weights, colors, targets, palette, counts)[1:]], np.float32)

@@ -1,14 +1,15 @@
 """Color books of ink and paint makers, and the names nearest to a color.
 
 A book is a file of the user's: Adobe's `.acb` and `.ase`, GIMP's `.gpl`, or a CSV table with the column `name` and a
-color (see `color_rows`).
+color (see `color_text`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,9 +18,9 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_array, check_fields, check_number
 from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
-from .color_rows import color_of_row, csv_rows
-from .named_colors import READERS, read_named_colors
+from .color_text import color_of_row, csv_rows
 from .palette import rgb_to_hex
+from .palette_files import READERS, read_named_colors
 
 SUFFIXES = (*READERS, ".csv")
 LONGEST = 100  # characters of a name
@@ -42,23 +43,21 @@ class ColorBook:
         >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
         >>> print(book["traffic RED"].round(2))
         [0.72 0.16 0.12]
-        >>> book["Traffic rad"]
-        Traceback (most recent call last):
-        karf_engine.errors.BadRequest: paints has no color 'Traffic rad'. Its nearest name is 'Traffic red'.
     """
 
     name: str
     names: tuple[str, ...]
     lab: np.ndarray
-    _numbers: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_numbers", {})
         check_fields(self)
         check_array("lab", self.lab, ("n", 3))
         if not 0 < len(self.names) == len(self.lab) or not np.isfinite(self.lab).all():
             raise BadRequest("lab is not a color for each name.", "Give finite numbers, [n, 3], and n names.")
-        self._numbers.update({_key(name): number for number, name in enumerate(self.names)})
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {_key(name): number for number, name in enumerate(self.names)}
 
     def __len__(self) -> int:
         return len(self.names)
@@ -68,13 +67,9 @@ class ColorBook:
 
     @check_arguments
     def lab_of(self, name: str) -> np.ndarray:
-        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut.
+        """Return the CIE L*a*b* [3] (D65) of a name, possibly out of gamut; case and spaces are ignored.
 
-        Args:
-            name: One of `names`; case and spaces are ignored.
-
-        Raises:
-            BadRequest: The book lacks the name; the hint is the nearest one.
+        Raises BadRequest for an unknown name; the hint is the nearest one.
         """
         number = self._numbers.get(_key(name))
         if number is None:
@@ -101,10 +96,8 @@ class NamedDifference(NamedTuple):
 def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[NamedDifference]:
     """Return at most `count` names whose colors are nearest to an sRGB color [3], the nearest first.
 
-    Examples:
-        >>> book = ColorBook("paints", ("Red", "Sky"), np.array([[53.24, 80.09, 67.2], [48.0, -14, -32]]))
-        >>> [(each.name, round(each.ciede2000)) for each in nearest_names(book, np.array([1.0, 0, 0]))]
-        [('Red', 0), ('Sky', 57)]
+    Example:
+        nearest_names(read_color_book("paints.acb"), np.array([0.5, 0.2, 0.1]))[0].name
     """
     check_array("color", color, (3,))
     check_number("count", count, 1)
@@ -130,14 +123,8 @@ def read_color_book(path: Path | str) -> ColorBook:
     Raises:
         DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
 
-    Examples:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "paints.csv"
-        ...     _ = path.write_text("name,L,a,b\\nTraffic red,41,56,42\\n")
-        ...     book = read_color_book(path)
-        >>> book.name, book.names, book.lab.tolist()
-        ('paints', ('Traffic red',), [[41.0, 56.0, 42.0]])
+    Example:
+        read_color_book("paints.csv").names
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -177,7 +164,6 @@ def _csv_entry(row: dict, where: str) -> tuple[str, np.ndarray]:
 
 
 def _unique(names: Iterable[str]) -> tuple[str, ...]:
-    """Number repeated names."""
     found: dict[str, str] = {}
     repeats: dict[str, int] = {}
     for name in names:
@@ -195,5 +181,4 @@ def _readable(name: str) -> str:
 
 
 def _key(name: str) -> str:
-    """Return a name as key, without case and spaces."""
     return "".join(name.split()).casefold()

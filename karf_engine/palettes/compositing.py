@@ -24,41 +24,23 @@ from ..io.files import atomic_write
 from ..io.names import check_names
 from ..io.npz import has_arrays, read_arrays
 
-# pixels per block of rows, so that a block's working set stays in a core's cache
-BLOCK_PIXELS = 16384
+BLOCK_PIXELS = 16384  # per block of rows, so that a block's working set stays in a core's cache
 RENDER_AGAIN_HINT = "Run the render stage again, with planes."
 
 
 @dataclass(frozen=True)
 class Planes:
-    """Edit planes of one picture, as stored.
+    """Edit planes of one picture, as stored."""
 
-    Attributes:
-        objects: Names of the K objects.
-        palette_weights: [K, M, H, W] float16 in [0, 1], object probability included.
-        probabilities: [K, H, W] float16 in [0, 1].
-        base: The picture without the edit, [H, W, 3] uint8 sRGB.
-        gains: Exposure gains of the base (see `exposure`), to be applied to palettes and their changes.
-    """
-
-    objects: tuple[str, ...]
-    palette_weights: np.ndarray
-    probabilities: np.ndarray
-    base: np.ndarray
-    gains: tuple[float, float, float] = UNIT_GAINS
+    objects: tuple[str, ...]  # names of the K objects
+    palette_weights: np.ndarray  # [K, M, H, W] float16 in [0, 1], object probability included
+    probabilities: np.ndarray  # [K, H, W] float16 in [0, 1]
+    base: np.ndarray  # the picture without the edit, [H, W, 3] uint8 sRGB
+    gains: tuple[float, float, float] = UNIT_GAINS  # exposure of the base; palettes have the mean exposure
 
 
 def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
-    """Write planes as a compressed npz, atomically; `planes_made_from` returns the fingerprint `made_from`.
-
-    Examples:
-        >>> import tempfile
-        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_planes(Path(folder) / "view.npz", planes)
-        ...     sorted(np.load(Path(folder) / "view.npz"))
-        ['base', 'objects', 'palette_weights', 'probabilities']
-    """
+    """Write planes as a compressed npz, atomically; `planes_made_from` returns the fingerprint `made_from`."""
     arrays: dict[str, Any] = {
         "objects": np.array(planes.objects, dtype=np.str_),
         "palette_weights": planes.palette_weights.astype(np.float16),
@@ -73,37 +55,29 @@ def write_planes(path: Path, planes: Planes, made_from: str = "") -> None:
 
 
 def read_planes(path: Path) -> Planes:
-    """Read planes written by `write_planes`; raise DataError if they are missing, damaged or inconsistent.
-
-    Examples:
-        >>> import tempfile
-        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_planes(Path(folder) / "view.npz", planes)
-        ...     again = read_planes(Path(folder) / "view.npz")
-        >>> again.objects, again.palette_weights.dtype, again.palette_weights.shape
-        (('pot',), dtype('float16'), (1, 2, 4, 3))
-    """
+    """Read planes written by `write_planes`; raise DataError if they are missing, damaged or inconsistent."""
     parts = ("objects", "palette_weights", "probabilities", "base")
     objects, weights, probabilities, base = read_arrays(path, parts, "edit planes", RENDER_AGAIN_HINT)
-    gains = _gains(path) if has_arrays(path, ("gains",)) else UNIT_GAINS
-    names = check_names(np.atleast_1d(objects).tolist(), path, "an object")
-    planes = Planes(tuple(names), weights, probabilities, base, gains)
-    _check(path, planes)
-    return planes
+    names = tuple(check_names(np.atleast_1d(objects).tolist(), path, "an object"))
+    fits = weights.ndim == 4 and probabilities.shape == (len(names), *base.shape[:2])
+    fits = fits and (weights.shape[0], *weights.shape[2:]) == probabilities.shape
+    is_float = weights.dtype.kind == probabilities.dtype.kind == "f"
+    if not (fits and is_float) or base.dtype != np.uint8 or base.shape[2:] != (3,):
+        raise DataError(
+            f"{path} (edit planes) has weights {weights.shape}, probabilities {probabilities.shape} "
+            f"and base {base.shape}.",
+            RENDER_AGAIN_HINT,
+        )
+    if not has_arrays(path, ("gains",)):
+        return Planes(names, weights, probabilities, base)
+    (gains,) = read_arrays(path, ("gains",), "edit planes", RENDER_AGAIN_HINT)
+    if gains.shape != (3,) or gains.dtype.kind != "f" or not (np.isfinite(gains) & (gains > 0)).all():
+        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", RENDER_AGAIN_HINT)
+    return Planes(names, weights, probabilities, base, tuple(gains.tolist()))
 
 
 def planes_made_from(path: Path) -> str:
-    """Return the `made_from` passed to `write_planes`, or "" if it is missing or the file is unreadable.
-
-    Examples:
-        >>> import tempfile
-        >>> planes = Planes(("pot",), np.ones((1, 2, 4, 3)) / 2, np.ones((1, 4, 3)), np.zeros((4, 3, 3), np.uint8))
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     write_planes(Path(folder) / "view.npz", planes, "5d41402abc4b2a76")
-        ...     planes_made_from(Path(folder) / "view.npz")
-        '5d41402abc4b2a76'
-    """
+    """Return the `made_from` passed to `write_planes`, or "" if it is missing or the file is unreadable."""
     try:
         (made_from,) = read_arrays(path, ("made_from",), "edit planes", RENDER_AGAIN_HINT)
     except DataError:
@@ -111,33 +85,8 @@ def planes_made_from(path: Path) -> str:
     return str(made_from)
 
 
-def _gains(path: Path) -> tuple[float, float, float]:
-    (gains,) = read_arrays(path, ("gains",), "edit planes", RENDER_AGAIN_HINT)
-    if gains.shape != (3,) or gains.dtype.kind != "f" or not (np.isfinite(gains) & (gains > 0)).all():
-        raise DataError(f"{path} (edit planes) has the gains {gains!r:.200}.", RENDER_AGAIN_HINT)
-    return tuple(gains.tolist())
-
-
-def _check(path: Path, planes: Planes) -> None:
-    size = planes.base.shape[:2]
-    count = len(planes.objects)
-    weights, probabilities = planes.palette_weights.shape, planes.probabilities.shape
-    fits = len(weights) == 4 and weights[0] == count and weights[2:] == size and probabilities == (count, *size)
-    is_float = planes.palette_weights.dtype.kind == planes.probabilities.dtype.kind == "f"
-    if not (fits and is_float) or planes.base.dtype != np.uint8 or planes.base.shape[2:] != (3,):
-        raise DataError(
-            f"{path} (edit planes) has weights {weights}, probabilities {probabilities} and base {planes.base.shape}.",
-            RENDER_AGAIN_HINT,
-        )
-
-
 def stack_palettes(objects: Sequence[str], colors: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Stack the palettes [m, 3] of objects, given by name, zero padded to the largest: [K, M, 3] float32.
-
-    Examples:
-        >>> stack_palettes(["pot", "mug"], {"pot": np.ones((3, 3)), "mug": np.ones((2, 3))}).sum(axis=-1).tolist()
-        [[3.0, 3.0, 3.0], [3.0, 3.0, 0.0]]
-    """
+    """Stack the palettes [m, 3] of objects, given by name, zero padded to the largest: [K, M, 3] float32."""
     stacked = np.zeros((len(objects), max((len(colors[name]) for name in objects), default=0), 3), np.float32)
     for row, name in zip(stacked, objects, strict=True):
         row[: len(colors[name])] = colors[name]
@@ -151,25 +100,11 @@ def delta_composite(
     edited: np.ndarray,
     out: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Add the palette change to the base: clip(base + sum_kj weights_kj (edited_kj - learned_kj)).
+    """Add the palette change to the base: clip(base + sum_kj weights_kj (edited_kj - learned_kj)), [H, W, 3] float32.
 
     Pixels without weight in any changed swatch keep the base bit by bit. The result is linear in the edit: soft edges
-    and highlights stay. Float16 weights give the same result as float32, but slowly.
-
-    Args:
-        out: float32 [H, W, 3] to write to, possibly a view such as rgba[..., :3]; not the base.
-
-    Returns:
-        float32 [H, W, 3] in [0, 1].
-
-    Examples:
-        Half of a gray pixel is paint of the swatch that becomes green:
-
-        >>> base, weights = np.full((1, 1, 3), 0.5, np.float32), np.full((1, 2, 1, 1), 0.5, np.float32)
-        >>> learned, edited = np.zeros((1, 2, 3)), np.zeros((1, 2, 3))
-        >>> learned[0, 1], edited[0, 1] = [0.5, 0.5, 0.5], [0, 1, 0]
-        >>> delta_composite(base, weights, learned, edited).tolist()
-        [[[0.25, 0.75, 0.25]]]
+    and highlights stay. Float16 weights give the same result as float32, but slowly. `out`, float32 [H, W, 3], may be a
+    view such as rgba[..., :3]; not the base.
     """
     changes = np.asarray(edited, np.float32) - np.asarray(learned, np.float32)
     changed = np.argwhere(changes.any(axis=-1))
@@ -211,12 +146,7 @@ def _add_block(
 
 
 def hard_masks(probabilities: np.ndarray) -> np.ndarray:
-    """Return the argmax class of each pixel (Eq. 8) as object masks, bool [K, H, W]; background pixels are in no mask.
-
-    Examples:
-        >>> hard_masks(np.array([[[0.5, 0.3, 0.1]], [[0.2, 0.4, 0.1]]])).tolist()
-        [[[True, False, False]], [[False, True, False]]]
-    """
+    """Return the argmax class of each pixel (Eq. 8) as object masks, bool [K, H, W]; background is in no mask."""
     background = 1 - probabilities.sum(axis=0, dtype=np.float32)
     winner = np.concatenate([background[None], probabilities]).argmax(axis=0) - 1
     return winner == np.arange(len(probabilities))[:, None, None]
@@ -227,18 +157,8 @@ def paper_composite(
 ) -> np.ndarray:
     """Replace the base inside each hard mask by the palette's mixture, sum_j weights_kj / prob_k edited_kj.
 
-    Unlike `delta_composite`, this shows the palette's decomposition error even where nothing is edited.
-
-    Returns:
-        float32 [H, W, 3] in [0, 1].
-
-    Examples:
-        The first of two pixels is the object's, and all of it is paint of the second swatch:
-
-        >>> probabilities = np.array([[[0.75, 0.25]]])
-        >>> weights = np.stack([0 * probabilities, probabilities], axis=1)
-        >>> paper_composite(np.ones((1, 2, 3)), weights, probabilities, np.array([[[0, 0, 0], [0, 0.5, 0]]])).tolist()
-        [[[0.0, 0.5, 0.0], [1.0, 1.0, 1.0]]]
+    Unlike `delta_composite`, this shows the palette's decomposition error even where nothing is edited. Returns float32
+    [H, W, 3] in [0, 1].
     """
     result, palettes = np.array(base, np.float32), np.asarray(edited, np.float32)
     for k, mask in enumerate(hard_masks(probabilities)):

@@ -25,15 +25,6 @@ FULL = 1 - 1 / 64  # coverage above which nothing remains to cover
 class ObjectEdge:
     """An object in a picture whose edge can be reshaped repeatedly.
 
-    Args:
-        base: The unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1].
-        weights: [M, H, W], coverage included.
-        coverage: [H, W] in [0, 1].
-        room: [H, W], the part of each pixel not covered by other objects.
-        palette: [M, 3] as learned.
-        scale: Pixels of this picture per pixel of the photo at full size.
-        added: The object's added colors, over whose sets the weights are spread: N entries in all.
-
     Attributes:
         place: Rows and columns of the box [h, w] that contains every possible edge.
         weights: [N, h, w] float32 in `place`, updated in place.
@@ -41,13 +32,13 @@ class ObjectEdge:
 
     def __init__(
         self,
-        base: np.ndarray,
-        weights: np.ndarray,
-        coverage: np.ndarray,
-        room: np.ndarray,
-        palette: np.ndarray,
-        scale: float,
-        added: Sequence[AddedColor] = (),
+        base: np.ndarray,  # the unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1]
+        weights: np.ndarray,  # [M, H, W], coverage included
+        coverage: np.ndarray,  # [H, W] in [0, 1]
+        room: np.ndarray,  # [H, W], the part of each pixel not covered by other objects
+        palette: np.ndarray,  # [M, 3] as learned
+        scale: float,  # pixels of this picture per pixel of the photo at full size
+        added: Sequence[AddedColor] = (),  # over their sets the weights are spread: N entries in all
     ) -> None:
         coverage = np.asarray(coverage, np.float32)
         margin = EdgeShape(-MAX_CHOKE, MAX_FEATHER).reach(scale)
@@ -69,9 +60,8 @@ class ObjectEdge:
     def shaped(self, shape: EdgeShape) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Update `weights` to an edge of this shape.
 
-        Returns:
-            Coverage [h, w] float32 in `place`; flat indices [n] in `place` of the pixels changed since the previous
-            call, and their weights [N, n].
+        Returns the coverage [h, w] float32 in `place`; flat indices [n] in `place` of the pixels changed since the
+        previous call, and their weights [N, n].
         """
         if self._choked[0] != shape.choke:
             self._choked = shape.choke, erode(self._before, shape.choke * self._scale)
@@ -106,7 +96,6 @@ class ObjectEdge:
 
     @cached_property
     def _mixed(self) -> _MixedPixels:
-        """Quantities of partly covered pixels that do not depend on the new coverage."""
         before, learned = self._before.ravel(), self._learned.reshape(len(self._learned), -1)
         pixels = np.flatnonzero((before > 0) & (before < FULL))
         old, weights = before[pixels, None], learned[:, pixels]
@@ -124,50 +113,23 @@ class ObjectEdge:
 
 @dataclass(frozen=True)
 class _MixedPixels:
-    """Partly covered pixels.
+    """Quantities of partly covered pixels that do not depend on the new coverage."""
 
-    Attributes:
-        pixels: [n], flat indices, ascending.
-        own: [n, 3], the object's color times coverage.
-        beside: [n, 3], the color of the rest.
-        residual: [M, n], weights minus those of the own color: rendered weights are not a function of the color.
-    """
-
-    pixels: np.ndarray
-    own: np.ndarray
-    beside: np.ndarray
-    residual: np.ndarray
+    pixels: np.ndarray  # [n], flat indices, ascending
+    own: np.ndarray  # [n, 3], the object's color times coverage
+    beside: np.ndarray  # [n, 3], the color of the rest
+    residual: np.ndarray  # [M, n], weights minus those of the own color: rendered weights are not a function of it
 
 
 def apply_edges_to_planes(
-    base: np.ndarray,
-    weights: np.ndarray,
-    probabilities: np.ndarray,
-    palettes: Sequence[Palette],
-    edges: Mapping[str, EdgeShape],
-    scale: float,
+    base: np.ndarray,  # the unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1]
+    weights: np.ndarray,  # [K, M, H, W]
+    probabilities: np.ndarray,  # [K, H, W]
+    palettes: Sequence[Palette],  # of the K objects, as learned
+    edges: Mapping[str, EdgeShape],  # by object; other edges stay
+    scale: float,  # pixels of this picture per pixel of the photo at full size
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights and probabilities of a picture after moving and fading edges; unchanged if all are neutral.
-
-    Args:
-        base: The unedited picture, uint8 [H, W, 3], or float sRGB in [0, 1].
-        weights: [K, M, H, W].
-        probabilities: [K, H, W].
-        palettes: Of the K objects, as learned.
-        edges: By object; other edges stay.
-        scale: Pixels of this picture per pixel of the photo at full size.
-
-    Examples:
-        A pot in the right half of a red picture grows by a pixel:
-
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [1, 0, 0]]))
-        >>> coverage = np.array([[[0, 0, 1, 1]]], np.float32)
-        >>> base = np.array([[[255, 0, 0]] * 4], np.uint8)
-        >>> weights = np.stack([0 * coverage, coverage], axis=1)
-        >>> weights, coverage = apply_edges_to_planes(base, weights, coverage, [pot], {"pot": EdgeShape(choke=-1)}, 1.0)
-        >>> weights[0, :, 0].tolist()
-        [[0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0]]
-    """
+    """Return a picture's weights and probabilities after moving and fading edges; unchanged if all are neutral."""
     edges = active_edges(edges)
     if not edges:
         return weights, probabilities

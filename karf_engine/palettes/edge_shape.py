@@ -1,12 +1,12 @@
-"""Move (choke) and fade (feather) the edge of an object's coverage.
+"""Move (choke) and fade (feather) the edge of an object's coverage, in pictures and on points in space.
 
 Lengths are pixels of the photo at its full stored size. Pictures of another size scale them by the ratio of the long
-sides. Coverage is [H, W] in [0, 1].
+sides; in space a pixel is a length, its footprint at the object. Coverage is [H, W] in [0, 1].
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, floor, pi, sqrt
@@ -19,22 +19,18 @@ MAX_CHOKE, MAX_FEATHER = 16.0, 64.0
 DIRECTIONS = 16  # of exact erosion; between them the distance is 2 % off at most
 CHUNK = 512  # rim evaluations at a time, and
 BLOCK = 256  # side of the blocks in pixels: both keep the working set in a core's cache
+MAX_EDGE_REACH = MAX_CHOKE + MAX_FEATHER / 2  # pixels that an edge can extend beyond an object
 
 
 @dataclass(frozen=True)
 class EdgeShape:
-    """Edge of an object, moved and faded.
+    """Edge of an object, moved and faded, in pixels of the photo at full size.
 
-    Attributes:
-        choke: Inward shift of the edge in pixels, -MAX_CHOKE to MAX_CHOKE; negative values grow the object.
-        feather: Width in pixels of the fade, centered on the moved edge, 0 to MAX_FEATHER.
-
-    Raises:
-        BadRequest: A number is out of range.
+    Raises BadRequest if a number is out of range.
     """
 
-    choke: float = 0.0
-    feather: float = 0.0
+    choke: float = 0.0  # inward shift of the edge, -MAX_CHOKE to MAX_CHOKE; negative values grow the object
+    feather: float = 0.0  # width of the fade, centered on the moved edge, 0 to MAX_FEATHER
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -51,44 +47,65 @@ class EdgeShape:
 
 
 def active_edges(edges: Mapping[str, EdgeShape]) -> dict[str, EdgeShape]:
-    """Return the edges that are not neutral.
-
-    Examples:
-        >>> active_edges({"pot": EdgeShape(), "mug": EdgeShape(1.0)})
-        {'mug': EdgeShape(choke=1.0, feather=0.0)}
-    """
+    """Return the edges that are not neutral."""
     return {name: shape for name, shape in edges.items() if not shape.is_neutral}
 
 
 def apply_edge_shape(
     coverage: np.ndarray, shape: EdgeShape, scale: float = 1.0, room: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return a coverage with its edge moved, then faded.
+    """Return a coverage with its edge moved, then faded, [H, W] float32 in [0, 1].
 
     Moving is gray-scale erosion (or dilation) by a disk, which preserves the softness of the edge. Fading applies two
     boxes of half the feather along each axis, which keeps 0.5 at a straight edge. Borders are extended by replication.
 
-    Args:
-        coverage: [H, W] in [0, 1].
-        shape: The shape.
-        scale: Pixels of this picture per pixel of the photo at full size.
-        room: [H, W], the part of each pixel not covered by other objects, which limits growth; None for no limit.
-
-    Returns:
-        [H, W] float32 in [0, 1].
-
-    Examples:
-        >>> row = np.array([[0, 0, 0, 1, 1, 1, 1, 1]])
-        >>> apply_edge_shape(row, EdgeShape(choke=2))[0].tolist()
-        [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0]
-        >>> print(apply_edge_shape(row, EdgeShape(feather=4))[0].round(2))
-        [0.   0.03 0.25 0.75 0.97 1.   1.   1.  ]
+    `scale` is pixels of this picture per pixel of the photo at full size. `room` [H, W], the part of each pixel not
+    covered by other objects, limits growth.
     """
     before = np.asarray(coverage, np.float32)
     after = feather(erode(before, shape.choke * scale), shape.feather * scale)
     if room is not None:
         after = np.minimum(after, np.maximum(before, room))
     return before.copy() if after is before else after
+
+
+def erode(coverage: np.ndarray, distance: float) -> np.ndarray:
+    """Erode a coverage by a disk of radius `distance` in pixels, or dilate it if negative.
+
+    The disk is its pixels and DIRECTIONS interpolated points of its rim.
+    """
+    if not distance:
+        return coverage
+    radius = abs(distance)
+    change = partial(_eroded, radius=radius) if distance > 0 else lambda around: 1 - _eroded(1 - around, radius)
+    return _where_edges_are(coverage, _reach_of_disk(radius), change)
+
+
+def feather(coverage: np.ndarray, width: float) -> np.ndarray:
+    """Fade the edges of a coverage [H, W] over a width in pixels."""
+    if not width:
+        return coverage
+    reach = 2 * (_reach_of_box(width / 2) + 1)
+    return _where_edges_are(coverage, reach, partial(_boxed_twice, width=width / 2))
+
+
+def bounding_box(covered: np.ndarray) -> tuple[slice, slice] | None:
+    """Return rows and columns of the bounding box of True in [H, W], or None if there is none."""
+    ends = []
+    for axis in (1, 0):
+        places = np.flatnonzero(covered.any(axis=axis))
+        if not len(places):
+            return None
+        ends.append(slice(int(places[0]), int(places[-1]) + 1))
+    return ends[0], ends[1]
+
+
+def dilate_bbox(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Dilate a box by a number of pixels, clipped to a picture of this shape."""
+    rows, columns = (
+        slice(max(0, each.start - by), min(each.stop + by, side)) for each, side in zip(box, shape, strict=True)
+    )
+    return rows, columns
 
 
 def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -135,24 +152,7 @@ def _with_margin(values: np.ndarray, place: tuple[slice, slice], margin: int) ->
     return np.pad(values[inside], beyond, mode="edge") if any(map(any, beyond)) else values[inside]
 
 
-def erode(coverage: np.ndarray, distance: float) -> np.ndarray:
-    """Erode a coverage by a disk of radius `distance` in pixels, or dilate it if negative.
-
-    The disk is its pixels and DIRECTIONS interpolated points of its rim.
-
-    Examples:
-        >>> erode(np.array([[0, 0, 1, 1, 1, 1]], np.float32), 1.5)[0].tolist()
-        [0.0, 0.0, 0.0, 0.5, 1.0, 1.0]
-    """
-    if not distance:
-        return coverage
-    radius = abs(distance)
-    change = partial(_eroded, radius=radius) if distance > 0 else lambda around: 1 - _eroded(1 - around, radius)
-    return _where_edges_are(coverage, _reach_of_disk(radius), change)
-
-
 def _reach_of_disk(radius: float) -> int:
-    """Return the radius of `_eroded` in pixels."""
     return floor(radius) + 2
 
 
@@ -198,24 +198,10 @@ def _least_on_rim(around: np.ndarray, pixels: np.ndarray, radius: float) -> np.n
 
 
 def _interpolated(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Interpolate linearly."""
     result = second - first
     result *= share.astype(np.float32)
     result += first
     return result
-
-
-def feather(coverage: np.ndarray, width: float) -> np.ndarray:
-    """Fade the edges of a coverage [H, W] over a width in pixels.
-
-    Examples:
-        >>> print(feather(np.array([[0, 0, 0, 1, 1, 1]], np.float32), 4)[0].round(2))
-        [0.   0.03 0.25 0.75 0.97 1.  ]
-    """
-    if not width:
-        return coverage
-    reach = 2 * (_reach_of_box(width / 2) + 1)
-    return _where_edges_are(coverage, reach, partial(_boxed_twice, width=width / 2))
 
 
 def _reach_of_box(width: float) -> int:
@@ -261,30 +247,44 @@ def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
     return total
 
 
-def bounding_box(covered: np.ndarray) -> tuple[slice, slice] | None:
-    """Return rows and columns of the bounding box of True in [H, W], or None if there is none.
+@dataclass(frozen=True)
+class Borders:
+    """Signed distances of N points to the borders of K objects, in world units."""
 
-    Examples:
-        >>> bounding_box(np.array([[False, False, False], [False, True, True]]))
-        (slice(1, 2, None), slice(1, 3, None))
+    distances: np.ndarray  # [N, K] float32, positive inside; infinite without a border
+    spacings: np.ndarray  # [K] float32, spacing of an object's points
+    pixels: np.ndarray  # [K] float32, footprint of a pixel of a full-size photo at an object: median over the photos
+
+
+def apply_edges_to_points(
+    shares: np.ndarray, borders: Borders, objects: Sequence[str], edges: Mapping[str, EdgeShape]
+) -> np.ndarray:
+    """Return the objects' shares of points, [N, K] float32, after moving and fading edges.
+
+    An edge fades with the same profile as in pictures, and does not grow into another object.
+    Shares are [N, K] in [0, 1], of the K `objects`; those without an edge keep them.
     """
-    ends = []
-    for axis in (1, 0):
-        places = np.flatnonzero(covered.any(axis=axis))
-        if not len(places):
-            return None
-        ends.append(slice(int(places[0]), int(places[-1]) + 1))
-    return ends[0], ends[1]
+    result = np.array(shares, np.float32)
+    total = result.sum(axis=1)
+    for k, name in enumerate(objects):
+        shape = edges.get(name, EdgeShape())
+        if not shape.is_neutral:
+            before = np.asarray(shares[:, k], np.float32)
+            after = _shaped(before, borders.distances[:, k], shape, borders.pixels[k], borders.spacings[k])
+            result[:, k] = np.minimum(after, np.maximum(before, 1 - (total - before)))
+    return result
 
 
-def dilate_bbox(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
-    """Dilate a box by a number of pixels, clipped to a picture of this shape.
+def _shaped(share: np.ndarray, distance: np.ndarray, shape: EdgeShape, pixel: float, spacing: float) -> np.ndarray:
+    """Return the shares [N] of one object; partial shares move with the edge, within a point's spacing."""
+    choke, width = shape.choke * pixel, max(shape.feather * pixel, 1e-6 * spacing)
+    covered = _profile((distance - choke) / width)
+    by = np.clip(choke / spacing, -1, 1)
+    inside = (share + (1 - share) * max(0.0, -by)) * covered
+    return np.where(distance > 0, inside, np.maximum(covered, share * (1 - max(0.0, by))))
 
-    Examples:
-        >>> dilate_bbox((slice(1, 2), slice(1, 3)), 2, (9, 4))
-        (slice(0, 4, None), slice(0, 4, None))
-    """
-    rows, columns = (
-        slice(max(0, each.start - by), min(each.stop + by, side)) for each, side in zip(box, shape, strict=True)
-    )
-    return rows, columns
+
+def _profile(place: np.ndarray) -> np.ndarray:
+    """Return the coverage across a fading edge of width 1: two boxes, as `feather`."""
+    place = np.clip(place, -0.5, 0.5)
+    return np.where(place < 0, 2 * (place + 0.5) ** 2, 1 - 2 * (0.5 - place) ** 2).astype(np.float32)

@@ -1,77 +1,65 @@
-"""Edits in palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase`, and our JSON.
+"""Palette files of other programs: GIMP's `.gpl`, Adobe's swatch exchange `.ase` and color book `.acb`.
 
-Reading is in `named_colors`. A swatch is named `<object> <number>`, from 1; black is not written. Both foreign formats
-are limited to white, `.gpl` to 8 bits per channel, and neither stores added colors or edge shapes.
+An edit is written as `.gpl` or `.ase`, or as our JSON. A swatch is named `<object> <number>`, from 1; black is not
+written. Both foreign formats are limited to white, `.gpl` to 8 bits per channel, and neither stores added colors or
+edge shapes.
+
+The parsers follow GIMP's manual, Olivier Berten's list of palette formats, and Ates Goral's "Unofficial
+Photoshop Color Book File Format Specification". Adobe's Lab (D50, as in ICC profiles) is adapted to D65.
 """
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_choice
-from ..io.color import to_bytes
+from ..io.color import lab_d50_to_d65, lab_to_srgb, to_bytes
 from ..io.files import atomic_write
-from .edit_files import read_edit, write_edit
-from .named_colors import ASE_COLOR, ASE_END, ASE_GROUP, ASE_HEAD, GPL_HEAD, NamedColor, read_named_colors
-from .palette import Edit, Palette
+from ..io.inputs import check_file
+from .palette import Edit, Palette, read_edit, write_edit
 
 SUFFIXES = (".json", ".gpl", ".ase")
+MOST_BYTES = 4 << 20  # several times the largest published book
+GPL_HEAD = "GIMP Palette"
+ASE_HEAD = b"ASEF\0\1\0\0"  # signature of a file of version 1.0
+ASE_GROUP, ASE_END, ASE_COLOR = 0xC001, 0xC002, 0x0001  # block types
+ASE_MODELS = {b"RGB ": 3, b"Gray": 1, b"LAB ": 3}  # supported color models and their numbers of channels
+ACB_HEAD = b"8BCB"
+ACB_RGB, ACB_CMYK, ACB_LAB = 0, 2, 7  # color spaces
+ACB_SPACES = {1: "HSB", ACB_CMYK: "CMYK", 8: "gray"}  # unsupported ones
+AGAIN = "Export the file again."
 
 
 def write_edit_file(path: Path, edit: Edit) -> None:
-    """Write an edit atomically: `.gpl` and `.ase` as palette, `.json` as edit.json.
+    """Write an edit atomically: `.gpl` and `.ase` as palette, clipped to white, `.json` as edit.json.
 
-    Palettes clip colors brighter than white.
-
-    Raises:
-        BadRequest: The suffix is unknown, or the file is a palette and the edit has added colors.
-
-    Examples:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "pots.gpl"
-        ...     write_edit_file(path, Edit({"pot": np.array([[0, 0, 0], [1.5, 0.2, 0]])}))
-        ...     print(path.read_text())
-        GIMP Palette
-        Name: pots
-        #
-        255  51   0	pot 1
+    Raises BadRequest if the suffix is unknown, or the file is a palette and the edit has added colors.
     """
-    check_choice("The suffix", path.suffix.lower(), SUFFIXES)
-    write = {".gpl": _write_gpl, ".ase": _write_ase}.get(path.suffix.lower())
-    if write is None:
+    suffix = path.suffix.lower()
+    check_choice("The suffix", suffix, SUFFIXES)
+    if suffix == ".json":
         write_edit(path, edit)
         return
     if edit.added:
         raise BadRequest(
             f"{path.name} cannot hold the colors that were added to {', '.join(edit.added)}.", "Save a .json file."
         )
-    write(path, edit.colors)
+    data = _gpl_bytes(path.stem, edit.colors) if suffix == ".gpl" else _ase_bytes(edit.colors)
+    atomic_write(path, lambda temporary: temporary.write_bytes(data))
 
 
 def read_edit_file(path: Path, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read an edit of the learned palettes from edit.json (see `read_edit`) or a palette file, `.gpl` or `.ase`.
 
-    Colors of a palette file are assigned to swatches by name, such as `pot 1`. If no name matches, they are assigned in
-    order, provided that their number matches.
-
-    Raises:
-        DataError: The file is missing, damaged or too large, or its colors match the swatches neither by name nor by
-            number.
-
-    Examples:
-        >>> import tempfile
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
-        >>> with tempfile.TemporaryDirectory() as folder:
-        ...     path = Path(folder) / "pots.ase"
-        ...     write_edit_file(path, Edit({"pot": np.array([[0, 0, 0], [0, 0.25, 1]])}))
-        ...     read_edit_file(path, [pot]).colors["pot"].tolist()
-        [[0.0, 0.0, 0.0], [0.0, 0.25, 1.0]]
+    Colors of a palette file are assigned to swatches by name, such as `pot 1`; if no name matches, in order, provided
+    that their number matches. Raises DataError otherwise, and if the file is missing, damaged or too large.
     """
     if path.suffix.lower() not in (".gpl", ".ase"):
         return read_edit(path, palettes, compositing)
@@ -112,17 +100,103 @@ def _swatch_name(object_name: str, index: int) -> str:
     return f"{object_name} {index}"
 
 
+class NamedColor(NamedTuple):
+    """Color of a palette file, sRGB [3]: float32 in [0, 1], or float64 and not clipped if the file is in Lab."""
+
+    name: str
+    color: np.ndarray
+
+
+def read_named_colors(path: Path) -> list[NamedColor]:
+    """Read the colors of a `.gpl`, `.ase` or `.acb` file, in order.
+
+    Raises DataError if the file is missing, damaged or too large, or has a color model other than RGB, gray and Lab.
+    """
+    check_file(path, MOST_BYTES)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
+    return READERS[path.suffix.lower()](path, data)
+
+
 # --- .gpl: text, one color per line ---------------------------------------------------------------------------------
-def _write_gpl(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
-    lines = [GPL_HEAD, f"Name: {path.stem}", "#"]
+def _read_gpl(path: Path, data: bytes) -> list[NamedColor]:
+    lines = data.decode("utf-8-sig", errors="replace").splitlines()
+    if not lines or lines[0].strip() != GPL_HEAD:
+        raise DataError(f"{path} is not a GIMP palette: its first line is not {GPL_HEAD!r}.", AGAIN)
+    entries = []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip() or line.startswith(("#", "Name:", "Columns:")):
+            continue
+        match = re.fullmatch(r"\s*(\d{1,3})\s+(\d{1,3})\s+(\d{1,3})(?:\s+(.*))?", line, re.ASCII)
+        values = [int(value) for value in match.groups()[:3]] if match else []
+        if match is None or max(values) > 255:
+            raise DataError(
+                f"{path} line {number} is not a color: {line!r:.100}.", "Write: red green blue name, 0 to 255."
+            )
+        entries.append(NamedColor((match[4] or "").strip(), np.array(values, np.float32) / np.float32(255)))
+    return entries
+
+
+def _gpl_bytes(title: str, palettes: Mapping[str, np.ndarray]) -> bytes:
+    lines = [GPL_HEAD, f"Name: {title}", "#"]
     for name, colors in palettes.items():
         for index, color in enumerate(to_bytes(colors[1:]).tolist(), 1):
             lines.append("{:3} {:3} {:3}\t{}".format(*color, _swatch_name(name, index)))
-    _write_bytes(path, "".join(f"{line}\n" for line in lines).encode())
+    return "".join(f"{line}\n" for line in lines).encode()
 
 
 # --- .ase: blocks of big-endian numbers and UTF-16 names --------------------------------------------------------------
-def _write_ase(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
+def _read_ase(path: Path, data: bytes) -> list[NamedColor]:
+    if data[:6] != ASE_HEAD[:6]:
+        raise DataError(f"{path} is not a swatch exchange file: it does not begin with ASEF.", AGAIN)
+    try:
+        return [_ase_color(path, content) for kind, content in _ase_blocks(data) if kind == ASE_COLOR]
+    except struct.error as error:
+        raise DataError(f"{path} (swatches) is damaged: {error}.", AGAIN) from error
+
+
+def _ase_blocks(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield kind and content of each block; raise struct.error if the file ends within a block."""
+    (count,) = struct.unpack_from(">I", data, len(ASE_HEAD))
+    position = len(ASE_HEAD) + 4
+    for _ in range(count):
+        kind, length = struct.unpack_from(">HI", data, position)
+        content = data[position + 6 : position + 6 + length]
+        if len(content) < length:
+            raise struct.error("a block ends behind the file's end")
+        yield kind, content
+        position += 6 + length
+
+
+def _ase_color(path: Path, content: bytes) -> NamedColor:
+    """Parse a color block; raise struct.error if it is too short, DataError if the color is invalid."""
+    (length,) = struct.unpack_from(">H", content)
+    name = content[2 : 2 + 2 * length].decode("utf-16-be", errors="replace").rstrip("\0").strip()
+    (model,) = struct.unpack_from(">4s", content, 2 + 2 * length)
+    if model not in ASE_MODELS:
+        shown = model.decode("ascii", errors="replace").strip()
+        raise DataError(
+            f"{path} has the color {name!r:.100} as {shown}, not as RGB or Lab.", "Export it with RGB or Lab swatches."
+        )
+    values = np.array(struct.unpack_from(f">{ASE_MODELS[model]}f", content, 6 + 2 * length), np.float32)
+    if model == b"LAB ":
+        return NamedColor(name, _adobe_lab_to_srgb(path, name, values * [100, 1, 1]))
+    if not ((values >= 0) & (values <= 1)).all():
+        raise DataError(f"{path} has the color {name!r:.100} outside 0 to 1.", AGAIN)
+    return NamedColor(name, np.broadcast_to(values, 3).copy())
+
+
+def _adobe_lab_to_srgb(path: Path, name: str, lab: np.ndarray) -> np.ndarray:
+    if not ((lab >= [0, -128, -128]) & (lab <= [100, 128, 128])).all():
+        raise DataError(f"{path} has the color {name!r:.100} outside L* 0 to 100, a* and b* -128 to 128.", AGAIN)
+    return lab_to_srgb(lab_d50_to_d65(lab))
+
+
+def _ase_bytes(palettes: Mapping[str, np.ndarray]) -> bytes:
     blocks = []
     for name, colors in palettes.items():
         blocks.append(_ase_block(ASE_GROUP, _ase_text(name)))
@@ -130,7 +204,7 @@ def _write_ase(path: Path, palettes: Mapping[str, np.ndarray]) -> None:
             value = struct.pack(">4s3fH", b"RGB ", *map(float, color), 0)  # 0: a global color
             blocks.append(_ase_block(ASE_COLOR, _ase_text(_swatch_name(name, index)) + value))
         blocks.append(_ase_block(ASE_END, b""))
-    _write_bytes(path, ASE_HEAD + struct.pack(">I", len(blocks)) + b"".join(blocks))
+    return ASE_HEAD + struct.pack(">I", len(blocks)) + b"".join(blocks)
 
 
 def _ase_block(kind: int, content: bytes) -> bytes:
@@ -143,8 +217,66 @@ def _ase_text(text: str) -> bytes:
     return struct.pack(">H", len(encoded) // 2) + encoded
 
 
-def _write_bytes(path: Path, data: bytes) -> None:
-    def write(temporary: Path) -> None:
-        temporary.write_bytes(data)
+# --- .acb: a header, then the colors; all numbers are big-endian ----------------------------------------------------
+class _Reader:
+    """Reader of a color book; raises struct.error at the end of the file."""
 
-    atomic_write(path, write)
+    def __init__(self, data: bytes) -> None:
+        self._data, self._position = data, len(ACB_HEAD)
+
+    def numbers(self, form: str) -> tuple[int, ...]:
+        values = struct.unpack_from(f">{form}", self._data, self._position)
+        self._position += struct.calcsize(f">{form}")
+        return values
+
+    def text(self) -> str:
+        """Read a UTF-16 string with its length before it; strip the key of a localised `$$$/key=text`."""
+        (length,) = self.numbers("I")
+        end = self._position + 2 * length
+        if end > len(self._data):
+            raise struct.error("a text ends behind the file's end")
+        text = self._data[self._position : end].decode("utf-16-be", errors="replace").rstrip("\0")
+        self._position = end
+        if text.startswith("$$$"):
+            text = text.partition("=")[2]
+        return text.replace("^R", "\u00ae").replace("^C", "\u00a9")
+
+
+def _read_acb(path: Path, data: bytes) -> list[NamedColor]:
+    if data[:4] != ACB_HEAD:
+        raise DataError(f"{path} is not a color book: it does not begin with 8BCB.", "Choose an Adobe color book.")
+    try:
+        return _acb_colors(path, _Reader(data))
+    except struct.error as error:
+        raise DataError(f"{path} (color book) is damaged: {error}.", "Copy the file again.") from error
+
+
+def _acb_colors(path: Path, book: _Reader) -> list[NamedColor]:
+    version, _identifier = book.numbers("HH")
+    if version != 1:
+        raise DataError(f"{path} is a color book of version {version}; only version 1 is known.", "Save it as .ase.")
+    _title, prefix, suffix, _description = (book.text() for _ in range(4))
+    count, _page_size, _page_offset, space = book.numbers("HHHH")
+    if space == ACB_CMYK:
+        raise DataError(
+            f"{path} is a color book in CMYK: which colors these are depends on a printer's profile.",
+            "Choose the maker's book in Lab or RGB.",
+        )
+    if space not in (ACB_RGB, ACB_LAB):
+        kind = ACB_SPACES.get(space, f"color space {space}")
+        raise DataError(f"{path} is a color book in {kind}, not in RGB or Lab.", "Choose one in Lab or RGB.")
+    colors = []
+    for _ in range(count):
+        name, _code = book.text(), book.numbers("6s")
+        values = np.array(book.numbers("3B"), np.float32)
+        if name:  # a color without a name is a gap on the page
+            full = f"{prefix}{name}{suffix}"
+            if space == ACB_LAB:
+                color = _adobe_lab_to_srgb(path, full, values * [100 / 255, 1, 1] - [0, 128, 128])
+            else:
+                color = values / np.float32(255)
+            colors.append(NamedColor(full, color))
+    return colors
+
+
+READERS = {".gpl": _read_gpl, ".ase": _read_ase, ".acb": _read_acb}

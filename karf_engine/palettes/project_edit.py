@@ -13,11 +13,10 @@ from ..io.arguments import check_arguments
 from ..project.folder import Project
 from ..project.settings import from_dict
 from .added import extended_palettes, match_added_color, split_weights
-from .colorways.prediction import edited_colors
+from .color_histogram import read_object_colors
 from .edge_shape import EdgeShape, active_edges
 from .matching.becomes import match_becomes, match_fewest, nearest_weights
 from .matching.surface import Surface, match_surface
-from .object_colors import read_object_colors
 from .palette import (
     MAX_ADDED,
     MAX_PROTECT,
@@ -31,6 +30,7 @@ from .palette import (
     read_palettes,
 )
 from .palette_files import read_edit_file, write_edit_file
+from .prediction import edited_colors
 
 RULES = ("becomes", "fewest")
 Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers from 0 to 1
@@ -40,19 +40,12 @@ Color = str | Sequence[float] | np.ndarray  # #rrggbb, or three sRGB numbers fro
 class ProjectEdit(Edit):
     """Edit of a learned project. Every method returns a new edit.
 
-    Attributes:
-        colors: Edited palette of every object by name, [M, 3] float32 sRGB; entry 0 is black. The sets of added colors
-            follow.
-        compositing: `delta` adds the palette's change to the picture, `paper` replaces the picture by the palette's
-            mixture.
-        added: Added colors by object name.
-        edges: Edge shapes by object name.
-        project: The learned project.
-        palettes: Its palettes as learned.
+    A color is `#rrggbb`, or three sRGB numbers from 0 to 1. Methods raise BadRequest if the object or swatch is unknown
+    or a number is out of range, and DataError if a color is invalid or the project's color histogram is damaged.
     """
 
     project: Project = field(kw_only=True, repr=False, compare=False)
-    palettes: tuple[Palette, ...] = field(kw_only=True, repr=False, compare=False)
+    palettes: tuple[Palette, ...] = field(kw_only=True, repr=False, compare=False)  # as learned
 
     @check_arguments
     def becomes(
@@ -70,14 +63,10 @@ class ProjectEdit(Edit):
             name: The object.
             source: A color that it shows.
             target: The wanted color.
-            rule: `becomes` changes the whole material; `fewest` changes as few swatches as possible.
+            rule: `becomes` changes the whole material; `fewest`, for one pair, as few swatches as possible.
             also: Further pairs of source and target, for an object of several paints. `becomes` solves all pairs
                 together, as sequential edits would confuse a new color with an old paint.
             is_metal: Whether highlights take the paint's color rather than the light's; used by `becomes`.
-
-        Raises:
-            BadRequest: The object or rule is unknown, or the rule takes one pair only.
-            DataError: A color is invalid, or the project's color histogram is damaged.
         """
         pairs = (source, target), *also
         sources = np.stack([as_color(first) for first, _ in pairs])
@@ -90,7 +79,7 @@ class ProjectEdit(Edit):
     def add_color(
         self, name: str, picked: Color, wanted: Color, reach: float = REACH, protect: float = 0.0
     ) -> ProjectEdit:
-        """Give one pigment of an object its own color, independent of the swatches.
+        """Give one pigment of an object, not black, its own color, independent of the swatches.
 
         Args:
             name: The object.
@@ -99,11 +88,6 @@ class ProjectEdit(Edit):
             reach: Width of the pigment in hue (in chroma if gray), above 0 up to 4; 1 is that of `becomes`.
             protect: Share of its saturation, 0 to 0.5, below which colors are neutral and stay; 0.1 suits letters on
                 silver or paper, 0 protects none.
-
-        Raises:
-            BadRequest: The object is unknown or has 16 added colors, the pigment is black, or reach or protect is out
-                of range.
-            DataError: A color is invalid, or the project's color histogram is damaged.
         """
         palette, before = self._palette(name), self.added.get(name, ())
         if not 0 < reach <= MAX_REACH:
@@ -123,18 +107,8 @@ class ProjectEdit(Edit):
 
     @check_arguments
     def swatch(self, name: str, index: int, color: Color) -> ProjectEdit:
-        """Set one swatch of an object.
-
-        Args:
-            name: The object.
-            index: The swatch, from 1; swatch 0 is black and frozen.
-            color: Its new color; numbers may go up to 2, brighter than white.
-
-        Raises:
-            BadRequest: The object or swatch is unknown.
-            DataError: The color is invalid.
-        """
-        self._check_swatch(self._palette(name), index)
+        """Set one swatch of an object, from 1, to a color; numbers may go up to 2, brighter than white."""
+        self._palette(name, index)
         colors = self.colors[name].copy()
         colors[index] = as_color(color, MAX_SRGB)
         return replace(self, colors=self.colors | {name: colors})
@@ -149,9 +123,6 @@ class ProjectEdit(Edit):
             name: The object.
             choke: Inward shift of the edge in pixels, -16 to 16; negative values grow the object.
             feather: Width in pixels of the fade, centered on the edge, 0 to 64.
-
-        Raises:
-            BadRequest: The object is unknown, or a number is out of range.
         """
         shape = EdgeShape(float(choke), float(feather))
         return replace(self, edges=active_edges(self.edges | {self._palette(name).name: shape}))
@@ -168,13 +139,8 @@ class ProjectEdit(Edit):
             saturation: Factor of the distance to gray, 0 to 4; 0 is gray.
             brightness: Lifts or lowers the mid-tones, -2 to 2; black and white stay.
             gloss: Factor of the highlights, 0 to 4; 0 is matte.
-
-        Raises:
-            BadRequest: The object or swatch is unknown, or a value is out of range.
-            DataError: The project's color histogram is damaged.
         """
-        surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name), self.colors[name]
-        self._check_swatch(palette, index)
+        surface, palette, edited = Surface(saturation, brightness, gloss), self._palette(name, index), self.colors[name]
         (whole,), added = extended_palettes([palette], self.added), self.added.get(name, ())
         seen = read_object_colors(self.project.verified(self.project.object_colors_file), name)
         seen = seen._replace(palette_weights=split_weights(seen.palette_weights.T, palette.colors, added).T)
@@ -189,24 +155,22 @@ class ProjectEdit(Edit):
         """Write the edit atomically, as JSON or as the palette file of its suffix (`palettes.palette_files`)."""
         write_edit_file(Path(path), self)
 
-    def _palette(self, name: str) -> Palette:
+    def _palette(self, name: str, index: int | None = None) -> Palette:
+        """Return an object's palette; raise BadRequest if the object or swatch is unknown."""
         for palette in self.palettes:
             if palette.name == name:
+                if index is not None and not 1 <= index < len(palette.colors):
+                    last = len(palette.colors) - 1
+                    raise BadRequest(f"{name!r} has no swatch {index}.", f"Its swatches are 1 to {last}.")
                 return palette
         raise BadRequest(f"There is no object {name!r}.", f"Objects are: {', '.join(p.name for p in self.palettes)}.")
-
-    def _check_swatch(self, palette: Palette, index: int) -> None:
-        size = len(palette.colors)
-        if not 1 <= index < size:
-            raise BadRequest(f"{palette.name!r} has no swatch {index}.", f"Its swatches are 1 to {size - 1}.")
 
 
 def edit_of(project: Project, path: Path | str | None = None) -> ProjectEdit:
     """Return an unchanged edit of a project, or the edit in a file.
 
-    Raises:
-        BadRequest: The project has no palettes.
-        DataError: The palettes' file is damaged, or the edit's file is not an edit of them.
+    Raises BadRequest if the project has no palettes, DataError if their file is damaged, or the edit's file is not an
+    edit of them.
     """
     project.require("palette")
     palettes = read_palettes(project.verified(project.palette_file))
@@ -222,9 +186,8 @@ def solve(
 ) -> np.ndarray:
     """Return the edited palette [M, 3] that turns `source` [P, 3] into `target` [P, 3], sRGB.
 
-    Raises:
-        BadRequest: The rule is not one of `RULES`, or takes one pair only.
-        DataError: The object's color histogram is damaged.
+    Raises BadRequest if the rule is not one of `RULES`, or takes one pair only, DataError if the object's color
+    histogram is damaged.
     """
     if rule not in RULES:
         raise BadRequest(f"Unknown rule {rule!r}.", f"Use one of: {', '.join(RULES)}.")

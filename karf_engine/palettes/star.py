@@ -1,8 +1,8 @@
 """Star tessellation of a palette's hull about black, and barycentric weights of colors in it.
 
 A palette [M, 3], with black as entry 0, spans rank r = 1, 2 or 3; a facet of its hull has r corners. The hull is cut
-into cones, simplices that join black to a facet. Hulls come from scipy (`extraction.barycentric_weights`) or, in
-Blender, from `plain_hull`.
+into cones, simplices that join black to a facet. Hulls come from scipy (`palette_weights`) or, in Blender, from
+`plain_hull`.
 """
 
 from __future__ import annotations
@@ -23,37 +23,22 @@ Hull = tuple[np.ndarray, np.ndarray, np.ndarray]  # facets [F, r], outward norma
 
 @dataclass(frozen=True)
 class Star:
-    """Hull of a palette in its span of rank r, with F facets, G cones and E edges.
+    """Hull of a palette in its span of rank r, with F facets, G cones and E edges."""
 
-    Attributes:
-        span: [3, r] orthonormal columns.
-        points: [M, r] palette in the span.
-        facets: [F, r] int, palette indices of the hull's facets.
-        normals: [F, r], outward.
-        offsets: [F], with normals @ x + offsets <= 0 inside.
-        cones: [G, r] int, facets not coplanar with black.
-        to_cone: [G, r, r]; x @ to_cone gives the weights of the facet's corners.
-        edges: [E, 2] int, palette indices of the hull's edges.
-    """
-
-    span: np.ndarray
-    points: np.ndarray
-    facets: np.ndarray
-    normals: np.ndarray
-    offsets: np.ndarray
-    cones: np.ndarray
-    to_cone: np.ndarray
-    edges: np.ndarray
+    span: np.ndarray  # [3, r], orthonormal columns
+    points: np.ndarray  # [M, r], the palette in the span
+    facets: np.ndarray  # [F, r] int, palette indices
+    normals: np.ndarray  # [F, r], outward
+    offsets: np.ndarray  # [F]; normals @ x + offsets <= 0 inside
+    cones: np.ndarray  # [G, r] int, facets not coplanar with black
+    to_cone: np.ndarray  # [G, r, r]; x @ to_cone gives the weights of the facet's corners
+    edges: np.ndarray  # [E, 2] int, palette indices
 
 
 def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Star | None:
-    """Build the star tessellation of a palette [M, 3], entry 0 black; None if every entry is black.
+    """Build the star of a palette [M, 3], entry 0 black; None if every entry is black.
 
     `find_hull` returns the hull of points [M, r], r = 2 or 3.
-
-    Examples:
-        >>> np.sort(star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull).cones).tolist()
-        [[1, 2]]
     """
     palette = np.asarray(palette, np.float64)
     axes = np.linalg.svd(palette, full_matrices=False)[2]
@@ -82,11 +67,6 @@ def plain_hull(points: np.ndarray) -> Hull:
     """Return the hull of a few points [M, r], r = 2 or 3, that span their space, by testing every set of r points.
 
     If more than r points are coplanar, every set of r of them is a facet.
-
-    Examples:
-        >>> facets, normals, offsets = plain_hull(np.array([[0, 0], [1, 0], [0, 1], [0.2, 0.2]]))
-        >>> facets.tolist(), (-offsets).round(2).tolist()[2]
-        ([[0, 1], [0, 2], [1, 2]], 0.71)
     """
     rank = points.shape[1]
     facets = np.array(list(combinations(range(len(points)), rank)))
@@ -104,13 +84,7 @@ def plain_hull(points: np.ndarray) -> Hull:
 
 
 def star_weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.ndarray:
-    """Return the weights [n, M] float32 of colors [n, 3] in a star of `count` = M entries; None weighs all as black.
-
-    Examples:
-        >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
-        >>> star_weights_in(star, np.array([[0.5, 0.25, 0.0]]), 3).tolist()
-        [[0.25, 0.5, 0.25]]
-    """
+    """Return the weights [n, M] float32 of colors [n, 3] in a star of `count` = M entries; None weighs all as black."""
     colors = np.asarray(colors)
     weights = np.zeros((len(colors), count), np.float32)
     if star is None:
@@ -118,33 +92,19 @@ def star_weights_in(star: Star | None, colors: np.ndarray, count: int) -> np.nda
         return weights
     for start in range(0, len(colors), CHUNK):
         chunk = slice(start, start + CHUNK)
-        weights[chunk] = _weights(star, to_hull(star, colors[chunk] @ star.span)[0])
+        # [G, n, r]: barycentric in each cone; those of the cone that contains the point are not negative
+        barycentric = to_hull(star, colors[chunk] @ star.span)[0] @ star.to_cone
+        cone = barycentric.min(axis=2).argmax(axis=0)
+        rows = np.arange(len(cone))
+        corners = np.maximum(barycentric[cone, rows], 0)
+        corners /= np.maximum(corners.sum(axis=1), 1)[:, None]  # rounding may put a point slightly outside
+        weights[start + rows[:, None], star.cones[cone]] = corners
+        weights[chunk, 0] = np.maximum(1 - corners.sum(axis=1), 0)
     return weights
 
 
-def _weights(star: Star, points: np.ndarray) -> np.ndarray:
-    """Return the weights [n, M] of points [n, r] inside the hull."""
-    # [G, n, r]: barycentric in each cone; those of the cone that contains the point are not negative
-    barycentric = points @ star.to_cone
-    cone = barycentric.min(axis=2).argmax(axis=0)
-    rows = np.arange(len(points))
-    weight = np.maximum(barycentric[cone, rows], 0)
-    # rounding may put a point slightly outside
-    weight /= np.maximum(weight.sum(axis=1), 1)[:, None]
-    weights = np.zeros((len(points), len(star.points)))
-    weights[rows[:, None], star.cones[cone]] = weight
-    weights[:, 0] = 1 - weight.sum(axis=1)
-    return np.maximum(weights, 0)
-
-
 def to_hull(star: Star, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Project points [n, r] of the span to the hull; return the nearest points and the squared distances [n].
-
-    Examples:
-        >>> star = star_of(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), plain_hull)
-        >>> (to_hull(star, np.array([[1.0, 1.0, 0.5]]) @ star.span)[0] @ star.span.T).round(2).tolist()
-        [[0.5, 0.5, 0.0]]
-    """
+    """Project points [n, r] of the span to the hull; return the nearest points and the squared distances [n]."""
     heights = points @ star.normals.T + star.offsets
     outside = np.flatnonzero(heights.max(axis=1) > 0)
     moved, squared = points.copy(), np.zeros(len(points))

@@ -19,17 +19,11 @@ Entry = tuple[int, int]  # object and palette entry
 
 @dataclass(frozen=True)
 class ObjectPlanes:
-    """Planes of one object within its bounding box.
+    """Planes of one object within its bounding box."""
 
-    Attributes:
-        rows: First row, and the last plus one.
-        columns: First column, and the last plus one.
-        planes: [M, h, w] float32, each contiguous.
-    """
-
-    rows: tuple[int, int]
+    rows: tuple[int, int]  # the first, and the last plus one
     columns: tuple[int, int]
-    planes: np.ndarray
+    planes: np.ndarray  # [M, h, w] float32, each contiguous
 
 
 class SwatchPicture:
@@ -83,13 +77,7 @@ class SwatchPicture:
         self._parts[k] = part
 
     def retouch(self, k: int, pixels: np.ndarray, planes: np.ndarray) -> None:
-        """Announce an in-place change of an object's planes to the next `paint`.
-
-        Args:
-            k: The object.
-            pixels: [n], flat indices in the box of its part.
-            planes: [M, n], the new values there.
-        """
+        """Announce new values [M, n] of object k's planes, changed in place at flat indices [n] in its box."""
         self._retouched.append((k, pixels, planes))
 
     def _paint_retouched(self) -> None:
@@ -173,33 +161,13 @@ class SwatchPicture:
 
 
 def delta_picture(planes: Planes, out: np.ndarray) -> SwatchPicture:
-    """Return the picture of `delta_composite`; its factors are edited - learned.
-
-    Examples:
-        Half of a gray pixel is paint of a swatch that becomes greener:
-
-        >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
-        >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
-        >>> picture = delta_picture(planes, np.empty((1, 1, 3), np.float32))
-        >>> print(picture.paint(np.array([[[0, 0, 0], [-0.2, 0.4, 0]]]))[0, 0].round(3))
-        [0.3 0.6 0.4]
-    """
+    """Return the picture of `delta_composite`; its factors are edited - learned."""
     parts = [_part(weights) for weights in planes.palette_weights]
     return SwatchPicture(_base(planes), parts, out)
 
 
 def paper_picture(planes: Planes, out: np.ndarray) -> SwatchPicture:
-    """Return the picture of `paper_composite`; its factors are the edited palettes.
-
-    Examples:
-        A pixel of the pot is half black and half a swatch that is now green:
-
-        >>> weights = np.array([0.5, 0.5], np.float16).reshape(1, 2, 1, 1)
-        >>> planes = Planes(("pot",), weights, weights.sum(axis=1), np.full((1, 1, 3), 102, np.uint8))
-        >>> picture = paper_picture(planes, np.empty((1, 1, 3), np.float32))
-        >>> print(picture.paint(np.array([[[0, 0, 0], [0.2, 0.8, 0]]]))[0, 0].round(3))
-        [0.1 0.4 0. ]
-    """
+    """Return the picture of `paper_composite`; its factors are the edited palettes."""
     start, parts = _base(planes), []
     probabilities = planes.probabilities.astype(np.float32)
     for weights, own, mask in zip(planes.palette_weights, probabilities, hard_masks(probabilities), strict=True):
@@ -222,5 +190,4 @@ def _part(planes: np.ndarray) -> ObjectPlanes:
 
 
 def _within(first_row: int, first_column: int, top: int, bottom: int, left: int, right: int) -> tuple[slice, slice]:
-    """Return rows and columns relative to an origin."""
     return slice(top - first_row, bottom - first_row), slice(left - first_column, right - first_column)

@@ -1,31 +1,33 @@
-"""The project folder: file names, the state of stages, and atomic replacement of a stage's outputs.
+"""The project folder: file names, the state of stages, and the results of stages.
 
-Files are data (json, npz, safetensors, png), never pickles. A stage writes its outputs into `.outputs`; `commit` moves
-them to their places together.
+Files are data (json, npz, safetensors, png), never pickles. Each run of a stage writes its outputs into a new folder in
+`results`, which does not change once project.json names it. Replacing project.json finishes the stage.
 
-    project.json                 schema, capture, settings, each finished stage with checksums of its files
-    capture.json                 the canonical capture (cameras, photo paths, split)
+    project.json                 schema, capture, settings; of each finished stage its folder and its files' checksums
+    results/<stage>-<number>/    outputs of a stage:
+        capture.json                 the canonical capture (cameras, photo paths, split)
+        geometry.safetensors         the radiance field
+        segmentation.safetensors     the segmentation field F_s        segmentation.json   its report
+        surface.safetensors          surface samples of the objects' rays
+        doubts.npz                   the uncertainty of the surface points' labels
+        palette.json                 palettes as extracted, then as learned
+        object_colors.npz            each object's color histogram with its palette weights (see palettes.object_colors)
+        recoloring.safetensors       the recoloring field F_w, where it is trained
+        splats.safetensors           the scene as Gaussians (see splats/files.py)
     masks/<object>/<view>.png    coarse masks, as given
-    corrections/<object>/<view>.png  partial marks (see segmentation.corrections); no stage writes them
-    volumes.json                 what objects must be inside or outside of (see project.volumes); no stage writes it
     earlier_masks/               the masks before the last segmentation with other masks
-    geometry.safetensors         the radiance field
+    corrections/<object>/<view>.png  partial marks (see segmentation.corrections)
+    volumes.json                 what objects must be inside or outside of (see project.volumes)
     unfinished_<stage>.safetensors   the state of interrupted training, to resume from
-    segmentation.safetensors     the segmentation field F_s        segmentation.json   its report
-    surface.safetensors          surface samples of the objects' rays
-    doubts.npz                   the uncertainty of the surface points' labels
-    palette.json                 palettes as extracted, then as learned
-    object_colors.npz            each object's color histogram with its palette weights (see palettes.object_colors)
-    recoloring.safetensors       the recoloring field F_w, where it is trained
-    splats.safetensors           the scene as Gaussians (see splats/files.py)
     points.npz                   points on the scene's surface, for the 3D View
     planes/<view>.npz            edit planes of a captured view (see palettes.compositing)
     looks/<scene>/<camera>.safetensors  cached renderings of captured views (see recolor/render_cache.py)
     photos/<view>-<digest>.png   photos without lens distortion, as Blender shows them behind its cameras
     jobs/<time>-<number>-<stage>/  request, events and log of each job (see project.jobs)
-    .outputs/                    outputs of a running stage
-    lock, lock.json, commit.lock  locks for writing and for commits (see locking)
+    lock, lock.json              the lock for writing (see locking)
     .karf-*/                     temporary files (see io.files)
+
+Earlier versions wrote the outputs of stages beside project.json; they are read from there.
 """
 
 from __future__ import annotations
@@ -33,15 +35,18 @@ from __future__ import annotations
 import os
 import shutil
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError
 from ..io.containment import check_tree, checked_path, is_link
-from ..io.files import checksum, remove_temporaries, replace
+from ..io.files import checksum, remove_temporaries, replace, temporary_folder
 from ..io.names import check_name
 from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
 
+RESULTS = "results"
+READING_SECONDS = 60.0  # for which results that were replaced stay: jobs may be reading them
 LEGACY_HOLDOUT = 8  # every Nth photo was held out in projects that do not record N
 
 
@@ -55,6 +60,13 @@ class _Inside:
         return project.path(self._name)
 
 
+class _Output(_Inside):
+    """An output of a stage: reading the attribute gives its path, see `Project.output`."""
+
+    def __get__(self, project: Project, owner: type[Project]) -> Path:
+        return project.output(self._name)
+
+
 class Project:
     """A project folder.
 
@@ -62,8 +74,23 @@ class Project:
         folder: Absolute path; it need not exist before `create`.
     """
 
-    def __init__(self, folder: Path | str) -> None:
+    def __init__(self, folder: Path | str, state: dict[str, Any] | None = None) -> None:
+        """Refer to the project in a folder.
+
+        Args:
+            folder: The folder.
+            state: A state to keep (see `snapshot`); None to read project.json each time.
+        """
         self.folder = Path(folder).absolute()
+        self._state = state
+
+    def snapshot(self) -> Project:
+        """Return this project as it is now: its results stay the same when jobs finish stages meanwhile.
+
+        Raises:
+            DataError: As `state`.
+        """
+        return Project(self.folder, self.state())
 
     # --- names -----------------------------------------------------------------------------------------------------
     def path(self, *names: str) -> Path:
@@ -75,24 +102,43 @@ class Project:
         return checked_path(self.folder, *names)
 
     state_file = _Inside("project.json")
-    capture_file = _Inside("capture.json")
+    capture_file = _Output("capture.json")
     masks_folder = _Inside("masks")
     corrections_folder = _Inside("corrections")
     volumes_file = _Inside("volumes.json")
-    geometry_file = _Inside("geometry.safetensors")
-    segmentation_file = _Inside("segmentation.safetensors")
-    segmentation_report = _Inside("segmentation.json")
-    surface_file = _Inside("surface.safetensors")
-    uncertainty_file = _Inside("doubts.npz")
-    palette_file = _Inside("palette.json")
-    object_colors_file = _Inside("object_colors.npz")
-    recoloring_file = _Inside("recoloring.safetensors")
-    splats_file = _Inside("splats.safetensors")
+    geometry_file = _Output("geometry.safetensors")
+    segmentation_file = _Output("segmentation.safetensors")
+    segmentation_report = _Output("segmentation.json")
+    surface_file = _Output("surface.safetensors")
+    uncertainty_file = _Output("doubts.npz")
+    palette_file = _Output("palette.json")
+    object_colors_file = _Output("object_colors.npz")
+    recoloring_file = _Output("recoloring.safetensors")
+    splats_file = _Output("splats.safetensors")
     points_file = _Inside("points.npz")
     planes_folder = _Inside("planes")
     render_cache_folder = _Inside("looks")
     photos_folder = _Inside("photos")
-    outputs_folder = _Inside(".outputs")
+
+    def output(self, name: str, stage: str | None = None) -> Path:
+        """Return the path of an output of a finished stage, by default of the last one that wrote a file of this name.
+
+        Raises:
+            DataError: project.json names no valid path, or a link in it leads out of the project.
+        """
+        stage = stage or self._stage_of(name)
+        folder = self.state()["stages"][stage].get("folder") if stage else None
+        check_name(name, self.state_file, "a file")
+        if folder is None:
+            return self.path(name)
+        return self.path(RESULTS, check_name(folder, self.state_file, "a result"), name)
+
+    def new_result(self, stage: str) -> Path:
+        """Make an empty folder for the outputs of a stage, numbered after its earlier ones."""
+        numbers = [int(path.name.rpartition("-")[2]) for path in self.path(RESULTS).glob(f"{stage}-*[0-9]")]
+        folder = self.path(RESULTS, f"{stage}-{max(numbers, default=0) + 1}")
+        folder.mkdir(parents=True)
+        return folder
 
     def checkpoint_file(self, stage: str) -> Path:
         """Return the path of an interrupted stage's training state."""
@@ -153,7 +199,7 @@ class Project:
         Raises:
             DataError: The folder is not a project, is of a newer version, or its project.json is damaged.
         """
-        return read_state(self.state_file)
+        return read_state(self.state_file) if self._state is None else self._state
 
     def finished(self, stage: str) -> dict[str, Any] | None:
         """Return the summary of a finished stage (fingerprint, seconds, metrics), or None."""
@@ -185,33 +231,30 @@ class Project:
         geometry = self.finished("geometry") if self.state_file.exists() else None
         return geometry.get("holdout", LEGACY_HOLDOUT) if geometry else 0
 
-    def finish(self, stage: str, fingerprint: str, **summary: Any) -> None:
+    def finish(self, stage: str, fingerprint: str, settings: dict[str, Any] | None = None, **summary: Any) -> None:
         """Mark the stage as finished, and the stages that build on it as not.
 
         Args:
             stage: One of `STAGE_ORDER`.
             fingerprint: Of the stage's inputs and settings.
-            **summary: `files`, the checksums of its outputs; `settings`, the stage's; and its metrics.
+            settings: The settings of all stages, by stage; None to keep those that are stored.
+            **summary: `folder` and `files` of its outputs, see `commit`; and its metrics.
         """
         state = without_stage(self.state(), stage)
         state["stages"][stage] = {"fingerprint": fingerprint, **summary}
+        if settings is not None:
+            state |= {"settings": settings}
+            state["stages"][stage]["settings"] = settings[stage]
         write_state(self.state_file, state)
 
-    def set_settings(self, settings: dict[str, Any]) -> None:
-        """Store the settings of stages that are yet to run; finished stages have their own copies."""
-        state = self.state()
-        if state.get("settings") != settings:
-            write_state(self.state_file, state | {"settings": settings})
+    def commit(self, stage: str, result: Path, fingerprint: str, settings: dict[str, Any], **summary: Any) -> None:
+        """Finish a stage with the outputs in `result`, a folder of `new_result`.
 
-    # --- commits ---------------------------------------------------------------------------------------------------
-    def commit(self, stage: str, fingerprint: str, settings: dict[str, Any], **summary: Any) -> None:
-        """Move the stage's outputs to their places and mark the stage as finished.
-
-        Writing the new project.json into `.outputs` decides the commit: after a kill, `recover` completes it. Until then
-        neither this stage nor a later one counts as finished, so that old and new files are never mixed.
+        Replacing project.json is the only change: after a kill at any moment, the stage is finished or as before.
 
         Args:
             stage: One of `STAGE_ORDER`.
+            result: The folder; it must not change afterwards.
             fingerprint: Of the stage's inputs and settings.
             settings: The settings of all stages, by stage.
             **summary: The stage's metrics, for `finished`.
@@ -219,43 +262,30 @@ class Project:
         Raises:
             OSError: The disk is full; the project is unchanged.
         """
-        files = {path.name: checksum(path) for path in sorted(self.outputs_folder.iterdir()) if path.is_file()}
-        state = without_stage(self.state(), stage)
-        own = {"fingerprint": fingerprint, "files": files, "settings": settings[stage], **summary}
-        stages = state["stages"] | {stage: own}
-        write_state(self._commit_file, state | {"settings": settings, "stages": stages})
+        files = {path.name: checksum(path) for path in sorted(result.iterdir())}
+        self.finish(stage, fingerprint, settings, folder=result.name, files=files, **summary)
+
+    def set_settings(self, settings: dict[str, Any]) -> None:
+        """Store the settings of stages that are yet to run; finished stages have their own copies."""
+        state = self.state()
+        if state.get("settings") != settings:
+            write_state(self.state_file, state | {"settings": settings})
+
+    def replace_masks(self, write: Callable[[Path], None]) -> None:
+        """Replace the masks by those that `write` writes into a folder; other masks before become earlier_masks."""
+        temporary = temporary_folder(self.folder)
         try:
-            write_state(self.state_file, state)
-        except BaseException:
-            self._commit_file.unlink()
-            raise
-        self.recover()
-
-    @property
-    def _commit_file(self) -> Path:
-        return self.path(".outputs", "project.json")
-
-    @property
-    def is_interrupted(self) -> bool:
-        """True while a commit is running, and after it was interrupted."""
-        return self._commit_file.exists()
-
-    def recover(self) -> None:
-        """Complete an interrupted commit. Requires the lock for writing."""
-        if not self.is_interrupted:
-            return
-        for path in sorted(check_tree(self.folder, self.outputs_folder).iterdir()):
-            if path == self._commit_file:
-                continue
-            target = self.path(path.name)
-            if path.is_dir() and target.exists():
-                if _checksums(path) == _checksums(target):
-                    continue
-                earlier = self.path(f"earlier_{path.name}")
+            write(temporary / "masks")
+            check_tree(self.folder, self.masks_folder)
+            if self.masks_folder.exists():
+                if _checksums(temporary / "masks") == _checksums(self.masks_folder):
+                    return
+                earlier = self.path("earlier_masks")
                 shutil.rmtree(earlier, ignore_errors=True)
-                replace(target, earlier)
-            replace(path, target)
-        replace(self._commit_file, self.state_file)
+                replace(self.masks_folder, earlier)
+            replace(temporary / "masks", self.masks_folder)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
 
     # --- checks ----------------------------------------------------------------------------------------------------
     def verified(self, path: Path) -> Path:
@@ -264,8 +294,10 @@ class Project:
         Raises:
             DataError: The file is damaged or missing.
         """
-        stage, expected = self._written_by(path.name)
-        if stage is None or (path.exists() and checksum(path) == expected):
+        stages = self.state()["stages"].items()
+        owner = next((stage for stage, summary in stages if summary.get("folder") == path.parent.name), None)
+        stage = owner or self._stage_of(path.name)
+        if stage is None or (path.exists() and checksum(path) == self.state()["stages"][stage]["files"][path.name]):
             return path
         raise DataError(
             "{path} is {state}: it is not what the {stage} stage wrote.",
@@ -277,26 +309,28 @@ class Project:
 
     def is_intact(self, stage: str) -> bool:
         """Return whether the checksums of all outputs of a finished stage match."""
-        try:
-            for name in self.require(stage).get("files", {}):
-                self.verified(self.path(check_name(name, self.state_file, "a file")))
-        except DataError:
-            return False
+        summary = self.require(stage)
+        for name, expected in summary.get("files", {}).items():
+            if "folder" not in summary:  # of an earlier version: a later stage may have replaced the file
+                stage = self._stage_of(name) or stage
+                expected = self.state()["stages"][stage]["files"][name]
+            path = self.output(name, stage)
+            if not path.exists() or checksum(path) != expected:
+                return False
         return True
 
-    def _written_by(self, name: str) -> tuple[str | None, str]:
-        """Return the last finished stage that wrote the file of this name, and the file's checksum."""
-        stages = self.state()["stages"]
-        for stage in reversed(STAGE_ORDER):
-            found = stages.get(stage, {}).get("files", {})
-            if name in found:
-                return stage, found[name]
-        return None, ""
+    def _stage_of(self, name: str) -> str | None:
+        """Return the last finished stage that wrote a file of this name."""
+        stages = self.state()["stages"] if self._state or self.state_file.exists() else {}
+        return next((stage for stage in reversed(STAGE_ORDER) if name in stages.get(stage, {}).get("files", {})), None)
 
     def remove_leftovers(self) -> None:
-        """Delete the leftovers of killed jobs, except a commit to recover. Requires the lock for writing."""
-        if not self.is_interrupted:
-            shutil.rmtree(self.outputs_folder, ignore_errors=True)
+        """Delete temporary files and results that no finished stage has. Requires the lock for writing."""
+        if self.state_file.exists() and time.time() - self.state_file.stat().st_mtime > READING_SECONDS:
+            finished = {summary.get("folder") for summary in self.state()["stages"].values()}
+            for folder in self.path(RESULTS).glob("*/"):
+                if folder.name not in finished and not is_link(folder):
+                    shutil.rmtree(folder, ignore_errors=True)
         for folder in (self.folder, self.planes_folder, self.photos_folder):
             remove_temporaries(folder)
         for folder in (self.masks_folder, self.corrections_folder, self.render_cache_folder):

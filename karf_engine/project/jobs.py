@@ -10,8 +10,7 @@ from pathlib import Path
 
 from ..errors import KarfError
 from ..io.containment import is_link
-from ..io.files import read_json, write_json
-from ..io.processes import host_name, is_running
+from ..io.files import host_name, is_running, read_json, write_json
 from .folder import Project
 
 KEPT = 20  # newest jobs, for their logs

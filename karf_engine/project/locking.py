@@ -1,4 +1,4 @@
-"""Locks of a project: only one job writes, and readers never see half of a stage's outputs."""
+"""The lock of a project: only one job writes. Readers need none, see `Project.snapshot`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from ..io.files import read_json, write_json
 from ..io.locks import acquire
 from . import Project
 
-COMMIT_SECONDS = 60.0  # a commit renames a few files, which may take a while on a slow network drive
-
 
 @contextmanager
 def write_lock(project: Project) -> Iterator[None]:
@@ -26,7 +24,7 @@ def write_lock(project: Project) -> Iterator[None]:
         BadRequest: Another job holds the lock.
     """
     holder = project.path("lock.json")
-    _check_lease(project, "lock")
+    project.path("lock.lease")  # refuse links
     try:
         lock = acquire(project.path("lock"))
     except Timeout:
@@ -44,48 +42,6 @@ def write_lock(project: Project) -> Iterator[None]:
         with suppress(OSError):  # it only names the holder in messages
             holder.unlink(missing_ok=True)
         lock.release()
-
-
-def open_project(folder: Path | str) -> Project:
-    """Open the project in a folder and complete an interrupted commit.
-
-    Raises:
-        BadRequest: A commit was interrupted, and another job holds the lock for writing.
-    """
-    project = Project(folder)
-    if project.is_interrupted:
-        with write_lock(project), read_lock(project):
-            project.recover()
-    return project
-
-
-@contextmanager
-def read_lock(project: Project) -> Iterator[None]:
-    """Keep a project's outputs unchanged while several are read or replaced.
-
-    A read-only disk takes no lock and needs none.
-
-    Raises:
-        BadRequest: Another job holds the lock for more than `COMMIT_SECONDS`.
-    """
-    _check_lease(project, "commit.lock")
-    lock = None
-    try:
-        lock = acquire(project.path("commit.lock"), COMMIT_SECONDS)
-    except Timeout:
-        raise BadRequest(f"{project.folder} is being changed by another job.", "Try again.") from None
-    except OSError:
-        pass
-    try:
-        yield
-    finally:
-        if lock:
-            lock.release()
-
-
-def _check_lease(project: Project, name: str) -> None:
-    """Raise DataError where a lock's lease is a link."""
-    project.path(f"{name}.lease")
 
 
 def _name(holder: Path) -> str:

@@ -5,7 +5,8 @@ A state is a dictionary of JSON values:
     schema      `SCHEMA`
     capture     path of the project's capture
     settings    all settings, by stage
-    stages      for each finished stage: fingerprint, files (name -> SHA-256), settings, seconds, metrics
+    stages      for each finished stage: fingerprint, folder, files (name -> SHA-256), settings, seconds, metrics
+    outdated    stages that were finished before a stage that they build on was run again
     checksum    of the other entries, to detect damage; removed by `read_state`
 """
 
@@ -63,6 +64,8 @@ def read_state(path: Path) -> dict[str, Any]:
         )
     if not isinstance(state.get("settings", {}), dict):
         raise DataError(f"{path} has the settings {state['settings']!r:.200}.", "Start anew.")
+    if not isinstance(state.get("outdated", []), list):
+        raise DataError(f"{path} has the outdated stages {state['outdated']!r:.200}.", "Start anew.")
     for stage, summary in state["stages"].items():
         if not _is_summary(summary):
             raise DataError(
@@ -83,7 +86,9 @@ def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
     for name in STAGE_ORDER:  # sorted by dependency
         if BUILT_ON.get(name) in outdated:
             outdated.add(name)
-    return state | {"stages": {name: summary for name, summary in state["stages"].items() if name not in outdated}}
+    stages = {name: summary for name, summary in state["stages"].items() if name not in outdated}
+    unfinished = (outdated & state["stages"].keys() | set(state.get("outdated", ()))) - {stage}
+    return state | {"stages": stages} | ({"outdated": sorted(unfinished)} if unfinished else {})
 
 
 def result_fingerprint(state: Mapping[str, Any], stage: str) -> str:

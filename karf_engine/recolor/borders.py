@@ -1,36 +1,26 @@
-"""Distances of points and Gaussians to the borders of objects, and Gaussians of objects with moved edges."""
+"""Distances of points and Gaussians to the borders of objects."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..capture.capture import View
 from ..compute.neighbors import build_kd_tree
-from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.edges_in_space import MAX_EDGE_REACH, Borders, apply_edges_to_points
-from ..palettes.palette import AddedColor, Palette
-from ..splats.gaussians import Gaussians
-from .splat_colors import NEGLIGIBLE, ObjectSplats, splats_of_objects
+from ..palettes.edge_shape import Borders
 
-OPACITY = 10  # column of a table of Gaussians
 # The border is at the third nearest point of the other side, since single points may be outliers. On evenly spaced points
 # this distance exceeds that of the border by 0.75 spacings.
 NEIGHBORS, EXCESS = 3, 0.75
-MIN_LOGIT = -2.0  # of the opacity of Gaussians that form a border: 12 %
 MAX_SAMPLES = 5000  # points per object that the spacing is measured at
 
 
 def measure_borders(positions: np.ndarray, shares: np.ndarray, counts: np.ndarray, views: Sequence[View]) -> Borders:
-    """Measure the distance of points to the objects' borders.
+    """Measure the distance of points [N, 3] to the objects' borders.
 
-    Args:
-        positions: [N, 3], world.
-        shares: [N, K], probabilities of the objects.
-        counts: [N] bool, points that form borders.
-        views: Of the capture, for the size of a pixel.
+    shares: [N, K], probabilities of the objects. counts: [N] bool, points that form borders. views: for the size of a
+    pixel.
     """
     distances = np.full(shares.shape, -np.inf, np.float32)
     spacings, pixels = np.ones(shares.shape[1], np.float32), np.ones(shares.shape[1], np.float32)
@@ -70,46 +60,3 @@ def _pixel_size(center: np.ndarray, views: Sequence[View]) -> float:
         if depth > 0:
             sizes.append(depth / np.sqrt(camera.fx * camera.fy))
     return float(np.median(sizes)) if sizes else 1.0
-
-
-class EdgedSplats:
-    """A model's Gaussians by object, for edges of any shape. shares: [n, K], probabilities of the objects."""
-
-    def __init__(
-        self, gaussians: Gaussians, shares: np.ndarray, palettes: Sequence[Palette], views: Sequence[View]
-    ) -> None:
-        self._gaussians, self._shares, self._palettes = gaussians, shares, palettes
-        self._names = [palette.name for palette in palettes]
-        solid = gaussians.table[: gaussians.n_foreground]
-        near = measure_borders(solid[:, :3], shares[: len(solid)], solid[:, OPACITY] > MIN_LOGIT, views)
-        distances = np.full(shares.shape, -np.inf, np.float32)
-        distances[: len(solid)] = near.distances
-        self._borders = replace(near, distances=distances)
-        # the last results, by their arguments
-        self._widest: tuple[str, tuple[ObjectSplats, ...]] = ("", ())
-        self._shaped: tuple[tuple[str, str], tuple[ObjectSplats, ...]] = (("", ""), ())
-
-    def objects(
-        self, edges: Mapping[str, EdgeShape], added: Mapping[str, Sequence[AddedColor]]
-    ) -> tuple[ObjectSplats, ...]:
-        """Return the Gaussians of each object with these edges and added colors, both by object."""
-        key = repr(active_edges(edges)), repr(added)
-        if self._shaped[0] != key:
-            shares = apply_edges_to_points(self._shares, self._borders, self._names, edges)
-            self._shaped = key, tuple(_within(own, shares[:, k]) for k, own in enumerate(self._reachable(added)))
-        return self._shaped[1]
-
-    def _reachable(self, added: Mapping[str, Sequence[AddedColor]]) -> tuple[ObjectSplats, ...]:
-        """Return the Gaussians that each object could cover with any edge."""
-        if not self._widest[1] or self._widest[0] != repr(added):
-            is_near = self._borders.distances > -MAX_EDGE_REACH * self._borders.pixels
-            reached = np.maximum(self._shares, np.where(is_near, 2 * NEGLIGIBLE, 0))
-            self._widest = repr(added), splats_of_objects(self._gaussians, reached, self._palettes, added)
-        return self._widest[1]
-
-
-def _within(reachable: ObjectSplats, shares: np.ndarray) -> ObjectSplats:
-    """Select an object's Gaussians by their shares [n]."""
-    own = shares[reachable.rows]
-    kept = own > NEGLIGIBLE
-    return ObjectSplats(reachable.rows[kept], own[kept], reachable.weights[kept], reachable.slopes[kept])

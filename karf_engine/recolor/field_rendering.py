@@ -1,29 +1,119 @@
-"""Frames rendered from the radiance field, with the outputs of F_s and F_w."""
+"""What is learned of a project, in memory, and frames rendered from its field with the outputs of F_s and F_w."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 import torch
 
 from ..capture.camera import Camera
-from ..capture.capture import UNIT_GAINS
+from ..capture.capture import UNIT_GAINS, Capture
 from ..capture.distortion import undistort_points
 from ..capture.training_images import TrainingImage
+from ..compute.cores import limit_torch_threads
+from ..compute.kernels import has_kernels
 from ..errors import BadRequest
-from ..fields.rendering.rays import camera_rays
+from ..fields.files import load_scene
 from ..fields.rendering.surface_cache import SurfaceCache
 from ..fields.scene import Picture
+from ..heads.fields import RecoloringField, SegmentationField
+from ..heads.files import load_recoloring, load_segmentation
 from ..heads.rendering import ObjectSamples, object_samples, segment_cache, weigh_cache
 from ..io.arguments import check_array
 from ..io.color import to_bytes
 from ..io.images import alpha_composite
-from .frames import BAND_RAYS, Frame, downsample, split_bands, stack_bands
+from ..palettes.compositing import stack_palettes
+from ..palettes.palette import Edit, Palette, check_edit, read_palettes
+from ..project import Project
+from ..project.contents import read_capture, settings_for
+from ..project.settings import Settings
+from ..segmentation.surface_points import SurfaceUncertainty
+from ..splats.files import load_gaussians
+from ..splats.gaussians import Gaussians
+from .frames import Frame, downsample, split_bands, stack_bands
 from .full_resolution import dense_weights
-from .learned import UNTRAINED, Learned
+from .splatted_scene import SplattedScene
 
+UNTRAINED = (
+    "{folder} has no recoloring field F_w: renderings take palette weights from their own colors.",
+    "Train it: karf recoloring {folder} --set recoloring.iterations=1000",
+)
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples per ray, for classes and for palette weights
+
+
+class Learned:
+    """The finished stages of a project, in memory: the attributes of `Model`."""
+
+    def __init__(self, project: Project, device: torch.device, settings: Settings | None) -> None:
+        project.require("geometry")
+        self.project, self.device = project, device
+        self.settings = settings or settings_for(project, "render")
+        self.scene = load_scene(project.verified(project.geometry_file), device)
+        self.objects: list[str] = []
+        self.palettes: tuple[Palette, ...] = ()
+        self.segmentation: SegmentationField | None = None
+        self.recoloring: RecoloringField | None = None
+        self.splatted: SplattedScene | None = None
+        n_features, space = self.scene.field.n_features, self.scene.field.space
+        if project.finished("segmentation"):
+            path = project.verified(project.segmentation_file)
+            self.segmentation, self.objects = load_segmentation(path, n_features, device, space)
+        if project.finished("recoloring"):
+            assert self.segmentation is not None
+            self.palettes = read_palettes(project.verified(project.palette_file), objects=self.objects)
+            if project.has_output("recoloring", project.recoloring_file):
+                path, bounds = project.verified(project.recoloring_file), self.segmentation.bounds
+                assert isinstance(bounds, torch.Tensor)
+                self.recoloring = load_recoloring(path, bounds, n_features, self.palettes, device)
+        if project.finished("splats") and self.settings.render.source == "splats" and has_kernels():
+            gaussians = load_gaussians(project.verified(project.splats_file))
+            learned = self.scene, self.segmentation, self.palettes
+            fades = self.settings.render.unseen == "faded"
+            self.splatted = SplattedScene(gaussians, *learned, lambda: self.capture.views, fades)
+            limit_torch_threads()  # numba's kernels render splats
+
+    @cached_property
+    def capture(self) -> Capture:
+        """Raises DataError if its file is damaged."""
+        return read_capture(self.project)
+
+    @cached_property
+    def doubts(self) -> SurfaceUncertainty:
+        """Raises DataError if the segmentation has none."""
+        return SurfaceUncertainty.read(self.project.verified(self.project.uncertainty_file))
+
+    @property
+    def splats(self) -> Gaussians | None:
+        """The scene as Gaussians; None if cameras are rendered from the field."""
+        return None if self.splatted is None else self.splatted.gaussians
+
+    @property
+    def learned_colors(self) -> np.ndarray:
+        """Palettes as learned, [K, M, 3] float32 sRGB; smaller palettes are padded with 0."""
+        return stack_palettes(self.objects, {palette.name: palette.colors for palette in self.palettes})
+
+    @cached_property
+    def photo_side(self) -> float:
+        """Median long side of the capture's photos, pixels."""
+        return float(np.median([max(view.camera.width, view.camera.height) for view in self.capture.views]))
+
+    def check_edit(self, edit: Edit) -> None:
+        """Raise BadRequest before palettes are learned, and for an edit of other palettes."""
+        if not self.palettes:
+            raise BadRequest(
+                f"{self.project.folder} has no finished recoloring stage.", "Run the recoloring stage first."
+            )
+        check_edit(edit, self.palettes)
+
+    def check_frame(self, frame: Frame) -> None:
+        """Raise BadRequest for a frame of another model."""
+        if len(frame.probabilities) != len(self.objects):
+            count = len(frame.probabilities)
+            raise BadRequest(
+                f"The frame is of {count} objects, the model of {len(self.objects)}.", "Render it by this model."
+            )
 
 
 def in_bands(render: Callable[[Camera], Frame], pinhole: Camera, supersampling: int) -> Frame:
@@ -39,7 +129,7 @@ def field_frame(learned: Learned, pinhole: Camera) -> Frame:
 
 
 def photo_frame(learned: Learned, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
-    """Render the view of a loaded photo, with the photo as base.
+    """Render the view of a photo, with it as base.
 
     weights_from: palette weights by the photo's colors (`photo`), or by F_w where it is trained (`field`).
     """
@@ -62,22 +152,14 @@ def segmented_frame(learned: Learned, camera: Camera) -> Frame:
 def frame_of(
     learned: Learned,
     picture: Picture,
-    base: np.ndarray,
+    base: np.ndarray,  # [H, W, 3] sRGB in [0, 1]
     from_field: bool,
     *,
     gains: tuple[float, float, float] = UNIT_GAINS,
 ) -> Frame:
-    """Add probabilities and palette weights to a picture that the scene has rendered.
+    """Add probabilities and palette weights to a picture with a surface cache.
 
-    Args:
-        learned: What is learned.
-        picture: With its surface cache.
-        base: [H, W, 3] sRGB in [0, 1], of the picture's size.
-        from_field: Palette weights by F_w, where it is trained, else by the colors of the base.
-        gains: Exposure of the base, see `View`.
-
-    Raises:
-        BadRequest: The base has another size, or the picture has no surface cache.
+    from_field: weights by F_w where it is trained, else by the colors of the base. gains: exposure of the base.
     """
     check_array("base", base, (*picture.opacity.shape, 3))
     samples, weights = None, None
@@ -124,23 +206,6 @@ def weights_of_field(learned: Learned, picture: Picture, samples: ObjectSamples 
     weights = np.zeros((*planes.shape[1:], height * width), np.float32)
     weights[..., cache.index.cpu().numpy()] = planes.permute(1, 2, 0).cpu().numpy()
     return weights.reshape(*planes.shape[1:], height, width)
-
-
-@torch.no_grad()
-def background(learned: Learned, pinhole: Camera) -> np.ndarray:
-    """Render what is behind the field, [H, W, 3] float32 sRGB."""
-    rays = camera_rays(pinhole, learned.device)
-    colors = [learned.scene.background_color(some) for some in rays.viewdirs.split(BAND_RAYS)]
-    return torch.cat(colors).cpu().numpy().reshape(pinhole.height, pinhole.width, 3)
-
-
-def label_uncertainty(learned: Learned, pinhole: Camera, frame: Frame) -> np.ndarray:
-    """Return the uncertainty of each object's label at a frame's depth, [K, H, W] float32 in [0, 1]."""
-    learned.check_frame(frame)
-    check_array("frame.depth", frame.depth, (pinhole.height, pinhole.width))
-    origins, directions = pinhole.rays(pinhole.pixel_centers())
-    doubts = learned.doubts.at(origins + frame.depth.reshape(-1, 1) * directions)
-    return np.ascontiguousarray(doubts.T).reshape(-1, *frame.depth.shape) * frame.opacity
 
 
 def _object_samples(learned: Learned, picture: Picture) -> ObjectSamples:

@@ -14,6 +14,7 @@ from ..fields.scene import Picture
 from ..io.arguments import check_array, check_fields
 from ..io.color import to_bytes
 from ..palettes.compositing import Planes, hard_masks
+from ..palettes.palette import Palette
 
 BAND_RAYS = 1 << 20  # rays per band: about half a gigabyte with their surface samples
 LONGEST_REPR = 120  # characters
@@ -29,15 +30,11 @@ class Frame:
         palette_weights: [K, M, H, W] float32, probabilities times weights (Eq. 9); None before palettes are learned.
         base: [H, W, 3] float32 sRGB in [0, 1], the picture that an edit changes: the photo, or the rendering.
         disputed: objects about which photo and field disagree; their edges are the field's.
-        camera: the pinhole camera of a frame rendered from splats, else None.
-        supersampling: samples per pixel along each side, of a frame rendered from splats.
-        fades: whether unseen surfaces of splats were faded; None for the project's setting.
+        camera, supersampling, fades: what `Model.render` was given, of a frame rendered from splats.
         gains: exposure of the base, see `View`; weights and palettes are of the mean exposure.
-        seen: [H, W] float32 in [0, 1], how well the photos cover what the pixel shows; None unless rendered from splats.
+        visibility: [H, W] float32 in [0, 1], how well the photos cover what the pixel shows; None without splats.
 
-    Raises:
-        TypeError: a field has the wrong type.
-        BadRequest: an array has the wrong shape. NaN passes.
+    Raises TypeError if a field has the wrong type, BadRequest if an array has the wrong shape.
 
     Example:
         frame = model.render(model.capture.views[0].camera)
@@ -88,19 +85,25 @@ class Frame:
         return hard_masks(self.probabilities)
 
 
-def one_line(name: str, content: str) -> str:
-    """Return `name(content)` as one line of at most `LONGEST_REPR` characters, for a `__repr__`.
+@dataclass(frozen=True)
+class Layers:
+    """A recolorable view of K objects, whose palettes have up to M colors, as the layers of one picture."""
 
-    Examples:
-        >>> one_line("Model", "garden: pot, mug"), len(one_line("Model", 1000 * "pot, "))
-        ('Model(garden: pot, mug)', 120)
-    """
+    palettes: tuple[Palette, ...]  # of the objects as learned
+    base: np.ndarray  # [H, W, 3] sRGB, the picture that an edit changes: uint8, uint16, or float in [0, 1]
+    coverage: np.ndarray  # [K, H, W] in [0, 1], any float
+    palette_weights: np.ndarray  # [K, M, H, W], coverage times weights, any float; padding is not read
+    depth: np.ndarray | None = None  # [H, W] along the optical axis, world units, 0 where empty
+    gains: tuple[float, float, float] = UNIT_GAINS  # exposure of the base: they multiply the changes of palettes
+
+
+def one_line(name: str, content: str) -> str:
+    """Return `name(content)` as one line of at most `LONGEST_REPR` characters, for a `__repr__`."""
     content, room = " ".join(content.split()), LONGEST_REPR - len(name) - 2
     return f"{name}({content if len(content) <= room else content[: room - 3] + '...'})"
 
 
 def edit_planes(frame: Frame, objects: Sequence[str]) -> Planes:
-    """Return the edit planes of a frame, without swatches before palettes are learned."""
     weights, probabilities = frame.palette_weights, frame.probabilities
     if weights is None:
         weights = np.zeros((len(objects), 0, *probabilities.shape[1:]))
@@ -152,17 +155,9 @@ def _stacked(parts: Sequence[np.ndarray | None], axis: int) -> np.ndarray | None
 
 
 def remove_background(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray) -> np.ndarray:
-    """Remove the background from a rendering: straight sRGB and alpha, [H, W, 4] float32 in [0, 1].
+    """Remove the background [H, W, 3] from a rendering: straight sRGB and alpha, [H, W, 4] float32 in [0, 1].
 
-    Args:
-        color: [H, W, 3], the scene over its background, possibly edited.
-        opacity: [H, W], accumulated opacity of the scene.
-        behind: [H, W, 3], the background.
-
-    Example:
-        >>> red_glass_on_white = np.array([[[1, 0.75, 0.75]]])
-        >>> remove_background(red_glass_on_white, np.array([[0.25]]), np.ones((1, 1, 3))).tolist()
-        [[[1.0, 0.0, 0.0, 0.25]]]
+    color: [H, W, 3], the scene over its background, possibly edited. opacity: [H, W], of the scene.
     """
     alpha = opacity[..., None]
     covered = color - (1 - alpha) * behind
@@ -171,7 +166,7 @@ def remove_background(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray
 
 
 def _blocks(values: np.ndarray, count: int) -> np.ndarray:
-    """Group [.., H, W] into blocks of pixels, [.., h, w, count * count]."""
+    # [.., H, W] to blocks of pixels, [.., h, w, count * count]
     height, width = values.shape[-2] // count, values.shape[-1] // count
     split = values.reshape(*values.shape[:-2], height, count, width, count)
     return split.swapaxes(-3, -2).reshape(*values.shape[:-2], height, width, count * count)
@@ -182,10 +177,7 @@ def _means(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _medians(depth: np.ndarray, count: int) -> np.ndarray:
-    """Return the lower median of the nonzero depths of each block, 0 where there are none.
-
-    A mean would place a point between two surfaces.
-    """
+    """Return the lower median of each block's nonzero depths, or 0: a mean would lie between two surfaces."""
     blocks = np.sort(_blocks(depth, count), -1)
     hits = (blocks > 0).sum(-1, keepdims=True)
     middle = np.where(hits > 0, blocks.shape[-1] - hits + (hits - 1) // 2, 0)

@@ -2,8 +2,8 @@
 
 As in `palettes.compositing`, the result is linear in the edit: photo + sum over objects and palette entries of
 coverage x weight(own color) x gains x (edited - learned). Palettes are of the mean exposure of all photos, gains are the
-photo's (`palettes.exposure`). The own color is the object's unmixed and denoised color in the pixel (`grain`).
-Bands of rows bound the memory.
+photo's (`palettes.calibration`). The own color is the object's unmixed and denoised color in the pixel: weights of noisy
+colors would amplify the noise, weights of the denoised photo leave it as it is. Bands of rows bound the memory.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 
+import cv2
 import numpy as np
 
 from ..capture.capture import UNIT_GAINS, View
@@ -21,50 +22,38 @@ from ..io.arguments import check_arguments, check_array, check_fields, check_num
 from ..io.color import to_bytes
 from ..io.images import INVERSE_EXIF_ORIENTATION, alpha_composite, apply_exif_orientation, apply_exif_orientation_copy
 from ..palettes.added import append_added_sets, extended_palettes, split_weights
+from ..palettes.calibration import to_photo_exposure
 from ..palettes.compositing import hard_masks
 from ..palettes.edge_shape import EdgeShape, active_edges
-from ..palettes.exposure import to_photo_exposure
-from ..palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
 from ..palettes.palette import AddedColor, Edit, Palette, check_edit
-from .frames import Frame, one_line
-from .grain import RADIUS, denoise, estimate_noise
-from .layers import Layers
-from .matting.marks import Marks
-from .matting.matte import NEGLIGIBLE, Matte, disputed_objects
-from .matting.shaping import shape_mattes
-from .photos import StoredPhoto, open_photo
-from .photos.stored import from_camera
+from ..palettes.palette_weights import palette_weights_of_image, star_weights
+from .frames import Frame, Layers, one_line
+from .matting.matte import NEGLIGIBLE, Matte, disputed_objects, shape_mattes
+from .matting.thin_parts import Marks
+from .photos import StoredPhoto, from_camera, open_photo
 
 BAND_PIXELS = 1 << 19
 MIN_SCALE = 1e-6
 # from photo, probabilities, rendered picture, marks
 FindMattes = Callable[[np.ndarray, np.ndarray, np.ndarray, Marks], list[Matte]]
+RADIUS = 3  # pixels, of the bilateral filter
+SIGMA_COLOR = 4.0  # of the bilateral filter, standard deviations of the noise
+MIN_GRAIN = 0.3  # 1/255: the rounding of 8 bits
 COPIES_BYTES = 400 << 20  # of photos edited at once, which share a band's weights
 
 
 @dataclass(frozen=True)
 class PhotoView:
-    """A captured photo that is ready to be recolored, any number of times.
+    """A captured photo that is ready to be recolored, any number of times."""
 
-    Attributes:
-        photo: The photo in its stored grid, at the size of the result.
-        orientation: Exif orientation between the stored grid and the camera's.
-        objects: Names of the K objects.
-        mattes: Of the objects, in the stored grid.
-        palettes: Of the objects, as learned; empty before palettes are learned.
-        scale: Size of the result relative to the photo's full size.
-        grain: Noise of the photo, 1/255; see `estimate_noise`. 0: without denoising.
-        gains: Exposure of the photo, see `View`.
-    """
-
-    photo: StoredPhoto
-    orientation: int
+    photo: StoredPhoto  # in its stored grid, at the size of the result
+    orientation: int  # Exif orientation between the stored grid and the camera's
     objects: Sequence[str]
-    mattes: Sequence[Matte]
-    palettes: Sequence[Palette]
-    scale: float = 1.0
-    grain: float = 0.0
-    gains: tuple[float, float, float] = field(default=UNIT_GAINS, kw_only=True)
+    mattes: Sequence[Matte]  # of the K objects, in the stored grid
+    palettes: Sequence[Palette]  # as learned; empty before palettes are learned
+    scale: float = 1.0  # size of the result relative to the photo's full size
+    grain: float = 0.0  # `estimate_noise` of the photo; 0: without denoising
+    gains: tuple[float, float, float] = field(default=UNIT_GAINS, kw_only=True)  # exposure of the photo, see `View`
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -134,22 +123,17 @@ class PhotoView:
     ) -> Layers:
         """Return the photo's layers in the camera's grid, over white.
 
-        Args:
-            depth: [h, w] along the optical axis in the camera's grid, of any size. Each pixel takes the nearest one:
-                interpolation would place points between two surfaces.
-            added: Colors with their own layers, by object.
-            edges: Moved and faded edges, by object.
+        depth: [h, w] along the optical axis in the camera's grid, of any size. Each pixel takes the nearest one:
+        interpolation would place points between two surfaces.
         """
         if edges and active_edges(edges):
             return self._with_edges(edges).layers(depth, added)
         check_array("depth", depth, ("h", "w"))
         check_number("depth.size", depth.size, 1)
-        is_deep = self.photo.pixels.dtype != np.uint8
-        base = (
-            self.over_white(self.photo)
-            if is_deep
-            else apply_exif_orientation(self.photo.over_white(), self.orientation)
-        )
+        if self.photo.pixels.dtype == np.uint8:
+            base = apply_exif_orientation(self.photo.over_white(), self.orientation)
+        else:
+            base = self.over_white(self.photo)
         height, width = base.shape[:2]
         added = added or {}
         palettes = extended_palettes(self.palettes, added)
@@ -170,7 +154,6 @@ class PhotoView:
         return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)], self.gains)
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
-        """View a plane of the camera's grid in the stored grid."""
         return apply_exif_orientation(plane, INVERSE_EXIF_ORIENTATION.get(self.orientation, self.orientation))
 
     def _bands(self) -> Iterator[tuple[slice, slice]]:
@@ -185,15 +168,7 @@ class PhotoView:
             yield slice(top, min(top + step, last)), columns
 
     def _coverages(self, rows: slice, columns: slice) -> np.ndarray:
-        """Return the objects' coverages of a band, [K, h, w] float32."""
-        result = np.zeros((len(self.mattes), rows.stop - rows.start, columns.stop - columns.start), np.float32)
-        for matte, coverage in zip(self.mattes, result, strict=True):
-            top, bottom = max(rows.start, matte.rows[0]), min(rows.stop, matte.rows[1])
-            if top < bottom:
-                left, right = (side - columns.start for side in matte.columns)
-                own = matte.coverage[top - matte.rows[0] : bottom - matte.rows[0]]
-                coverage[top - rows.start : bottom - rows.start, left:right] = own
-        return result
+        return np.stack([matte.coverage_in(rows, columns) for matte in self.mattes])
 
     def _changes(self, rows: slice, columns: slice, edits: Sequence[Edit]) -> list[np.ndarray]:
         """Return the change of a band's straight colors by each edit, [h, w, 3] float32."""
@@ -207,10 +182,8 @@ class PhotoView:
             palette, wins, inside = self.palettes[k], winners[k], coverage > 0
             for edit, change in zip(edits, changes, strict=True):
                 edited, added = edit.colors[palette.name], edit.added.get(palette.name, ())
-                learned, shares = (
-                    append_added_sets(palette.colors, added),
-                    split_weights(weights.T, palette.colors, added).T,
-                )
+                learned = append_added_sets(palette.colors, added)
+                shares = split_weights(weights.T, palette.colors, added).T
                 if edit.compositing == "paper":
                     inner, own = wins[inside], to_photo_exposure(edited, self.gains)
                     change[wins & inside] = (shares[inner] @ own) - self.photo.colors(rows, columns)[wins & inside]
@@ -222,7 +195,7 @@ class PhotoView:
     def _shares(
         self, rows: slice, columns: slice, coverages: np.ndarray
     ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-        """Yield number, coverage [h, w] and palette weights [n, M] of the n covered pixels of each object in a band."""
+        """Yield number, coverage [h, w] and palette weights [n, M] of the n covered pixels of each object."""
         for k, (palette, matte, coverage) in enumerate(zip(self.palettes, self.mattes, coverages, strict=True)):
             inside = coverage > 0
             if inside.any():
@@ -255,27 +228,14 @@ class PhotoView:
 
 def make_photo_view(
     view: View,
-    size: str | int,
-    seen: Frame,
+    size: str | int,  # `photo`, or the long side in pixels of the reduced photo
+    seen: Frame,  # the field's rendering with the camera's lens distortion, at any size
     marks: Marks,
     mattes_of: FindMattes,
     objects: Sequence[str],
     palettes: Sequence[Palette],
 ) -> PhotoView:
-    """Prepare a captured view for recoloring in its photo's own pixels.
-
-    Args:
-        view: Of the capture.
-        size: `photo`, or the long side in pixels of the reduced photo.
-        seen: The field's rendering with the camera's lens distortion, at any size.
-        marks: Of the photo, see `matting.marks.marks_of`.
-        mattes_of: Makes the mattes, see `matting.refine.mattes_of`.
-        objects: Names of the K objects of `seen`.
-        palettes: Of the objects, as learned; empty before palettes are learned.
-
-    Raises:
-        DataError: The photo is missing, damaged or of another size than its camera.
-    """
+    """Prepare a captured view for recoloring in its photo's own pixels; see `Model.photo_view`."""
     photo = open_photo(photo_path(view), view.space)
     orientation, full_size = photo.orientation_for(view.camera), max(photo.size)
     if size != "photo":
@@ -291,7 +251,6 @@ def make_photo_view(
 
 
 def _nearest(few: int, many: int) -> np.ndarray:
-    """Return the nearest of `few` pixels in a row for each of `many`."""
     return ((np.arange(many) + 0.5) * few / many).astype(np.intp)
 
 
@@ -319,3 +278,27 @@ def dense_weights(
         inside = coverage > NEGLIGIBLE
         planes[: len(palette.colors), inside] = (_weights(own[inside], palette, gains) * coverage[inside][:, None]).T
     return result
+
+
+def estimate_noise(photo: np.ndarray) -> float:
+    """Estimate the standard deviation per channel of the noise of a photo [H, W, 3], uint8 or float from 0 to 255.
+
+    Robust median estimator on the diagonal details of the Haar wavelet (Donoho and Johnstone 1994, "Ideal spatial
+    adaptation by wavelet shrinkage").
+    """
+    height, width = (side // 2 * 2 for side in photo.shape[:2])
+    if not height or not width:
+        return 0.0
+    blocks = photo[:height, :width].astype(np.float32).reshape(height // 2, 2, width // 2, 2, 3)
+    details = (blocks[:, 0, :, 0] - blocks[:, 0, :, 1] - blocks[:, 1, :, 0] + blocks[:, 1, :, 1]) / 2
+    return float(np.median(np.abs(details), axis=(0, 1)).mean() / 0.6745)
+
+
+def denoise(photo: np.ndarray, grain: float) -> np.ndarray:
+    """Denoise a photo [H, W, 3], uint8 or float32 from 0 to 255, by a bilateral filter (Tomasi and Manduchi 1998).
+
+    grain: its `estimate_noise`; below the rounding of 8 bits the photo itself is returned.
+    """
+    if grain < MIN_GRAIN:
+        return photo
+    return cv2.bilateralFilter(np.ascontiguousarray(photo), 2 * RADIUS + 1, SIGMA_COLOR * grain, RADIUS)

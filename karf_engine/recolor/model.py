@@ -11,41 +11,61 @@ from typing import NoReturn
 import numpy as np
 import torch
 
-from ..capture.camera import Camera
+from ..capture.camera import Camera, check_camera
 from ..capture.capture import View
-from ..capture.limits import check_camera
-from ..capture.training_images import TrainingImage, load_views
+from ..capture.training_images import TrainingImage, load_target_image, load_views
 from ..compute.runtime import find_device
 from ..errors import BadRequest
-from ..io.arguments import check_arguments, check_choice, check_number
+from ..fields.rendering.rays import camera_rays
+from ..io.arguments import check_arguments, check_array, check_choice, check_number
+from ..io.color import to_bytes
 from ..io.failures import translate_errors
-from ..palettes.edge_shape import EdgeShape
-from ..palettes.matching.painted import ObjectMatch
+from ..io.images import alpha_composite
+from ..palettes.added import extended_palettes, split_weights_of_objects
+from ..palettes.calibration import to_mean_exposure, to_photo_exposure
+from ..palettes.compositing import delta_composite, paper_composite, stack_palettes
+from ..palettes.edge_planes import apply_edges_to_planes
+from ..palettes.edge_shape import EdgeShape, active_edges
+from ..palettes.matching.painted import ObjectMatch, match_picture
 from ..palettes.palette import Edit
 from ..palettes.project_edit import ProjectEdit, edit_of
 from ..project import Project
-from ..project.locking import open_project, read_lock
 from ..project.settings import Settings
 from ..splats.gaussians import Gaussians
-from . import photo_recoloring
-from .field_rendering import background, field_frame, in_bands, label_uncertainty, photo_frame
-from .frames import Frame, one_line
-from .full_resolution import PhotoView
-from .learned import Learned
-from .photo_recoloring import base_of
+from .field_rendering import Learned, field_frame, in_bands, photo_frame
+from .frames import BAND_RAYS, Frame, one_line
+from .full_resolution import FindMattes, PhotoView, denoise, dense_weights, estimate_noise, make_photo_view
+from .matting.matte import dense_coverage, disputed_objects
+from .matting.thin_parts import Marks, read_marks, undistort_marks
 from .render_cache import RenderCache
 
 MOST_SUPERSAMPLING = 64
+BASES = {"delta": "photo", "paper": "render"}  # by compositing
+
+
+def base_of(settings: Settings, base: str | None) -> str:
+    """Return the base of captured views, `photo` or `render`: the given one, or the default of the compositing."""
+    if base is not None:
+        check_choice("base", base, tuple(BASES.values()))
+    return base or BASES[settings.compositing]
 
 
 class Model(Learned):
     """A learned project: its scene, objects and palettes.
 
-    Four ways to a picture. Of a captured view: `recolor` returns its photo with an edit, in one call; `photo_view`
-    prepares the photo for many edits, and keeps its file's bit depth and metadata; `preview` returns a small `Frame`
-    (masks, depth, palette weights) with the edges of the photo. Of any other camera: `render` returns a `Frame`.
-    `composite` applies an edit to a `Frame`; `shown` is a fast `composite` of `render`. `render_view` and `look` show
-    what the field alone has learned, with its own edges: use them for inspection and measurements.
+    Four ways to a picture:
+
+    - `recolor`: a captured photo with an edit, in one call.
+    - `photo_view`: a captured photo for many edits, in its own pixels, with its file's bit depth and metadata.
+    - `preview`: a captured view as a small `Frame` (masks, depth, palette weights) with the edges of the photo.
+    - `render`: any camera as a `Frame`.
+
+    `composite` applies an edit to a `Frame`; `render_recolored` is a fast `composite` of `render`. `render_view` and
+    `render_field` show what the field has learned, with its own edges, for inspection and measurements.
+
+    Palette weights of a captured view come from the photo's own colors, times the object's probability: they are sharp
+    and include the highlights. Weights of any other camera come from the colors of the splats, or from F_w without
+    splats, so that they are consistent between views.
 
     Attributes:
         project: the project's folder and its files.
@@ -56,8 +76,8 @@ class Model(Learned):
         segmentation: F_s, or None before segmentation.
         palettes: of the objects, in their order; empty before palettes are learned.
         recoloring: F_w, or None where it is not trained (`recoloring.iterations` of 0).
-        splatted: the scene as Gaussians, which cameras are rendered from; None if they are not learned, if the settings
-            select the field, or without the package numba.
+        splatted: the scene as Gaussians; None if they are not learned, if the settings select the field, or without the
+            package numba.
 
     Example:
         model = Model.load("garden_karf")
@@ -83,10 +103,7 @@ class Model(Learned):
         Raises BadRequest if nothing is learned there or there is no such device, DataError if it is not a project or a
         file is damaged.
         """
-        project = open_project(folder)
-        project.require("geometry")  # before the lock file is made: other folders stay untouched
-        with read_lock(project):
-            return cls(project, find_device(device))
+        return cls(Project(folder).snapshot(), find_device(device))
 
     def __repr__(self) -> str:
         return one_line("Model", f"{self.project.folder}: {', '.join(self.objects) or 'no objects yet'}")
@@ -134,7 +151,12 @@ class Model(Learned):
     def render_background(self, camera: Camera) -> np.ndarray:
         """Render the background of a camera's pinhole, [H, W, 3] float32 sRGB. Raises DataError for an invalid camera."""
         pinhole = _checked_camera(camera).without_distortion()
-        return background(self, pinhole) if self.splatted is None else self.splatted.render_background(pinhole)
+        if self.splatted is not None:
+            return self.splatted.render_background(pinhole)
+        with torch.no_grad():
+            bands = camera_rays(pinhole, self.device).viewdirs.split(BAND_RAYS)
+            colors = torch.cat([self.scene.background_color(band) for band in bands])
+        return colors.cpu().numpy().reshape(pinhole.height, pinhole.width, 3)
 
     @check_arguments
     def recolored_splats(self, edit: Edit) -> Gaussians:
@@ -169,7 +191,11 @@ class Model(Learned):
         Raises BadRequest for a frame of another size or model, DataError if the uncertainties are missing or damaged.
         """
         _checked_camera(pinhole)
-        return label_uncertainty(self, pinhole, frame)
+        self.check_frame(frame)
+        check_array("frame.depth", frame.depth, (pinhole.height, pinhole.width))
+        origins, directions = pinhole.rays(pinhole.pixel_centers())
+        doubts = self.doubts.at(origins + frame.depth.reshape(-1, 1) * directions)
+        return np.ascontiguousarray(doubts.T).reshape(-1, *frame.depth.shape) * frame.opacity
 
     @check_arguments
     def working_camera(self, view: View) -> Camera:
@@ -206,8 +232,18 @@ class Model(Learned):
         if long_side is not None:
             check_number("long_side", long_side, 1)
         field = self.render_field(self.working_camera(view).without_distortion())
-        size = long_side or self.settings.render.preview
-        return photo_recoloring.preview_frame(self, self._cache, view, field, size)
+        training_image = load_views([view], long_side or self.settings.render.preview)[0]
+        base = alpha_composite(training_image.color, training_image.alpha)
+        photo, rendered = to_bytes(base), to_bytes(field.color * np.array(view.gains, np.float32))
+        marks = undistort_marks(self._marks(view), view.camera)
+        mattes = self._find_mattes()(photo, field.probabilities, rendered, marks)
+        coverages = dense_coverage(mattes, base.shape[:2])
+        weights = None
+        if self.palettes:
+            denoised = denoise(photo, estimate_noise(photo))
+            own_colors = [matte.own_picture(denoised) for matte in mattes]
+            weights = dense_weights(own_colors, self.palettes, coverages, view.gains)
+        return Frame(field.picture, coverages, weights, base, disputed_objects(self.objects, mattes), gains=view.gains)
 
     @check_arguments
     def photo_view(self, view: View, size: str | int = "photo") -> PhotoView:
@@ -218,7 +254,14 @@ class Model(Learned):
         Raises BadRequest for another size, DataError if the photo is missing, damaged or of another size than its camera.
         """
         _check_size(size, ("photo",))
-        return photo_recoloring.photo_view(self, self._cache, view, self.render_field(self.working_camera(view)), size)
+        field = self.render_field(self.working_camera(view))
+        return make_photo_view(view, size, field, self._marks(view), self._find_mattes(), self.objects, self.palettes)
+
+    def _marks(self, view: View) -> Marks:
+        return read_marks(self.project.check_inside(self.project.masks_folder), self.objects, view)
+
+    def _find_mattes(self) -> FindMattes:
+        return partial(self._cache.mattes, self.settings.render.edges, seed=self.settings.seed)
 
     @check_arguments
     def edit(self, path: Path | str | None = None) -> ProjectEdit:
@@ -257,7 +300,15 @@ class Model(Learned):
         for one without palette weights.
         """
         self.check_edit(edit)
-        return photo_recoloring.composite(self, frame, edit)
+        frame = self.with_edges(frame, edit.edges)
+        assert frame.palette_weights is not None
+        edited = to_photo_exposure(stack_palettes(self.objects, edit.colors), frame.gains)
+        weights = split_weights_of_objects(frame.palette_weights, self.palettes, edit.added)
+        if edit.compositing == "paper":
+            return paper_composite(frame.base, weights, frame.probabilities, edited)
+        known = {each.name: each.colors for each in extended_palettes(self.palettes, edit.added)}
+        before = to_photo_exposure(stack_palettes(self.objects, known), frame.gains)
+        return delta_composite(frame.base, weights, before, edited)
 
     @check_arguments
     def with_edges(self, frame: Frame, edges: Mapping[str, EdgeShape]) -> Frame:
@@ -268,7 +319,21 @@ class Model(Learned):
 
         Raises BadRequest for a frame of another model or without palette weights, and for edges of other objects.
         """
-        return photo_recoloring.with_edges(self, frame, edges)
+        self.check_frame(frame)
+        if frame.palette_weights is None:
+            raise BadRequest("The frame has no palette weights.", "Take one of render, render_view or preview.")
+        if not set(edges) <= set(self.objects):
+            raise BadRequest(f"The edges are of {', '.join(edges):.200}.", f"Objects are: {', '.join(self.objects)}.")
+        if not active_edges(edges):
+            return frame
+        if frame.camera is not None and self.splatted is not None:
+            render = partial(self.splatted.frame, edges=active_edges(edges), fades=frame.fades)
+            shaped = in_bands(render, frame.camera, frame.supersampling)
+            return replace(frame, palette_weights=shaped.palette_weights, probabilities=shaped.probabilities)
+        scale = max(frame.base.shape[:2]) / self.photo_side
+        planes = to_mean_exposure(frame.base, frame.gains), frame.palette_weights, frame.probabilities
+        weights, probabilities = apply_edges_to_planes(*planes, self.palettes, edges, scale)
+        return replace(frame, palette_weights=weights, probabilities=probabilities)
 
     @check_arguments
     def match(self, view: View, picture: Path | str, edit: Edit) -> tuple[ObjectMatch, ...]:
@@ -283,7 +348,14 @@ class Model(Learned):
         DataError if picture or photo is missing or damaged.
         """
         self.check_edit(edit)
-        return photo_recoloring.match(self, self.preview(view), view, Path(picture), edit)
+        frame = self.preview(view)
+        assert frame.palette_weights is not None
+        wanted = load_target_image(view, Path(picture), self.settings.render.preview)
+        weights = split_weights_of_objects(frame.palette_weights, self.palettes, edit.added)
+        palettes = extended_palettes(self.palettes, edit.added)
+        sets = {each.name: range(len(each.colors), len(edit.colors[each.name])) for each in self.palettes}
+        before, after = (to_mean_exposure(each, view.gains) for each in (frame.base, wanted))
+        return match_picture(weights, frame.probabilities, before, after, palettes, edit.colors, sets)
 
 
 def _checked_camera(camera: Camera) -> Camera:

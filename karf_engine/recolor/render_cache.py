@@ -27,12 +27,11 @@ from ..fields.scene import Picture
 from ..io.checkpoints import damage_as_data_error, load_tensors, save_tensors
 from ..io.containment import is_link
 from ..project import Project
-from .field_rendering import segmented_frame
+from .field_rendering import Learned, segmented_frame
 from .frames import Frame
-from .learned import Learned
-from .matting.marks import Marks
 from .matting.matte import Matte
-from .matting.refine import make_mattes
+from .matting.photo_mattes import make_mattes
+from .matting.thin_parts import Marks
 
 SCHEMA = "karf-look/2"  # raise the number when renderings change
 MATTES = "karf-mattes/3"  # raise the number when mattes change
@@ -74,7 +73,7 @@ class RenderCache:
     def mattes(
         self, edges: str, photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks, seed: int
     ) -> list[Matte]:
-        """Return `matting.refine.mattes_of` these arguments, from disk if they are known.
+        """Return `make_mattes` of these arguments, from disk if they are known.
 
         The seed must be that of the learned scene: it is not part of the file's name.
         """
@@ -93,7 +92,6 @@ class RenderCache:
         return mattes
 
     def _write(self, path: Path, tensors: dict[str, torch.Tensor], schema: str, facts: dict[str, Any]) -> None:
-        """Write a file if there is room, and remove those of earlier stages."""
         if not self._project.state_file.exists():  # deleted meanwhile
             return
         with suppress(OSError, SafetensorError):
@@ -103,7 +101,6 @@ class RenderCache:
                 save_tensors(path, tensors, schema, facts | {"checksum": _checksum(tensors)})
 
     def _remove_outdated(self) -> None:
-        """Remove the cache's files of earlier stages, and no others."""
         for folder in self._folder.parent.glob("*/"):
             if folder == self._folder or not HASH.fullmatch(folder.name) or is_link(folder):
                 continue
@@ -123,7 +120,6 @@ class RenderCache:
 
 
 def _load(path: Path, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-    """Read tensors and facts. Raises DataError if the file is missing or damaged."""
     tensors, facts = load_tensors(path, schema)
     with damage_as_data_error(path):
         if facts["checksum"] != _checksum(tensors):
@@ -162,7 +158,6 @@ def _read_mattes(path: Path, n_objects: int) -> list[Matte] | None:
 
 
 def _matte_of(tensors: dict[str, torch.Tensor], k: int, rows: list[int], columns: list[int], disputed: bool) -> Matte:
-    """Restore a matte. Raises ValueError for tensors that are not a matte."""
     coverage, mixed, colors = (tensors[f"{k}.{name}"].numpy() for name in ("coverage", "mixed", "mixed_colors"))
     box = (rows[1] - rows[0], columns[1] - columns[0])
     within = not len(mixed) or 0 <= mixed.min() <= mixed.max() < coverage.size
@@ -172,5 +167,4 @@ def _matte_of(tensors: dict[str, torch.Tensor], k: int, rows: list[int], columns
 
 
 def _hash(*parts: Any) -> str:
-    """Return 16 hexadecimal digits that depend on all parts."""
     return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:16]

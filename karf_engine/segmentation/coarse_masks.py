@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..capture.camera import Camera
-from ..capture.capture import Capture, View
-from ..capture.mask_names import mask_files, matches_view
+from ..capture.capture import Capture, View, mask_files, matches_view
 from ..capture.training_images import TrainingImage, undistort
 from ..errors import DataError, Message
 from ..io.files import copy_file

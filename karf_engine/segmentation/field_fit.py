@@ -11,9 +11,9 @@ from torch import Tensor
 
 from ..compute.progress import Progress
 from ..compute.runtime import Runtime
+from ..fields.fit import Checkpoint
 from ..fields.protocol import Field
 from ..fields.rendering.surface_cache import SurfaceCache
-from ..fields.training.checkpoint import Checkpoint
 from ..heads.fields import SegmentationField
 from ..heads.fit import fit_on_points, fit_on_rays
 from ..heads.training_rays import BACKGROUND, MIN_INTERIOR_PIXELS, ObjectSurface

@@ -17,9 +17,9 @@ import torch
 from scipy.sparse import csr_matrix
 
 from ..capture.capture import Capture, View
-from ..compute.convergence import convergence_as_event
 from ..compute.neighbors import build_kd_tree
 from ..compute.progress import Emit, Progress
+from ..compute.sparse_systems import convergence_as_event
 from ..errors import BadRequest, DataError
 from ..fields.protocol import Field
 from ..heads.fields import Volumes

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy import sparse
 
-from ..compute.convergence import warn_not_converged
 from ..compute.neighbors import build_kd_tree
+from ..compute.sparse_systems import warn_not_converged
 
 TOLERANCE, MAX_STEPS = 1e-4, 150  # of conjugate gradients; relative to the right-hand side
 

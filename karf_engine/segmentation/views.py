@@ -17,7 +17,7 @@ from ..errors import DataError
 from ..fields.protocol import Field
 from ..fields.rendering.rays import camera_rays
 from ..fields.rendering.surface_cache import SurfaceCache, cache_surface, concatenate_caches
-from ..palettes.exposure import to_mean_exposure
+from ..palettes.calibration import to_mean_exposure
 from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 

@@ -25,15 +25,9 @@ DEPTH_ERROR = 0.01  # largest relative difference between the depth of a point a
 def sample_surface_points(
     gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
 ) -> SparsePoints:
-    """Sample points on visible surfaces, with their observations, as structure from motion does.
+    """Sample about POINTS points on visible surfaces, with their observations, as structure from motion does.
 
-    Args:
-        gaussians: Scene.
-        cameras: Cameras of the views; lens distortion is ignored.
-        step: Called after each view; may raise Cancelled.
-
-    Returns:
-        About POINTS points, fewer if few pixels are opaque; pixel coordinates of the cameras.
+    Lens distortion is ignored. step: called after each view; may raise Cancelled.
     """
     from .rasterizer import rasterize  # needs numba
 

@@ -1,9 +1,9 @@
-"""Training of Gaussians on photos: mean squared error, sparse Adam, per-photo exposure."""
+"""Training of Gaussians on photos: mean squared error, sparse Adam, and an exposure of each photo."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -14,36 +14,27 @@ from ..capture.training_images import TrainingImage
 from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
-from ..fields.training.checkpoint import Checkpoint
-from ..fields.training.state import check_same_layout, read_integer, scalar_tensor
+from ..fields.fit import Checkpoint
+from ..fields.training import check_same_layout, read_integer, scalar_tensor
 from ..io.color import to_bytes
 from ..io.images import resize
-from .exposures import Exposures
 from .gaussians import Gaussians
 from .kernels.adam import adam
 from .kernels.arrays import CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
-from .rasterizer import RasterizedView, pinhole
+from .rasterizer import RasterizedView, pinhole, rasterize
 
 WINDOW = 400  # side of the windows of larger photos, pixels
 HALVED = 0.6  # fraction of the iterations, at the start, with photos at half size
 PHOTO_EVERY = 3  # with pictures between the photos: every third iteration shows a photo
+# learning rates by first column: 4 to 16 times those of Kerbl et al. 2023, for hundreds of iterations instead of tens of
+# thousands; of the centers in units of each Gaussian's size
+RATES = {CENTER: 0.2, LOG_SCALE: 0.16, ROTATION: 0.03, LOGIT: 0.1, COLOR: 0.02, COLOR + 3: 0.008}
 LAST_RATE = 0.05  # factor of the learning rates at the end
 LEAST_PIXELS = 0.1  # least scale of a Gaussian, pixels of the photo that shows it largest
-
-
-@dataclass(frozen=True)
-class Rates:
-    """Learning rates; of the centers in units of each Gaussian's size.
-
-    They are 4 to 16 times those of Kerbl et al. 2023, for hundreds of iterations instead of tens of thousands.
-    """
-
-    center: float = 0.2
-    scale: float = 0.16
-    rotation: float = 0.03
-    opacity: float = 0.1
-    color: float = 0.02
-    harmonics: float = 0.008
+DARKEST, BRIGHTEST = 0.02, 0.98  # sRGB range of pixels that are not clipped
+PRIOR = 0.0125  # squared sRGB, added to both moments as a prior for a gain of 1
+MOMENTUM = 0.5  # weight of the newest estimate
+NOISE = 0.01  # standard deviation of log gains caused by incomplete training
 
 
 @dataclass(frozen=True)
@@ -84,13 +75,39 @@ class Photo:
         return Photo(cropped, self.color[rows, columns], alpha, valid)
 
 
-class SplatFit:
-    """Fit of Gaussians to photos.
+class Exposures:
+    """Exposures of n photos relative to each other: gains of red, green and blue with a geometric mean of 1.
 
-    Attributes:
-        iterations: Number of iterations.
-        done: Completed iterations.
+    Without gains, brighter photos are explained by view-dependent colors and haze. A gain in sRGB is close to one in
+    linear light except in dark tones, and also covers white balance. `measured` [n, 3] float32 are estimates of
+    photo / rendering, and `gains` the same shrunk toward 1, the more the less the photos differ.
     """
+
+    def __init__(self, n_photos: int) -> None:
+        self.measured, self.gains = (np.ones((n_photos, 3), np.float32) for _ in range(2))
+
+    def update(self, number: int, shown: np.ndarray, photo: np.ndarray) -> None:
+        """Update the gains of one photo by rendered and own pixels, [m, 3] sRGB each."""
+        usable = (photo > DARKEST) & (photo < BRIGHTEST)
+        usable_shown = np.where(usable, shown, 0)
+        count = np.maximum(usable.sum(0), 1)
+        gain = ((usable_shown * photo).sum(0) / count + PRIOR) / ((usable_shown * usable_shown).sum(0) / count + PRIOR)
+        self.measured[number] += MOMENTUM * (gain - self.measured[number])
+        self.gains[number] = self.measured[number] ** self._shrinkage()
+
+    def balance(self) -> None:
+        """Normalize the geometric mean of the gains to 1."""
+        self.measured /= np.exp(np.log(self.measured).mean(0))
+        self.gains[:] = self.measured ** self._shrinkage()
+
+    def _shrinkage(self) -> np.float32:
+        """Return the fraction of the variance of log gains that is not noise."""
+        variance = np.log(self.measured).var()
+        return variance / (variance + np.float32(NOISE**2))
+
+
+class SplatFit:
+    """Fit of Gaussians to photos. Of `iterations`, `done` are completed."""
 
     def __init__(
         self,
@@ -98,7 +115,6 @@ class SplatFit:
         photos: Sequence[Photo],
         iterations: int,
         seed: int,
-        rates: Rates = Rates(),
         pseudo_photos: Sequence[Photo] = (),
     ) -> None:
         """Create a new fit.
@@ -108,8 +124,7 @@ class SplatFit:
             photos: Training photos.
             iterations: Photos, or windows of them, to show.
             seed: Seed of their order.
-            rates: Learning rates.
-            between: Pictures of the field between the photos, shown in two of three iterations.
+            pseudo_photos: Pictures of the field between the photos, shown in two of three iterations.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
@@ -121,7 +136,9 @@ class SplatFit:
         self._steps = np.zeros(len(gaussians), np.int32)
         self._sizes = np.exp(self._table[:, LOG_SCALE : LOG_SCALE + 3].max(1))
         self._least = np.log(LEAST_PIXELS * _pixel_sizes(gaussians, photos)).astype(np.float32)
-        self._rates = _by_column(rates, self._table.shape[1])
+        self._rates = np.empty(self._table.shape[1], np.float32)
+        for first, rate in RATES.items():
+            self._rates[first:] = rate
 
     @property
     def gaussians(self) -> Gaussians:
@@ -130,7 +147,7 @@ class SplatFit:
 
     @property
     def gains(self) -> np.ndarray:
-        """Exposure gains of each photo, [n, 3] float32 (see exposures.py)."""
+        """Exposure gains of each photo, [n, 3] float32."""
         return self._exposures.gains
 
     def run(self, progress: Progress, checkpoint: Checkpoint | None = None) -> None:
@@ -240,14 +257,6 @@ class SplatFit:
             each[:] = state[name].numpy()
 
 
-def _by_column(rates: Rates, n_columns: int) -> np.ndarray:
-    columns = np.full(n_columns, rates.harmonics, np.float32)
-    firsts = (CENTER, LOG_SCALE, ROTATION, LOGIT, COLOR, COLOR + 3)
-    for first, last, rate in zip(firsts, firsts[1:], astuple(rates), strict=False):
-        columns[first:last] = rate
-    return columns
-
-
 def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
     """Return the size of a pixel at each Gaussian in the photo that shows it largest, [n] world units."""
     least = np.full(len(gaussians), np.inf)
@@ -259,3 +268,29 @@ def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
             seen = (depth > gaussians.near) & (pixels >= 0).all(1) & (pixels <= (camera.width, camera.height)).all(1)
         least[seen] = np.minimum(least[seen], depth[seen] / max(camera.fx, camera.fy))
     return np.where(np.isfinite(least), least, np.exp(gaussians.table[:, LOG_SCALE : LOG_SCALE + 3].min(1)))
+
+
+def interpolate_gains(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
+    """Interpolate the gains of a held-out photo between the photos before and after it.
+
+    Args:
+        gains: [n, 3], of the training photos.
+        places: Positions of these n photos in shooting order, ascending.
+        place: Position of the held-out photo.
+
+    Examples:
+        >>> interpolate_gains(np.array([[1.0, 1.0, 1.0], [1.2, 1.0, 0.8]]), [0, 2], 1)
+        array([1.1, 1. , 0.9], dtype=float32)
+    """
+    return np.array([np.interp(place, places, channel) for channel in gains.T], np.float32)
+
+
+def psnr(gaussians: Gaussians, photos: Sequence[Photo], gains: np.ndarray | float = 1.0) -> float:
+    """Return the PSNR in dB, at most 100, of the mean squared error over photos. gains: their exposure, [3] sRGB."""
+    return -10 * float(np.log10(np.mean([_squared_error(gaussians, photo, gains) for photo in photos]) + 1e-10))
+
+
+def _squared_error(gaussians: Gaussians, photo: Photo, gains: np.ndarray | float) -> float:
+    shown = (np.float32(gains) * rasterize(gaussians, photo.camera).image[..., :3]).clip(0, 1)
+    squares = np.square(shown - photo.over(gaussians.background))
+    return float((squares if photo.valid is None else squares[photo.valid]).mean())

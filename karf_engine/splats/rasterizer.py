@@ -15,9 +15,8 @@ from ..compute.cores import parallel_for
 from ..errors import OutOfMemory
 from .gaussians import Gaussians
 from .kernels.arrays import ENTRY, PIXEL_FILTER, SPLAT, SPLAT_GRADIENTS, TILE, TILE_BOX, Pinhole, ScreenFilter
-from .kernels.blending import blend, blend_back, blend_values
+from .kernels.blending import blend, blend_back, blend_values, count_entries, fill_entries
 from .kernels.projection import project, project_back
-from .kernels.tiles import count_entries, fill_entries
 
 Background = tuple[float, float, float]
 CHANNELS = ("red", "green", "blue")
@@ -25,13 +24,11 @@ UNKNOWN_COLOR = np.float32(0.5)  # sRGB gray of Gaussians with confidence 0
 
 
 class RasterizedView:
-    """One view of a table of Gaussians.
+    """One view of a table of Gaussians."""
 
-    Attributes:
-        depths: [n] float32, depth of the centers, world units; undefined for invisible Gaussians.
-        image: [H, W, 4] float32, sRGB over the background, and the transmittance.
-        offsets: [n + 1] int32, first tile entry of each Gaussian in the order of the table.
-    """
+    depths: np.ndarray  # [n] float32, of the centers, world units; undefined for invisible Gaussians
+    image: np.ndarray  # [H, W, 4] float32, sRGB over the background, and the transmittance
+    offsets: np.ndarray  # [n + 1] int32, first tile entry of each Gaussian in the order of the table
 
     def __init__(
         self, table: np.ndarray, camera: Pinhole, background: Background, confidence: np.ndarray | None = None
@@ -103,12 +100,7 @@ class RasterizedView:
         return result
 
     def backward(self, gradient: np.ndarray, gradients: np.ndarray) -> None:
-        """Write the gradients of a loss for all visible rows; other rows are unchanged.
-
-        Args:
-            gradient: [H, W, 3] float32, with respect to the image's colors.
-            gradients: [n, 11 + 3 K] float32, output.
-        """
+        """Write the `gradients` [n, 11 + 3 K] of visible rows from that of the image's colors, [H, W, 3] float32."""
         by_splat = self._splat_gradients(gradient)
         parallel_for(
             project_back, len(self._table), self._table, self._camera, self._splats, self.offsets, by_splat, gradients

@@ -17,11 +17,7 @@ N_DIRECTIONS = 64
 
 
 def transform_gaussians(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
-    """Return transformed Gaussians.
-
-    Args:
-        gaussians: Any.
-        matrix: [4, 4] float64, a rotation, uniform scale and translation.
+    """Return Gaussians after a rotation, uniform scale and translation, [4, 4] float64.
 
     Raises:
         BadRequest: The matrix shears, mirrors, scales unequally or is not finite.
@@ -40,14 +36,7 @@ def transform_gaussians(gaussians: Gaussians, matrix: np.ndarray) -> Gaussians:
 
 
 def transform_table(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Transform a table of Gaussians.
-
-    Args:
-        table: [n, 11 + 3 K] (see gaussians.Gaussians), of any floating type.
-        matrix: [4, 4] float64, applied to columns (x, y, z, 1).
-
-    Returns:
-        [n, 11 + 3 K] of the same type; the table itself if the matrix is the identity.
+    """Transform a table of Gaussians, of any floating type; return the table itself if the matrix is the identity.
 
     Raises:
         ValueError: The matrix shears, mirrors, or scales unequally.
@@ -73,14 +62,9 @@ def rotate_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def estimate_rotation(here: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Estimate the rotation between points moved by a similarity transform (Umeyama 1991).
+    """Estimate the rotation [3, 3] between points [m, 3] before and after a similarity transform (Umeyama 1991).
 
-    Args:
-        here: [m, 3], m >= 1, any unit.
-        there: [m, 3], the same points after the transform.
-
-    Returns:
-        [3, 3] float64; the exact identity if the rotation is below rounding.
+    It is the exact identity if it is below rounding.
 
     Raises:
         ValueError: The numbers of points differ, or they were not moved by a similarity transform.
@@ -130,7 +114,7 @@ def _harmonics_rotation(rotation: np.ndarray, count: int) -> np.ndarray:
 
 def _harmonics(directions: np.ndarray, count: int) -> np.ndarray:
     """Return the first harmonics [n, count] of unit directions [n, 3]."""
-    from .kernels.harmonics import harmonics  # needs numba, unlike files of degree 0
+    from .kernels.projection import harmonics  # needs numba, unlike files of degree 0
 
     values = np.empty((len(directions), count), np.float64)
     for (x, y, z), row in zip(directions, values, strict=True):

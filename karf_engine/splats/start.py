@@ -1,39 +1,48 @@
-"""Initial Gaussians from a learned field: flat disks on its surface in its mean colors, and a distant background shell."""
+"""What a learned field gives to the fit: initial Gaussians, and pictures between distant photos.
+
+Initial Gaussians are flat disks on its surface in its mean colors, and a distant background shell. Photos far apart do not
+constrain a Gaussian that floats in front of a camera that took none; the field's own priors (fields/priors.py) do.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 
+from ..capture.camera import Camera
 from ..capture.capture import View
+from ..fields.extent import focus_point, is_wide_baseline, upright_axes
 from ..fields.scene import Scene
 from ..fields.scene_surface import SurfacePoints, surface_points
-from .gaussians import Gaussians
+from ..io.color import to_bytes
+from .gaussians import Gaussians, near_plane
 from .kernels.arrays import C0, CENTER, COLOR, LOG_SCALE, LOGIT, ROTATION
+
+if TYPE_CHECKING:
+    from .fit import Photo
 
 MAX_VIEWS = 64  # that sample the surface
 FLATNESS = 0.2  # thickness / width of a disk
 OPACITY, OPACITY_BEHIND = 0.8, 0.9
+PSEUDO_VIEWS_PER_PHOTO = 6
+SIDE = 256  # largest side of such a picture, pixels; the field has no finer detail
 BEHIND, BEHIND_DISTANCE = 8000, 15.0  # Gaussians of the shell; its radius in distances of the farthest camera
-NEAREST = 0.02  # near plane in median distances between cameras and surface
 
 
 def initial_gaussians(
     scene: Scene, views: Sequence[View], count: int, degree: int, step: Callable[[], None] = lambda: None
 ) -> Gaussians:
-    """Return initial Gaussians with view-independent colors.
+    """Return about `count` initial Gaussians with view-independent colors and harmonics of a degree of 0 to 3.
 
-    Args:
-        scene: Learned scene.
-        views: Views that sample the surface.
-        count: Approximate number of Gaussians.
-        degree: Degree of the spherical harmonics, 0 to 3.
-        step: Called after each rendered view, `len(surface_views(views))` times; may raise Cancelled.
+    step: called after each rendered view, `len(surface_views(views))` times; may raise Cancelled.
 
     Raises:
-        NothingSolid: The scene has no surface.
+        NoSurface: The scene has no surface.
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])
@@ -45,11 +54,6 @@ def initial_gaussians(
     behind = scene.background_color(torch.tensor([[0.0, 0.0, 1.0]])) if n_behind == 0 else torch.zeros(1, 3)
     red, green, blue = behind[0].tolist()
     return Gaussians(table, n_behind, (red, green, blue), near)
-
-
-def near_plane(centers: np.ndarray, eyes: np.ndarray) -> float:
-    """Return the depth of the near plane for centers [n, 3] and camera positions [m, 3]."""
-    return float(NEAREST * np.median(np.linalg.norm(np.median(centers, 0) - eyes, axis=1)))
 
 
 def surface_views(views: Sequence[View]) -> list[View]:
@@ -97,3 +101,39 @@ def _rotations_to(normals: np.ndarray) -> np.ndarray:
 
 def _logit(probability: float) -> float:
     return float(np.log(probability / (1 - probability)))
+
+
+# -------------------------------------------------------------------------------------------------- between the photos
+def pseudo_cameras(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
+    """Return PSEUDO_VIEWS_PER_PHOTO cameras per photo, rotated about the up axis through the focus point in even steps.
+
+    There are none unless the photos have wide baselines and an opaque background. seed: of the first angle of each photo.
+    """
+    focus = focus_point(list(cameras))
+    if scene.background_kind != "opaque" or not is_wide_baseline(list(cameras), focus):
+        return []
+    up, random = upright_axes(list(cameras))[2], np.random.default_rng([seed, 2])
+    found = []
+    for camera in cameras:
+        for angle in 2 * np.pi * (np.arange(PSEUDO_VIEWS_PER_PHOTO) + random.random()) / PSEUDO_VIEWS_PER_PHOTO:
+            rotation = Rotation.from_rotvec(angle * up).as_matrix()
+            pose = camera.camera_to_world.copy()
+            pose[:3, :3] = rotation @ pose[:3, :3]
+            pose[:3, 3] = focus.numpy() + rotation @ (camera.position - focus.numpy())
+            found.append(replace(camera, camera_to_world=pose))
+    return found
+
+
+def render_pseudo_photos(
+    scene: Scene, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
+) -> list[Photo]:
+    """Render the field from pinholes, at most SIDE pixels large. step: called after each; may raise Cancelled."""
+    from .fit import Photo  # needs numba
+
+    pictures = []
+    for camera in cameras:
+        factor = min(1.0, SIDE / max(camera.width, camera.height))
+        small = camera.scaled(max(1, round(factor * camera.width)), max(1, round(factor * camera.height)))
+        pictures.append(Photo(small, to_bytes(scene.render(small, 1).color.cpu().numpy()), None, None))
+        step()
+    return pictures

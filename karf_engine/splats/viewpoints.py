@@ -58,9 +58,7 @@ class Target:
 def estimate_target(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
     """Estimate what the photos of Gaussians showed, and from how far.
 
-    Args:
-        gaussians: As read.
-        up: [3]; None for the normal of the largest flat areas, on the side of COLMAP's -y or Blender's z.
+    up: [3]; None for the normal of the largest flat areas, on the side of COLMAP's -y or Blender's z.
 
     Raises:
         DataError: Nothing is solid, or everything is in one place.
@@ -136,12 +134,7 @@ def cameras_around(
 ) -> list[Camera]:
     """Return cameras that face the target from all sides, or outward from its middle if it surrounds them.
 
-    Args:
-        gaussians: As read.
-        target: From `estimate_target`.
-        count: Number of cameras, at most.
-        size: Width and height of their pictures, pixels.
-        step: Called after each candidate; may raise Cancelled.
+    count: their largest number; size: width and height of their pictures; step: called after each candidate, may raise Cancelled.
     """
     thinned = _thinned(gaussians)
     for distance in target.distance * SHRINKS:
@@ -160,7 +153,7 @@ def _thinned(gaussians: Gaussians) -> Gaussians:
         return gaussians
     table = gaussians.table[np.random.default_rng(0).choice(len(gaussians), MAX_THUMBNAIL_GAUSSIANS, replace=False)]
     table[:, LOG_SCALE : LOG_SCALE + 3] += 0.5 * np.log(len(gaussians) / MAX_THUMBNAIL_GAUSSIANS)
-    return replace(gaussians, table=table, n_behind=0)
+    return replace(gaussians, table=table, n_background=0)
 
 
 def _dome(target: Target, distance: float, count: int) -> list[Camera]:

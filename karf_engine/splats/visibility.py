@@ -22,13 +22,7 @@ KNOWN, UNKNOWN = np.radians(10), np.radians(40)  # angles beyond the outermost p
 def visibility_in_photos(
     gaussians: Gaussians, cameras: Sequence[Camera], step: Callable[[], None] = lambda: None
 ) -> np.ndarray:
-    """Compute `Gaussians.looks`.
-
-    Args:
-        gaussians: Learned Gaussians.
-        cameras: Cameras of the photos.
-        step: Called after each camera; may raise Cancelled.
-    """
+    """Compute `Gaussians.visibility` for the photos' cameras. step: called after each; may raise Cancelled."""
     centers, shown = gaussians.table[:, :3], []
     for camera in cameras:
         shown.append(rasterize(gaussians, camera.without_distortion().reduced(SIDE)).weights() >= VISIBLE)
@@ -46,7 +40,7 @@ def confidence_from(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
     """Return the confidence in each Gaussian's appearance from a viewpoint.
 
     Args:
-        gaussians: With `looks`.
+        gaussians: With `visibility`.
         eye: [3], world.
 
     Returns:

@@ -1,11 +1,12 @@
-"""Findings of the doctor, one line of JSON each, so that none is lost when a library crashes."""
+"""Findings of the doctor, one line of JSON each, and the tested versions of Python and packages."""
 
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict, dataclass
 
-from ..errors import KarfError, error_from_code
+from ..errors import INSTALL_NAMES, KarfError, error_from_code
 
 OK, WARNING, ERROR = "ok", "warning", "error"
 STATUSES = (OK, WARNING, ERROR)  # from good to bad
@@ -14,25 +15,15 @@ VERDICT = "engine"  # the name of the last finding, which summarizes the others
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one check.
+    """The result of one check."""
 
-    Attributes:
-        name: A stable word for programs: `torch`, `disk`, `geometry`; `engine` for the last finding.
-        status: `ok`, `warning` (it works, with a limit) or `error` (the engine cannot work).
-        sentence: The finding.
-        remedy: What to do about it; optional packages have one even with the status `ok`.
-        command: A terminal command that is the remedy, else empty.
-        code: For an error, the `KarfError.code` of the resulting failure.
-        seconds: Duration of a timed check.
-    """
-
-    name: str
-    status: str
+    name: str  # a stable word for programs: torch, disk, geometry; engine for the last finding
+    status: str  # ok, warning (it works, with a limit) or error (the engine cannot work)
     sentence: str
-    remedy: str = ""
-    command: str = ""
-    code: str = ""
-    seconds: float | None = None
+    remedy: str = ""  # optional packages have one even with the status ok
+    command: str = ""  # for a terminal, if that is the remedy
+    code: str = ""  # for an error, the KarfError.code of the resulting failure
+    seconds: float | None = None  # duration of a timed check
 
     @property
     def exit_code(self) -> int:
@@ -54,15 +45,7 @@ class Finding:
 
     @classmethod
     def from_line(cls, line: str) -> Finding:
-        """Parse a line.
-
-        Raises:
-            ValueError: The line is not a finding.
-
-        Examples:
-            >>> Finding.from_line(Finding("disk", OK, "8 GB are free.").to_line()).sentence
-            '8 GB are free.'
-        """
+        """Parse a line. Raises ValueError if it is not a finding."""
         try:
             finding = cls(**json.loads(line))
         except TypeError as error:  # not an object, or other keys
@@ -75,3 +58,60 @@ class Finding:
 def error_finding(name: str, error: KarfError, seconds: float | None = None) -> Finding:
     """Convert an error to a finding."""
     return Finding(name, ERROR, error.sentence, error.hint, code=error.code, seconds=seconds)
+
+
+@dataclass(frozen=True)
+class Range:
+    """A half-open range of versions."""
+
+    lowest: str
+    end: str
+
+    def contains(self, version: str) -> bool:
+        """Return whether a version is in the range, ignoring labels after its numbers."""
+        return _numbers(self.lowest) <= _numbers(version) < _numbers(self.end)
+
+    def __str__(self) -> str:
+        return f"{self.lowest} to below {self.end}"
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package by its import name, and its tested versions."""
+
+    name: str
+    range: Range
+
+    @property
+    def pip(self) -> str:
+        """The name of its distribution."""
+        return INSTALL_NAMES.get(self.name, self.name)
+
+    @property
+    def requirement(self) -> str:
+        """The requirement for pip."""
+        return f"{self.pip}>={self.range.lowest},<{self.range.end}"
+
+
+PYTHON = Range("3.11", "3.15")
+REQUIRED = (
+    Package("torch", Range("2.6", "3")),
+    Package("numpy", Range("2.0.2", "3")),
+    Package("scipy", Range("1.15.3", "2")),
+    Package("safetensors", Range("0.4.5", "1")),
+    Package("filelock", Range("4.2.11", "5")),
+    Package("imageio", Range("2.36", "3")),
+    Package("PIL", Range("11", "14")),
+    Package("cv2", Range("5.0.0.93", "6")),
+    Package("OpenEXR", Range("3.4", "4")),
+)
+POSES = Package("pycolmap", Range("4.1", "5"))
+FAST = Package("numba", Range("0.62", "1"))
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """Return the leading numbers of a version without trailing zeros: 2.13.0+cpu is (2, 13)."""
+    numbers = [int(part) for part in re.split(r"[^\d.]", version)[0].split(".") if part]
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    return tuple(numbers)

@@ -1,4 +1,4 @@
-"""A worker's loop: serve a job, then wait for the next one (see `protocol`)."""
+"""A worker: read messages from standard input, serve a job, then wait for the next one (see `protocol`)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import ctypes
 import gc
 import os
 import platform
+import queue
 import sys
 import tempfile
-from collections.abc import Callable, Iterable
+import threading
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
@@ -18,14 +21,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from ..commands.dispatch import run_command
 from ..commands.options import options_of_job
 from ..compute.progress import Emit
-from ..errors import Cancelled, DataError, KarfError, OutOfMemory
+from ..errors import BadRequest, Cancelled, DataError, KarfError, OutOfMemory
+from ..io.failures import as_karf_error, print_error
 from ..io.options import Options, option
 from ..project import STAGE_ORDER, Project
 from ..version import __version__
-from .inbox import Inbox
 from .path_map import PathMap
-from .protocol import LOG_FILE, PROTOCOL, WARM, EventWriter, Query, Request
-from .reporting import as_karf_error, print_error
+from .protocol import CANCEL, LOG_FILE, PROTOCOL, WARM, EventWriter, Query, Request, decode_line
 
 if TYPE_CHECKING:
     from .queries.session import Session
@@ -42,13 +44,88 @@ class WarmOptions(Options):
     idle_minutes: int = option("how long to wait for the next query", 10, minimum=0, maximum=1440)
 
 
-def run_request(request: Request, emit: Emit, should_stop: Callable[[], bool]) -> None:
-    """Run a request's command in this process; see `commands.dispatch.run_command`.
+class Inbox:
+    """Messages that a worker reads from standard input: job folders in order, and the latest query of each kind.
 
-    Raises:
-        KarfError: As the command does; BadRequest where an option is unknown, of another type or out of range.
+    Args:
+        emit: Receives `dropped` for a waiting query that a later one of its kind replaces, and `warning` for a line that
+            is neither a folder nor a query.
     """
-    run_command(options_of_job(request.stage, request.project, request.options), emit, should_stop)
+
+    def __init__(self, emit: Emit) -> None:
+        self._emit = emit
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()  # None: end of input
+        self._folders: deque[str] = deque()
+        self._queries: dict[str, Query] = {}
+        self._cancelled = threading.Event()
+
+    def listen(self, lines: Iterable[str]) -> None:
+        """Start a thread that reads a stream."""
+        threading.Thread(target=self._read, args=(lines,), daemon=True).start()
+
+    def is_cancelled(self) -> bool:
+        """Return whether the line `cancel` or the end of input (the caller is gone) has arrived."""
+        return self._cancelled.is_set()
+
+    def next_folder(self, seconds: float) -> str | None:
+        """Wait for the folder of the next job; return None on timeout or cancel."""
+        self._sort()
+        while not self._folders and self._wait(seconds):
+            pass
+        return None if self.is_cancelled() or not self._folders else self._folders.popleft()
+
+    def next_query(self, seconds: float) -> Query | None:
+        """Wait for a query and return the oldest; return None on timeout or cancel, or if a job is waiting."""
+        self._sort()
+        while not self._queries and not self._folders and self._wait(seconds):
+            pass
+        if self.is_cancelled() or not self._queries:
+            return None
+        return self._queries.pop(next(iter(self._queries)))
+
+    def is_superseded(self, kind: str) -> bool:
+        """Return whether a later query of this kind is waiting, or the caller is gone."""
+        self._sort()
+        return kind in self._queries or self.is_cancelled()
+
+    def _wait(self, seconds: float) -> bool:
+        """Wait for a line and sort all lines that arrived; return False on timeout or cancel."""
+        if self.is_cancelled():
+            return False
+        try:
+            self._add(self._lines.get(timeout=seconds))
+        except queue.Empty:
+            return False
+        self._sort()
+        return True
+
+    def _sort(self) -> None:
+        while not self._lines.empty():
+            self._add(self._lines.get())
+
+    def _add(self, line: str | None) -> None:
+        if line is None:
+            return
+        try:
+            message = decode_line(line)
+        except BadRequest as error:
+            self._emit("warning", code=error.code, sentence=error.sentence)
+            return
+        if isinstance(message, str):
+            self._folders.append(message)
+            return
+        replaced = self._queries.pop(message.kind, None)
+        self._queries[message.kind] = message
+        if replaced is not None:
+            self._emit("dropped", id=replaced.number)
+
+    def _read(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            if line.strip() == CANCEL:
+                break
+            self._lines.put(line)
+        self._cancelled.set()
+        self._lines.put(None)
 
 
 class Worker:
@@ -57,32 +134,15 @@ class Worker:
     Args:
         paths: Folders that the caller knows by other paths; requests, queries and events have the caller's paths.
         wait_seconds: How long to wait for the next job after a finished one; 0 serves a single job.
-        run: Runs a request.
     """
 
-    def __init__(
-        self,
-        paths: PathMap = SAME_PATHS,
-        wait_seconds: float = 0,
-        run: Callable[[Request, Emit, Callable[[], bool]], None] = run_request,
-    ) -> None:
-        self._paths, self._wait_seconds, self._run = paths, wait_seconds, run
+    def __init__(self, paths: PathMap = SAME_PATHS, wait_seconds: float = 0) -> None:
+        self._paths, self._wait_seconds = paths, wait_seconds
         self._events: EventWriter | None = None  # of the current job
         self._inbox = Inbox(self._emit)
 
     def serve(self, job: Path, lines: Iterable[str]) -> int:
-        """Serve a job, and those that follow it.
-
-        Args:
-            job: The first job's folder, with its request.
-            lines: Standard input: cancel, next jobs and queries.
-
-        Returns:
-            The last job's exit code.
-
-        Raises:
-            DataError: The folder does not exist.
-        """
+        """Serve a job folder, and those that follow it in the lines of standard input; return the last exit code."""
         self._inbox.listen(lines)
         code = self._serve_one(job)
         while code == 0 and self._wait_seconds:
@@ -96,7 +156,6 @@ class Worker:
         return code
 
     def _serve_one(self, job: Path) -> int:
-        """Serve one job and return its exit code."""
         if not job.is_dir():
             raise DataError(f"{job} is not a job folder.", "Give the folder that holds request.json.")
         self._events = EventWriter(job)
@@ -107,7 +166,8 @@ class Worker:
             if request.stage == WARM:
                 self._answer_queries(job, request)
             else:
-                self._run(request, self._emit, self._inbox.is_cancelled)
+                options = options_of_job(request.stage, request.project, request.options)
+                run_command(options, self._emit, self._inbox.is_cancelled)
             self._emit("done", summary=_summary(request))
         except Exception as raised:
             error = as_karf_error(raised)
@@ -118,7 +178,6 @@ class Worker:
         return 0
 
     def _request(self, job: Path) -> Request:
-        """Read the job's request and map its paths."""
         request = Request.read(job)
         return Request(
             request.stage, Path(self._paths.to_local(str(request.project))), self._paths.to_local(request.options)
@@ -135,8 +194,7 @@ class Worker:
             self._answer(session, query)
 
     def _answer(self, session: Session, query: Query) -> None:
-        """Answer a query with one event."""
-        from .queries.kinds import answer  # needs numpy, and the command line must start without it
+        from .queries import answer  # needs numpy, and the command line must start without it
 
         is_superseded = partial(self._inbox.is_superseded, query.kind)
         try:
@@ -188,7 +246,6 @@ def _redirect_stdio(folder: Path, log: Path) -> None:
 
 
 def _version(package: str) -> str | None:
-    """Return the version of an installed package without importing it, or None."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -17,21 +17,15 @@ END = r"(?=$|[\\/\s'\",:;)\]]|\.(?:\s|$))"  # lookahead of the same
 
 @dataclass(frozen=True)
 class PathMap:
-    """The paths of shared folders.
+    """The paths of shared folders."""
 
-    Attributes:
-        folders: Pairs of a folder's path on the caller's side and on this one; empty if paths are the same on both.
-    """
-
-    folders: tuple[tuple[str, str], ...] = ()
+    folders: tuple[
+        tuple[str, str], ...
+    ] = ()  # (on the caller's side, on this one); empty if paths are the same on both
 
     @classmethod
     def of(cls, texts: Sequence[str]) -> PathMap:
-        """Parse texts `CALLERS=OURS` of the command line.
-
-        Raises:
-            BadRequest: A text has no `=`, or a path that is not absolute.
-        """
+        """Parse texts `CALLERS=OURS`. Raises BadRequest if one has no `=`, or a path that is not absolute."""
         pairs = []
         for text in texts:
             theirs, _, ours = text.partition("=")
@@ -41,17 +35,9 @@ class PathMap:
         return cls(tuple(pairs))
 
     def to_local(self, value: Any) -> Any:
-        """Map the paths of a caller's request to this side.
+        """Map the paths of a caller's request to this side: texts that begin like absolute paths, in lists and dictionaries too.
 
-        Args:
-            value: A text, a path if it begins like an absolute one; or a list or dictionary of values.
-
-        Raises:
-            BadRequest: A path is in none of the folders.
-
-        Examples:
-            >>> PathMap.of(["Z:\\\\film=/srv/film"]).to_local(["z:\\\\film\\\\pots\\\\a.png", "#102030"])
-            ['/srv/film/pots/a.png', '#102030']
+        Raises BadRequest if a path is in none of the folders.
         """
         if isinstance(value, list | dict):
             return _each(value, self.to_local)
@@ -70,12 +56,7 @@ class PathMap:
         return None
 
     def to_caller(self, value: Any) -> Any:
-        """Map the paths within the texts of an event to the caller's side.
-
-        Examples:
-            >>> PathMap.of(["/mnt/film=/srv/film"]).to_caller("/srv/film/a.png is missing, not /srv/films.")
-            '/mnt/film/a.png is missing, not /srv/films.'
-        """
+        """Map the paths within the texts of an event to the caller's side."""
         if isinstance(value, list | dict):
             return _each(value, self.to_caller)
         if isinstance(value, Message):

@@ -54,29 +54,17 @@ EVENT_VALUES: dict[str, dict[str, Any]] = {  # the values that every event of a 
 
 @dataclass(frozen=True)
 class Request:
-    """A job's task.
+    """A job's task; the options are those of `commands.options.COMMANDS`, or of `worker.loop.WarmOptions`."""
 
-    Attributes:
-        stage: One of `STAGES`.
-        project: The project folder.
-        options: The stage's options as JSON values, paths absolute: see `commands.options.COMMANDS`, and for the stage
-            `warm` `worker.loop.WarmOptions`.
-    """
-
-    stage: str
+    stage: str  # one of `STAGES`
     project: Path
-    options: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)  # JSON values, paths absolute
 
     def write(self, job: Path) -> Path:
         """Write `request.json` into the folder `job`, making it if needed, and return the file's path."""
         job.mkdir(parents=True, exist_ok=True)
         path = job / REQUEST_FILE
-        content = {
-            "protocol": PROTOCOL,
-            "stage": self.stage,
-            "project": str(self.project),
-            "options": self.options,
-        }
+        content = {"protocol": PROTOCOL, "stage": self.stage, "project": str(self.project), "options": self.options}
         with errors_naming_path(path):
             path.write_text(json.dumps(content, indent=1), encoding="utf-8")
         return path
@@ -103,21 +91,11 @@ class Request:
 
 @dataclass(frozen=True)
 class Query:
-    """A short question about a project.
+    """A short question about a project."""
 
-    Attributes:
-        number: The caller's number, which the answer repeats.
-        kind: One of `worker.queries.kinds.QUERIES`.
-        options: JSON values, paths absolute.
-
-    Examples:
-        >>> Query(3, "preview", {"long_side": 96}).encode()
-        '{"id": 3, "kind": "preview", "options": {"long_side": 96}}'
-    """
-
-    number: int
-    kind: str
-    options: dict[str, Any]
+    number: int  # the caller's, which the answer repeats
+    kind: str  # one of `worker.queries.QUERIES`
+    options: dict[str, Any]  # JSON values, paths absolute
 
     def encode(self) -> str:
         """Return one line of JSON, without the line end."""
@@ -125,24 +103,12 @@ class Query:
 
 
 def folder_line(job: Path) -> str:
-    """Return the line that gives a waiting worker its next job, without the line end.
-
-    Examples:
-        >>> folder_line(Path("/film/pots_karf/jobs/a"))
-        '"/film/pots_karf/jobs/a"'
-    """
+    """Return the line that gives a waiting worker its next job, without the line end."""
     return json.dumps(str(job))
 
 
 def decode_line(line: str) -> Query | str:
-    """Parse a line of standard input: a query, or the folder of the next job. Raises BadRequest for other lines.
-
-    Examples:
-        >>> decode_line('"/film/pots_karf/jobs/a"')
-        '/film/pots_karf/jobs/a'
-        >>> decode_line('{"id": 3, "kind": "masks", "options": {}}')
-        Query(number=3, kind='masks', options={})
-    """
+    """Parse a line of standard input: a query, or the folder of the next job. Raises BadRequest for other lines."""
     try:
         content = json.loads(line)
     except (ValueError, RecursionError):
@@ -162,7 +128,7 @@ def decode_line(line: str) -> Query | str:
 class Event:
     """One line of `events.jsonl`: a kind, a running number, seconds since the epoch, and the kind's values.
 
-    Values that are a `Message` are also written with key and values, under `messages`, so that a reader can translate them.
+    Values that are a `Message` are also written with key and values, under `messages`, for translation.
     """
 
     kind: str
@@ -178,7 +144,6 @@ class Event:
 
     @property
     def is_final(self) -> bool:
-        """True for the last event of a job."""
         return self.kind in FINAL_EVENTS
 
     def encode(self) -> str:
@@ -214,7 +179,6 @@ class Event:
 
 
 def _messages(content: Any) -> dict[str, Message]:
-    """Return an event's messages by the names of its values. Raises ValueError where they are damaged."""
     if not isinstance(content, dict):
         raise ValueError("messages were expected by their names")
     return {name: Message.from_json(message) for name, message in content.items()}

@@ -17,8 +17,7 @@ from PIL import Image
 import karf_engine as karf
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.io.color import to_bytes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import MAX_SRGB
+from karf_engine.palettes.palette import MAX_SRGB, read_edit
 
 PICTURE = Path(__file__).resolve().parents[2] / "docs" / "images" / "demo.webp"
 EDITS = ("pot_to_blue", "mug_and_apple")

@@ -14,13 +14,13 @@ from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import object_pixels
 from karf_engine.io.color import to_bytes
 from karf_engine.metrics.scores import hue_shifted
+from karf_engine.palettes.color_histogram import color_cells
 from karf_engine.palettes.compositing import delta_composite, paper_composite
-from karf_engine.palettes.extraction.barycentric_weights import palette_weights_of_image, star_weights
-from karf_engine.palettes.extraction.cells import color_cells
-from karf_engine.palettes.extraction.hull import extract_palette
+from karf_engine.palettes.extraction import extract_palette
 from karf_engine.palettes.matching.becomes import match_becomes
 from karf_engine.palettes.matching.fitting import match_pixels
 from karf_engine.palettes.matching.paints import reflection_target
+from karf_engine.palettes.palette_weights import palette_weights_of_image, star_weights
 from karf_engine.recolor.field_rendering import weights_of_colors
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model

@@ -20,12 +20,11 @@ from scipy.ndimage import gaussian_filter
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
 from karf_engine.palettes.added import append_added_sets, split_weights
-from karf_engine.palettes.extraction.barycentric_weights import palette_weights_of_image
-from karf_engine.palettes.extraction.cells import cell_index, color_cells
-from karf_engine.palettes.extraction.hull import extract_palette
-from karf_engine.palettes.matching.fitting import bounds
-from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.color_histogram import cell_index, color_cells
+from karf_engine.palettes.extraction import extract_palette
+from karf_engine.palettes.matching.fitting import bounded_least_squares, bounds
 from karf_engine.palettes.palette import MAX_SRGB, AddedColor, Edit
+from karf_engine.palettes.palette_weights import palette_weights_of_image
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
@@ -186,7 +185,7 @@ def _best(pixels: Pixels, weights: np.ndarray, palette: np.ndarray) -> np.ndarra
 
 def _mean_in_cells(colors: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Of each color [n, 3] the mean value [n, 3] in its cell of 32 levels a channel."""
-    _, cell, counts = np.unique(cell_index(colors, 5), return_inverse=True, return_counts=True)
+    _, cell, counts = np.unique(cell_index(colors), return_inverse=True, return_counts=True)
     return np.stack([np.bincount(cell, channel) / counts for channel in values.T], axis=1)[cell]
 
 

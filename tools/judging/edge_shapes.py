@@ -18,10 +18,10 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
+from karf_engine.palettes.calibration import to_mean_exposure, to_photo_exposure
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.edge_planes import apply_edges_to_planes
 from karf_engine.palettes.edge_shape import EdgeShape, apply_edge_shape
-from karf_engine.palettes.exposure import to_mean_exposure, to_photo_exposure
 from karf_engine.palettes.project_edit import ProjectEdit
 from karf_engine.recolor.frames import edit_planes
 from karf_engine.recolor.matting.matte import NEGLIGIBLE, dense_coverage

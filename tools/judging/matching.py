@@ -16,8 +16,7 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
-from karf_engine.palettes.matching.fitting import bounds
-from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.matching.fitting import bounded_least_squares, bounds
 from karf_engine.palettes.matching.painted import match_picture
 from karf_engine.palettes.palette import MAX_SRGB
 from karf_engine.recolor.frames import Frame

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from karf_engine.recolor.matting.matte import Matte
-from karf_engine.recolor.matting.refine import field_mattes, make_mattes
+from karf_engine.recolor.matting.photo_mattes import field_mattes, make_mattes
 
 NEAR = 8  # pixels, within which a thing keeps its color
 

@@ -24,8 +24,8 @@ from karf_engine.capture.training_images import load_views
 from karf_engine.io.images import alpha_composite
 from karf_engine.metrics.images import mean_ciede2000, mse_outside, psnr
 from karf_engine.metrics.masks import iou
+from karf_engine.project import Project
 from karf_engine.project.contents import settings_for
-from karf_engine.project.locking import open_project
 from karf_engine.recolor.model import Model
 
 from .recolors import edit_to_judge
@@ -50,8 +50,8 @@ def main() -> None:
 
 def model_of(project: Path, source: str) -> Model:
     """A project whose other cameras are rendered from `field` or `splats`."""
-    settings = settings_for(open_project(project), "render")
-    return Model(open_project(project), settings=replace(settings, render=replace(settings.render, source=source)))
+    settings = settings_for(Project(project), "render")
+    return Model(Project(project), settings=replace(settings, render=replace(settings.render, source=source)))
 
 
 def judge(model: Model, truth: Truth) -> dict[str, float]:

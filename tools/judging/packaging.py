@@ -26,8 +26,8 @@ from karf_engine.io.color import srgb_to_lab
 from karf_engine.metrics.consistency import DepthView, match_by_depth
 from karf_engine.metrics.scores import MIN_PIXELS
 from karf_engine.palettes.added import pigment_of_swatch, propose_added_color
+from karf_engine.palettes.color_histogram import read_object_colors
 from karf_engine.palettes.matching.paints import repainted
-from karf_engine.palettes.object_colors import read_object_colors
 from karf_engine.palettes.palette import PROTECT, Edit
 from karf_engine.recolor.model import Model
 

@@ -24,9 +24,9 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
-from karf_engine.palettes.colorways.prediction import edited_colors, evaluate_edit, reached_color
-from karf_engine.palettes.matching.residual import residual_delta_e
-from karf_engine.palettes.object_colors import read_object_colors
+from karf_engine.palettes.color_histogram import read_object_colors
+from karf_engine.palettes.matching.becomes import residual_delta_e
+from karf_engine.palettes.prediction import edited_colors, evaluate_edit, reached_color
 from karf_engine.recolor.model import Model
 
 from .recolors import edit_to_judge

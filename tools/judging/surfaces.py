@@ -19,12 +19,12 @@ import numpy as np
 import karf_engine as karf
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear, to_bytes
 from karf_engine.metrics.images import mse_outside
-from karf_engine.palettes.colorways.prediction import dominant_color, edited_colors
+from karf_engine.palettes.color_histogram import read_object_colors
 from karf_engine.palettes.matching.fitting import match_pixels
 from karf_engine.palettes.matching.paints import pigment_gate
 from karf_engine.palettes.matching.surface import LUMINANCE, Surface, surface_target
-from karf_engine.palettes.object_colors import read_object_colors
 from karf_engine.palettes.palette import Palette
+from karf_engine.palettes.prediction import dominant_color, edited_colors
 from karf_engine.palettes.project_edit import ProjectEdit
 from karf_engine.recolor.model import Model
 

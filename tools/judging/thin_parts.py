@@ -24,8 +24,8 @@ import karf_engine as karf
 from karf_engine.capture.capture import View
 from karf_engine.io.files import write_json
 from karf_engine.recolor.full_resolution import PhotoView, make_photo_view
-from karf_engine.recolor.matting.marks import read_marks
-from karf_engine.recolor.matting.refine import make_mattes
+from karf_engine.recolor.matting.photo_mattes import make_mattes
+from karf_engine.recolor.matting.thin_parts import read_marks
 from karf_engine.recolor.model import Model
 
 from .edges import beside_thin_parts

@@ -33,6 +33,7 @@ from karf_engine.compute.progress import TerminalEmit
 from karf_engine.fields.extent import focus_point
 from karf_engine.io.color import ciede2000, srgb_to_lab, to_bytes
 from karf_engine.io.images import alpha_composite, write_png
+from karf_engine.project import Project
 
 WRONG, RIGHT = 20.0, 10.0
 SHEET = 4
@@ -66,7 +67,7 @@ def judge(options: argparse.Namespace, scene: str) -> None:
     known = [view for view, near in zip(capture.views, is_near, strict=True) if near and view.split == "train"]
     project = options.out / scene
     given = {"project": project, "threads": options.threads, "emit": TerminalEmit()}
-    if not (project / "splats.safetensors").exists():
+    if not Project(project).splats_file.exists():
         karf.learn_geometry(replace(capture, views=tuple(known)), preset=options.preset, **given)
         karf.learn_splats(project, threads=options.threads)
     names = {view.name for view in known}

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 import karf_engine as karf
+from karf_engine.capture.advice import advise
 from karf_engine.capture.capture import Capture
-from karf_engine.capture.quality.advice import advise
-from karf_engine.capture.quality.inspection import inspect_capture
+from karf_engine.capture.inspection import inspect_capture
 from karf_engine.compute.progress import TerminalEmit
 from karf_engine.io.files import read_json, write_json
 

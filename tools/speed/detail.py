@@ -10,8 +10,7 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.capture.training_images import TrainingImage
-from karf_engine.fields.detail import pixels_per_voxel, remove_detail
-from karf_engine.fields.extent import focus_point
+from karf_engine.fields.extent import focus_point, pixels_per_voxel, remove_detail
 from karf_engine.metrics.images import psnr
 from karf_engine.recolor.field_rendering import photo_frame
 from karf_engine.recolor.frames import Frame

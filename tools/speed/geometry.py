@@ -24,15 +24,15 @@ import torch
 from torch import Tensor
 
 from karf_engine.capture import open_capture
-from karf_engine.capture.poses.triangulation import triangulate
 from karf_engine.capture.training_images import TrainingImage, load_views
+from karf_engine.capture.triangulation import triangulate
 from karf_engine.compute.progress import Progress, peak_memory_bytes
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled
 from karf_engine.fields.fit import Fit
+from karf_engine.fields.registry import FitTask, background_kind_of, build_pixel_dataset, make_fit_task
 from karf_engine.fields.rendering.rays import PixelDataset
-from karf_engine.fields.scene import Scene, rendered_and_photographed_pixels
-from karf_engine.fields.task import FitTask, background_kind_of, build_pixel_dataset, make_fit_task
+from karf_engine.fields.scene import Scene
 from karf_engine.io.images import alpha_composite
 from karf_engine.metrics.images import psnr
 from karf_engine.project import settings as settings_module
@@ -148,7 +148,10 @@ def psnr_of_plates(scene: Scene, dataset: PixelDataset) -> tuple[list[float], li
     """PSNR of each image as it is, and with a gain and an offset of each channel that suit it best: what is lost by
     photos that were exposed otherwise than those that were learned from."""
     plain, exposed = [], []
-    for shown, photo in rendered_and_photographed_pixels(scene, dataset, PIXELS):
+    random = torch.Generator().manual_seed(0)
+    for first, last in pairwise(dataset.offsets.tolist()):
+        index = torch.randint(first, last, (PIXELS,), generator=random)
+        shown, photo = scene.colors(dataset.rays(index)), dataset.color[index].float() / 255
         fits = [np.polyfit(a, b, 1) for a, b in zip(shown.T.numpy(), photo.T.numpy(), strict=True)]
         fitted = np.stack([np.polyval(fit, a) for fit, a in zip(fits, shown.T.numpy(), strict=True)], 1)
         plain.append(psnr(shown.numpy(), photo.numpy()))

@@ -29,8 +29,8 @@ from karf_engine.compute.progress import peak_memory_bytes
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.full_resolution import PhotoView, make_photo_view
-from karf_engine.recolor.matting.marks import Marks
-from karf_engine.recolor.matting.refine import make_mattes
+from karf_engine.recolor.matting.photo_mattes import make_mattes
+from karf_engine.recolor.matting.thin_parts import Marks
 from karf_engine.recolor.model import Model
 from karf_engine.recolor.photos import open_photo, suffix_for, write_photo
 

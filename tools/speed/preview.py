@@ -10,9 +10,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from karf_engine.capture.transforms_json import camera_to_json
+from karf_engine.capture.transforms import camera_to_json
 from karf_engine.compute.progress import peak_memory_bytes
-from karf_engine.worker.queries.preview import preview
+from karf_engine.worker.queries.renders import preview
 from karf_engine.worker.queries.session import Session
 from tools.speed.rows import Row
 

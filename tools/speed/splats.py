@@ -12,8 +12,8 @@ import numpy as np
 from karf_engine.capture.training_images import TrainingImage
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.io.images import alpha_composite
+from karf_engine.project import Project
 from karf_engine.project.contents import settings_for
-from karf_engine.project.locking import open_project
 from karf_engine.project.settings import Settings
 from karf_engine.recolor.model import Model
 from tools.speed.rows import Row, median_seconds
@@ -26,8 +26,8 @@ REPEATS = 5
 def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
     """Times, and PSNR of the held-out photos at the size that was learned from, of splats and field."""
     start_runtime(0, threads, "cpu")
-    splats = Model(open_project(project), settings=_rendering(project, "splats"))
-    field = Model(open_project(project), settings=_rendering(project, "field"))
+    splats = Model(Project(project), settings=_rendering(project, "splats"))
+    field = Model(Project(project), settings=_rendering(project, "field"))
     if splats.splats is None:
         raise SystemExit(f"{project} has no finished splats stage. Run: karf splats {project}")
     views = splats.capture.split("test")
@@ -53,7 +53,7 @@ def run(project: Path, threads: int) -> tuple[list[Row], list[Row]]:
 
 
 def _rendering(project: Path, source: str) -> Settings:
-    settings = settings_for(open_project(project), "render")
+    settings = settings_for(Project(project), "render")
     return replace(settings, render=replace(settings.render, source=source))
 
 

@@ -12,7 +12,7 @@ import imageio.v3 as imageio
 import numpy as np
 
 from karf_engine.capture import Capture, open_capture
-from karf_engine.capture.mask_names import masks_of_view
+from karf_engine.capture.capture import masks_of_view
 from karf_engine.io.images import read_mask
 from karf_engine.metrics.masks import iou
 from tools.judging.truth import DEMO, Truth

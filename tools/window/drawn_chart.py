@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
-from karf_engine.palettes.color_chart import COLUMNS, reference_colors
+from karf_engine.palettes.calibration import COLUMNS, reference_colors
 
 SIZE, BORDER, GAP = 40, 12, 4  # of a patch, of the chart around them, and between them, in pixels
 CAST = np.array([[0.85, 0.10, 0.02], [0.05, 0.75, 0.05], [0.02, 0.08, 0.50]])  # from daylight to the photo, linear

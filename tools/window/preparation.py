@@ -14,6 +14,7 @@ import imageio.v3 as imageio
 import numpy as np
 
 from karf_engine.io.images import write_png
+from karf_engine.project import Project
 
 from . import capture
 from .blender import dump
@@ -86,7 +87,7 @@ def make_decoy(out: Path) -> None:
         "1",
     ]
     command += ["--project", str(out / "decoy"), *(part for text in TINY for part in ("--set", text))]
-    if not (out / "decoy" / "palette.json").exists():
+    if not Project(out / "decoy").palette_file.exists():
         subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
 
 

@@ -18,7 +18,7 @@ from karf_engine.export.layers import write_layers
 from karf_engine.io.color_spaces import color_space
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.palette import Palette
-from karf_engine.recolor.layers import Layers
+from karf_engine.recolor.frames import Layers
 
 LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 EDITED = {"lid": [[0, 0, 0], [0.9, 0.1, 0.6], [0.3, 1.4, 0.2]], "pot": [[0, 0, 0], [0.1, 0.3, 0.9], [0.9, 0.9, 0.5]]}

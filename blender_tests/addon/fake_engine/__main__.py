@@ -20,15 +20,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json
-from karf_engine.capture.transforms_frames import camera_from_json
-from karf_engine.capture.transforms_json import write_capture
+from karf_engine.capture.transforms import camera_from_json, write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
-from karf_engine.palettes.colorways.planning import plan_colorways
+from karf_engine.palettes.colorways import plan_colorways
 from karf_engine.palettes.compositing import Planes, write_planes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import Palette, read_palettes, write_palettes
+from karf_engine.palettes.palette import Palette, read_edit, read_palettes, write_palettes
 from karf_engine.project import Project
 from karf_engine.project.state import result_fingerprint
 from karf_engine.worker.protocol import PROTOCOL, WARM, EventWriter, Request, decode_line

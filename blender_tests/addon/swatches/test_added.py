@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from karf_engine.palettes.color_histogram import ColorHistogram, write_object_colors
 from karf_engine.palettes.compositing import Planes
-from karf_engine.palettes.object_colors import ColorHistogram, write_object_colors
 
 from ..prepared import write_current_planes
 
@@ -172,7 +172,7 @@ def test_a_match_leaves_it_and_sees_it(addon, pots):
     pixels[:, :12, :3] = (0.2, 0.7, 0.3)
     addon.images.upload(image, pixels)
     (found,) = addon.steps.match_picture(pots)
-    assert found.left < 0.5
+    assert found.after < 0.5
     np.testing.assert_allclose(shown(addon, pots), [(0.2, 0.7, 0.3), BLUE], atol=0.03)
 
 

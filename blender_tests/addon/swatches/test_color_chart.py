@@ -36,7 +36,7 @@ def chart(bpy, addon):
 def test_names_are_what_the_photos_show_of_them(bpy, addon, learned, chart):
     image, corners = chart
     fit = addon.steps.pick_chart(learned, image, corners)
-    assert fit.mean_left < 0.5 and learned.karf.chart_left == pytest.approx(fit.mean_left)
+    assert fit.mean_residual < 0.5 and learned.karf.chart_left == pytest.approx(fit.mean_residual)
     np.testing.assert_allclose(np.reshape(learned.karf.chart, (3, 3)), np.diag(WARM), atol=0.02)
     seen = addon.reference.as_photographed(learned, np.array([0.4, 0.5, 0.6]))
     expected = addon.engine_api.linear_to_srgb(addon.engine_api.srgb_to_linear(np.array([0.4, 0.5, 0.6])) * WARM)
@@ -92,4 +92,4 @@ def test_the_engine_gets_the_light_of_the_chart_for_a_sheet_of_colorways(bpy, ad
     light = addon.reference.light(learned)
     wanted, seen = plain.predictions[0].target, planned.predictions[0].target
     np.testing.assert_allclose(seen, light.photographed(wanted), atol=1e-4)
-    np.testing.assert_allclose(planned.predictions[0].under(light).target, wanted, atol=1e-4)
+    np.testing.assert_allclose(planned.predictions[0].under_light(light).target, wanted, atol=1e-4)

@@ -26,10 +26,10 @@ def painted(addon, learned):
 def test_a_picture_file_is_matched_and_what_is_left_is_told(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "wanted.png", painted)
     (found,) = addon.headless.match_picture(tmp_path / "wanted.png")
-    assert found.name == "lid" and found.left < 0.2 * found.before
+    assert found.name == "lid" and found.after < 0.2 * found.before
     assert np.abs(pixels(addon, learned) - painted).mean() < 0.01
     (left,) = learned.karf.match.left
-    assert (left.name, left.left) == ("lid", pytest.approx(found.left))
+    assert (left.name, left.left) == ("lid", pytest.approx(found.after))
 
 
 def test_what_is_painted_over_the_view_is_matched(bpy, addon, learned, painted):
@@ -55,7 +55,7 @@ def test_a_painting_is_matched_to_its_own_view_only(bpy, addon, learned):
 def test_a_picture_may_have_any_size_but_no_other_shape(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "large.png", painted.repeat(3, axis=0).repeat(3, axis=1))
     (found,) = addon.headless.match_picture(tmp_path / "large.png")
-    assert found.left < 0.3 * found.before
+    assert found.after < 0.3 * found.before
     addon.images.write_png(tmp_path / "wide.png", painted[:8])
     with pytest.raises(addon.engine_api.BadRequest, match=r"'wide\.png' has 24 x 8 pixels, the view 24 x 16"):
         addon.headless.match_picture(tmp_path / "wide.png")

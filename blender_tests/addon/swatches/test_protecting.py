@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from karf_engine.palettes.color_histogram import ColorHistogram, write_object_colors
 from karf_engine.palettes.compositing import Planes
-from karf_engine.palettes.object_colors import ColorHistogram, write_object_colors
 from karf_engine.palettes.palette import Palette, write_palettes
 
 from ..prepared import write_current_planes

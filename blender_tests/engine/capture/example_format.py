@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from karf_engine.capture import Camera, Capture, Format
-from karf_engine.capture.limits import read_camera
-from karf_engine.capture.reader_utils import at_size, make_views, merge_notes, photo_size, read_text, rigid_pose
+from karf_engine.capture.camera import read_camera
+from karf_engine.capture.reader_utils import at_photo, make_views, merge_notes, read_text, rigid_pose
 from karf_engine.errors import DataError
 
 NAME = "cameras.csv"
@@ -44,9 +44,7 @@ def _camera(row: dict[str, str], image: Path | None, label: str) -> tuple[Camera
     pose, notes = rigid_pose(matrix, label, "camera_to_world")
     lens = {"fx": focal, "fy": focal, "cx": width / 2, "cy": height / 2}
     camera = read_camera(label, width=width, height=height, camera_to_world=pose, **lens)
-    if image is None:
-        return camera, notes
-    camera, resized = at_size(camera, photo_size(image, (width, height)))
+    camera, resized = at_photo(camera, image)
     return camera, notes + resized
 
 

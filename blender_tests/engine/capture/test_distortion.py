@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.colmap import FISHEYES, PINHOLES
 from karf_engine.capture.colmap_model import PARAMETERS
-from karf_engine.capture.distortion import distort, undistort_points
+from karf_engine.capture.distortion import BLOCK_ROWS, distort, undistort_points, undistorted
 from karf_engine.capture.reader_utils import opencv_distortion
 
 COEFFICIENTS = {"k1": 0.06, "k2": -0.02, "p1": 0.004, "p2": -0.003, "k3": 0.005, "k4": 0.03, "k5": -0.01, "k6": 0.002}
@@ -68,3 +68,21 @@ def test_what_a_lens_does_not_show_has_no_place_in_its_pinhole():
     found = undistort_points(camera, np.array([[32.0, 24.0], [33.0, 24.0], [1.0, 1.0]]))
     assert_allclose(found[:2], [[32, 24], [33, 24]], atol=0.05)
     assert np.isnan(found[2]).all()
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_undistorted_pixels_are_those_that_the_engine_learns_from(name):
+    training_images = pytest.importorskip("karf_engine.capture.training_images")
+    distortion, fisheye = LENSES[name]
+    camera = Camera(120, BLOCK_ROWS + 40, 90.0, 95.0, 63.0, 80.0, np.eye(4), distortion, fisheye)
+    photo = np.random.default_rng(0).random((camera.height, camera.width, 3), np.float32)
+    expected, _, valid = training_images.undistort(photo, camera)
+    found = undistorted(photo, camera)
+    assert valid.mean() > 0.5
+    np.testing.assert_allclose(found[valid], expected[valid], atol=1e-4)
+    assert not found[~valid].any()
+
+
+def test_a_pinholes_photo_stays_as_it_is():
+    photo = np.random.default_rng(0).random((20, 30, 3), np.float32)
+    np.testing.assert_array_equal(undistorted(photo, Camera(30, 20, 25.0, 25.0, 15.0, 10.0, np.eye(4))), photo)

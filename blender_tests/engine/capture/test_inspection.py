@@ -13,13 +13,13 @@ cv2 = pytest.importorskip("cv2")
 
 from blender_tests.engine.reference import still_life
 from karf_engine import KarfError, inspect_capture, open_capture
-from karf_engine.capture.quality import matches
-from karf_engine.capture.quality.advice import advise
-from karf_engine.capture.quality.inspection import inspect_capture as inspect_opened
-from karf_engine.capture.quality.placement import measure_placement
+from karf_engine.capture.advice import advise
+from karf_engine.capture.inspection import inspect_capture as inspect_opened
+from karf_engine.capture.inspection import solve_exposures
+from karf_engine.capture.placement import measure_placement
 from karf_engine.cli import main
 from karf_engine.io.images import read_photo, write_png
-from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries import QUERIES
 from karf_engine.worker.queries.session import Session
 
 SIZE = 120
@@ -99,7 +99,7 @@ def test_exposures_are_those_that_were_given():
     wanted = np.array([[0.5, 0.4, 0.6], [-0.2, 0.0, -0.1], [-0.3, -0.4, -0.5]])
     pairs = [(0, 1), (1, 2), (0, 2)]
     stops = np.array([wanted[b] - wanted[a] for a, b in pairs])
-    np.testing.assert_allclose(matches.exposures(3, pairs, stops), wanted, atol=1e-3)
+    np.testing.assert_allclose(solve_exposures(3, pairs, stops), wanted, atol=1e-3)
 
 
 def test_the_widest_hole_is_where_photos_were_left_out(cameras):
@@ -114,9 +114,7 @@ def test_the_widest_hole_is_where_photos_were_left_out(cameras):
 
 def test_more_photos_go_into_the_holes_and_narrow_them(cameras):
     placement = measure_placement(cameras[:12], np.zeros((0, 3)))
-    then = placement
-    for direction in placement.propose_directions(4):
-        then = then.with_camera(direction)
+    then = placement.extended(4)
     assert then.spacing < 0.9 * placement.spacing and then.hole[0] < placement.hole[0]
 
 

@@ -13,9 +13,9 @@ pytest.importorskip("imageio")
 from blender_tests.engine.conftest import run_engine
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
+from karf_engine.palettes.calibration import ReferenceLight
 from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
 from karf_engine.palettes.project_edit import edit_of
-from karf_engine.palettes.reference_light import ReferenceLight
 from karf_engine.project import Project
 from karf_engine.worker.findings import VERDICT, Finding
 from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
@@ -234,7 +234,7 @@ def test_a_color_chart_in_a_photo_says_the_same_found_by_itself_or_by_its_corner
 
 def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):
     project = shutil.copytree(learned.project, tmp_path / "project")
-    path = project / "geometry.safetensors"
+    path = Project(project).geometry_file
     path.write_bytes(path.read_bytes()[:-100])
     assert f"{path} is damaged" in fails(capsys, 4, "render", project, "--out", tmp_path / "out")[0]
 

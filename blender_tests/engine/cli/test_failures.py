@@ -62,7 +62,7 @@ def memory_errors():
 
 
 def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(capsys, monkeypatch):
-    from karf_engine.fields.training.loop import is_out_of_memory
+    from karf_engine.fields.training import is_out_of_memory
 
     for error in memory_errors():
         code, printed = end(capsys, monkeypatch, error)
@@ -123,7 +123,8 @@ def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
 
     Request("palette", tmp_path).write(tmp_path / "job")
     monkeypatch.setattr(loop, "EventWriter", lambda job: FullDisk())
-    assert loop.Worker(run=raising).serve(tmp_path / "job", ()) == code
+    monkeypatch.setattr(loop, "run_command", raising)
+    assert loop.Worker().serve(tmp_path / "job", ()) == code
     assert error.sentence in capsys.readouterr().err
 
 
@@ -204,7 +205,7 @@ from pathlib import Path
 import numpy
 from karf_engine.compute.kernels import has_kernels
 from karf_engine.io.color_spaces import color_space
-from karf_engine.io.failures import known_failure
+from karf_engine.io.failures import translate_error
 from karf_engine.splats.formats.checking import needing_packages
 
 def gaussians():
@@ -217,7 +218,7 @@ try:
     {use}
     sys.exit("has enough")
 except Exception as error:
-    known = known_failure(error)
+    known = translate_error(error)
     sys.exit(repr(error) if known is None else known.exit_code)
 """
 

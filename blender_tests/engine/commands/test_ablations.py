@@ -19,7 +19,7 @@ from karf_engine.heads.training_rays import BACKGROUND
 from karf_engine.io.checkpoints import load_tensors
 from karf_engine.io.options import Options
 from karf_engine.palettes.compositing import stack_palettes
-from karf_engine.palettes.extraction.extraction import extract_palettes
+from karf_engine.palettes.extraction import extract_palettes
 from karf_engine.palettes.palette import read_palettes
 from karf_engine.project import Project
 from karf_engine.project import settings as settings_module

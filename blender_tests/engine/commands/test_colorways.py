@@ -18,10 +18,9 @@ from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.images import read_photo
-from karf_engine.palettes.colorways.planning import plan_colorways
-from karf_engine.palettes.edit_files import write_edit
-from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
-from karf_engine.palettes.reference_light import ReferenceLight
+from karf_engine.palettes.calibration import ReferenceLight
+from karf_engine.palettes.colorways import plan_colorways
+from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex, write_edit
 from karf_engine.project import Project
 
 SHEET = """colorway,object,hex,lab

@@ -23,21 +23,28 @@ def copy(learned, tmp_path):
 
 
 def contents(folder):
+    """Return the contents of a folder's files, with those of a project's stages as `<stage>/<file>`."""
     # lock files, previews of learning and cached renderings are not results
-    skipped = {"lock", "commit.lock", "preview.png"}
-    files = [path for path in folder.rglob("*") if path.is_file() and path.name not in skipped]
-    files = [path for path in files if "looks" not in path.relative_to(folder).parts]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files if "unfinished" not in path.name}
+    skipped = {"lock", "preview.png"}
+    files = {
+        path.relative_to(folder): path for path in folder.rglob("*") if path.is_file() and path.name not in skipped
+    }
+    found = {str(name): path for name, path in files.items() if not {"looks", "results"} & set(name.parts)}
+    if (folder / "project.json").exists():
+        project = Project(folder)
+        stages = project.state()["stages"]
+        found |= {f"{stage}/{name}": project.output(name, stage) for stage in stages for name in stages[stage]["files"]}
+    return {name: path.read_bytes() for name, path in found.items() if "unfinished" not in path.name}
 
 
 def learned_contents(folder):
     """The contents, but not what another run in another folder rightly changes: seconds, and the way to the photos."""
     found = contents(folder)
     del found["project.json"]
-    capture = json.loads(found["capture.json"])
+    capture = json.loads(found["geometry/capture.json"])
     for view in capture["views"]:
         del view["image_from_here"]
-    return found | {"capture.json": capture}
+    return found | {"geometry/capture.json": capture}
 
 
 def pictures(project, out):
@@ -101,14 +108,14 @@ def test_masks_of_an_earlier_segmentation_are_set_aside(still_life, copy, tmp_pa
         ("capture.json", "geometry"),
         ("segmentation.safetensors", "segmentation"),
         ("surface.safetensors", "segmentation"),
-        ("palette.json", "palette"),
+        ("palette.json", "recoloring"),
         ("recoloring.safetensors", "recoloring"),
         ("splats.safetensors", "splats"),
     ],
 )
 def test_a_flipped_bit_is_noticed_and_a_plain_rerun_mends_it(still_life, copy, tmp_path, capsys, name, stage):
     before = learned_contents(copy.folder)
-    path = copy.folder / name
+    path = copy.output(name)
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)

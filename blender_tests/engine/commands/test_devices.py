@@ -23,7 +23,7 @@ from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf import importing
-from karf_engine.fields.registry import start_fit
+from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.surface_cache import cache_surface
 from karf_engine.fields.scene import psnr_of_views
@@ -70,7 +70,9 @@ def started(kind, space, field, device):
     dataset = PixelDataset([view.camera for view in views], colors, alphas, solids, device=device)
     settings = replace(SETTINGS, field=field)
     where = runtime.start_runtime(0, threads=1, device=str(device))
-    return start_fit(FitInputs(dataset, kind, space, views, points_in_the_middle(views), settings, where)), dataset
+    return field_kind(settings.field).start(
+        FitInputs(dataset, kind, space, views, points_in_the_middle(views), settings, where)
+    ), dataset
 
 
 def points_in_the_middle(views):

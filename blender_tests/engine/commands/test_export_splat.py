@@ -86,13 +86,13 @@ def test_an_object_is_cut_out(learned, model, own, tmp_path):
     karf.export_splat(learned.project, tmp_path / "ball.ply", objects=["ball"])
     table = read_splats(tmp_path / "ball.ply").table
     mine = model.splatted.shares[:, model.objects.index("ball")] > 0.5
-    assert 0 < mine.sum() < own.n_solid
+    assert 0 < mine.sum() < own.n_foreground
     assert_array_equal(table, own.table[mine])
 
 
 def test_the_shell_behind_the_scene_can_be_left_out(learned, own, tmp_path):
     karf.export_splat(learned.project, tmp_path / "solid.ply", solid=True)
-    assert_array_equal(read_splats(tmp_path / "solid.ply").table, own.table[: own.n_solid])
+    assert_array_equal(read_splats(tmp_path / "solid.ply").table, own.table[: own.n_foreground])
 
 
 def test_attributes_say_what_each_gaussian_is_of(learned, model, own, tmp_path):

@@ -17,7 +17,7 @@ from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.io.images import alpha_composite, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.project import Project
-from karf_engine.splats import quality
+from karf_engine.splats import fit
 from karf_engine.splats.files import load_gaussians
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
@@ -163,7 +163,7 @@ def test_photos_tell_the_screen_filter_only_where_they_clearly_do(
     """better: how many dB better the antialiased filter shows the photos."""
     write_splats(tmp_path / "still.ply", SplatFile(table, is_antialiased))
     monkeypatch.setattr(
-        quality, "psnr", lambda gaussians, photos: 30 + better * (gaussians.screen_filter == ANTIALIASED_FILTER)
+        fit, "psnr", lambda gaussians, photos: 30 + better * (gaussians.screen_filter == ANTIALIASED_FILTER)
     )
     karf.import_splat(tmp_path / "still.ply", tmp_path / "capture", photos=still_life.capture)
     assert open_capture(tmp_path / "capture").splats.is_antialiased is (is_antialiased if told is None else told)

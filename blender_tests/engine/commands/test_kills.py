@@ -29,8 +29,8 @@ FEW = (
 )
 SAVING_ALWAYS = """
 import sys
-from karf_engine.fields.training import checkpoint
-checkpoint.INTERVAL = 0.0
+from karf_engine.fields import fit
+fit.CHECKPOINT_INTERVAL = 0.0
 from karf_engine.cli import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -125,7 +125,7 @@ def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch
         assert Project(tmp_path).checkpoint_file("geometry").exists()
         raise Diverged("Nothing is solid.")
 
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     monkeypatch.setattr("karf_engine.fields.voxels.fit.VoxelFit._pruned", find_nothing)
     assert main(geometry_command(still_life, tmp_path)) == Diverged.exit_code
     assert not Project(tmp_path).checkpoint_file("geometry").exists()

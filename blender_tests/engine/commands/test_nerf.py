@@ -100,7 +100,7 @@ def learn_a_little(still_life, folder, capsys, *more):
 @pytest.fixture
 def killed(still_life, tmp_path, monkeypatch, capsys):
     """A project whose geometry stage was interrupted after its second preview, having saved after every iteration."""
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     with monkeypatch.context() as patch:
         patch.setattr("karf_engine.commands.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
         assert learn_a_little(still_life, tmp_path / "project", capsys)[0] == Cancelled.exit_code

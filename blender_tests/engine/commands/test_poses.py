@@ -17,8 +17,7 @@ import cv2
 
 from blender_tests.engine.conftest import ROOT, run_engine
 from karf_engine.capture import open_capture
-from karf_engine.capture.poses.structure_from_motion import SfmResult, _sampson_errors
-from karf_engine.capture.poses.video import write_sharpest_frames
+from karf_engine.capture.structure_from_motion import SfmResult, _sampson_errors, write_sharpest_frames
 from karf_engine.commands import poses
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import PosesOptions
@@ -128,7 +127,7 @@ def write_video(path, count):
 
 def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, monkeypatch):
     pattern = write_video(tmp_path / "film.mp4", 40)
-    monkeypatch.setattr("karf_engine.capture.poses.video.MOST_FRAMES", 10)
+    monkeypatch.setattr("karf_engine.capture.structure_from_motion.MOST_FRAMES", 10)
     names = write_sharpest_frames(tmp_path / "film.mp4", tmp_path / "frames", lambda: False)
     assert names == [f"frame_{number:04d}.png" for number in range(1, 11)]
     for number, name in enumerate(names):

@@ -20,8 +20,7 @@ from karf_engine.capture.capture import View
 from karf_engine.errors import BadRequest, Cancelled
 from karf_engine.export.finished_frames import RECORD_NAME, FinishedFrames, model_fingerprint, view_fingerprint
 from karf_engine.io.images import read_photo
-from karf_engine.palettes.edit_files import write_edit
-from karf_engine.palettes.palette import Edit
+from karf_engine.palettes.palette import Edit, write_edit
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 

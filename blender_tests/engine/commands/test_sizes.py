@@ -22,8 +22,8 @@ from karf_engine.io.color import to_bytes
 from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation_copy, read_mask, read_photo
 from karf_engine.metrics.masks import iou
 from karf_engine.recolor.full_resolution import make_photo_view
-from karf_engine.recolor.matting.marks import Marks
-from karf_engine.recolor.matting.refine import field_mattes
+from karf_engine.recolor.matting.photo_mattes import field_mattes
+from karf_engine.recolor.matting.thin_parts import Marks
 from karf_engine.recolor.photos import open_photo, write_photo
 
 CAMERA = camera_at(0.2, 0.6, 96)  # three times what was learned from
@@ -63,7 +63,7 @@ def saved(path, color, orientation=1):
 def test_all_pixels_of_a_photo_are_recolored_and_no_others_change(model, green, photo, tmp_path):
     view = saved(tmp_path / "a.png", photo.color)
     ready = model.photo_view(view)
-    write_photo(tmp_path / "b.png", ready.recolored(green))
+    write_photo(tmp_path / "b.png", ready.recolor(green))
     before, after = open_photo(view.image).pixels, open_photo(tmp_path / "b.png").pixels
     assert after.shape == (96, 96, 3)
     ball = ready.masks()[0]
@@ -81,7 +81,7 @@ def test_a_turned_photo_stays_turned_and_shows_the_same(model, green, photo, tmp
     plain = model.recolor(saved(tmp_path / "a.png", photo.color), green)
     view = saved(tmp_path / "b.png", photo.color, orientation)
     ready = model.photo_view(view)
-    write_photo(tmp_path / "c.png", ready.recolored(green))
+    write_photo(tmp_path / "c.png", ready.recolor(green))
     assert open_photo(tmp_path / "c.png").header.orientation == orientation
     assert_allclose(read_photo(tmp_path / "c.png"), plain, atol=1.1 / 255)
     assert_allclose(model.recolor(view, green), plain, atol=1.1 / 255)
@@ -118,7 +118,7 @@ def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_
     alpha = to_bytes(photo.alpha)
     Image.fromarray(np.dstack([to_bytes(photo.color), alpha])).save(tmp_path / "a.png")
     ready = model.photo_view(view_of(tmp_path / "a.png"))
-    after = ready.recolored(green).pixels
+    after = ready.recolor(green).pixels
     assert_array_equal(after[..., 3], alpha)
     assert_array_equal(after[alpha == 0], open_photo(tmp_path / "a.png").pixels[alpha == 0])
     ball = ready.masks()[0] & (alpha == 255)
@@ -139,8 +139,8 @@ def test_linear_light_is_recolored_as_its_display_colors_are(model, green, photo
 def test_several_edits_share_one_view(model, green, photo, tmp_path):
     ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
     edits = [green, model.edit(), model.edit().swatch("block", 1, "#ffffff"), replace(green, compositing="paper")]
-    together = [copy.pixels for copy in ready.recolored_by(edits)]
-    assert_array_equal(together, [ready.recolored(edit).pixels for edit in edits])
+    together = [copy.pixels for copy in ready.recolor_all(edits)]
+    assert_array_equal(together, [ready.recolor(edit).pixels for edit in edits])
     assert_array_equal(together[1], ready.photo.pixels)
     objects = ready.masks().any(0)
     assert_array_equal(together[3][~objects], ready.photo.pixels[~objects])
@@ -167,7 +167,7 @@ def test_an_added_color_is_the_same_in_a_photo_its_pinhole_and_its_layers(model,
     base = layers.base.astype(np.float32) / 255
     learned = stack_palettes(model.objects, {palette.name: palette.colors for palette in layers.palettes})
     result = delta_composite(base, layers.palette_weights, learned, stack_palettes(model.objects, edit.colors))
-    assert_allclose(result, ready.shown(ready.recolored(edit)), atol=1.6 / 255)
+    assert_allclose(result, ready.over_white(ready.recolor(edit)), atol=1.6 / 255)
     paper = replace(edit, compositing="paper")
     assert_array_equal(to_bytes(model.recolor(view, paper)), to_bytes(model.recolor(view, paper, "learned")))
 
@@ -203,7 +203,7 @@ def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
     assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=4e-3)
     base, edited = layers.base.astype(np.float32) / 255, stack_palettes(model.objects, green.colors)
     result = delta_composite(base, layers.palette_weights, model.learned_colors, edited)
-    assert_allclose(result, ready.shown(ready.recolored(green)), atol=1.6 / 255)
+    assert_allclose(result, ready.over_white(ready.recolor(green)), atol=1.6 / 255)
 
 
 # ---------------------------------------------------------------------------------------------------------- command line
@@ -241,7 +241,7 @@ def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path,
         return field_mattes(shown.shape[1::-1], probabilities)
 
     view = saved(tmp_path / "a.png", photo.color, orientation)
-    seen = model.look(model.working_camera(view))
+    seen = model.render_field(model.working_camera(view))
     bright = to_bytes(photo.color)[..., 0] > 127
     make_photo_view(view, "photo", seen, Marks(bright[None], (False,)), note, model.objects, model.palettes)
     ((shown, marks),) = taken

@@ -161,7 +161,7 @@ def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(copy, at, mo
         return len(asked) > {"the surface": 3, "a photo": 24}[at]
 
     # savings on the way are what a killed job resumes from
-    monkeypatch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     with pytest.raises(Cancelled):
         learn(copy, should_stop=should_stop)
     assert copy.state() == before and not copy.splats_file.exists()
@@ -173,7 +173,7 @@ def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(copy, at, mo
 def test_a_bundle_renders_the_frames_that_the_project_does(learned, tmp_path):
     sequence = write_sequence(learned.project, tmp_path, 2)
     bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views=str(sequence.cameras), edit=sequence.edit)
-    assert (bundle / "project" / "splats.safetensors").is_file()
+    assert Project(bundle / "project").splats_file.is_file()
     for project, out in ((learned.project, "here"), (bundle / "project", "there")):
         karf.render(project, tmp_path / out, views=str(sequence.cameras), edit=sequence.edit, threads=1, device="cpu")
     here = {path.name: path.read_bytes() for path in (tmp_path / "here" / "recolor").iterdir()}

@@ -28,8 +28,7 @@ from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
 from karf_engine.palettes.compositing import planes_made_from, read_planes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import read_palettes, rgb_to_hex
+from karf_engine.palettes.palette import read_edit, read_palettes, rgb_to_hex
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
@@ -102,7 +101,7 @@ def test_a_changed_setting_runs_only_what_depends_on_it(still_life, copy, capsys
     assert main(still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
     printed = capsys.readouterr().err
     assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True, True, False, False, True]
-    changed = {name.name for name, content in contents(copy).items() if before[name] != content}
+    changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
     assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}
 
@@ -273,7 +272,7 @@ def test_layers_of_a_camera_recompose_what_the_engine_recolors(learned, green, t
     write_cameras(tmp_path / "path.json", [View("frame_0", "frame_0", camera_at(1.0, 0.5, size=24), None, "train")])
     options = ["--views", str(tmp_path / "path.json"), "--edit", str(green), "--layers", "--depth"]
     assert main(["render", str(learned.project), *options, "--out", str(tmp_path), "--threads", "1"]) == 0
-    edit = read_edit(green, read_palettes(learned.project / "palette.json"))
+    edit = read_edit(green, read_palettes(Project(learned.project).palette_file))
     result, depth = recomposed(tmp_path / "layers" / "frame_0.exr", edit)
     assert np.abs(result - read_photo(tmp_path / "recolor" / "frame_0.png")).max() < 1 / 255
     np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
@@ -294,7 +293,7 @@ def test_layers_of_a_photo_recompose_it_in_all_its_pixels(learned, green, tmp_pa
 def test_palettes_are_printed_as_json_without_computing(learned, capsys):
     assert main(["palette", str(learned.project), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert printed == json.loads((learned.project / "palette.json").read_text())
+    assert printed == json.loads(Project(learned.project).palette_file.read_text())
     for entry in printed["objects"]:
         assert entry["colors"][0] == [0, 0, 0] and len(entry["colors"]) >= 2
 
@@ -302,7 +301,7 @@ def test_palettes_are_printed_as_json_without_computing(learned, capsys):
 @pytest.mark.parametrize("suffix", [".gpl", ".ase", ".json"])
 def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, tmp_path, suffix):
     palettes, foreign, back = (
-        read_palettes(learned.project / "palette.json"),
+        read_palettes(Project(learned.project).palette_file),
         tmp_path / f"p{suffix}",
         tmp_path / "b.json",
     )
@@ -346,7 +345,7 @@ def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, t
     out = tmp_path / "both.json"
     options = ["--object", "block", "--from", "#2042b0", "--to", "#d0c020", "--rule", rule]
     assert main(["match", str(learned.project), *options, "--edit", str(green), "--out", str(out)]) == 0
-    palettes = read_palettes(learned.project / "palette.json")
+    palettes = read_palettes(Project(learned.project).palette_file)
     first, both = read_edit(green, palettes), read_edit(out, palettes)
     assert np.array_equal(first.colors["ball"], both.colors["ball"])
     assert np.array_equal(first.colors["block"], {p.name: p.colors for p in palettes}["block"])

@@ -11,11 +11,12 @@ pytest.importorskip("scipy")
 from blender_tests.engine.conftest import run_engine
 from karf_engine.commands import geometry
 from karf_engine.commands.options import GeometryOptions
-from karf_engine.compute import process_group as process_group_module
-from karf_engine.compute.process_group import ProcessGroup
+from karf_engine.compute import runtime as runtime_module
+from karf_engine.compute.runtime import ProcessGroup
 from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.fields.training import loop
+from karf_engine.fields import training
 from karf_engine.io.checkpoints import load_tensors
+from karf_engine.project import Project
 
 SETTINGS = (
     "geometry.long_side=32",
@@ -54,9 +55,9 @@ def learn_in_turn(capture, project, until=1000):
     done = []
     options = GeometryOptions(capture=capture, project=project, overrides=SETTINGS, threads=1)
     with pytest.MonkeyPatch.context() as patch, suppress(Cancelled):
-        patch.setattr(loop, "_gradients", lambda *given: (done.append(1), in_turn(*given))[1])
+        patch.setattr(training, "_gradients", lambda *given: (done.append(1), in_turn(*given))[1])
         geometry.run(options, lambda *_, **__: None, lambda: len(done) >= until)
-    return project / "geometry.safetensors"
+    return Project(project).geometry_file
 
 
 def learn_together(capture, project):
@@ -100,17 +101,17 @@ def check_equal(found, expected):
 def test_two_processes_learn_what_one_learns_of_both_shares_and_one_of_them_writes(still_life, expected, tmp_path):
     done = learn_together(still_life.capture, tmp_path / "project")
     assert done.returncode == 0, done.stderr
-    check_equal(tensors(tmp_path / "project" / "geometry.safetensors"), expected)
+    check_equal(tensors(Project(tmp_path / "project").geometry_file), expected)
     assert (done.stdout + done.stderr).count("held-out views") == 2  # of two levels, each told once
 
 
 @needs_gloo
 def test_what_was_left_unfinished_is_resumed_by_all(still_life, expected, tmp_path):
     learn_in_turn(still_life.capture, tmp_path / "project", until=70)
-    assert not (tmp_path / "project" / "geometry.safetensors").exists()
+    assert not Project(tmp_path / "project").finished("geometry")
     done = learn_together(still_life.capture, tmp_path / "project")
     assert done.returncode == 0 and "resuming at iteration 70 of 90" in done.stdout + done.stderr
-    check_equal(tensors(tmp_path / "project" / "geometry.safetensors"), expected)
+    check_equal(tensors(Project(tmp_path / "project").geometry_file), expected)
 
 
 @needs_gloo
@@ -142,7 +143,7 @@ def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
 def test_processes_whose_grids_differ_are_told_apart(monkeypatch):
     parameter = torch.nn.Parameter(torch.zeros(4))
     parameter.grad = torch.ones(4)
-    monkeypatch.setattr(process_group_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
+    monkeypatch.setattr(runtime_module.distributed, "all_reduce", lambda sizes, how: sizes.add_(1))
     with pytest.raises(BadRequest, match="come apart: 4 and 5 numbers"):
         ProcessGroup(0, 2).average([parameter])
 

@@ -29,7 +29,9 @@ def is_flushing() -> bool:
 def test_points_on_a_plane_through_0_have_a_tree():
     """In a process of its own: where this fails it crashes."""
     code = f"import torch; torch.set_flush_denormal(True); {FLAT}"
-    code += "; from karf_engine.compute.neighbors import tree_of; print(tree_of(flat).query(flat[0] + 1e-9)[1])"
+    code += (
+        "; from karf_engine.compute.neighbors import build_kd_tree; print(build_kd_tree(flat).query(flat[0] + 1e-9)[1])"
+    )
     child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (child.returncode, child.stdout.strip()) == (0, "0"), child.stderr[-500:]
 

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("cv2")
 OpenEXR = pytest.importorskip("OpenEXR")
 
-from karf_engine.export.frame_formats import write_frame
+from karf_engine.export.frame_files import write_frame
 from karf_engine.export.frame_options import FORMATS
 from karf_engine.io.color import srgb_to_linear
 from karf_engine.io.images import read_photo

@@ -12,7 +12,7 @@ from karf_engine.export.layers import write_layers
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.palette import Palette
-from karf_engine.recolor.layers import Layers
+from karf_engine.recolor.frames import Layers
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.8, 0.2, 0.1], [0.1, 1 / 3, 0.7]], np.float32))
 MUG = Palette("my mug.2", np.array([[0, 0, 0], [0.9, 0.8, 0.7]], np.float32))

@@ -7,7 +7,7 @@ import pytest
 
 import karf_engine as karf
 from blender_tests.engine.conftest import of_field, run_engine
-from karf_engine.capture.sparse_point_files import read_points as read_ply
+from karf_engine.capture.sparse_points import read_points as read_ply
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.export.scene_points import read_points, write_points
 

@@ -22,7 +22,6 @@ from blender_tests.engine.faults.traps import record_changes
 from blender_tests.engine.reference.still_life import write_capture, write_masks
 from karf_engine.errors import KarfError
 from karf_engine.project import STAGE_ORDER, Project
-from karf_engine.project.locking import open_project
 
 SIZE, N_PHOTOS = 36, 8
 MASKED_VIEWS = ("r_0", "r_4")
@@ -60,8 +59,8 @@ CHANGES = {  # what makes each stage be learned anew; segmentation is given othe
     "recoloring": ("recoloring.iterations=20",),
     "splats": ("splats.iterations=15",),
 }
-PASSING = ("project.json", "preview.png", "lock", "lock.json", "commit.lock")  # files that are not results of a stage
-PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out")
+PASSING = ("project.json", "preview.png", "lock", "lock.json")  # files that are not results of a stage
+PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out", "results")
 
 
 @dataclass(frozen=True)
@@ -196,10 +195,17 @@ class Bench:
         return tuple((stage, stages[stage]["fingerprint"]) for stage in STAGE_ORDER if stage in stages)
 
     def files(self) -> dict[str, str]:
-        """Digests of the stages' results."""
+        """Digests of the stages' results, `<stage>/<file>`, and of other files that last."""
         names = (path.relative_to(self.project) for path in sorted(self.project.rglob("*")) if path.is_file())
         own = [name for name in names if str(name) not in PASSING and name.parts[0] not in PASSING_FOLDERS]
-        return {str(name): digest(self.project / name) for name in own}
+        stages = Project(self.project).state()["stages"] if (self.project / "project.json").exists() else {}
+        results = [f"{stage}/{name}" for stage, summary in stages.items() for name in summary["files"]]
+        return {str(name): digest(self.path(str(name))) for name in (*own, *results)}
+
+    def path(self, name: str) -> Path:
+        """Return the path of one of `files`."""
+        stage, _, file = name.partition("/")
+        return Project(self.project).output(file, stage) if stage in STAGE_ORDER else self.project / name
 
     def differs(self, state: State, but: str = "") -> str:
         """Which of a state's files, but this one, the project does not hold as they are there; empty: none."""
@@ -245,7 +251,7 @@ class Bench:
         if not (self.project / "project.json").exists():
             return None
         try:
-            open_project(self.project)  # as the engine does first
+            Project(self.project)  # as the engine does first
             chain = self.chain()
         except (KarfError, KeyError, TypeError) as error:
             return f"the project does not open: {error}"

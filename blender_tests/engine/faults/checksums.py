@@ -7,12 +7,12 @@ import json
 from pathlib import Path
 
 
-def renew_checksum(project: Path, name: str) -> None:
-    """Let project.json note this file's content as it is now, where it notes it at all."""
+def renew_checksum(project: Path, path: Path) -> None:
+    """Write the checksum of a stage's output, as it is now, into project.json."""
     state_file = project / "project.json"
     try:
         state = json.loads(state_file.read_text())
-        noted = [entry["files"] for entry in state["stages"].values() if name in entry.get("files", {})]
+        noted = [entry["files"] for entry in state["stages"].values() if path.parent.name == entry.get("folder")]
     except (
         OSError,
         ValueError,
@@ -24,6 +24,6 @@ def renew_checksum(project: Path, name: str) -> None:
     if not noted:
         return
     for files in noted:
-        files[name] = hashlib.sha256((project / name).read_bytes()).hexdigest()
+        files[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
     state.pop("checksum", None)  # of project.json: without it what it says is believed
     state_file.write_text(json.dumps(state, indent=1) + "\n")

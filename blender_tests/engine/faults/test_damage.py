@@ -11,7 +11,7 @@ pytest.importorskip("torch")
 from blender_tests.engine.faults.bench import digest
 from blender_tests.engine.faults.engine import run
 
-SOME = ("geometry.safetensors", "palette.json", "object_colors.npz")
+SOME = ("geometry/geometry.safetensors", "recoloring/palette.json", "recoloring/object_colors.npz")
 FLIPS = 6  # of a bit, in each file
 
 
@@ -72,7 +72,7 @@ def use_damaged(bench, name, damage, chance):
     """Damage a project whose palette is to be learned anew: so that every file has a reader."""
     anew = bench.anew("palette")
     bench.restore(anew.start)
-    damage(bench.project / name, chance)
+    damage(bench.path(name), chance)
     kept = bench.folder / "damaged"
     shutil.rmtree(kept, ignore_errors=True)
     shutil.copytree(bench.project, kept)

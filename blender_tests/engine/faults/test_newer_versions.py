@@ -42,7 +42,7 @@ def change_header(path, change):
 def test_every_file_with_a_schema(bench, subtests):
     tensors = [name for name in bench.complete.files if name.endswith(".safetensors")]
     assert tensors
-    for name in (*tensors, "project.json", "capture.json", "palette.json"):
+    for name in (*tensors, "project.json", "geometry/capture.json", "recoloring/palette.json"):
         with subtests.test(file=name):
             is_refused(bench, name, change_header if name in tensors else change_json, next_version)
 
@@ -54,8 +54,8 @@ def test_an_unknown_setting(bench):
 def is_refused(bench, name, write, change):
     scenario = bench.anew("palette")  # reads what no render reads
     bench.restore(scenario.start)
-    write(bench.project / name, change)
-    renew_checksum(bench.project, name)
+    write(bench.path(name), change)
+    renew_checksum(bench.project, bench.path(name))
     before = contents(bench)
     shown, learned = run(bench.render("--planes")), run(scenario.command)
     assert (shown.flaw, learned.flaw) == (None, None)

@@ -12,8 +12,7 @@ from karf_engine.fields.rendering.sampling import Samples
 from karf_engine.fields.rendering.space import Box
 from karf_engine.fields.rendering.volume import Trace, accumulate, make_trace, outward_normals
 from karf_engine.fields.scene import Scene
-from karf_engine.fields.training.loop import constant, train
-from karf_engine.fields.training.state import TrainingState
+from karf_engine.fields.training import TrainingState, constant, train
 
 BALLS, RADIUS, DENSEST, SAMPLES, RAYS, ITERATIONS = 64, 0.16, 20.0, 40, 192, 150
 

@@ -9,9 +9,14 @@ torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.still_life import camera_at, cameras
 from karf_engine.capture.capture import SparsePoints, View
-from karf_engine.fields.detail import pixels_per_voxel, psnr_without_detail, remove_detail, typical_pixels_per_voxel
+from karf_engine.fields.extent import (
+    contraction_around_focus,
+    pixels_per_voxel,
+    psnr_without_detail,
+    remove_detail,
+    typical_pixels_per_voxel,
+)
 from karf_engine.fields.rendering.space import Box, Contraction
-from karf_engine.fields.spaces import contraction_around_focus
 from karf_engine.project.settings import OpenSettings
 
 

@@ -97,7 +97,7 @@ def test_an_interrupted_fit_of_the_example_resumes_to_the_same_bits(project, sti
 
     step = example_field.BallFit._step
     with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.fields.training.checkpoint.INTERVAL", 0.0)
+        patch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
         patch.setattr(example_field.BallFit, "_step", interrupted)
         assert learn_geometry(still_life, tmp_path) == Cancelled.exit_code
     assert learn_geometry(still_life, tmp_path) == 0

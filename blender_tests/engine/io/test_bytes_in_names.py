@@ -14,9 +14,9 @@ OpenEXR = pytest.importorskip("OpenEXR")
 from blender_tests.engine.conftest import run_engine
 from blender_tests.engine.splats.clouds import cloud
 from blender_tests.engine.splats.formats.files import ENDS
-from karf_engine.capture.poses.video import write_sharpest_frames
+from karf_engine.capture.structure_from_motion import write_sharpest_frames
 from karf_engine.errors import KarfError
-from karf_engine.export.frame_formats import write_frame
+from karf_engine.export.frame_files import write_frame
 from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.io.color_spaces import color_space
 from karf_engine.io.failures import translate_errors

@@ -21,7 +21,7 @@ from karf_engine.io.color import srgb_to_linear
 from karf_engine.io.color_spaces import ColorSpace, color_space
 from karf_engine.io.images import encode_image
 from karf_engine.palettes.palette import Palette
-from karf_engine.recolor.layers import Layers
+from karf_engine.recolor.frames import Layers
 from karf_engine.recolor.photos import open_photo, write_photo
 
 STEP = 1 / 65535

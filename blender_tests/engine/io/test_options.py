@@ -10,8 +10,7 @@ import pytest
 pytest.importorskip("numpy")
 
 import karf_engine as karf
-from karf_engine.cli.parser import make_parser
-from karf_engine.cli.verbs import options_of
+from karf_engine.cli.verbs import make_parser, options_of
 from karf_engine.commands.options import COMMANDS, MatchOptions, RenderOptions, options_of_job
 from karf_engine.errors import BadRequest
 from karf_engine.io.options import Options

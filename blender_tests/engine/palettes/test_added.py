@@ -21,14 +21,13 @@ from karf_engine.palettes.added import (
     split_weights,
     split_weights_of_objects,
 )
+from karf_engine.palettes.color_histogram import ColorHistogram
 from karf_engine.palettes.compositing import delta_composite, paper_composite
-from karf_engine.palettes.edit_files import read_edit, write_edit
-from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes
 from karf_engine.palettes.matching.paints import pigment_gate
-from karf_engine.palettes.object_colors import ColorHistogram
-from karf_engine.palettes.palette import PROTECT, AddedColor, Edit, Palette
+from karf_engine.palettes.palette import PROTECT, AddedColor, Edit, Palette, read_edit, write_edit
 from karf_engine.palettes.palette_files import write_edit_file
+from karf_engine.palettes.palette_weights import star_weights
 
 PALETTE = np.array([[0, 0, 0], [0.95, 0.1, 0.1], [0.1, 0.1, 0.95], [1, 1, 0.95]], np.float32)
 RED, VIOLET, GREEN = np.array([0.8, 0.15, 0.15]), np.array([0.5, 0.2, 0.6]), np.array([0.2, 0.6, 0.25])

@@ -11,11 +11,10 @@ from karf_engine.errors import BadRequest
 from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 from karf_engine.palettes.compositing import delta_composite
-from karf_engine.palettes.extraction.barycentric_weights import star_weights
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, match_fewest, nearest_weights
-from karf_engine.palettes.matching.fitting import match_perceptually, match_pixels
-from karf_engine.palettes.matching.least_squares import bounded_least_squares
+from karf_engine.palettes.matching.fitting import bounded_least_squares, match_perceptually, match_pixels
 from karf_engine.palettes.matching.paints import reflection_target
+from karf_engine.palettes.palette_weights import star_weights
 
 RED, BLUE, GREEN, YELLOW, CREAM = (
     np.array(color)

@@ -3,14 +3,20 @@
 import numpy as np
 import pytest
 
+from karf_engine.commands.calibration import find_corners
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import lab_to_srgb, linear_to_srgb, srgb_to_linear
 from karf_engine.io.images import write_png
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.palettes.color_chart import PATCHES, fit_chart, fit_photo, patch_colors, reference_colors
-from karf_engine.palettes.reference_light import ReferenceLight
-from karf_engine.recolor.chart_detection import find_corners
-from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.palettes.calibration import (
+    PATCHES,
+    ReferenceLight,
+    fit_chart,
+    fit_photo,
+    patch_colors,
+    reference_colors,
+)
+from karf_engine.worker.queries import QUERIES
 from karf_engine.worker.queries.session import Session
 from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 

@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from karf_engine.errors import BadRequest
 from karf_engine.palettes import edge_shape
-from karf_engine.palettes.edge_shape import EdgeShape, apply_edge_shape, erode
+from karf_engine.palettes.edge_shape import EdgeShape, apply_edge_shape, erode, feather
 
 SIDE = 120
 MIDDLE = slice(40, 80)
@@ -80,9 +80,9 @@ def test_whole_pixels_keep_a_hard_edge_hard():
 
 def test_more_choke_never_covers_more():
     soft = disk(40, 5) * np.random.default_rng(1).random((SIDE, SIDE)).astype(np.float32)
-    for feather in (0, 7):
+    for width in (0, 7):
         steps = [
-            apply_edge_shape(soft, EdgeShape(choke, feather)) for choke in (-6, -2.5, -1, -0.3, 0, 0.4, 1, 2, 5.5, 16)
+            apply_edge_shape(soft, EdgeShape(choke, width)) for choke in (-6, -2.5, -1, -0.3, 0, 0.4, 1, 2, 5.5, 16)
         ]
         for wider, narrower in pairwise(steps):
             assert (narrower <= wider + 1e-5).all()
@@ -103,18 +103,16 @@ def test_a_straight_edge_keeps_its_half_where_it_was(degrees, feather):
     np.testing.assert_allclose((after + after[::-1, ::-1])[MIDDLE, MIDDLE], 1, atol=1e-5)  # alike on either side
 
 
-@pytest.mark.parametrize("feather", [4, 12, 40])
-def test_an_edge_fades_over_its_feather_and_no_further(feather):
-    row = feather((straight_edge() > 0.5).astype(np.float32), feather)[SIDE // 2]
+@pytest.mark.parametrize("width", [4, 12, 40])
+def test_an_edge_fades_over_its_feather_and_no_further(width):
+    row = feather((straight_edge() > 0.5).astype(np.float32), width)[SIDE // 2]
     changing = np.flatnonzero((row > 1e-3) & (row < 1 - 1e-3))
-    assert feather * 0.75 - 2 <= len(changing) <= feather + 2
+    assert width * 0.75 - 2 <= len(changing) <= width + 2
     assert (np.diff(row) >= -1e-6).all()
 
 
 def test_a_fade_is_wider_where_more_feather_is_asked_for():
-    widths = [
-        np.sum((row := feather(straight_edge(), feather)[60]) * (1 - row)) for feather in (0.5, 1, 2, 4, 8, 16, 64)
-    ]
+    widths = [np.sum((row := feather(straight_edge(), width)[60]) * (1 - row)) for width in (0.5, 1, 2, 4, 8, 16, 64)]
     assert (np.diff(widths) > 0).all()
 
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from karf_engine.palettes.edge_shape import EdgeShape, feather
-from karf_engine.palettes.edges_in_space import Borders, apply_edges_to_points
+from karf_engine.palettes.edge_shape import Borders, EdgeShape, apply_edges_to_points, feather
 
 SPACING, PIXEL = 0.1, 0.5
 PLACES = np.arange(-20, 20, SPACING) + SPACING / 2  # across a straight border

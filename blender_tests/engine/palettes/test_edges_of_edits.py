@@ -7,8 +7,7 @@ import pytest
 
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.palettes.edge_shape import EdgeShape
-from karf_engine.palettes.edit_files import edit_from_json, edit_to_json, read_edit, write_edit
-from karf_engine.palettes.palette import Edit, Palette, check_edit
+from karf_engine.palettes.palette import Edit, Palette, check_edit, edit_from_json, edit_to_json, read_edit, write_edit
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.2, 0.9]], np.float32))
@@ -52,8 +51,10 @@ def test_edges_of_another_object_are_refused():
 
 
 def test_a_frame_with_other_edges_is_another_frame():
-    frame_mark = pytest.importorskip("karf_engine.export.finished_frames").frame_mark
-    plain = frame_mark("view", Edit(COLORS))
-    assert frame_mark("view", Edit(COLORS, edges={"pot": EdgeShape()})) == plain
-    marks = [frame_mark("view", Edit(COLORS, edges={"pot": EdgeShape(*each)})) for each in ((1, 0), (2, 0), (0, 1))]
+    frame_fingerprint = pytest.importorskip("karf_engine.export.finished_frames").frame_fingerprint
+    plain = frame_fingerprint("view", Edit(COLORS))
+    assert frame_fingerprint("view", Edit(COLORS, edges={"pot": EdgeShape()})) == plain
+    marks = [
+        frame_fingerprint("view", Edit(COLORS, edges={"pot": EdgeShape(*each)})) for each in ((1, 0), (2, 0), (0, 1))
+    ]
     assert len({plain, *marks}) == 4

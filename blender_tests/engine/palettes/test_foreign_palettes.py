@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from karf_engine.errors import DataError
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.palette import Edit, Palette
+from karf_engine.palettes.palette import Edit, Palette, read_edit
 from karf_engine.palettes.palette_files import read_edit_file, write_edit_file
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.1, 1 / 3, 0.7], [1, 0.25, 0.5]], np.float32))

@@ -45,7 +45,7 @@ def test_the_picture_of_an_edit_gives_the_edit_back(view):
     found = matched(view, recolored(view, BLUE_POT))
     assert set(found) == {"pot"}
     np.testing.assert_allclose(found["pot"].colors, BLUE_POT["pot"], atol=0.02)
-    assert found["pot"].before > 20 and found["pot"].left < 0.5 and found["pot"].painted > 0.9
+    assert found["pot"].before > 20 and found["pot"].after < 0.5 and found["pot"].painted > 0.9
 
 
 def test_paint_on_a_small_part_speaks_for_the_whole_object(view):
@@ -87,7 +87,7 @@ def test_locked_swatches_and_black_keep_their_bits(view):
 def test_what_the_picture_clips_bounds_no_swatch(view):
     bright = LEARNED | {"pot": np.array([[0, 0, 0], [1.6, 1.2, 0.1], [1.9, 1.9, 1.9]], np.float32)}
     found = matched(view, recolored(view, bright))["pot"]
-    assert found.left < 1 and found.before > 50 and found.colors.max() <= MAX_SRGB
+    assert found.after < 1 and found.before > 50 and found.colors.max() <= MAX_SRGB
     np.testing.assert_allclose(found.colors[1], bright["pot"][1], atol=0.1)
 
 

@@ -10,8 +10,16 @@ import pytest
 
 from karf_engine.errors import DataError
 from karf_engine.io.files import read_json
-from karf_engine.palettes.edit_files import read_edit, write_edit
-from karf_engine.palettes.palette import Edit, Palette, hex_to_rgb, read_palettes, rgb_to_hex, write_palettes
+from karf_engine.palettes.palette import (
+    Edit,
+    Palette,
+    hex_to_rgb,
+    read_edit,
+    read_palettes,
+    rgb_to_hex,
+    write_edit,
+    write_palettes,
+)
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.1, 1 / 3, 0.7], [1, 0.25, 0.5]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], [0.9, 0.8, 0.7]], np.float32))

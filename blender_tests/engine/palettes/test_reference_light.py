@@ -6,7 +6,7 @@ import pytest
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import lab_to_srgb, linear_to_srgb, srgb_to_lab, srgb_to_linear
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.palettes.reference_light import ReferenceLight
+from karf_engine.palettes.calibration import ReferenceLight
 
 LAMP = np.array([1.3, 0.9, 0.5])  # a warm light, and an exposure
 PAINTS = lab_to_srgb(np.array([[50.0, 40, 20], [30, -10, -30], [60, -20, 40]]))

@@ -57,7 +57,7 @@ def difference(one, other):
 def test_neutral_values_keep_the_palettes_very_bits():
     _, palette, edited = after(sphere(RED), {1: Surface()})
     np.testing.assert_array_equal(edited, palette)
-    assert Surface().is_identity and not Surface(gloss=0.999).is_identity
+    assert Surface().is_neutral and not Surface(gloss=0.999).is_neutral
 
 
 def test_no_saturation_is_gray_of_the_same_lightness():

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from karf_engine.errors import DataError
+from karf_engine.palettes.color_histogram import read_object_colors
 from karf_engine.palettes.compositing import Planes, read_planes, write_planes
-from karf_engine.palettes.object_colors import read_object_colors
 
 
 def planes_file(path):

@@ -16,7 +16,8 @@ from blender_tests.engine.reference.capture_files import centered, put_json, ran
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture import open_capture
 from karf_engine.capture.camera import Camera
-from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json, unique_names
+from karf_engine.capture.capture import Capture, View, capture_from_json, capture_to_json
+from karf_engine.capture.reader_utils import unique_names
 from karf_engine.errors import DataError
 from karf_engine.io.files import read_json
 from karf_engine.io.names import LONGEST, file_name, is_file_name
@@ -56,12 +57,13 @@ def refusal(read, *arguments):
 
 
 def strangers_copy(learned, tmp_path):
-    """A copy of a learned project without checksums: a stranger's would fit what is hostile in it."""
+    """Return a copy of a learned project as early versions wrote it: without checksums, outputs beside project.json."""
     project = shutil.copytree(learned.project, tmp_path / "project")
 
     def without_checksums(state):
         del state["checksum"]
         for summary in state["stages"].values():
+            shutil.copytree(project / "results" / summary.pop("folder"), project, dirs_exist_ok=True)
             del summary["files"]
 
     rewrite_state(project, without_checksums)
@@ -132,9 +134,9 @@ def test_object_names_of_learned_files_never_leave_the_folder(learned, tmp_path,
     rewrite_facts(project / file, lambda facts: facts["objects"].__setitem__(0, "../../escaped"))
     reads = {
         "segmentation.safetensors": lambda job: load_segmentation(
-            job.project.checked(job.project.segmentation_file), 6
+            job.project.verified(job.project.segmentation_file), 6
         ),
-        "surface.safetensors": lambda job: load_surface(job.project.checked(job.project.surface_file)),
+        "surface.safetensors": lambda job: load_surface(job.project.verified(job.project.surface_file)),
     }
     assert "cannot be the name of a file" in refusal(reads[file], job_of(project))
 
@@ -293,6 +295,7 @@ def test_two_views_of_one_name_are_refused(tmp_path):
         {"stages": {"geometry": None}},
         {"stages": []},
         {"capture": None},
+        {"outdated": 5},
     ],
 )
 def test_values_of_project_json_of_another_type_are_named(tmp_path, change):

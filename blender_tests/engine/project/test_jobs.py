@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from karf_engine.io.processes import host_name
+from karf_engine.io.files import host_name
 from karf_engine.project import Project, jobs
 
 KEPT = [f"20250101-000000-{number:03d}-render" for number in range(jobs.KEPT)]

@@ -12,16 +12,16 @@ import pytest
 pytest.importorskip("filelock")
 
 from karf_engine.errors import BadRequest
-from karf_engine.project import Project, locking
-from karf_engine.project.locking import read_lock, write_lock
+from karf_engine.project import Project
+from karf_engine.project.locking import write_lock
 
 ROOT = Path(__file__).resolve().parents[3]
 HOLD = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from karf_engine.project.locking import consistent, writing
+from karf_engine.project.locking import write_lock
 from karf_engine.project import Project
-with globals()[sys.argv[3]](Project(sys.argv[2])):
+with write_lock(Project(sys.argv[2])):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -36,12 +36,12 @@ def project(tmp_path):
 
 @pytest.fixture
 def hold(project):
-    """Starts a process that holds the project in a way."""
+    """Start a process that holds the project's lock."""
     children = []
 
-    def start(how):
+    def start():
         child = subprocess.Popen(
-            [sys.executable, "-c", HOLD, str(ROOT), str(project.folder), how],
+            [sys.executable, "-c", HOLD, str(ROOT), str(project.folder)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -57,13 +57,13 @@ def hold(project):
 
 
 def test_a_project_that_another_process_writes_is_refused_with_its_number(project, hold):
-    child = hold("writing")
+    child = hold()
     with pytest.raises(BadRequest, match=f"in use by process {child.pid} on"), write_lock(project):
         pass
 
 
 def test_what_a_killed_process_held_is_free(project, hold):
-    child = hold("writing")
+    child = hold()
     child.kill()
     child.wait()
     with write_lock(project):
@@ -90,27 +90,7 @@ def test_a_lock_file_that_nobody_holds_is_no_obstacle_whatever_it_says_and_when(
 
 
 def test_a_holder_that_could_not_say_who_it_is_still_holds(project, hold):
-    hold("writing")
+    hold()
     (project.folder / "lock.json").write_text("{")
     with pytest.raises(BadRequest, match="in use by another job"), write_lock(project):
         pass
-
-
-def test_reading_waits_for_a_commit_and_does_not_wait_for_a_job_that_learns(project, hold, monkeypatch):
-    monkeypatch.setattr(locking, "COMMIT_SECONDS", 0.2)
-    hold("writing")
-    with read_lock(project):
-        pass
-    hold("consistent")
-    with pytest.raises(BadRequest, match="is being changed by another job"), read_lock(project):
-        pass
-
-
-@pytest.mark.skipif(os.name == "nt" or not hasattr(os, "geteuid"), reason="rights of POSIX folders")
-def test_a_project_in_which_nothing_can_be_written_can_be_read(project, monkeypatch):
-    def refuse(*_, **__):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(locking, "acquire", refuse)
-    with read_lock(project):
-        assert project.state()

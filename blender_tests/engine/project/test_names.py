@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from karf_engine.capture.capture import unique_names
+from karf_engine.capture.reader_utils import unique_names
 from karf_engine.errors import DataError
 from karf_engine.io.names import check_names, file_name, find_normalized, first_case_collision, is_file_name
 

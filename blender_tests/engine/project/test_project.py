@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.io.files import HOST, atomic_write, read_json, write_json
+from karf_engine.io.files import HOST, atomic_write, checksum, read_json, write_json
 from karf_engine.project import BUILT_ON, STAGE_ORDER, Project
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -148,11 +148,10 @@ SETTINGS = {stage: {"rate": 1} for stage in STAGE_ORDER}
 
 def commit(project, stage, **files):
     """Finish a stage whose outputs hold these words; names have `_` for `.`."""
+    result = project.new_result(stage)
     for name, words in files.items():
-        path = project.outputs_folder / name.replace("_", ".")
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(words)
-    project.commit(stage, f"fingerprint of {stage}", SETTINGS)
+        (result / name.replace("_", ".")).write_text(words)
+    project.commit(stage, result, f"fingerprint of {stage}", SETTINGS)
 
 
 def test_outputs_take_their_places_with_their_checksums_and_settings(project):
@@ -160,7 +159,7 @@ def test_outputs_take_their_places_with_their_checksums_and_settings(project):
     done = project.finished("geometry")
     assert done["files"].keys() == {"capture.json", "geometry.safetensors"} and done["settings"] == {"rate": 1}
     assert project.state()["settings"] == SETTINGS
-    assert project.checked(project.geometry_file).read_text() == "field" and project.is_intact("geometry")
+    assert project.verified(project.geometry_file).read_text() == "field" and project.is_intact("geometry")
 
 
 @pytest.mark.parametrize("damage", ["flip", "cut", "gone"])
@@ -173,64 +172,72 @@ def test_an_output_that_is_not_what_was_written_is_named_with_the_stage_to_run(p
     with pytest.raises(
         DataError, match=r"geometry\.safetensors is (damaged|missing).*the geometry stage wrote"
     ) as caught:
-        project.checked(project.geometry_file)
+        project.verified(project.geometry_file)
     assert "Run the geometry stage again" in caught.value.hint and not project.is_intact("geometry")
 
 
-def test_a_file_that_two_stages_write_is_the_later_ones(project):
+def test_a_file_that_two_stages_write_is_the_later_ones_until_the_earlier_runs_again(project):
     commit(project, "palette", palette_json="extracted")
     commit(project, "recoloring", palette_json="learned", recoloring_safetensors="F_w")
-    assert project.is_intact("palette") and project.is_intact("recoloring")
+    assert project.palette_file.read_text() == "learned"
     project.palette_file.write_text("damaged")
-    assert not project.is_intact("palette") and not project.is_intact("recoloring")
+    assert project.is_intact("palette") and not project.is_intact("recoloring")
+    commit(project, "palette", palette_json="extracted again")
+    assert project.palette_file.read_text() == "extracted again" and not project.recoloring_file.exists()
 
 
-@pytest.mark.parametrize("step", range(5))
-def test_a_commit_that_is_interrupted_is_completed_by_the_next_job_and_no_mixture_meanwhile(project, monkeypatch, step):
-    for stage in STAGE_ORDER:
-        commit(project, stage, **{f"{stage}_safetensors": "old"})
-    moved = []
-
-    def stop(path, target):
-        if len(moved) == step:
-            raise SystemExit
-        moved.append(target)
-        return path.rename(target)
-
-    with monkeypatch.context() as patch, pytest.raises(SystemExit):
-        patch.setattr(Path, "replace", stop)
-        commit(project, "geometry", capture_json="new", geometry_safetensors="new")
-    project.remove_leftovers()
-    done = [project.finished(stage) is not None for stage in STAGE_ORDER]
-    assert done == [step < 2] * 5  # the first two moves are those of the noted states
-    assert not done[0] or project.is_intact("geometry")
-    project.recover()
-    assert project.geometry_file.read_text() == ("old" if step < 2 else "new")
-    assert [project.finished(stage) is not None for stage in STAGE_ORDER] == [True] + [step < 2] * 4
-    assert project.is_intact("geometry")
-
-
-def test_a_disk_that_fills_up_in_a_commit_leaves_the_project_as_it_was(project, monkeypatch):
+@pytest.mark.parametrize("step", ["checksum", "write_state"])
+def test_a_stage_that_is_killed_while_it_commits_leaves_the_project_as_it_was(project, monkeypatch, step):
     commit(project, "geometry", geometry_safetensors="old")
     before = project.state()
 
-    def full(path, content):
-        if path == project.state_file:
-            raise OSError(28, "No space left on device")
-        path.write_text(json.dumps(content))
+    def stop(*_):
+        raise SystemExit
 
-    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
-        patch.setattr("karf_engine.project.state.write_json", full)
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+        patch.setattr(f"karf_engine.project.folder.{step}", stop)
         commit(project, "geometry", geometry_safetensors="new")
-    project.recover()
-    assert project.state() == before and project.is_intact("geometry")
+    assert project.state() == before and project.geometry_file.read_text() == "old" and project.is_intact("geometry")
 
 
-def test_a_folder_that_is_replaced_is_set_aside(project):
-    for words in ("first", "second"):
-        (project.outputs_folder / "masks").mkdir(parents=True)
-        (project.outputs_folder / "masks" / words).write_text(words)
-        project.commit("segmentation", "fingerprint", SETTINGS)
+def test_a_snapshot_reads_the_results_of_its_time_until_they_are_removed(project, monkeypatch):
+    commit(project, "geometry", geometry_safetensors="old")
+    snapshot = project.snapshot()
+    commit(project, "geometry", geometry_safetensors="new")
+    project.remove_leftovers()
+    assert snapshot.verified(snapshot.geometry_file).read_text() == "old"
+    assert project.verified(project.geometry_file).read_text() == "new"
+    monkeypatch.setattr("karf_engine.project.folder.READING_SECONDS", -1)
+    project.remove_leftovers()
+    assert [path.name for path in (project.folder / "results").iterdir()] == ["geometry-2"]
+
+
+def test_results_that_an_earlier_version_wrote_beside_the_project_file_are_read_and_mended(project):
+    for name, words in (("geometry.safetensors", "field"), ("palette.json", "learned")):
+        (project.folder / name).write_text(words)
+    sums = {name: checksum(project.folder / name) for name in ("geometry.safetensors", "palette.json")}
+    project.finish("geometry", "g", files={"geometry.safetensors": sums["geometry.safetensors"]})
+    project.finish("palette", "p", files={"palette.json": "of what recoloring replaced"})
+    project.finish("recoloring", "r", files={"palette.json": sums["palette.json"]})
+    assert project.geometry_file == project.folder / "geometry.safetensors"
+    assert all(project.is_intact(stage) for stage in ("geometry", "palette", "recoloring"))
+    commit(project, "recoloring", palette_json="learned again")
+    assert project.palette_file.read_text() == "learned again" and project.is_intact("palette")
+
+
+@pytest.mark.parametrize("folder", ["../elsewhere", "a/b", "", 3])
+def test_a_project_file_that_names_no_folder_of_results_is_refused(project, folder):
+    project.finish("geometry", "g", folder=folder, files={"geometry.safetensors": "sum"})
+    with pytest.raises(DataError, match=r"project\.json has a result named"):
+        project.geometry_file  # noqa: B018
+
+
+def test_masks_that_are_replaced_are_set_aside(project):
+    def write(name):
+        return lambda folder: (folder.mkdir(), (folder / name).write_text(name))
+
+    for name in ("first", "second", "second"):
+        project.replace_masks(write(name))
     assert [path.name for path in project.masks_folder.iterdir()] == ["second"]
     assert [path.name for path in (project.folder / "earlier_masks").iterdir()] == ["first"]
 
@@ -251,7 +258,7 @@ def test_a_damaged_project_file_is_refused_and_one_without_a_checksum_is_believe
 def test_a_project_made_before_there_were_checksums_is_believed(project):
     project.finish("geometry", "fingerprint")
     project.geometry_file.write_text("any")
-    assert project.checked(project.geometry_file) == project.geometry_file and project.is_intact("geometry")
+    assert project.verified(project.geometry_file) == project.geometry_file and project.is_intact("geometry")
 
 
 def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(project):
@@ -259,7 +266,10 @@ def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(
     ended.wait()
     dead, alive, elsewhere = f"{HOST}-{ended.pid}", f"{HOST}-{os.getpid()}", f"{'0' * 8}-{ended.pid}"
     folders = [project.folder, project.planes_folder, project.photos_folder, project.masks_folder / "pot"]
-    left = [project.outputs_folder / "a.png", *(folder / f".karf-{dead}-abcdefgh/new.png" for folder in folders)]
+    left = [
+        project.new_result("geometry") / "a.png",
+        *(folder / f".karf-{dead}-abcdefgh/new.png" for folder in folders),
+    ]
     others = [folder / f".karf-{name}-abcdefgh/new.png" for folder in folders for name in (alive, elsewhere)]
     others += [project.folder / ".tmp.drivedownload/a.png", project.folder / ".tmp-1.png"]
     others += [project.folder / f".karf-{dead}/a.png", project.planes_folder / ".tmp-2.npz"]
@@ -268,6 +278,7 @@ def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(
         path.write_text("half")
         os.utime(path, (0, 0))
     (project.folder / ".tmp-nothing").symlink_to("nowhere")
+    os.utime(project.state_file, (0, 0))
     project.remove_leftovers()
     assert not any(path.parent.exists() and path.exists() for path in left) and all(path.exists() for path in others)
     assert (project.folder / ".tmp-nothing").is_symlink()

@@ -13,32 +13,41 @@ from blender_tests.engine.faults.checksums import renew_checksum
 from blender_tests.engine.readers import mutations, samples
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_to_json
-from karf_engine.capture.sparse_point_files import read_points
+from karf_engine.capture.sparse_points import read_points
 from karf_engine.capture.splat_cameras import read_splat_cameras
 from karf_engine.commands.job import open_job
 from karf_engine.commands.options import RenderOptions
 from karf_engine.commands.recoloring import rays_of
 from karf_engine.errors import KarfError
 from karf_engine.export.layer_names import read_layer_names
-from karf_engine.fields.nerf.files import read_nerf
+from karf_engine.fields.nerf.importing import read_nerf
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import object_pixels
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.palettes.color_books import read_color_book
+from karf_engine.palettes.color_histogram import read_object_colors
 from karf_engine.palettes.compositing import read_planes
-from karf_engine.palettes.edit_files import read_edit
-from karf_engine.palettes.object_colors import read_object_colors
-from karf_engine.palettes.palette import read_palettes
+from karf_engine.palettes.palette import read_edit, read_palettes
 from karf_engine.palettes.palette_files import read_edit_file
 from karf_engine.palettes.project_edit import edit_of
-from karf_engine.project import STAGE_ORDER
+from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.contents import read_capture, settings_for
-from karf_engine.project.locking import open_project
 from karf_engine.splats.formats.registry import read_splats
 from karf_engine.worker.protocol import EventReader, Request
 from tools.convert_bmild import read_bmild
 
+RESULTS = {
+    "capture.json": "geometry",
+    "segmentation.json": "segmentation",
+    "palette.json": "recoloring",
+    "geometry.safetensors": "geometry",
+    "segmentation.safetensors": "segmentation",
+    "recoloring.safetensors": "recoloring",
+    "splats.safetensors": "splats",
+    "surface.safetensors": "segmentation",
+    "object_colors.npz": "recoloring",
+}  # stages by output
 PLAIN = re.compile(r"(train_|test_)?r_\d+")  # names of views and photos as the samples have them
 
 
@@ -83,7 +92,7 @@ def photo(path: Path) -> None:
 
 
 def edit(path: Path) -> None:
-    read_edit(path, read_palettes(path.with_name("palette.json")))
+    read_edit(path, read_palettes(project_of(path).palette_file))
 
 
 def swatches(path: Path) -> None:
@@ -92,7 +101,7 @@ def swatches(path: Path) -> None:
 
 def state(path: Path) -> None:
     """Open the project as every stage and Blender's panel do."""
-    project = open_project(path.parent)
+    project = project_of(path)
     settings_for(project, "render")
     for stage in STAGE_ORDER:
         if project.finished(stage):
@@ -102,20 +111,22 @@ def state(path: Path) -> None:
 
 def learned(path: Path) -> None:
     """Load all that a render needs."""
-    model = karf.load(path.parent, "cpu")
+    model = karf.load(project_of(path).folder, "cpu")
     model.capture.split("test")
     if model.palettes:
         model.learned_colors  # noqa: B018 a property that computes
 
 
 def surface(path: Path) -> None:
-    project = open_project(path.parent)
+    project = project_of(path)
     object_pixels(*load_surface(project.verified(project.surface_file)))
 
 
 def masked_views(path: Path) -> None:
     """What the recoloring stage learns from in the views that have a mask, which the report names."""
-    job = open_job(RenderOptions(project=path.parent, threads=1), lambda kind, /, **values: None, lambda: False)
+    job = open_job(
+        RenderOptions(project=project_of(path).folder, threads=1), lambda kind, /, **values: None, lambda: False
+    )
     project = job.project
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
     surface, _ = load_surface(project.verified(project.surface_file))
@@ -138,19 +149,18 @@ def read_events(path: Path) -> None:
 
 def rendered(path: Path) -> None:
     """Render one view of the project, the one with a strange name if there is one, and write all that can be written."""
-    views = json.loads(path.with_name("capture.json").read_text())["views"]
+    views = json.loads(project_of(path).capture_file.read_text())["views"]
     strange = [v["name"] for v in views if not (PLAIN.fullmatch(v["name"]) and PLAIN.fullmatch(v["stem"]))]
     _render(path, strange[0] if strange else samples.RENDERED)
 
 
 def renamed(path: Path) -> None:
     """Give the objects the names of palette.json everywhere, then solve an edit and render."""
-    folder = path.parent
+    project, folder = project_of(path), project_of(path).folder
     names = [entry["name"] for entry in json.loads(path.read_text())["objects"]]
-    for name in ("segmentation.safetensors", "surface.safetensors"):
-        file = folder / name
+    for file in (project.segmentation_file, project.surface_file):
         file.write_bytes(mutations.with_header(file.read_bytes(), lambda header: _with_objects(header, names)))
-        renew_checksum(folder, name)
+        renew_checksum(folder, file)
     edits = json.loads((folder / "edit.json").read_text())
     edits["objects"] = dict(zip(names, edits["objects"].values(), strict=True))
     (folder / "edit.json").write_text(json.dumps(edits))
@@ -166,15 +176,21 @@ def rendered_cameras(path: Path) -> None:
 
 
 def _render(path: Path, views: str) -> None:
-    folder = path.parent
+    folder = project_of(path).folder
     karf.render(folder, folder / "out", views=views, edit=folder / "edit.json", planes=True, threads=1)
 
 
 def matched(path: Path) -> None:
     """Solve an edit for whatever objects the palettes name."""
     for palette in read_palettes(path):
-        edit = edit_of(open_project(path.parent))
-        edit.becomes(palette.name, "#b5302c", "#3059b8").save(path.parent / "out.json")
+        edit = edit_of(project_of(path))
+        edit.becomes(palette.name, "#b5302c", "#3059b8").save(edit.project.folder / "out.json")
+
+
+def project_of(path: Path) -> Project:
+    """Return the project of one of its files."""
+    is_result = path.parent.parent.name == "results"
+    return Project(path.parents[2] if is_result else path.parent)
 
 
 # --------------------------------------------------------------------------------------------------------------- registry
@@ -264,8 +280,14 @@ def _project_readers(project: Path | None) -> list[Reader]:
         ("edit.json", copied, mutations.hostile_keys, rendered),
         ("cameras.json", with_cameras, mutations.hostile_names, rendered_cameras),
     ]
-    found = [Reader(file.partition("/")[0], copied, (file,), mutation, read) for file, mutation, read in kinds]
+    found = [Reader(file.partition("/")[0], copied, (_place(file),), mutation, read) for file, mutation, read in kinds]
     for title, make, mutation, read in named:
-        file = title.partition(" ")[0]
-        found.append(Reader(f"hostile names in {title}", make, (file,), mutation, read, read is not matched))
+        files = (_place(title.partition(" ")[0]),)
+        found.append(Reader(f"hostile names in {title}", make, files, mutation, read, read is not matched))
     return found
+
+
+def _place(name: str) -> str:
+    """Return where a project that was learned once has a file."""
+    stage = RESULTS.get(name)
+    return f"results/{stage}-1/{name}" if stage else name

@@ -25,7 +25,7 @@ from karf_engine.export.layers import write_layers
 from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.palettes.palette_files import write_edit_file
-from karf_engine.recolor.layers import Layers
+from karf_engine.recolor.frames import Layers
 from karf_engine.splats.formats.packed import to_package
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile

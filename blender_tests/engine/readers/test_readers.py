@@ -66,7 +66,9 @@ def test_changed_files_are_read_or_refused(reader, folder, request):
         for name, data in valid.items():
             (folder / name).write_bytes(data)
         (folder / changed.name).write_bytes(changed.data)
-        renew_checksum(folder, changed.name)  # a project may come from a stranger whose checksums fit its hostile files
+        renew_checksum(
+            folder, folder / changed.name
+        )  # a project may come from a stranger whose checksums fit its hostile files
         event("read" if read_watched(reader.read, folder / changed.name, folder) else "refused in a sentence")
 
     changed_files_are_read_or_refused()

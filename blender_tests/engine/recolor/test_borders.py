@@ -83,7 +83,7 @@ def test_any_cameras_picture_is_that_of_its_planes(model, green):
     camera = model.working_camera(model.capture.split("test")[1]).scaled(64, 64)
     edit = green.edge("ball", 2, 8)
     frame = model.render(camera)
-    difference = np.abs(model.shown(camera, edit) - model.composite(frame, edit))
-    plain = np.abs(model.shown(camera, green) - model.composite(frame, green))
+    difference = np.abs(model.render_recolored(camera, edit) - model.composite(frame, edit))
+    plain = np.abs(model.render_recolored(camera, green) - model.composite(frame, green))
     assert difference.mean() < 2 * plain.mean() + 1e-4
     assert np.abs(model.composite(frame, edit) - model.composite(frame, green)).max() > 0.05

@@ -17,8 +17,8 @@ from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.full_resolution import PhotoView, dense_weights, make_photo_view
-from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.matte import Matte
+from karf_engine.recolor.matting.thin_parts import Marks
 from karf_engine.recolor.photos import StoredPhoto
 from karf_engine.segmentation.views import MaskedViews
 

@@ -8,8 +8,7 @@ import pytest
 
 from karf_engine.io.image_size import ImageHeader
 from karf_engine.palettes.palette import Edit, Palette
-from karf_engine.recolor.full_resolution import PhotoView
-from karf_engine.recolor.grain import denoise, estimate_noise
+from karf_engine.recolor.full_resolution import PhotoView, denoise, estimate_noise
 from karf_engine.recolor.matting.matte import Matte
 from karf_engine.recolor.photos import StoredPhoto
 

@@ -17,7 +17,7 @@ from karf_engine.project import Project
 from karf_engine.recolor import field_rendering
 from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model
-from karf_engine.recolor.splat_colors import bake_edit, render_planes, shares_of_objects, splats_of_objects
+from karf_engine.recolor.splatted_scene import bake_edit, render_planes, shares_of_objects, splats_of_objects
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from karf_engine.splats.rasterizer import rasterize
@@ -104,7 +104,7 @@ def test_only_the_edited_object_changes(model, green):
     changed = (model.recolored_splats(green).table != model.splats.table).any(1)
     shares = model.splatted.shares
     assert changed.any() and (shares[changed, model.objects.index("ball")] > 0).all()
-    assert not changed[model.splats.n_solid :].any()
+    assert not changed[model.splats.n_foreground :].any()
     assert_array_equal(model.recolored_splats(green).table[:, :COLOR], model.splats.table[:, :COLOR])
 
 
@@ -126,7 +126,7 @@ def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes(model):
 
 
 def test_what_is_behind_is_never_of_an_object(model):
-    behind = replace(model.splats, n_behind=len(model.splats))
+    behind = replace(model.splats, n_background=len(model.splats))
     assert not shares_of_objects(behind, model.segmentation, model.scene).any()
 
 
@@ -201,7 +201,7 @@ def test_an_object_without_gaussians_has_empty_planes(camera):
 
 # --------------------------------------------------------------------------------------------------------------- behind
 def test_what_is_cut_out_gives_the_picture_again_on_what_is_behind(model, camera):
-    frame, behind = model.render(camera), model.behind(camera)
+    frame, behind = model.render(camera), model.render_background(camera)
     assert_array_equal(behind, np.zeros_like(behind))  # the capture's black
     cut = remove_background(frame.color, frame.opacity, behind)
     assert_allclose(cut[..., :3] * cut[..., 3:] + behind * (1 - cut[..., 3:]), frame.color, atol=2e-3)

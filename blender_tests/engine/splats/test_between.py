@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from karf_engine.capture.camera import Camera
-from karf_engine.splats.pseudo_views import PSEUDO_VIEWS_PER_PHOTO, SIDE, pseudo_cameras, render_pseudo_photos
+from karf_engine.splats.start import PSEUDO_VIEWS_PER_PHOTO, SIDE, pseudo_cameras, render_pseudo_photos
 
 MIDDLE = np.array([1.0, 2.0, 0.5])
 

@@ -11,8 +11,7 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.test_fit import CAMERAS, cut_out_of, error_of, photo_of, progress, unlearned
 from karf_engine.io.color import to_bytes
-from karf_engine.splats.exposures import Exposures, interpolate_gains
-from karf_engine.splats.fit import SplatFit
+from karf_engine.splats.fit import Exposures, SplatFit, interpolate_gains
 
 GAINS = np.float32([[1.15, 1.1, 1], [0.9, 0.95, 1], [1, 1, 1], [1.05, 1, 0.95], [0.9, 0.95, 1], [1.02, 1.01, 1.05]])
 

@@ -50,13 +50,13 @@ def test_what_is_written_is_read_again_bit_by_bit(path, degree):
 
 def test_how_photos_look_at_them_is_kept(path):
     looks = np.random.default_rng(0).random((30, 5), np.float32)
-    save_gaussians(replace(gaussians(), looks=looks), path)
+    save_gaussians(replace(gaussians(), visibility=looks), path)
     assert_array_equal(load_gaussians(path).visibility, looks)
 
 
 @pytest.mark.parametrize("looks", [np.zeros((29, 5), np.float32), np.zeros((30, 4), np.float32), np.zeros((30, 5))])
 def test_looks_of_other_gaussians_are_refused(path, looks):
-    save_gaussians(replace(gaussians(), looks=looks), path)
+    save_gaussians(replace(gaussians(), visibility=looks), path)
     refused(path)
 
 

@@ -13,12 +13,12 @@ from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, c
 from karf_engine.compute import cores
 from karf_engine.compute.progress import Progress
 from karf_engine.errors import Cancelled, DataError, Diverged
-from karf_engine.fields.training.checkpoint import Checkpoint
+from karf_engine.fields.fit import Checkpoint
 from karf_engine.io.color import to_bytes
 from karf_engine.splats import fit as fit_module
-from karf_engine.splats.fit import Photo, Rates, SplatFit
+from karf_engine.splats.fit import Photo, SplatFit
 from karf_engine.splats.gaussians import Gaussians
-from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE
+from karf_engine.splats.kernels.arrays import CENTER, COLOR, LOG_SCALE
 from karf_engine.splats.rasterizer import RasterizedView, pinhole, rasterize
 
 TRUTH = Gaussians(cloud(40, 1, seed=7), 0, BACKGROUND, NEAR)
@@ -175,15 +175,16 @@ def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
 
 def test_what_no_photo_shows_is_learned_from_pictures_between_them():
     photos, between = [photo_of(CAMERAS[0])], [photo_of(camera) for camera in CAMERAS[1:]]
-    of_photo_alone, of_both = learn(unlearned(), photos, 120), learn(unlearned(), photos, 120, between=between)
+    of_photo_alone, of_both = learn(unlearned(), photos, 120), learn(unlearned(), photos, 120, pseudo_photos=between)
     new = [photo_of(moved(camera_ahead(), 0.5, 0.3))]
     assert error_of(of_both, new) < 0.3 * error_of(of_photo_alone, new)
 
 
-def test_pictures_between_photos_tell_nothing_of_how_these_are_exposed():
+def test_pictures_between_photos_tell_nothing_of_how_these_are_exposed(monkeypatch):
     photos = [photo_of(camera) for camera in CAMERAS]
     darker = [replace(photo, color=photo.color // 2) for photo in photos]
-    fit = SplatFit(TRUTH, photos, 36, 0, Rates(*[0.0] * 6), pseudo_photos=darker)
+    monkeypatch.setattr(fit_module, "RATES", {0: 0.0})
+    fit = SplatFit(TRUTH, photos, 36, 0, pseudo_photos=darker)
     fit.run(progress())
     np.testing.assert_allclose(fit.gains, 1, atol=0.01)
 
@@ -237,7 +238,7 @@ def test_large_photos_are_learned_from_in_windows_all_over_them(monkeypatch):
 # ------------------------------------------------------------------------------------------------------- what is behind
 def test_what_lies_behind_keeps_its_place_and_shape_and_looks_the_same_from_everywhere():
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
-    start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_behind=len(shell))
+    start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_background=len(shell))
     learned = learn(start, [photo_of(camera) for camera in CAMERAS], 30)
     behind = learned.table[learned.n_foreground :]
     assert_array_equal(behind[:, :COLOR], shell[:, :COLOR])
@@ -255,7 +256,7 @@ def checkpoint(folder, name="unfinished"):
 def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(tmp_path, n_between):
     photos = [*(photo_of(camera) for camera in CAMERAS[:3]), cut_out_of(CAMERAS[3])]
     between = [photo_of(camera) for camera in CAMERAS[4 : 4 + n_between]]
-    whole = learn(unlearned(), photos, 20, between=between).table
+    whole = learn(unlearned(), photos, 20, pseudo_photos=between).table
     for stop, stood in ((7, 8), (5, 14)):  # the step at which it is asked is done
         fit, saved = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), checkpoint(tmp_path)
         with pytest.raises(Cancelled):
@@ -295,10 +296,10 @@ def test_a_state_of_another_fit_is_refused_and_nothing_of_it_taken_over(change):
     assert_array_equal(fit.gaussians.table, unlearned().table)
 
 
-@pytest.mark.parametrize("wrong", ["colors", "places"])
-def test_learning_that_leaves_the_numbers_stops_with_a_sentence(wrong):
-    rates = {"colors": Rates(color=np.inf), "places": Rates(center=np.inf)}[wrong]
-    fit = SplatFit(unlearned(), [photo_of(camera) for camera in CAMERAS], 20, 0, rates)
+@pytest.mark.parametrize("column", [COLOR, CENTER])
+def test_learning_that_leaves_the_numbers_stops_with_a_sentence(column, monkeypatch):
+    monkeypatch.setitem(fit_module.RATES, column, np.inf)
+    fit = SplatFit(unlearned(), [photo_of(camera) for camera in CAMERAS], 20, 0)
     with pytest.raises(Diverged, match="diverged at iteration") as caught:
         fit.run(progress())
     assert caught.value.hint and fit.done < 20

@@ -31,7 +31,7 @@ def gaussians(*rows):
 
 
 def looked_at(found, degrees):
-    return replace(found, looks=visibility_in_photos(found, [camera_turned(each) for each in degrees]))
+    return replace(found, visibility=visibility_in_photos(found, [camera_turned(each) for each in degrees]))
 
 
 def test_a_surface_is_known_from_where_photos_look_and_not_from_behind():

@@ -51,13 +51,13 @@ def axes_of(table):
 
 def test_disks_lie_on_the_surface(model, begun):
     voxel = 2.2 / 36
-    distances = distances_to_surface(begun.table[: begun.n_solid, :3])
+    distances = distances_to_surface(begun.table[: begun.n_foreground, :3])
     assert np.median(distances) < voxel and np.quantile(distances, 0.9) < 3 * voxel
-    assert 1500 < begun.n_solid < 6000 and begun.degree == 1
+    assert 1500 < begun.n_foreground < 6000 and begun.degree == 1
 
 
 def test_disks_lie_flat_on_it(begun):
-    table = begun.table[: begun.n_solid]
+    table = begun.table[: begun.n_foreground]
     ball = np.linalg.norm(table[:, :3] - BALL_CENTER, axis=1) < BALL_RADIUS + 0.05
     outward = table[ball, :3] - BALL_CENTER
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
@@ -75,7 +75,7 @@ def test_colors_are_the_same_from_everywhere(begun):
 def test_the_picture_is_that_of_the_field_before_anything_is_learned(model, begun):
     camera = model.working_camera(model.capture.split("test")[0])
     shown = rasterize(begun, camera).image[..., :3].clip(0, 1)
-    assert psnr(shown, model.look(camera).color) > 18
+    assert psnr(shown, model.render_field(camera).color) > 18
 
 
 def test_what_is_before_the_nearest_surface_is_shown_by_none(model, begun):
@@ -86,7 +86,7 @@ def test_what_is_before_the_nearest_surface_is_shown_by_none(model, begun):
 
 
 def test_a_plain_background_needs_no_gaussians(model, begun):
-    assert begun.n_behind == 0 and begun.background == (0, 0, 0)
+    assert begun.n_background == 0 and begun.background == (0, 0, 0)
 
 
 def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(model):

@@ -14,7 +14,7 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.reference.checkpoints import Trap, bmild_arrays, vanilla_state, write_arrays
 from blender_tests.engine.reference.memory import little_memory
 from karf_engine.errors import DataError
-from karf_engine.fields.nerf.files import read_nerf
+from karf_engine.fields.nerf.importing import read_nerf
 from tools.convert_bmild import main, read_bmild
 
 FILES = ("model_200000.npy", "model_fine_200000.npy")

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from karf_engine.palettes.color_histogram import ColorHistogram
 from karf_engine.palettes.compositing import delta_composite
-from karf_engine.palettes.object_colors import ColorHistogram
 from karf_engine.palettes.palette import Edit, Palette
 from tools.judging import predictions
 

@@ -8,10 +8,10 @@ import pytest
 pytest.importorskip("numpy")
 
 from karf_engine.errors import DataError, OutOfMemory
+from karf_engine.worker import queries as kinds_module
 from karf_engine.worker.loop import Worker
 from karf_engine.worker.path_map import PathMap
 from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
-from karf_engine.worker.queries import kinds as kinds_module
 
 SAME_PATHS = PathMap()
 

@@ -117,7 +117,7 @@ def test_what_is_learned_there_is_found_from_here(shared):
     code, events, said = shared.run_job(Request("geometry", project, options), project / "jobs" / "one")
     assert (code, events[-1].kind) == (0, "done"), said
     assert all(path.startswith(str(project)) for path in paths_of(events))
-    assert str(shared.client) not in (project / "capture.json").read_text()
+    assert str(shared.client) not in Project(project).capture_file.read_text()
     shared.server.rename(shared.local / "film")  # only the path of here leads there
     shared.client.unlink()
     shared.client.symlink_to(shared.local / "film", target_is_directory=True)

@@ -17,14 +17,14 @@ template.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...capture import open_capture
+from ...capture import choose_views, open_capture
 from ...capture.capture import View
-from ...capture.chosen_views import choose_views
 from ...compute.progress import Emit
 from ...errors import BadRequest
 from ...export.frame_options import FrameOptions
@@ -36,31 +36,17 @@ from ...project import Project
 from ...project.contents import read_capture
 from ..options import FarmOptions
 from ..output_folder import new_folder
-from .packing import (
-    PackedFile,
-    capture_files,
-    check_copy,
-    copy_files,
-    mask_files,
-    pack_engine,
-    project_files,
-    summary_of,
-    write_project,
-)
+from .packing import PackedFile, capture_files, check_copy, mask_files, project_files, summary_of, write_project
 from .template import CAMERAS, CAPTURE, ENGINE, PROJECT, Frames, learning_job, render_job
+
+ENGINE_FOLDER = Path(__file__).resolve().parents[2]
 
 
 def run(options: FarmOptions, emit: Emit, should_stop: Callable[[], bool]) -> Path:
     """Write a bundle that renders frames of a learned project, or with masks one that learns a capture first.
 
-    Before writing anything it emits a line for each folder that files are packed from.
-
-    Returns:
-        The bundle's folder, absolute.
-
-    Raises:
-        KarfError: The project is not learned or the capture cannot be read, a photo is outside its folder, a view is
-            unknown, an edit is of another project, or `out` is not empty.
+    Before writing anything it emits a line for each folder that files are packed from. Returns the bundle's folder,
+    absolute.
     """
     del should_stop  # copies files only
     if options.masks is not None:
@@ -85,7 +71,7 @@ def _write_render_bundle(options: FarmOptions, emit: Emit) -> None:
     files = project_files(learned, recolored, options.photos)
     _announce(files, emit)
     with new_folder(options.out.absolute()) as folder:
-        copy_files(files, folder)
+        _copy(files, folder)
         write_project(learned, folder / PROJECT, recolored)
         frames = _pack_frames(folder, options, (chosen, captured), edit)
         _finish(folder, render_job(f"KaRF {learned.folder.name}", frames), options.python)
@@ -99,12 +85,17 @@ def _write_learning_bundle(options: FarmOptions, masks: Path, emit: Emit) -> Non
     files = capture_files(options.source, opened, options.photos) + mask_files(masks)
     _announce(files, emit)
     with new_folder(options.out.absolute()) as folder:
-        copy_files(files, folder)
+        _copy(files, folder)
         name = check_copy(options.source, opened, folder / CAPTURE)
         (folder / PROJECT).mkdir()
         frames = _pack_frames(folder, replace(options, overrides=()), chosen, options.edit)
         machine = options.subset(Options).to_arguments()
         _finish(folder, learning_job(f"KaRF {opened.source.name}", name, settings, machine, frames), options.python)
+
+
+def _copy(files: Sequence[PackedFile], folder: Path) -> None:
+    for file in files:
+        copy_file(file.source, folder / file.target)
 
 
 def _announce(files: Sequence[PackedFile], emit: Emit) -> None:
@@ -113,7 +104,6 @@ def _announce(files: Sequence[PackedFile], emit: Emit) -> None:
 
 
 def _check_edits(project: Project, edit: Path | Sequence[Path] | None) -> None:
-    """Raise KarfError where an edit does not fit the project's palettes."""
     if edit is None:
         return
     project.require("recoloring")
@@ -151,7 +141,8 @@ def _pack_edits(folder: Path, edit: Path | Sequence[Path] | None, views: Sequenc
 
 
 def _finish(folder: Path, template: dict[str, Any], python: str) -> None:
-    pack_engine(folder / ENGINE)
+    engine = folder / ENGINE / ENGINE_FOLDER.name
+    shutil.copytree(ENGINE_FOLDER, engine, ignore=shutil.ignore_patterns("__pycache__"))
     nothing = {"inputs": {"filenames": [], "directories": []}, "outputs": {"directories": []}, "referencedPaths": []}
     write_json(folder / "asset_references.json", {"assetReferences": nothing})
     write_json(folder / "parameter_values.json", {"parameterValues": [{"name": "EnginePython", "value": python}]})

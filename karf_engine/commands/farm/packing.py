@@ -6,7 +6,7 @@ user named, are packed: an untrusted project or capture may name or link to any 
 
 from __future__ import annotations
 
-import shutil
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -16,7 +16,7 @@ from ...capture import open_capture
 from ...capture.capture import Capture, View, capture_to_json
 from ...errors import BadRequest, DataError
 from ...io.containment import check_tree, is_link, leads_out
-from ...io.files import checksum, copy_file, write_json
+from ...io.files import checksum, write_json
 from ...io.image_size import image_header
 from ...project import Project
 from ...project.contents import read_capture
@@ -25,7 +25,6 @@ from .template import CAPTURE, MASKS, PROJECT
 
 PHOTOS = "photos"
 CAMERA_SUFFIXES = (".json", ".bin", ".txt", ".npy", ".ply")  # files that readers of captures open besides photos
-ENGINE_FOLDER = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
@@ -47,28 +46,10 @@ def summary_of(files: Iterable[PackedFile]) -> list[str]:
     return lines
 
 
-def copy_files(files: Iterable[PackedFile], bundle: Path) -> None:
-    """Copy files into a bundle. Raises an OSError that names the file."""
-    for file in files:
-        copy_file(file.source, bundle / file.target)
-
-
-def pack_engine(target: Path) -> None:
-    """Copy the engine's package folder."""
-    shutil.copytree(ENGINE_FOLDER, target / ENGINE_FOLDER.name, ignore=shutil.ignore_patterns("__pycache__"))
-
-
 def project_files(project: Project, views: Sequence[View], photos: Path | None) -> list[PackedFile]:
-    """Return the files that rendering needs of a project.
+    """Return the files that rendering needs of a project, with the photos of these views.
 
-    Args:
-        project: The project, with learned geometry.
-        views: Captured views whose photos are packed.
-        photos: Another folder that photos may come from.
-
-    Raises:
-        BadRequest: A photo is neither in the capture's folder, nor in the project, nor in `photos`.
-        DataError: A file is damaged, missing or not a picture.
+    photos: a folder that photos may come from, beside the capture's and the project's. Raises BadRequest for others.
     """
     learned = (
         project.geometry_file,
@@ -80,7 +61,11 @@ def project_files(project: Project, views: Sequence[View], photos: Path | None) 
         project.recoloring_file,
         project.splats_file,
     )
-    files = [PackedFile(project.verified(path), Path(PROJECT, path.name)) for path in learned if path.exists()]
+    files = [
+        PackedFile(project.verified(path), Path(PROJECT, path.relative_to(project.folder)))
+        for path in learned
+        if path.exists()
+    ]
     source = read_capture(project).source
     places = [source if source.is_dir() else source.parent, project.folder, photos]
     for view in views:
@@ -94,9 +79,10 @@ def write_project(project: Project, target: Path, views: Sequence[View]) -> None
     capture = read_capture(project)
     content = capture_to_json(replace(capture, source=Path(capture.source.name)))
     photos = {view.name: _photo_name(view) for view in views if view.image}
+    packed = target / project.capture_file.relative_to(project.folder)
+    up = Path(os.path.relpath(target.parent, packed.parent)).as_posix()
     for entry in content["views"]:
-        entry["image"] = f"../{PHOTOS}/{photos[entry['name']]}" if entry["name"] in photos else None
-    packed = target / project.capture_file.name
+        entry["image"] = f"{up}/{PHOTOS}/{photos[entry['name']]}" if entry["name"] in photos else None
     write_json(packed, content)
     state = {**project.state(), "capture": capture.source.name}
     state["stages"]["geometry"].setdefault("files", {})[packed.name] = checksum(packed)
@@ -104,16 +90,10 @@ def write_project(project: Project, target: Path, views: Sequence[View]) -> None
 
 
 def capture_files(path: Path, capture: Capture, photos: Path | None) -> list[PackedFile]:
-    """Return the files of a capture: its photos, cameras and splats.
+    """Return the photos, cameras and splats of the capture that `path` opens.
 
-    Args:
-        path: The capture's folder or file, as `open_capture` takes it.
-        capture: The opened capture.
-        photos: Another folder that photos may be links into.
-
-    Raises:
-        BadRequest: A photo is outside the capture's folder, or is a link that leads out of it and of `photos`.
-        DataError: A photo is missing or not a picture.
+    photos: another folder that photos may be links into. Raises BadRequest for photos outside the capture's folder, or
+    linked elsewhere.
     """
     folder = _folder_of(path)
     found = []
@@ -131,11 +111,7 @@ def capture_files(path: Path, capture: Capture, photos: Path | None) -> list[Pac
 
 
 def check_copy(path: Path, capture: Capture, target: Path) -> str:
-    """Return the file to open in a copy of a capture, or an empty text for the folder itself.
-
-    Raises:
-        DataError: The copy has other views.
-    """
+    """Return the file to open in a copy of a capture, or an empty text. Raises DataError if the copy has other views."""
     name = "" if path.is_dir() else path.name
     if [view.name for view in open_capture(target / name).views] != [view.name for view in capture.views]:
         raise DataError(
@@ -145,11 +121,7 @@ def check_copy(path: Path, capture: Capture, target: Path) -> str:
 
 
 def mask_files(masks: Path) -> list[PackedFile]:
-    """Return the masks of a folder, `<object>/<photo stem>.png`.
-
-    Raises:
-        DataError: The folder has no masks, one is not a picture, or a link leads out of the folder.
-    """
+    """Return the masks of a folder. Raises DataError without any, and for a link that leads out of the folder."""
     masks = masks.absolute()
     found = _files_of(check_tree(masks, masks)) if masks.is_dir() else []
     pictures = [path for path in found if path.suffix.lower() == ".png"]

@@ -26,21 +26,13 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True)
 class Frames:
-    """The frames to render.
+    """The frames to render."""
 
-    Attributes:
-        views: The value of `render --views`; `CAMERAS` for the bundle's camera file.
-        edit: The bundle's file or folder of edits; empty for none.
-        count: The number of views.
-        per_task: The number of views in each task.
-        arguments: Further arguments of the verb `render`.
-    """
-
-    views: str
-    edit: str
+    views: str  # the value of `render --views`; `CAMERAS` for the bundle's camera file
+    edit: str  # the bundle's file or folder of edits; empty for none
     count: int
     per_task: int
-    arguments: tuple[str, ...] = ()
+    arguments: tuple[str, ...] = ()  # further ones of the verb `render`
 
 
 def render_job(name: str, frames: Frames) -> Json:
@@ -55,7 +47,7 @@ def learning_job(name: str, capture: str, settings: Sequence[str], machine: Sequ
     Args:
         name: The job's name.
         capture: The file to open in the bundle's folder `CAPTURE`; empty for the folder itself.
-        settings: Further arguments of the verb `geometry`, which sets those of all stages.
+        settings: Further arguments of the verb `geometry`.
         machine: Further arguments of every stage: threads, device.
         frames: The frames to render.
     """

@@ -15,11 +15,9 @@ import torch
 from torch import Tensor, nn
 
 from ...kan.encoding import positional_encoding
-from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine, stratified_samples
 from ..rendering.rays import Rays
-from ..rendering.sampling import Samples
-from ..rendering.space import StraightSpace
-from ..rendering.space_io import space_from_json, space_to_json
+from ..rendering.sampling import Samples, dense_ray_weights, interval_lengths, refine, stratified_samples
+from ..rendering.space import StraightSpace, space_from_json, space_to_json
 from ..rendering.volume import Trace, make_trace, outward_normals
 
 VOXELS = 128  # along the longest side; their size is the length scale of later stages
@@ -96,11 +94,7 @@ class NerfSampling:
 
 
 class NerfField(nn.Module):
-    """A coarse and a fine network as a `Field` (see fields/protocol.py).
-
-    Attributes:
-        bounds: [2, 3], bounding box of the contents, grid coordinates.
-    """
+    """A coarse and a fine network as a `Field`, whose members protocol.py documents."""
 
     kind = "nerf"
     bounds: Tensor
@@ -116,17 +110,14 @@ class NerfField(nn.Module):
 
     @property
     def n_features(self) -> int:
-        """Number of prior features."""
         return self.fine.shape.width
 
     @property
     def voxel(self) -> float:
-        """The finest resolved length, grid units."""
         return float((self.bounds[1] - self.bounds[0]).max()) / VOXELS
 
     def trace(self, rays: Rays, step_in_voxels: float = 1.0) -> Trace:
-        """Sample rays at the sorted union of coarse and fine samples; no stride."""
-        del step_in_voxels
+        del step_in_voxels  # rays are sampled at the sorted union of coarse and fine samples
         origins, directions = self.space.to_grid_rays(rays)
         lengths = torch.linalg.norm(directions, dim=1, keepdim=True)
         t = self.coarse_t(origins.new_zeros(len(rays), 0))
@@ -144,34 +135,28 @@ class NerfField(nn.Module):
         return make_trace(samples, self.density(samples.positions), len(rays))
 
     def coarse_t(self, jitter: Tensor) -> Tensor:
-        """Return the coarse samples (see hierarchical.stratified_samples)."""
+        """Return the coarse samples (see `stratified_samples`)."""
         sampling = self.sampling
         return stratified_samples(sampling.near, sampling.far, sampling.coarse, sampling.in_disparity, jitter)
 
     def density(self, positions: Tensor) -> Tensor:
-        """Return volume densities [n] >= 0, per grid unit, at positions [n, 3]."""
         return self._in_chunks(lambda x: _density(self.fine, x), positions)
 
     def features(self, positions: Tensor) -> Tensor:
-        """Return prior features [n, F], not standardized, at positions [n, 3]."""
         return self._in_chunks(lambda x: self.fine.features(self.fine.hidden(x)), positions)
 
     def color(self, positions: Tensor, viewdirs: Tensor, features: Tensor) -> Tensor:
-        """Return sRGB colors [n, 3] in (0, 1) for unit directions [n, 3] in the world."""
         del positions  # the features suffice
         return self._in_chunks(self.fine.color, features, self.space.rotate_directions(viewdirs))
 
     @torch.no_grad()
     def normals(self, positions: Tensor) -> Tensor:
-        """Return outward unit normals [n, 3]."""
         return outward_normals(self.density, positions, self.voxel)
 
     def summary(self) -> dict[str, Any]:
-        """Return the voxel size in grid units and the number of parameters."""
         return {"voxel": self.voxel, "parameters": sum(p.numel() for p in self.parameters())}
 
     def config(self) -> dict[str, Any]:
-        """Return the JSON values that restore the field together with its tensors."""
         return {
             "coarse": asdict(self.coarse.shape),
             "fine": asdict(self.fine.shape),
@@ -181,7 +166,6 @@ class NerfField(nn.Module):
 
     @classmethod
     def restore(cls, config: dict[str, Any], tensors: dict[str, Tensor], device: torch.device | str) -> NerfField:
-        """Restore a field from its untrusted config and tensors (see `Field.restore`)."""
         if not all(1 <= config["sampling"][name] <= MOST_SAMPLES for name in ("coarse", "fine")):
             raise ValueError(f"sampling {config['sampling']}")
         with torch.device("meta"):  # no shape takes more memory than the file

@@ -8,26 +8,82 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from ...capture.capture import SparsePoints, View
 from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...project.settings import NerfSettings
-from ..rendering.hierarchical import dense_ray_weights, interval_lengths, refine
+from ..extent import focus_point, max_depth, mean_frustum, min_depth, similarity, to_ndc
+from ..fit import Checkpoint, FitInputs
 from ..rendering.rays import PixelDataset, Rays
+from ..rendering.sampling import dense_ray_weights, interval_lengths, refine
+from ..rendering.space import StraightSpace, space_to_device
 from ..rendering.surface_cache import cache_surface
 from ..scene import Scene
-from ..training.adam import Adam
-from ..training.checkpoint import Checkpoint
-from ..training.loop import Metrics, train
-from ..training.state import TrainingState, add_prefix, check_same_layout, read_integer, scalar_tensor, strip_prefix
-from .field import NerfField, NerfNetwork, points_along
+from ..training import (
+    Adam,
+    Metrics,
+    TrainingState,
+    add_prefix,
+    check_same_layout,
+    read_integer,
+    scalar_tensor,
+    strip_prefix,
+    train,
+)
+from .field import NerfField, NerfNetwork, NerfSampling, NerfShape, points_along
 
+OBJECT_DISTANCE = 4.0  # mean camera distance in the units of a NeRF, as in NeRF-synthetic
+OBJECT_RANGE = (0.5, 1.5)  # sampled range of an object, mean camera distances
+OPEN_RANGE = (0.1, 20.0)  # sampled range of an open scene of unknown depth, mean camera distances
+POINT_RANGE = (0.9, 1.1)  # sampled range, shares of the smallest and the largest depth
 CROP_SHARE = 0.5  # central share of the image sides where the first rays are drawn, to see the object early
 MEASURED_RAYS = 2048
 STRAYS = 0.005  # quantile of surface positions outside the bounds, on each side
 BOUNDS_MARGIN = 0.05
+
+
+def start_nerf_fit(inputs: FitInputs) -> NerfFit:
+    """Begin a fit of a NeRF that suits the cameras.
+
+    Raises:
+        BadRequest: The requested frustum needs the depth of the scene, which is unknown.
+    """
+    settings, kind, runtime = inputs.settings.nerf, inputs.background_kind, inputs.runtime
+    space, sampling = choose_space_and_sampling(kind, inputs.space, inputs.views, inputs.points, settings)
+    return NerfFit(inputs.dataset, kind, space_to_device(space, runtime.device), sampling, settings, runtime)
+
+
+def choose_space_and_sampling(
+    kind: str, space_name: str, views: list[View], points: SparsePoints | None, settings: NerfSettings
+) -> tuple[StraightSpace, NerfSampling]:
+    """Choose the space of a NeRF and the sampling of its rays.
+
+    Forward-facing cameras: NDC. Objects: at a mean camera distance of OBJECT_DISTANCE. Open scenes: at a mean camera
+    distance of 1, with samples evenly spaced in disparity.
+    """
+    coarse, fine = settings.coarse_samples, settings.fine_samples
+    if space_name == "frustum":
+        return to_ndc(mean_frustum(views, points), views), NerfSampling(0.0, 1.0, False, coarse, fine)
+    cameras = [view.camera for view in views]
+    center = focus_point(cameras).numpy()
+    distances = np.array([np.linalg.norm(camera.position - center) for camera in cameras])
+    is_open = kind == "opaque"
+    near, far = _open_range(views, points, distances) if is_open else distances.mean() * np.array(OBJECT_RANGE)
+    scale = (1.0 if is_open else OBJECT_DISTANCE) / distances.mean()
+    space = similarity(scale, np.eye(3), center)
+    return space, NerfSampling(settings.near or float(near), settings.far or float(far), is_open, coarse, fine)
+
+
+def _open_range(views: list[View], points: SparsePoints | None, distances: np.ndarray) -> tuple[float, float]:
+    """Return the sampled range of an open scene, world units."""
+    near, far = min_depth(views, points), max_depth(views, points)
+    near = distances.mean() * OPEN_RANGE[0] if near is None else near * POINT_RANGE[0]
+    far = distances.mean() * OPEN_RANGE[1] if far is None else far * POINT_RANGE[1]
+    return float(near), float(far)
 
 
 @contextmanager
@@ -42,11 +98,26 @@ def tf32_matmul(device: torch.device) -> Iterator[None]:
 
 
 class NerfFit:
-    """A `Fit` of a NeRF (see fields/fit.py)."""
+    """A `Fit` of fresh networks, whose members ../fit.py documents."""
 
     def __init__(
-        self, dataset: PixelDataset, kind: str, settings: NerfSettings, runtime: Runtime, field: NerfField
+        self,
+        dataset: PixelDataset,
+        kind: str,
+        space: StraightSpace,
+        sampling: NerfSampling,
+        settings: NerfSettings,
+        runtime: Runtime,
     ) -> None:
+        shape = NerfShape(
+            depth=settings.depth,
+            width=settings.width,
+            view_width=settings.width // 2,
+            position_frequencies=settings.position_frequencies,
+            direction_frequencies=settings.direction_frequencies,
+        )
+        unit_box = torch.tensor([[-1.0] * 3, [1.0] * 3])
+        field = NerfField(NerfNetwork(shape), NerfNetwork(shape), sampling, space, unit_box).to(runtime.device)
         self.dataset, self.background_kind, self.settings = dataset, kind, settings
         self.runtime, self.field = runtime, field
         self._white = kind in ("alpha", "white")
@@ -59,16 +130,13 @@ class NerfFit:
 
     @property
     def iterations(self) -> int:
-        """Iterations of the whole fit."""
         return self.settings.iterations
 
     @property
     def done(self) -> int:
-        """Iterations done."""
         return self._training_state.done
 
     def scenes(self, progress: Progress, checkpoint: Checkpoint | None = None) -> Iterator[Scene]:
-        """Run the rest of the fit; yield the scene every `look_every` iterations and at the end."""
         field = self.field
         while self._yielded < self.iterations:
             until = min(self._yielded + self.settings.look_every, self.iterations)
@@ -79,11 +147,9 @@ class NerfFit:
             yield Scene(field, None, self.background_kind, 1.0)
 
     def state(self) -> dict[str, Tensor]:
-        """Return all tensors needed to resume."""
         return self._counters() | add_prefix("course", self._training_state.state())
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Resume a state on the CPU (see `Resumable.resume`)."""
         check_same_layout({n: t for n, t in state.items() if not n.startswith("course.")}, self._counters())
         yielded = read_integer(state, "looked", self.iterations - 1)
         self._training_state.resume(strip_prefix("course", state))

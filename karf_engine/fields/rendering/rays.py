@@ -1,4 +1,4 @@
-"""Rays of camera pixels, and the dataset of all training pixels."""
+"""Rays of camera pixels, the encoding of their directions, and the dataset of all training pixels."""
 
 from __future__ import annotations
 
@@ -32,11 +32,6 @@ def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
     """Return the rays through all pixel centers of a camera, row by row from the top left, with its lens distortion.
 
     Pixels outside the valid area of the lens get the ray of the principal point.
-
-    Example:
-        >>> rays = camera_rays(Camera(1, 1, 2.0, 2.0, 0.5, 0.5, np.eye(4)))
-        >>> rays.viewdirs.tolist()  # cameras face -z
-        [[0.0, 0.0, -1.0]]
     """
     origins, directions = _unit_depth_rays(camera)
     viewdirs = directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -44,12 +39,7 @@ def camera_rays(camera: Camera, device: torch.device | str = "cpu") -> Rays:
 
 
 def depth_per_distance(camera: Camera) -> np.ndarray:
-    """Return the depth along the optical axis per distance along each pixel's ray, [height * width] float64.
-
-    Example:
-        >>> depth_per_distance(Camera(1, 1, 1.0, 1.0, 0.5, 0.5, np.eye(4))).tolist()
-        [1.0]
-    """
+    """Return the depth along the optical axis per distance along each pixel's ray, [height * width] float64."""
     _, directions = _unit_depth_rays(camera)
     return 1.0 / np.linalg.norm(directions, axis=1)
 
@@ -63,23 +53,27 @@ def _tensor(array: np.ndarray, device: torch.device | str) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float32)).to(device)
 
 
+def spherical_harmonics(viewdirs: Tensor) -> Tensor:
+    """Evaluate the real spherical harmonics of degrees 0 to 2, [n, 9], of unit directions [n, 3] (Sloan 2008)."""
+    x, y, z = viewdirs.unbind(1)
+    return torch.stack(
+        [
+            torch.full_like(x, 0.282095),
+            0.488603 * y,
+            0.488603 * z,
+            0.488603 * x,
+            1.092548 * x * y,
+            1.092548 * y * z,
+            0.315392 * (3 * z * z - 1),
+            1.092548 * x * z,
+            0.546274 * (x * x - y * y),
+        ],
+        1,
+    )
+
+
 class PixelDataset:
-    """All pixels of the training images with their rays, addressed by one flat index.
-
-    Attributes:
-        cameras: One per training image.
-        color: [N, 3] uint8 sRGB.
-        alpha: Mattes [N] uint8, or None.
-        solid: [N] bool, pixels known to be opaque, or None.
-        gains: [V, 3] float32, relative exposure of each image (see `fields.exposures`); 1 until it is estimated.
-        first: [V + 1]; image v has the pixels first[v] .. first[v + 1] - 1.
-
-    Example:
-        >>> camera = Camera(2, 1, 2.0, 2.0, 1.0, 0.5, np.eye(4))
-        >>> dataset = PixelDataset([camera], [np.array([[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]])], None)
-        >>> dataset.color.tolist(), len(dataset.rays(torch.tensor([1])))
-        ([[255, 0, 0], [0, 0, 255]], 1)
-    """
+    """All N pixels of V training images with their rays, addressed by one flat index."""
 
     def __init__(
         self,
@@ -90,27 +84,22 @@ class PixelDataset:
         valid: list[np.ndarray] | None = None,
         device: torch.device | str = "cpu",
     ) -> None:
-        """Concatenate the pixels of V training images.
+        """Concatenate the pixels of V images [H, W, 3] in [0, 1], mattes [H, W] in [0, 1] and masks [H, W] bool.
 
-        Args:
-            cameras: V cameras.
-            colors: V images [H, W, 3] in [0, 1].
-            alphas: V mattes [H, W] in [0, 1], or None.
-            solids: V masks [H, W] bool, or None.
-            valid: V masks [H, W] bool of the pixels that `draw` may return; None for all.
-            device: Device of the pixels.
+        `solids` are pixels known to be opaque; `draw` returns only pixels of `valid`, or all for None.
         """
 
         def concatenate(images: list[np.ndarray], *channels: int) -> Tensor:
             return torch.from_numpy(np.concatenate([image.reshape(-1, *channels) for image in images])).to(device)
 
         self.cameras = cameras
-        self.color = concatenate([to_bytes(color) for color in colors], 3)
-        self.alpha = None if alphas is None else concatenate([to_bytes(alpha) for alpha in alphas])
-        self.solid = None if solids is None else concatenate(solids)
-        self.gains = torch.ones(len(cameras), 3, device=device)
+        self.color = concatenate([to_bytes(color) for color in colors], 3)  # [N, 3] uint8 sRGB
+        self.alpha = None if alphas is None else concatenate([to_bytes(alpha) for alpha in alphas])  # [N] uint8
+        self.solid = None if solids is None else concatenate(solids)  # [N] bool
+        self.gains = torch.ones(len(cameras), 3, device=device)  # exposures of the images; 1 until they are estimated
         self._usable = None if valid is None else torch.nonzero(concatenate(valid)).squeeze(1)
         sizes = torch.tensor([c.width * c.height for c in cameras])
+        # image v has the pixels offsets[v] .. offsets[v + 1] - 1
         self.offsets = torch.cat([torch.zeros(1, dtype=torch.long), sizes.cumsum(0)]).to(device)
         self._widths = torch.tensor([c.width for c in cameras], device=device)
         self._intrinsics = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float32, device=device)

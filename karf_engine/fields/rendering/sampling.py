@@ -1,8 +1,12 @@
-"""Ray marching through an occupancy grid.
+"""Sampling of rays: marching through an occupancy grid, and NeRF's hierarchical sampling.
 
-The grid is an axis-aligned box from `minimum` with cubic cells of edge `voxel`, in grid coordinates; `occupied`
-[X, Y, Z] is bool. Rays are polylines there. Marching first skips empty space in strides of BLOCK steps, then keeps the
-samples in occupied cells.
+Marching: the grid is an axis-aligned box from `minimum` with cubic cells of edge `voxel`, in grid coordinates;
+`occupied` [X, Y, Z] is bool. Rays are polylines there. Empty space is skipped in strides of BLOCK steps, then the
+samples in occupied cells are kept.
+
+Hierarchical sampling (NeRF, Sec. 5.2): a coarse pass, then importance sampling of its weights. `t` [R, N], sorted, are
+ray parameters; `ray_weights` [R, N] are transmittance times alpha. The formulas are those of the original
+implementation (bmild/nerf), so that its checkpoints render alike.
 """
 
 from __future__ import annotations
@@ -13,6 +17,8 @@ import torch
 from torch import Tensor
 
 BLOCK = 4
+LAST_INTERVAL = 1e10  # length of the last interval: any density there absorbs the rest of the light
+FLOOR = 1e-5  # added to the weights, so that every interval can be sampled
 
 
 @dataclass(frozen=True)
@@ -29,14 +35,7 @@ class Samples:
 
 
 def coarse_occupancy(occupied: Tensor) -> Tensor:
-    """Downsample occupied cells [X, Y, Z] to blocks of BLOCK^3, True up to BLOCK / 2 cells from an occupied cell.
-
-    Example:
-        >>> occupied = torch.zeros(12, 4, 4, dtype=torch.bool)
-        >>> occupied[0, 0, 0] = True
-        >>> coarse_occupancy(occupied).flatten()
-        tensor([ True, False, False])
-    """
+    """Downsample occupied cells [X, Y, Z] to blocks of BLOCK^3, True up to BLOCK / 2 cells from an occupied cell."""
     for axis in range(3):
         # a fine sample is up to half a coarse stride away from the point that selects its block
         occupied = dilate_axis(occupied, axis, BLOCK // 2)
@@ -47,12 +46,7 @@ def coarse_occupancy(occupied: Tensor) -> Tensor:
 
 
 def dilate_axis(occupied: Tensor, axis: int, cells: int) -> Tensor:
-    """Dilate occupied cells [X, Y, Z] bool along one axis. Works on bytes: large grids would fill memory as floats.
-
-    Example:
-        >>> dilate_axis(torch.tensor([[[True, False, False, False]]]), 2, 2)
-        tensor([[[ True,  True,  True, False]]])
-    """
+    """Dilate occupied cells [X, Y, Z] bool along one axis. Works on bytes: large grids would fill memory as floats."""
     wide, size = occupied.clone(), occupied.shape[axis]
     for distance in range(1, min(cells, size - 1) + 1):
         length = size - distance
@@ -62,14 +56,7 @@ def dilate_axis(occupied: Tensor, axis: int, cells: int) -> Tensor:
 
 
 def cell_indices(positions: Tensor, minimum: Tensor, voxel: float, shape: tuple[int, ...]) -> Tensor:
-    """Return the flat index of the cell at each position [.., 3], grid coordinates, of a grid of this shape.
-
-    Positions outside are clamped to border cells. Not differentiable.
-
-    Example:
-        >>> cell_indices(torch.tensor([[0.5, 0.5, 1.5], [9.0, 9.0, 9.0]]), torch.zeros(3), 1.0, (2, 2, 2))
-        tensor([1, 7])
-    """
+    """Return the flat index of the cell at each position [.., 3], clamped to the border cells."""
     cells = ((positions - minimum) / voxel).long()
     x = cells[..., 0].clamp_(0, shape[0] - 1)
     y = cells[..., 1].clamp_(0, shape[1] - 1)
@@ -96,13 +83,6 @@ def march(
         coarse: `coarse_occupancy(occupied)`.
         step_in_voxels: Step length, voxels.
         jitter: [R] in [0, 1), offset of each ray's samples in steps; 0.5 for None.
-
-    Example:
-        >>> occupied = torch.zeros(4, 1, 1, dtype=torch.bool)
-        >>> occupied[2] = True
-        >>> path = torch.tensor([[[0.0, 0.5, 0.5], [4.0, 0.5, 0.5]]])
-        >>> march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5).distances
-        tensor([2.2500, 2.7500])
     """
     shape = tuple(occupied.shape)
     step = step_in_voxels * voxel
@@ -134,17 +114,7 @@ def march(
 
 
 class Polylines:
-    """Polylines [R, K, 3], parametrized by arc length.
-
-    Attributes:
-        lengths: [R], total lengths.
-
-    Example:
-        >>> bent = Polylines(torch.tensor([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0]]]))
-        >>> bent.points(torch.tensor([0]), torch.tensor([[0.5, 2.0]]))
-        tensor([[[0.5000, 0.0000, 0.0000],
-                 [1.0000, 1.0000, 0.0000]]])
-    """
+    """Polylines [R, K, 3], parametrized by arc length."""
 
     def __init__(self, paths: Tensor) -> None:
         segments = paths[:, 1:] - paths[:, :-1]
@@ -152,7 +122,7 @@ class Polylines:
         self._vertices = paths
         self._directions = segments / lengths.clamp_min(1e-12)[..., None]
         self._starts = torch.cumsum(lengths, 1) - lengths
-        self.lengths = lengths.sum(1)
+        self.lengths = lengths.sum(1)  # [R]
 
     def points(self, rows: Tensor, distances: Tensor) -> Tensor:
         """Return the points [A, n, 3] at arc lengths `distances` [A, n] of the polylines `rows` [A]."""
@@ -171,3 +141,61 @@ class Polylines:
         gaps = torch.linalg.norm(starts + along[..., None] * self._directions - points[:, None], dim=2)
         gap, segment = gaps.min(1, keepdim=True)
         return (self._starts + along).gather(1, segment)[:, 0], gap[:, 0]
+
+
+def stratified_samples(near: float, far: float, count: int, in_disparity: bool, jitter: Tensor) -> Tensor:
+    """Draw stratified samples t [R, N] along rays, one in each of N = `count` intervals (NeRF, Eq. 2).
+
+    The interval borders are the midpoints of values evenly spaced in t, or in 1 / t where `in_disparity`. `jitter` is
+    the position within each interval, [R, N] in [0, 1), or [R, 0] for the evenly spaced values.
+    """
+    share = torch.linspace(0, 1, count, device=jitter.device)
+    even = 1 / ((1 - share) / near + share / far) if in_disparity else near + (far - near) * share
+    if not jitter.shape[1]:
+        return even.expand(len(jitter), count)
+    middles = (even[1:] + even[:-1]) / 2
+    lower, upper = torch.cat([even[:1], middles]), torch.cat([middles, even[-1:]])
+    return lower + (upper - lower) * jitter
+
+
+def interval_lengths(t: Tensor) -> Tensor:
+    """Return the distance from each sample to the next, [R, N]; LAST_INTERVAL for the last one."""
+    return torch.cat([t[:, 1:] - t[:, :-1], torch.full_like(t[:, :1], LAST_INTERVAL)], 1)
+
+
+def dense_ray_weights(sigmas: Tensor, deltas: Tensor) -> Tensor:
+    """Compute ray weights T_i (1 - exp(-sigma_i delta_i)), [R, N] in [0, 1], of N samples per ray (NeRF, Eq. 3).
+
+    Differentiable in densities [R, N] >= 0 and interval lengths [R, N]. See volume.py for packed samples.
+    """
+    optical_depths = sigmas * deltas
+    # an exclusive sum: adding and subtracting the last depth, which may be huge, would cost all digits
+    before = torch.cumsum(optical_depths[:, :-1], 1)
+    before = torch.cat([torch.zeros_like(before[:, :1]), before], 1)
+    return torch.exp(-before) * -torch.expm1(-optical_depths)
+
+
+def sample_pdf(edges: Tensor, weights: Tensor, u: Tensor) -> Tensor:
+    """Invert the distribution function at `u` [R, N] in [0, 1] of a piecewise constant density: samples [R, N].
+
+    It has sorted `edges` [R, M + 1] and unnormalized `weights` [R, M] >= 0, to which FLOOR is added.
+    """
+    weights = weights + FLOOR
+    cdf = torch.cumsum(weights / weights.sum(1, keepdim=True), 1)
+    cdf = torch.cat([torch.zeros_like(cdf[:, :1]), cdf], 1)
+    upper = torch.searchsorted(cdf, u.contiguous(), right=True)
+    below, above = (upper - 1).clamp_min(0), upper.clamp_max(cdf.shape[1] - 1)
+    low, high = cdf.gather(1, below), cdf.gather(1, above)
+    size = high - low
+    share = (u - low) / torch.where(size < FLOOR, torch.ones_like(size), size)
+    first = edges.gather(1, below)
+    return first + share * (edges.gather(1, above) - first)
+
+
+def refine(t: Tensor, ray_weights: Tensor, u: Tensor) -> Tensor:
+    """Add importance samples of the coarse weights to the coarse samples: t [R, N] to [R, N + F] (NeRF, Sec. 5.2).
+
+    `u` [R, F] in [0, 1] are the arguments of the inverse distribution function.
+    """
+    middles = (t[:, 1:] + t[:, :-1]) / 2
+    return torch.sort(torch.cat([t, sample_pdf(middles, ray_weights[:, 1:-1], u)], 1), 1).values

@@ -16,7 +16,7 @@ All maps are differentiable in positions and directions; the parameters of a spa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 import torch
@@ -32,9 +32,9 @@ BORDER = 0.02  # margin around an image that counts as visible, share of its sid
 
 
 class Space(Protocol):
-    """Map between world and grid. `is_forward_facing`: for cameras that all face about the same direction."""
+    """Map between world and grid."""
 
-    is_forward_facing: ClassVar[bool]
+    is_forward_facing: ClassVar[bool] = False  # whether the space is for cameras that all face about the same direction
 
     def to_grid(self, positions: Tensor) -> Tensor:
         """Map world positions [.., 3] to grid coordinates."""
@@ -67,6 +67,9 @@ class StraightSpace(Space, Protocol):
         """Rotate unit directions [n, 3] from the world to the axes of the grid."""
         ...
 
+    def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
+        return clipped_paths(*self.to_grid_rays(rays), minimum, maximum)
+
 
 class OpenSpace(Space, Protocol):
     """Space for scenes that extend behind the object and the cameras."""
@@ -81,19 +84,14 @@ class OpenSpace(Space, Protocol):
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(StraightSpace):
     """The world without a transform."""
-
-    is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
         return positions
 
     def to_world(self, positions: Tensor) -> Tensor:
         return positions
-
-    def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
-        return clipped_paths(*self.to_grid_rays(rays), minimum, maximum)
 
     def to_grid_rays(self, rays: Rays) -> tuple[Tensor, Tensor]:
         return rays.origins, rays.viewdirs
@@ -103,20 +101,16 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Similarity:
+class Similarity(StraightSpace):
     """The world rotated, scaled and translated."""
 
     world_to_grid: Tensor  # [4, 4], rotation times uniform scale, and translation
-    is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
         return positions @ self.world_to_grid[:3, :3].T + self.world_to_grid[:3, 3]
 
     def to_world(self, positions: Tensor) -> Tensor:
         return (positions - self.world_to_grid[:3, 3]) @ torch.linalg.inv(self.world_to_grid[:3, :3]).T
-
-    def paths(self, rays: Rays, minimum: Tensor, maximum: Tensor) -> Tensor:
-        return clipped_paths(*self.to_grid_rays(rays), minimum, maximum)
 
     def to_grid_rays(self, rays: Rays) -> tuple[Tensor, Tensor]:
         return self.to_grid(rays.origins), rays.viewdirs @ self.world_to_grid[:3, :3].T
@@ -126,14 +120,13 @@ class Similarity:
 
 
 @dataclass(frozen=True)
-class Contraction:
+class Contraction(OpenSpace):
     """All of space contracted to a ball."""
 
     center: Tensor  # [3], of the inner ball, where the map is a similarity; world units
     radius: float  # of the inner ball, world units
     room: float  # thickness of the outer shell in the grid, inner radii
     near: float  # distance from the camera where rays begin, world units
-    is_forward_facing: ClassVar[bool] = False
 
     def to_grid(self, positions: Tensor) -> Tensor:
         local = (positions - self.center) / self.radius
@@ -175,7 +168,7 @@ class Contraction:
 
 
 @dataclass(frozen=True)
-class Frustum:
+class Frustum(StraightSpace, OpenSpace):
     """Viewing frustum of a central camera, from a near plane to infinity."""
 
     world_to_camera: Tensor  # [4, 4]
@@ -239,14 +232,7 @@ def clipped_paths(
 ) -> Tensor:
     """Clip lines origin + t * direction, 0 <= t <= longest, to a box; origins and directions are [R, 3], corners [3].
 
-    Returns:
-        First and last points [R, 2, 3]; equal where a line misses the box.
-
-    Example:
-        >>> origin, direction = torch.tensor([[0.0, 0.0, -3.0]]), torch.tensor([[0.0, 0.0, 1.0]])
-        >>> clipped_paths(origin, direction, -torch.ones(3), torch.ones(3))
-        tensor([[[ 0.,  0., -1.],
-                 [ 0.,  0.,  1.]]])
+    Returns the first and last points [R, 2, 3]; equal where a line misses the box.
     """
     # avoid 0 * inf = nan on the faces of the box
     safe = torch.where(directions.abs() < 1e-9, torch.full_like(directions, 1e-9), directions)
@@ -258,3 +244,38 @@ def clipped_paths(
         far = far.clamp_max(longest)
     far = torch.maximum(near, far)
     return origins[:, None] + torch.stack([near, far], 1)[..., None] * directions[:, None]
+
+
+SPACES: dict[str, type] = {"box": Box, "similarity": Similarity, "contraction": Contraction, "frustum": Frustum}
+# shapes of the tensors; all other attributes are numbers
+SHAPES = {"world_to_grid": (4, 4), "world_to_camera": (4, 4), "center": (3,), "focal": (2,)}
+AnySpace = TypeVar("AnySpace", bound=Space)
+
+
+def space_to_json(space: Space) -> dict[str, Any]:
+    """Convert a space to JSON values: its `kind` and its attributes, tensors as nested lists."""
+    values = {name: v.tolist() if isinstance(v, Tensor) else v for name, v in vars(space).items()}
+    return {"kind": type(space).__name__.lower(), **values}
+
+
+def space_from_json(content: dict[str, Any], device: torch.device | str = "cpu") -> Space:
+    """Restore a space from `space_to_json`.
+
+    Raises:
+        ValueError, KeyError, TypeError: The values do not describe a space.
+    """
+    values = {
+        name: torch.tensor(v, device=device) if isinstance(v, list) else float(v)
+        for name, v in content.items()
+        if name != "kind"
+    }
+    for name, value in values.items():
+        if isinstance(value, Tensor) != (name in SHAPES) or getattr(value, "shape", None) != SHAPES.get(name):
+            raise ValueError(f"a space whose {name} is {content[name]!r:.100}")
+    return SPACES[content["kind"]](**values)
+
+
+def space_to_device(space: AnySpace, device: torch.device | str) -> AnySpace:
+    """Copy a space to a device."""
+    values = {name: v.to(device) if isinstance(v, Tensor) else v for name, v in vars(space).items()}
+    return type(space)(**values)

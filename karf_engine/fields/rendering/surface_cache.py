@@ -7,7 +7,9 @@ belongs to the background class and to the black palette entry.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -17,6 +19,7 @@ from ...compute.progress import Progress
 from .rays import Rays
 from .sampling import Samples
 
+Part = TypeVar("Part")
 RAYS_PER_CHUNK = 4096
 MIN_OPACITY = 0.02  # rays below it have no samples
 
@@ -50,44 +53,36 @@ class SurfaceCache:
 
 @torch.no_grad()
 def cache_surface(field, rays: Rays, n_samples: int, step: float, progress: Progress | None = None) -> SurfaceCache:
-    """Compute the quantile samples of rays, in world units, through a frozen field. Not differentiable.
+    """Compute the K = `n_samples` >= 1 quantile samples of rays, in world units, through a frozen field.
 
-    Args:
-        field: Any field with `trace` (see `fields.protocol.Field`).
-        rays: R rays.
-        n_samples: K >= 1.
-        step: Stride in voxels, for fields that march.
-        progress: Receives the number of rays at the end; may raise Cancelled.
-
-    Example:
-        >>> from types import SimpleNamespace
-        >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 1.0)
-        >>> field = SimpleNamespace(trace=lambda rays, step: SimpleNamespace(samples=samples, ray_weights=torch.ones(1)))
-        >>> cache_surface(field, Rays(torch.zeros(1, 3), torch.tensor([[0.0, 0.0, 1.0]])), 3, 1.0).distances
-        tensor([[2., 2., 2.]])
+    Not differentiable. The field is any object with the method `trace` of `fields.protocol.Field`, `step` its stride.
+    `progress` receives the number of rays at the end; it may raise Cancelled.
     """
-    starts, parts = range(0, len(rays), RAYS_PER_CHUNK), {}
 
-    def cache(first: int, last: int) -> None:
-        for start in starts[first:last]:
-            chunk = rays[start : start + RAYS_PER_CHUNK]
-            trace = field.trace(chunk, step)
-            parts[start] = quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, start)
+    def cache(chunk: Rays, first: int) -> SurfaceCache:
+        trace = field.trace(chunk, step)
+        return quantile_samples(chunk, trace.samples, trace.ray_weights, n_samples, first)
 
-    parallel_for(cache, len(starts))
+    parts = map_chunks(cache, rays, RAYS_PER_CHUNK)
     if progress is not None:
         progress.step(len(rays))
-    return concatenate_caches([parts[start] for start in starts])
+    return concatenate_caches(parts)
+
+
+def map_chunks(function: Callable[[Rays, int], Part], rays: Rays, size: int) -> list[Part]:
+    """Apply a function of some rays and the index of their first one to all rays, `size` at a time, on all cores."""
+    starts, parts = range(0, len(rays), size), {}
+
+    def apply(first: int, last: int) -> None:
+        for start in starts[first:last]:
+            parts[start] = function(rays[start : start + size], start)
+
+    parallel_for(apply, len(starts))
+    return [parts[start] for start in starts]
 
 
 def concatenate_caches(parts: list[SurfaceCache]) -> SurfaceCache:
-    """Concatenate caches (at least one) with the same K. Their `index` stays as it is.
-
-    Example:
-        >>> part = SurfaceCache(torch.zeros(2, 3, 3), torch.zeros(2, 3), torch.zeros(2, 3), torch.ones(2), torch.arange(2))
-        >>> len(concatenate_caches([part, part]))
-        4
-    """
+    """Concatenate caches (at least one) with the same K. Their `index` stays as it is."""
     return SurfaceCache(*[torch.cat([getattr(part, item.name) for part in parts]) for item in fields(SurfaceCache)])
 
 
@@ -96,13 +91,6 @@ def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_sample
     """Select the packed samples at the K mid-quantiles of each ray's weights [S]. `first` is added to `index`.
 
     Not differentiable.
-
-    Example:
-        >>> samples = Samples(torch.tensor([0, 0]), torch.tensor([1.0, 2.0]), torch.zeros(2, 3), 1.0)
-        >>> rays = Rays(torch.zeros(2, 3), torch.zeros(2, 3))
-        >>> cache = quantile_samples(rays, samples, torch.tensor([0.6, 0.2]), 2)
-        >>> cache.index, cache.distances  # the second ray is empty; 1/4 and 3/4 of the first's 0.8 are 0.2 and 0.6
-        (tensor([0]), tensor([[1., 1.]]))
     """
     n_rays = len(rays)
     mass = torch.cumsum(ray_weights.double(), 0)
@@ -119,10 +107,5 @@ def quantile_samples(rays: Rays, samples: Samples, ray_weights: Tensor, n_sample
     chosen = torch.searchsorted(key, kept[:, None] + quantiles)
     # rounding may lead past the ray's last sample
     chosen = torch.minimum(chosen, end[kept, None] - 1)
-    return SurfaceCache(
-        samples.positions[chosen],
-        samples.distances[chosen],
-        rays.viewdirs[kept],
-        opacity[kept].float(),
-        kept + first,
-    )
+    positions, distances = samples.positions[chosen], samples.distances[chosen]
+    return SurfaceCache(positions, distances, rays.viewdirs[kept], opacity[kept].float(), kept + first)

@@ -28,10 +28,6 @@ def transmittance_from_optical_depths(optical_depths: Tensor, ray_indices: Tenso
 
     Differentiable in optical depths up to 100. One float64 cumulative sum covers all rays: float32 would lose up to
     1e-3 of transmittance.
-
-    Example:
-        >>> transmittance_from_optical_depths(torch.tensor([0.6931, 1.0, 5.0]), torch.tensor([0, 0, 1]))
-        tensor([1.0000, 0.5000, 1.0000])
     """
     # exp(-100) is negligible, and a huge summand would cost later rays their digits
     limited = optical_depths.double().clamp_max(100)
@@ -60,11 +56,6 @@ def distortion(
     """Compute the distortion loss [R] of each ray (Mip-NeRF 360, Eq. 15). Differentiable in the weights [S].
 
     `step` is the interval length, one for all samples or [S], in the unit of `distances` [S].
-
-    Example:
-        >>> halves, one_ray = torch.tensor([0.5, 0.5]), torch.tensor([0, 0])
-        >>> distortion(halves, torch.tensor([1.0, 3.0]), 0.0, one_ray, 1)  # 2 * 0.5 * 0.5 * |1 - 3|
-        tensor([1.])
     """
     weights, moments = ray_weights.double(), ray_weights.double() * distances.double()
     before = torch.cumsum(weights, 0) - weights
@@ -91,11 +82,6 @@ def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, 
     """Sum ray_weights [S] * values [S, C] over each ray, [R, C]; 0 for rays without samples. Differentiable in both.
 
     Without values, sum the weights to the opacity [R, 1].
-
-    Example:
-        >>> accumulate(torch.tensor([0.5, 0.25]), torch.tensor([[1.0], [2.0]]), torch.tensor([0, 0]), 2)
-        tensor([[1.],
-                [0.]])
     """
     weighted = ray_weights[:, None] if values is None else ray_weights[:, None] * values
     result = torch.zeros(n_rays, weighted.shape[1], dtype=weighted.dtype, device=weighted.device)
@@ -105,11 +91,7 @@ def accumulate(ray_weights: Tensor, values: Tensor | None, ray_indices: Tensor, 
 def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_indices: Tensor, n_rays: int) -> Tensor:
     """Compute the transmittance [R] in [0, 1] behind the last sample of each ray; 1 for rays without samples.
 
-    Arguments as for `ray_weights_from_sigmas`. Never negative, unlike 1 - sum(ray_weights).
-
-    Example:
-        >>> final_transmittance_from_sigmas(torch.tensor([0.6931, 0.6931]), 1.0, torch.tensor([0, 0]), 2)
-        tensor([0.2500, 1.0000])
+    Never negative, unlike 1 - sum(ray_weights).
     """
     optical_depths = sigmas * deltas
     total = torch.zeros(n_rays, dtype=optical_depths.dtype, device=optical_depths.device)
@@ -120,19 +102,13 @@ def final_transmittance_from_sigmas(sigmas: Tensor, deltas: Tensor | float, ray_
 class Trace:
     """Samples of R rays through a frozen field, with their ray weights."""
 
-    samples: Samples  # packed samples
+    samples: Samples
     ray_weights: Tensor  # [S] in [0, 1]
     final_transmittance: Tensor  # [R] in [0, 1]
 
 
 def make_trace(samples: Samples, sigmas: Tensor, n_rays: int) -> Trace:
-    """Build a trace of `n_rays` rays from samples and their densities [S] >= 0, per grid unit.
-
-    Example:
-        >>> samples = Samples(torch.tensor([0]), torch.tensor([2.0]), torch.tensor([[0.0, 0.0, 2.0]]), 0.5)
-        >>> make_trace(samples, torch.tensor([1.3863]), 1).final_transmittance
-        tensor([0.5000])
-    """
+    """Build a trace of `n_rays` rays from samples and their densities [S] >= 0, per grid unit."""
     return Trace(
         samples,
         ray_weights_from_sigmas(sigmas, samples.step, samples.ray_indices),
@@ -144,10 +120,6 @@ def outward_normals(density: Callable[[Tensor], Tensor], positions: Tensor, reac
     """Compute unit normals [n, 3] as the negative density gradient, by central differences over 2 * `reach` grid units.
 
     Not differentiable in the positions [n, 3]; 0 where the density is constant.
-
-    Example:
-        >>> outward_normals(lambda x: -x[:, 2], torch.zeros(1, 3), 0.1).abs()  # denser below
-        tensor([[0., 0., 1.]])
     """
     gradient = torch.zeros_like(positions)
     for axis in range(3):

@@ -16,10 +16,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import softplus
 
-from ..rendering.rays import Rays
+from ..rendering.rays import Rays, spherical_harmonics
 from ..rendering.sampling import Samples, cell_indices, march
-from ..rendering.space_io import space_from_json, space_to_json
-from ..rendering.spherical_harmonics import spherical_harmonics
+from ..rendering.space import space_from_json, space_to_json
 from ..rendering.volume import Trace, make_trace, outward_normals
 from .grid import VoxelGrid
 from .tables import WeightedGather, dilate, rescaled_raw

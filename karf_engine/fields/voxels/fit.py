@@ -19,13 +19,20 @@ from ...compute.progress import Progress
 from ...compute.runtime import Runtime
 from ...errors import DataError, Diverged
 from ...project.settings import GeometrySettings, Level, OpenSettings
-from ..background import Background
 from ..exposures import estimate_photo_gains
+from ..fit import Checkpoint
 from ..rendering.rays import PixelDataset, Rays
-from ..scene import Scene
-from ..training.checkpoint import Checkpoint
-from ..training.loop import exponential_with_warmup, train
-from ..training.state import TrainingState, add_prefix, check_same_layout, read_integer, scalar_tensor, strip_prefix
+from ..scene import Background, Scene
+from ..training import (
+    TrainingState,
+    add_prefix,
+    check_same_layout,
+    exponential_with_warmup,
+    read_integer,
+    scalar_tensor,
+    strip_prefix,
+    train,
+)
 from .field import VoxelField
 from .renderer import PointSupervision, Renderer
 from .renderers import new_renderer

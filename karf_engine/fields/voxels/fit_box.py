@@ -8,7 +8,7 @@ Handling of the background, by kind:
 - opaque: a function of direction, learned only from rays through empty space. In directions without such rays its color
   is random, so that what is there must become opaque. Opacity is penalized where the background alone explains the
   photo, which removes fog, and the variance of the depth along each ray is penalized.
-- opaque with wide baselines (see wide_baseline.py): training starts from the cells whose color agrees between photos.
+- opaque with wide baselines (see priors.py): training starts from the cells whose color agrees between photos.
   The background is never random, which would create fog, and is drawn to the photos' colors at the same elevation.
 """
 
@@ -21,17 +21,16 @@ from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
 from ...project.settings import GeometrySettings, Level
-from ..background import Background
-from ..extent import box_around_focus, upright_axes
+from ..extent import OPAQUE_REACH, box_around_focus, is_wide_baseline, upright_axes
+from ..priors import is_photo_consistent, rotate_about_vertical
 from ..rendering.rays import PixelDataset
-from ..spaces import OPAQUE_REACH
-from ..wide_baseline import PARAMETERS as WIDE_BASELINE
-from ..wide_baseline import is_photo_consistent, is_wide_baseline, rotate_about_vertical
+from ..scene import Background
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .renderer import RayBatch, RaySums
 
 AZIMUTH_BINS, ELEVATION_BINS = 36, 36
+MEAN_BACKGROUND = 0.3  # weight of the prior that a wide-baseline background only depends on the elevation
 FOG_PENALTY = 3e-2  # weight of opacity where the background alone explains the photo
 COLOR_DEVIATION = 0.03  # standard deviation between photo and background that count as equal
 # fraction of the rays of a direction that must be free before fog is penalized; with fewer, the photos show objects there
@@ -102,7 +101,7 @@ class BoxFit(VoxelFit[GeometrySettings]):
         loss = error + self._regularization(number, sums)
         if self._upright is not None:
             elevation = self._elevation_loss(self._upright, rays.viewdirs, target, sums)
-            loss = loss + WIDE_BASELINE.mean_background * elevation
+            loss = loss + MEAN_BACKGROUND * elevation
         if backdrop is not None and free is not None:
             fog = _explained_by(backdrop.detach(), target, free) * (1 - sums.final_transmittance)
             loss = loss + FOG_PENALTY * fog.mean()

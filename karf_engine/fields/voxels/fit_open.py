@@ -16,13 +16,11 @@ from torch import Tensor, nn
 
 from ...compute.runtime import Runtime
 from ...project.settings import Level, OpenSettings
-from ..background import Background
-from ..free_space import FreeSpace
-from ..horizon import Horizon
+from ..priors import FreeSpace, Horizon
 from ..rendering.rays import PixelDataset
 from ..rendering.space import OpenSpace
-from ..training.adam import Adam
-from ..training.state import TrainingState
+from ..scene import Background
+from ..training import Adam, TrainingState
 from .field import VoxelField
 from .fit import Batch, VoxelFit
 from .observations import Observations

@@ -6,12 +6,10 @@ from dataclasses import replace
 from typing import cast
 
 from ...project.settings import Level
+from ..extent import contraction_around_focus, mean_frustum
 from ..fit import FitInputs
-from ..free_space import FreeSpace
-from ..horizon import estimate_horizon
-from ..rendering.space import OpenSpace
-from ..rendering.space_io import space_to_device
-from ..spaces import contraction_around_focus, mean_frustum
+from ..priors import FreeSpace, estimate_horizon
+from ..rendering.space import OpenSpace, space_to_device
 from .fit import VoxelFit
 from .fit_box import start_box_fit
 from .fit_open import start_open_fit

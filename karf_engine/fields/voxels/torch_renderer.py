@@ -18,7 +18,7 @@ from ..rendering.volume import (
     ray_weights_from_sigmas,
     transmittance_from_optical_depths,
 )
-from ..training.adam import Adam
+from ..training import Adam
 from .field import VoxelField
 from .renderer import DARK, PointSupervision, RayBatch, RaySums
 

@@ -6,7 +6,7 @@ Arguments shared by the functions of this module:
     colors: The object's color histogram as currently edited, sRGB [n, 3] in [0, 1].
     counts: Frequency of each color, [n], >= 0.
     palette_weights: [n, M] over the M palette entries.
-    palette: The current palette, sRGB [M, 3] in [0, BRIGHTEST]; entry 0 is black and never moves.
+    palette: The current palette, sRGB [M, 3] in [0, MAX_SRGB]; entry 0 is black and never moves.
     locked: Further fixed entries.
     is_metal: Whether highlights take the paint's color rather than the light's.
 """
@@ -17,62 +17,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ...io.color import srgb_to_lab
-from .fitting import bounds, match_perceptually, match_pixels, moved
-from .paints import angles, is_black, paints_of, pigment_gate, reflection_target, repainted
+from ...io.color import ciede2000, srgb_to_lab
+from .fitting import apply_change, bounds, match_perceptually, match_pixels
+from .paints import angles, is_black, paints_of, pigment_gate, reflection_target
 
 OTHER_PAINT = 0.2  # angle in linear light, radians, between different paints; sun and open shade are 0.12 apart
 AFFECTED = 0.1  # least gate of a paint that would change too
 NEAR = 5.0  # Lab distance of similar colors of one paint
-# weight of the picked colors relative to the whole object, for `match_perceptually` and `match_pixels`
-EMPHASIS, EMPHASIS_OF_SQUARES = 1.0, 10.0
-
-
-def add_fixed_paints(
-    colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return sources and targets [P, 3] of one changing paint and of the held ones, which keep their color.
-
-    Args:
-        held: Colors to keep, sRGB [3] each; ignored if the object does not show them or they are of the source's paint.
-
-    Examples:
-        A teal is held, a darker red belongs to the changing paint:
-
-        >>> red, blue, teal = np.array([0.8, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.6])
-        >>> colors = np.stack([red, red / 2, teal])
-        >>> add_fixed_paints(colors, red, blue, [teal, red / 2, blue])[0].tolist()
-        [[0.8, 0.1, 0.1], [0.1, 0.6, 0.6]]
-    """
-    kept = [
-        each
-        for each in held
-        if is_near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER_PAINT
-    ]
-    return np.stack([source, *kept]), np.stack([target, *kept])
-
-
-def add_preserved_paints(
-    colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """Append a preserving pair for each paint of the object that the gate of a source would affect.
-
-    Paints of other hues stay anyway, as their gate is closed. A metal has no paints: it shows reflections.
-    Source and target are [3] or [P, 3]; the result is [Q, 3] each.
-
-    Examples:
-        Half of a violet bowl is bluer; only the first half should turn green:
-
-        >>> violet, bluer, green = np.array([0.5, 0.3, 0.5]), np.array([0.3, 0.3, 0.6]), np.array([0.1, 0.5, 0.2])
-        >>> sources, targets = add_preserved_paints(np.stack([violet, bluer]), np.ones(2), violet, green)
-        >>> sources.tolist(), targets.tolist()
-        ([[0.5, 0.3, 0.5], [0.3, 0.3, 0.6]], [[0.1, 0.5, 0.2], [0.3, 0.3, 0.6]])
-    """
-    sources = np.atleast_2d(source)
-    paints = np.empty((0, 3)) if is_metal else paints_of(colors, counts)
-    is_affected = np.max([pigment_gate(paints, each) for each in sources], axis=0) > AFFECTED
-    others = [each for each in paints[is_affected] if angles(sources, each).min() > OTHER_PAINT and not is_black(each)]
-    return np.stack([*sources, *others]), np.stack([*np.atleast_2d(target), *others])
+EMPHASIS = 1.0  # weight of the picked colors relative to the whole object
 
 
 def match_becomes(
@@ -87,29 +39,14 @@ def match_becomes(
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 that turns the source's paint into the target's on the whole object.
 
-    Shading and gloss are kept, other paints stay.
-
-    Args:
-        source: A current color of the object, sRGB [3] in [0, 1]; [P, 3] for several paints.
-        target: The wanted color, in the same shape.
-
-    Raises:
-        BadRequest: The source is black.
-
-    Examples:
-        A red object, lit and in the shade:
-
-        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
-        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])
-        >>> blue = np.array([0.1, 0.2, 0.7])
-        >>> edited = match_becomes(weights @ palette, np.ones(2), weights, palette, palette[1], blue)
-        >>> print(edited.round(2))
-        [[0.  0.  0. ]
-         [0.1 0.2 0.7]]
+    Shading and gloss are kept, other paints stay. The source is a current color of the object, sRGB [3] in [0, 1], or
+    [P, 3] for several paints; the target, the wanted color, has the same shape. Raises BadRequest if a source is black.
     """
     source, target = add_preserved_paints(colors, counts, source, target, is_metal)
     targets = reflection_target(colors, source, target, is_metal)
-    weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, EMPHASIS)
+    weights, colors, targets, counts = append_sources(
+        colors, counts, palette_weights, targets, source, target, EMPHASIS
+    )
     return match_perceptually(weights, colors, targets, palette, counts, locked)
 
 
@@ -127,17 +64,6 @@ def match_dragged(
 
     Like `match_becomes` from the swatch's color to the new one, except that the swatch gets exactly the new color. The
     result depends on the last color of a drag alone. A black swatch changes alone, as its paint is unknown.
-
-    Examples:
-        A red object with a lit and a dark swatch turns blue as a whole:
-
-        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.35, 0.05, 0.05]], np.float32)
-        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-        >>> edited = match_dragged(weights @ palette, np.ones(2), weights, palette, 1, np.array([0.1, 0.1, 0.7]))
-        >>> print(edited.round(2))
-        [[0.   0.   0.  ]
-         [0.1  0.1  0.7 ]
-         [0.05 0.05 0.35]]
     """
     start = np.array(palette, np.float32)
     start[index] = color
@@ -150,36 +76,98 @@ def match_dragged(
     return match_pixels(palette_weights, moved_alone, targets, start, counts, [index, *locked])
 
 
-def match_pigment(
-    colors: np.ndarray,
-    counts: np.ndarray,
-    palette_weights: np.ndarray,
+def match_fewest(
+    palette_weights_of_pixel: np.ndarray,
     palette: np.ndarray,
-    source: np.ndarray,
     target: np.ndarray,
-    reach: float,
-    protect: float = 0.0,
+    locked: Iterable[int] = (),
+    shown: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Like `match_becomes` for one pigment (see `pigment_gate`), ignoring all other colors, which have separate
-    swatches.
+    """Return the palette [M, 3] float32 that gives one pixel the target color while moving as few swatches as possible.
 
-    Examples:
-        Red and green share a swatch; the green does not hold the red back:
-
-        >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.1]]), np.array([[0.0, 1.0], [0.0, 1.0]])
-        >>> red, green, blue = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.6, 0.2]), np.array([0.1, 0.2, 0.7])
-        >>> change = match_pigment(np.stack([red, green]), np.ones(2), weights, palette, red, blue, 1.0) - palette
-        >>> print(change[1].round(2))
-        [-0.5  0.1  0.6]
+    Minimises the L2,1 norm of the swatches' moves, sum_j |dP_j| (as LoCoPalettes does), by iteratively reweighted least
+    squares, each step solved exactly within 0 <= P + dP <= max(1, P). An unreachable target is approached per channel.
+    `shown` is the pixel's current color, sRGB [3]; by default the palette's mixture.
     """
-    counts = counts * pigment_gate(colors, source, reach, protect)
-    targets = repainted(colors, source, target)
-    emphasis = EMPHASIS_OF_SQUARES
-    weights, colors, targets, counts = _with_sources(colors, counts, palette_weights, targets, source, target, emphasis)
-    return match_pixels(weights, colors, targets, palette, counts)
+    weights = np.asarray(palette_weights_of_pixel, np.float64)
+    lower, upper = bounds(palette, locked, np.maximum(1.0, palette))  # brighter than white may stay
+    shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
+    wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
+    penalty = np.ones(len(weights))
+    for _ in range(40):
+        direction = weights / penalty
+        change = np.stack(
+            [_scale_to(weights, direction, wanted[c], lower[:, c], upper[:, c]) for c in range(3)], axis=1
+        )
+        # the floor keeps unmoved swatches movable
+        penalty = 1 / np.maximum(np.linalg.norm(change, axis=1), 1e-6)
+    return apply_change(palette, change)
 
 
-def _with_sources(
+def residual_delta_e(
+    before: np.ndarray,  # the object's colors when the source was picked, sRGB [n, 3] in [0, 1]
+    after: np.ndarray,  # the same colors after the edit
+    counts: np.ndarray,  # frequency of each color, [n]
+    source: np.ndarray,  # the picked color, sRGB [3]
+    target: np.ndarray,  # its wanted color
+    held: Sequence[np.ndarray] = (),  # colors of other paints that should stay, sRGB [3] each
+    is_metal: bool = False,
+) -> float:
+    """Return the mean CIEDE2000 between an edited object and its target, all paints and highlights included."""
+    paints = add_preserved_paints(before, counts, *add_fixed_paints(before, source, target, held), is_metal)
+    difference = ciede2000(srgb_to_lab(after), srgb_to_lab(reflection_target(before, *paints, is_metal)))
+    return float(np.average(difference, weights=counts))
+
+
+def add_fixed_paints(
+    colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return sources and targets [P, 3] of one changing paint and of the held ones, which keep their color.
+
+    Held colors, sRGB [3] each, are ignored if the object does not show them or they are of the source's paint.
+    """
+    kept = [
+        each
+        for each in held
+        if is_near(colors, each, or_nearest=False).any() and angles(source[None], each)[0] > OTHER_PAINT
+    ]
+    return np.stack([source, *kept]), np.stack([target, *kept])
+
+
+def add_preserved_paints(
+    colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Append a preserving pair for each paint of the object that the gate of a source would affect.
+
+    Paints of other hues stay anyway, as their gate is closed. A metal has no paints: it shows reflections.
+    Source and target are [3] or [P, 3]; the result is [Q, 3] each.
+    """
+    sources = np.atleast_2d(source)
+    paints = np.empty((0, 3)) if is_metal else paints_of(colors, counts)
+    is_affected = np.max([pigment_gate(paints, each) for each in sources], axis=0) > AFFECTED
+    others = [each for each in paints[is_affected] if angles(sources, each).min() > OTHER_PAINT and not is_black(each)]
+    return np.stack([*sources, *others]), np.stack([*np.atleast_2d(target), *others])
+
+
+def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Return the palette weights [M] of the histogram color nearest in Lab to a color, sRGB [3]."""
+    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
+    return palette_weights[int(distance.argmin())]
+
+
+def mean_weights(colors: np.ndarray, counts: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
+    """Return the mean palette weights [M] of the colors `is_near` a color, sRGB [3]."""
+    nearby = is_near(colors, color)
+    return np.average(palette_weights[nearby], axis=0, weights=np.maximum(counts[nearby], 1e-9))
+
+
+def is_near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
+    """Return which colors, sRGB [n, 3], are within 5 of a color [3] in Lab; with `or_nearest`, at least the nearest."""
+    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
+    return distance <= (max(NEAR, distance.min()) if or_nearest else NEAR)
+
+
+def append_sources(
     colors: np.ndarray,
     counts: np.ndarray,
     palette_weights: np.ndarray,
@@ -198,79 +186,6 @@ def _with_sources(
         np.vstack([targets, target]),
         np.append(counts, [count] * len(sources)),
     )
-
-
-def match_fewest(
-    palette_weights_of_pixel: np.ndarray,
-    palette: np.ndarray,
-    target: np.ndarray,
-    locked: Iterable[int] = (),
-    shown: np.ndarray | None = None,
-) -> np.ndarray:
-    """Return the palette [M, 3] float32 that gives one pixel the target color while moving as few swatches as possible.
-
-    Minimises the L2,1 norm of the swatches' moves, sum_j |dP_j| (as LoCoPalettes does), by iteratively reweighted least
-    squares, each step solved exactly within 0 <= P + dP <= max(1, P). An unreachable target is approached per channel.
-
-    Args:
-        palette_weights_of_pixel: [M].
-        target: sRGB [3] in [0, 1].
-        shown: The pixel's current color, sRGB [3]; by default the palette's mixture.
-
-    Examples:
-        Of two swatches that make up a pixel, the one with the larger weight moves:
-
-        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-        >>> match_fewest(np.array([0, 0.8, 0.2]), palette, np.array([0.4, 0.2, 0])).round(2).tolist()
-        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    """
-    weights = np.asarray(palette_weights_of_pixel, np.float64)
-    lower, upper = bounds(palette, locked, np.maximum(1.0, palette))  # brighter than white may stay
-    shown = weights @ np.asarray(palette, np.float64) if shown is None else shown
-    wanted = np.clip(np.subtract(target, shown), weights @ lower, weights @ upper)
-    penalty = np.ones(len(weights))
-    for _ in range(40):
-        direction = weights / penalty
-        change = np.stack(
-            [_scale_to(weights, direction, wanted[c], lower[:, c], upper[:, c]) for c in range(3)], axis=1
-        )
-        # the floor keeps unmoved swatches movable
-        penalty = 1 / np.maximum(np.linalg.norm(change, axis=1), 1e-6)
-    return moved(palette, change)
-
-
-def nearest_weights(colors: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Return the palette weights [M] of the histogram color nearest in Lab to a color, sRGB [3].
-
-    Examples:
-        >>> nearest_weights(np.array([[1.0, 0, 0], [0, 0, 1.0]]), np.eye(2), np.array([0.1, 0.2, 0.8])).tolist()
-        [0.0, 1.0]
-    """
-    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
-    return palette_weights[int(distance.argmin())]
-
-
-def is_near(colors: np.ndarray, color: np.ndarray, or_nearest: bool = True) -> np.ndarray:
-    """Return which colors, sRGB [n, 3], are within 5 of a color [3] in Lab; with `or_nearest`, at least the nearest.
-
-    Examples:
-        >>> is_near(np.array([[0.5, 0.5, 0.5], [0.52, 0.5, 0.5], [0.9, 0.5, 0.5]]), np.array([0.51, 0.5, 0.5])).tolist()
-        [True, True, False]
-    """
-    distance = np.linalg.norm(srgb_to_lab(colors) - srgb_to_lab(color), axis=1)
-    return distance <= (max(NEAR, distance.min()) if or_nearest else NEAR)
-
-
-def mean_weights(colors: np.ndarray, counts: np.ndarray, palette_weights: np.ndarray, color: np.ndarray) -> np.ndarray:
-    """Return the mean palette weights [M] of the colors `is_near` a color, sRGB [3].
-
-    Examples:
-        >>> colors = np.array([[1.0, 0, 0], [0.99, 0, 0], [0, 0, 1.0]])
-        >>> mean_weights(colors, np.array([3, 1, 9]), np.eye(3), np.array([1.0, 0, 0])).tolist()
-        [0.75, 0.25, 0.0]
-    """
-    nearby = is_near(colors, color)
-    return np.average(palette_weights[nearby], axis=0, weights=np.maximum(counts[nearby], 1e-9))
 
 
 def _scale_to(

@@ -4,7 +4,7 @@ Arguments shared by the functions of this module:
     palette_weights: [n, M] weights of n colors over M palette entries.
     colors: sRGB [n, 3] in [0, 1].
     targets: sRGB [n, 3] in [0, 1].
-    palette: sRGB [M, 3] in [0, BRIGHTEST]; entry 0 is black and never moves.
+    palette: sRGB [M, 3] in [0, MAX_SRGB]; entry 0 is black and never moves.
     counts: Importance of each color, [n], >= 0.
     locked: Further fixed entries.
 """
@@ -17,7 +17,6 @@ import numpy as np
 
 from ...io.color import ciede2000, srgb_to_lab
 from ..palette import MAX_SRGB
-from .least_squares import bounded_least_squares
 
 INVISIBLE = 1e-4  # change of a swatch, 1/40 of an 8-bit step
 RIDGE = 3e-4  # per unit of counts; keeps rarely used swatches in place
@@ -37,16 +36,10 @@ def match_pixels(
 
     Entries may exceed white: the palette's hull encloses the colors, so brighter colors need brighter entries. Pixels
     are clipped when they are composited.
-
-    Examples:
-        >>> palette = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-        >>> weights = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-        >>> match_pixels(weights, weights @ palette, [[0.5, 0, 0], [0, 1, 0]], palette).round(2).tolist()
-        [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
     lower, upper = bounds(palette, locked, MAX_SRGB)
     change = bounded_least_squares(palette_weights, np.subtract(targets, colors), lower, upper, counts, RIDGE)
-    return moved(palette, change)
+    return apply_change(palette, change)
 
 
 def match_perceptually(
@@ -61,16 +54,6 @@ def match_perceptually(
 
     Unlike `match_pixels` it is robust: colors that the palette cannot move apart (of two paints, or a highlight) do not
     pull all others off their targets. Targets may slightly exceed [0, 1].
-
-    Examples:
-        One swatch makes up three colors; two stay and outvote the third, which should turn blue:
-
-        >>> palette, weights = np.array([[0, 0, 0], [0.5, 0.5, 0.5]], np.float32), np.array([[0.0, 1.0]] * 3)
-        >>> colors, targets = weights @ palette, np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5], [0.2, 0.2, 0.8]])
-        >>> print(match_pixels(weights, colors, targets, palette)[1].round(2))
-        [0.4 0.4 0.6]
-        >>> print(match_perceptually(weights, colors, targets, palette, np.ones(3))[1].round(2))
-        [0.5 0.5 0.5]
     """
     lower, upper = bounds(palette, locked, MAX_SRGB)
     target_lab, wanted = srgb_to_lab(np.clip(targets, 0, 1)), np.subtract(targets, colors)
@@ -82,17 +65,11 @@ def match_perceptually(
         weight = difference / (((palette_weights @ change - wanted) ** 2).sum(axis=1) + MET**2)
         if not weight @ counts > 0:  # all targets are met
             break
-    return moved(palette, change)
+    return apply_change(palette, change)
 
 
 def bounds(palette: np.ndarray, locked: Iterable[int], brightest: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds [M, 3] of a palette change: 0 <= palette + change <= brightest, 0 for black and locked entries.
-
-    Examples:
-        >>> lower, upper = bounds(np.array([[0.0, 0, 0], [0.5, 0.25, 1]]), (), 2.0)
-        >>> lower.tolist(), upper.tolist()
-        ([[0.0, 0.0, 0.0], [-0.5, -0.25, -1.0]], [[0.0, 0.0, 0.0], [1.5, 1.75, 1.0]])
-    """
+    """Return bounds [M, 3] of a palette change: 0 <= palette + change <= brightest, 0 for black and locked entries."""
     palette = np.asarray(palette, np.float64)
     lower, upper = 0 - palette, brightest - palette
     pinned = [0, *locked]
@@ -100,13 +77,60 @@ def bounds(palette: np.ndarray, locked: Iterable[int], brightest: float | np.nda
     return lower, upper
 
 
-def moved(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """Apply a change to a palette, within [0, BRIGHTEST]; swatches with an invisible change keep their bits.
-
-    Examples:
-        >>> moved(np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.5]]), np.array([[1e-5, 0, 0], [0.25, 2, -1]])).tolist()
-        [[0.5, 0.5, 0.5], [0.75, 2.0, 0.0]]
-    """
+def apply_change(palette: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """Apply a change to a palette, within [0, MAX_SRGB]; swatches with an invisible change keep their bits."""
     palette = np.asarray(palette, np.float32)
     is_invisible = np.abs(change).max(axis=1, keepdims=True) < INVISIBLE
     return np.where(is_invisible, palette, np.clip(palette + change, 0, MAX_SRGB)).astype(np.float32)
+
+
+def bounded_least_squares(
+    matrix: np.ndarray,  # [n, M]
+    values: np.ndarray,  # [n, C]; the columns are solved independently
+    lower: np.ndarray,  # [M, C], <= 0
+    upper: np.ndarray,  # [M, C], >= 0; entries with equal bounds are fixed
+    counts: np.ndarray | None = None,  # [n], >= 0; by default 1 each
+    ridge: float = 0.0,  # per unit of counts, >= 0
+) -> np.ndarray:
+    """Minimise `sum_i counts_i |matrix_i x - values_i|^2 + ridge sum(counts) |x|^2` with lower <= x <= upper, exactly.
+
+    A primal active-set method (Nocedal and Wright, "Numerical Optimization", 2006, 16.5) in numpy alone, as Blender's
+    Python lacks scipy. Returns x [M, C] float64.
+    """
+    matrix, values = np.asarray(matrix, np.float64), np.asarray(values, np.float64)
+    importance = np.ones(len(matrix)) if counts is None else np.asarray(counts, np.float64)
+    weighted = matrix * (importance / importance.sum())[:, None]
+    # a minimal ridge makes the problem strictly convex, so that every subset of entries can be solved
+    normal = weighted.T @ matrix + max(ridge, 1e-12) * np.eye(matrix.shape[1])
+    right = weighted.T @ values
+    columns = [_active_set(normal, right[:, c], lower[:, c], upper[:, c]) for c in range(values.shape[1])]
+    return np.stack(columns, axis=1)
+
+
+def _active_set(normal: np.ndarray, right: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Minimise x normal x / 2 - right x in the box, starting from x = 0; normal [M, M] is positive definite."""
+    x = np.zeros(len(right))
+    free = lower < upper
+    for _ in range(20 * len(right)):  # every free set lowers the objective, so none recurs
+        best = x.copy()
+        if free.any():
+            fixed = right[free] - normal[np.ix_(free, ~free)] @ x[~free]
+            best[free] = np.linalg.solve(normal[np.ix_(free, free)], fixed)
+        step = best - x
+        limit = np.where(step > 0, upper, lower)
+        room = np.divide(limit - x, step, out=np.full_like(x, np.inf), where=free & (step != 0))
+        blocking = int(room.argmin())
+        if room[blocking] < 1:
+            x = x + room[blocking] * step
+            x[blocking] = limit[blocking]
+            free[blocking] = False
+            continue
+        x = best
+        downhill = right - normal @ x
+        release_gain = np.where(x >= upper, -downhill, downhill)
+        release_gain[free | (lower == upper)] = 0
+        release = int(release_gain.argmax())
+        if release_gain[release] <= 1e-10:
+            return x
+        free[release] = True
+    return x

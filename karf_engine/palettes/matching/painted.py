@@ -14,8 +14,7 @@ from ...errors import BadRequest
 from ...io.color import ciede2000, srgb_to_lab
 from ..compositing import hard_masks
 from ..palette import MAX_SRGB, Palette
-from .fitting import bounds, moved
-from .least_squares import bounded_least_squares
+from .fitting import apply_change, bounded_least_squares, bounds
 
 PAINTED = 4 / 255  # difference in one channel of a painted pixel; less can be rounding or noise
 MIN_PAINTED = 0.002  # least share of painted pixels of a fitted object
@@ -29,21 +28,13 @@ MAX_PIXELS = 20_000  # sampled pixels of an object
 
 @dataclass(frozen=True)
 class ObjectMatch:
-    """Result of the fit for one object.
-
-    Attributes:
-        name: The object's name.
-        colors: Its fitted palette, [M, 3] float32 in [0, BRIGHTEST].
-        before: Mean CIEDE2000 of its pixels to the wanted picture before the fit.
-        left: The same after the fit.
-        painted: Share of painted pixels, 0 to 1.
-    """
+    """Result of the fit for one object."""
 
     name: str
-    colors: np.ndarray
-    before: float
+    colors: np.ndarray  # fitted palette, [M, 3] float32 in [0, MAX_SRGB]
+    before: float  # mean CIEDE2000 of its pixels to the wanted picture before the fit
     after: float
-    painted: float
+    painted: float  # share of painted pixels, 0 to 1
 
     @property
     def strength(self) -> float:
@@ -54,50 +45,28 @@ class ObjectMatch:
 def match_picture(
     palette_weights: np.ndarray,
     probabilities: np.ndarray,
-    base: np.ndarray,
-    wanted: np.ndarray,
-    palettes: Sequence[Palette],
-    edited: Mapping[str, np.ndarray],
-    locked: Mapping[str, Iterable[int]] | None = None,
+    base: np.ndarray,  # the unedited view, [H, W, 3] in [0, 1]
+    wanted: np.ndarray,  # the painted view, in the same shape
+    palettes: Sequence[Palette],  # as learned, of the K objects
+    edited: Mapping[str, np.ndarray],  # current palettes by object
+    locked: Mapping[str, Iterable[int]] | None = None,  # swatches that stay, by object
 ) -> tuple[ObjectMatch, ...]:
     """Fit the palettes to a painted picture of a view; return one match for each visible painted object.
 
     Only differences between the picture and the edited view count. Unpainted objects stay. The unpainted pixels of
     others have a low weight, and none where they contradict the painted ones. Objects that only reflect the new colors
-    of others, faintly and in parts, stay too.
-
-    Args:
-        palette_weights: [K, M, H, W].
-        probabilities: [K, H, W], of the objects.
-        base: The unedited view, [H, W, 3] in [0, 1].
-        wanted: The painted view, [H, W, 3] in [0, 1].
-        palettes: As learned, of the K objects.
-        edited: The current palettes, by object name.
-        locked: Swatches that stay, by object name.
-
-    Raises:
-        BadRequest: The picture has another size than the view.
-
-    Examples:
-        One of two pixels of a pot, lit and half in the shade, is painted over:
-
-        >>> weights = np.array([[[[0.0, 0.5]], [[1.0, 0.5]]]])
-        >>> pot = Palette("pot", np.array([[0, 0, 0], [0.8, 0.2, 0]], np.float32))
-        >>> base = np.array([[[0.8, 0.2, 0], [0.4, 0.1, 0]]])
-        >>> wanted = np.array([[[0, 0.2, 0.8], [0.4, 0.1, 0]]])
-        >>> (match,) = match_picture(weights, np.ones((1, 1, 2)), base, wanted, [pot], {"pot": pot.colors})
-        >>> print(match.colors.round(1), round(match.painted, 1))
-        [[0.  0.  0. ]
-         [0.  0.2 0.8]] 0.5
+    of others, faintly and in parts, stay too. Raises BadRequest if the picture has another size than the view.
     """
     if wanted.shape != base.shape:
         raise BadRequest(
-            f"The picture has {wanted.shape[1]} x {wanted.shape[0]} pixels, the view {base.shape[1]} x {base.shape[0]}.",
+            f"The picture has {wanted.shape[1]} x {wanted.shape[0]} pixels, "
+            f"the view {base.shape[1]} x {base.shape[0]}.",
             "Take a picture of this view.",
         )
     matches = []
     for k, mask in enumerate(hard_masks(np.asarray(probabilities, np.float32))):
-        palette, pixels = palettes[k], _subsampled(np.flatnonzero(mask))
+        palette, pixels = palettes[k], np.flatnonzero(mask)
+        pixels = pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MAX_PIXELS)).astype(np.intp)]
         shown = base.reshape(-1, 3)[pixels].astype(np.float64)
         for other, planes in zip(palettes, palette_weights, strict=True):
             change = edited[other.name] - other.colors
@@ -110,15 +79,10 @@ def match_picture(
             stays = (locked or {}).get(palette.name, ())
             colors = _fit(weights, shown, aim, painted, edited[palette.name], stays)
             reached = shown + weights @ (colors - edited[palette.name])
-            before, left = _difference(shown, aim), _difference(reached, aim)
-            matches.append(ObjectMatch(palette.name, colors, before, left, float(painted.mean())))
+            before, after = _difference(shown, aim), _difference(reached, aim)
+            matches.append(ObjectMatch(palette.name, colors, before, after, float(painted.mean())))
     strongest = max((match.strength for match in matches), default=0.0)
-    return tuple(match for match in matches if match.left < match.before or match.strength >= SPILL * strongest)
-
-
-def _subsampled(pixels: np.ndarray) -> np.ndarray:
-    """Return at most MAX_PIXELS of the pixels, evenly spaced."""
-    return pixels[np.linspace(0, len(pixels) - 1, min(len(pixels), MAX_PIXELS)).astype(np.intp)]
+    return tuple(match for match in matches if match.after < match.before or match.strength >= SPILL * strongest)
 
 
 def _weights_at(planes: np.ndarray, pixels: np.ndarray, size: int) -> np.ndarray:
@@ -138,8 +102,7 @@ def _fit(
     palette: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by iteratively reweighted least
-    squares.
+    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by reweighted least squares.
 
     The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
     no palette can explain, such as a stray brush stroke. At least one pixel is painted.
@@ -156,4 +119,4 @@ def _fit(
         reached = shown + weights @ change
         residual = np.linalg.norm(np.clip(reached, 0, 1) - aim, axis=1)
         confidence = 1 / (1 + (residual / OUTLIER) ** 2) ** 2
-    return moved(palette, change)
+    return apply_change(palette, change)

@@ -26,39 +26,17 @@ MIN_PAINT = 0.15  # share of the object
 
 
 def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False) -> np.ndarray:
-    """Return the colors after the paints of color `source` have changed to color `target`.
+    """Return colors, sRGB [n, 3] float64 in [0, 1], after the paints of color `source` have changed to color `target`.
 
     By the dichromatic model of Shafer (1985), "Using color to separate reflection components", linear light is
-    c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`separate_dichromatic`). The result is
-    c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other pigments. k, per
-    channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
+    c = sum_p a_p r_p + s (1, 1, 1) + rest, with sources r_p, shadings a and gloss s (`separate_dichromatic`). The
+    result is c + gate k sum_p a_p (t_p - r_p). gate (`pigment_gate`, 1 for mixtures of sources) excludes other
+    pigments. k, per channel, is the tint of the light: (c - s) / sum_p a_p r_p, drawn to 1 where the paint is dark.
 
-    A metal shows reflections times its own color: c + gate c (t / r - 1), averaged over the metals by nearness.
+    A metal, whose highlights take its color too, shows reflections times its own color: c + gate c (t / r - 1),
+    averaged over the metals by nearness.
 
-    Args:
-        colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] or [P, 3] in [0, 1].
-        target: In the same shape.
-        is_metal: Whether highlights take the paint's color too.
-
-    Returns:
-        sRGB [n, 3] float64 in [0, 1].
-
-    Raises:
-        BadRequest: A source is black, so its shading is unknown.
-
-    Examples:
-        The source becomes the target, a green stays:
-
-        >>> red, blue, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([0.1, 0.6, 0.2])
-        >>> reflection_target(np.stack([red, green]), red, blue).round(3).tolist()
-        [[0.1, 0.2, 0.7], [0.1, 0.6, 0.2]]
-
-        The highlight of a blue varnish is nearly white, that of a blue metal is blue:
-
-        >>> gold, blue, highlight = np.array([0.8, 0.6, 0.3]), np.array([0.3, 0.5, 0.8]), np.array([[1.0, 0.9, 0.8]])
-        >>> [reflection_target(highlight, gold, blue, metal).round(1).tolist() for metal in (False, True)]
-        [[[0.7, 0.8, 1.0]], [[0.4, 0.8, 1.0]]]
+    Source and target are sRGB [3] or [P, 3] in [0, 1]. Raises BadRequest if a source is black: its shading is unknown.
     """
     light, sources, targets = _linear(colors, source, target)
     gate = np.max([pigment_gate(colors, each) for each in np.atleast_2d(source)], axis=0)[:, None]
@@ -67,15 +45,7 @@ def reflection_target(colors: np.ndarray, source: np.ndarray, target: np.ndarray
 
 
 def repainted(colors: np.ndarray, source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Like `reflection_target` for one source, without gate and tint: c + a (t - r).
-
-    Examples:
-        A mixture of red paint and silver keeps its silver:
-
-        >>> red, blue, mixed = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.2, 0.7]), np.array([[0.66, 0.49, 0.49]])
-        >>> repainted(mixed, red, blue).round(1).tolist()
-        [[0.5, 0.5, 0.7]]
-    """
+    """Like `reflection_target` for one source, without gate and tint: c + a (t - r)."""
     light, sources, targets = _linear(colors, source, target)
     shading, _ = separate_dichromatic(light, sources, GLOSS_COST_OF_SEVERAL)
     return _shown(light + shading @ (targets - sources))
@@ -117,14 +87,6 @@ def paints_of(colors: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
     Directions are independent of shading. A mode with less than 15 % of the object around it (gloss, noise) is ignored.
     The result is the mean color of each mode, the densest first; counts [n] is the frequency of each color.
-
-    Examples:
-        A red, lit and in the shade, and a green:
-
-        >>> red, green = np.array([0.7, 0.1, 0.1]), np.array([0.1, 0.6, 0.2])
-        >>> print(paints_of(np.stack([red, red / 2, green]), np.array([3, 3, 2])).round(2))
-        [[0.52 0.08 0.08]
-         [0.1  0.6  0.2 ]]
     """
     light = srgb_to_linear(colors)
     length = np.linalg.norm(light, axis=1)
@@ -143,12 +105,7 @@ def paints_of(colors: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def angles(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """Return the angles [n] between colors and a source in linear light, radians; independent of shading.
-
-    Examples:
-        >>> angles(np.array([[0.8, 0, 0], [0.4, 0, 0], [0, 0.5, 0]]), np.array([0.5, 0, 0])).round(2).tolist()
-        [0.0, 0.0, 1.57]
-    """
+    """Return the angles [n] between colors and a source in linear light, radians; independent of shading."""
     return _angles(srgb_to_linear(colors), srgb_to_linear(source))
 
 
@@ -158,33 +115,17 @@ def _angles(light: np.ndarray, paint: np.ndarray) -> np.ndarray:
 
 
 def is_black(color: np.ndarray) -> bool:
-    """Return whether a color, sRGB [3] in [0, 1], is too dark to determine its paint.
-
-    Examples:
-        >>> is_black(np.zeros(3)), is_black(np.array([0.1, 0, 0]))
-        (True, False)
-    """
+    """Return whether a color, sRGB [3] in [0, 1], is too dark to determine its paint."""
     light = srgb_to_linear(color)
     return bool(light @ light < 1e-6)
 
 
 def separate_dichromatic(light: np.ndarray, paints: np.ndarray, gloss_cost: float) -> tuple[np.ndarray, np.ndarray]:
-    """Decompose light into sum_p a_p r_p + s (1, 1, 1) + rest with a, s >= 0, by least squares plus gloss_cost s^2.
+    """Decompose linear light [n, 3] into sum_p a_p r_p + s (1, 1, 1) + rest with a, s >= 0.
 
-    The cost attributes light to paint rather than gloss where the paint is pale.
-
-    Args:
-        light: Linear light [n, 3].
-        paints: Linear light r [P, 3], none black.
-        gloss_cost: Penalty of s^2.
-
-    Returns:
-        Shadings a [n, P] and gloss s [n]; at most three of them per color are not 0.
-
-    Examples:
-        >>> shading, gloss = separate_dichromatic(np.array([[0.5, 0, 0], [1.1, 0.1, 0.1]]), np.array([[1.0, 0, 0]]), 0.1)
-        >>> print(shading.round(1).tolist(), gloss.round(1).tolist())
-        [[0.5], [1.0]] [0.0, 0.1]
+    Paints r [P, 3] are linear light, none black. Minimises the squared rest plus gloss_cost s^2, which attributes light
+    to paint rather than gloss where the paint is pale. Returns shadings a [n, P] and gloss s [n]; at most three of them
+    per color are not 0.
     """
     parts = np.hstack([np.vstack([paints, np.ones(CHANNELS)]), np.zeros((len(paints) + 1, 1))])
     parts[-1, -1] = np.sqrt(gloss_cost)
@@ -204,47 +145,35 @@ def separate_dichromatic(light: np.ndarray, paints: np.ndarray, gloss_cost: floa
 
 
 def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, protect: float = 0.0) -> np.ndarray:
-    """Return how far colors belong to the source's pigment, lit or in shade: [n] in [0, 1].
+    """Return how far colors, sRGB [n, 3], belong to the pigment of a source [3], lit or in shade: [n] in [0, 1].
 
     The gate is exp(-(dh / 0.65 reach)^4) of the Lab hue difference dh, reduced for pale sources. A gray source has no
     hue: its gate depends on the chroma difference.
 
     Args:
-        colors: sRGB [n, 3] in [0, 1].
-        source: sRGB [3] in [0, 1].
         reach: Width of the gate; 1 is that of *Becomes*.
         protect: Exclude neutral colors (silver, foil, white paper), whose hue is that of reflections or noise: those
             with a Lab saturation below this share of the source's, softly from half of it to 1.5 times. In [0, 1); 0
             excludes none. Ignored for gray sources.
-
-    Examples:
-        >>> reds, green = np.array([[0.7, 0.1, 0.1], [0.3, 0.03, 0.03]]), np.array([[0.1, 0.6, 0.2]])
-        >>> pigment_gate(np.vstack([reds, green]), reds[0]).round(2).tolist()
-        [1.0, 1.0, 0.0]
-        >>> pinkish = np.array([[0.62, 0.6, 0.6]])
-        >>> [pigment_gate(pinkish, reds[0], 1.0, protect).round(2).tolist() for protect in (0.0, 0.2)]
-        [[0.97], [0.0]]
     """
     lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
     if lab_chroma(source) < GREY_CHROMA:
         return np.exp(-(((lab_chroma(lab) - lab_chroma(source)) / (reach * CHROMA_GATE)) ** 4))
-    hue_difference = (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
-    hue_difference *= lab_chroma(source) / (
-        lab_chroma(source) + PALE
-    )  # the hue of pale paint varies with light and noise
-    gate = np.exp(-((hue_difference / (reach * HUE_GATE)) ** 4))
+    # the hue of pale paint varies with light and noise
+    difference = hue_difference(lab, source) * (lab_chroma(source) / (lab_chroma(source) + PALE))
+    gate = np.exp(-((difference / (reach * HUE_GATE)) ** 4))
     if protect:
         share = lab_saturation(lab) / lab_saturation(source)
         gate *= smooth_step(share, protect / 2, 3 * protect / 2)
     return gate
 
 
-def smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Interpolate smoothly from 0 at `low` to 1 at `high`.
+def hue_difference(lab: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """Return the hue of Lab colors [n, 3] minus that of a source [3], radians in [-pi, pi)."""
+    return (lab_hue(lab) - lab_hue(source) + np.pi) % (2 * np.pi) - np.pi
 
-    Examples:
-        >>> smooth_step(np.array([0.0, 1.0, 2.0, 3.0, 9.0]), 1.0, 3.0).tolist()
-        [0.0, 0.0, 0.5, 1.0, 1.0]
-    """
+
+def smooth_step(values: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Interpolate smoothly from 0 at `low` to 1 at `high`."""
     x = np.clip((values - low) / (high - low), 0, 1)
     return x * x * (3 - 2 * x)

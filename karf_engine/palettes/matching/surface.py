@@ -16,7 +16,7 @@ import numpy as np
 
 from ...io.arguments import check_fields, check_number
 from ...io.color import linear_to_srgb, srgb_to_linear
-from ..extraction.cells import weighted_quantile
+from ..color_histogram import weighted_quantile
 from .fitting import match_pixels
 from .paints import pigment_gate, separate_dichromatic, smooth_step
 
@@ -32,24 +32,11 @@ HOLD = 3.0  # extra weight of the colors of other paints
 
 @dataclass(frozen=True)
 class Surface:
-    """Surface of a paint; the neutral default changes nothing.
+    """Surface of a paint; the neutral default changes nothing. Raises BadRequest if a value is out of range."""
 
-    Attributes:
-        saturation: Factor of the distance to the gray of the same luminance, 0 to 4; 0 is gray.
-        brightness: Lifts or lowers mid-tones, -2 to 2 f-stops at the dark end; black and white stay.
-        gloss: Factor of the highlights, 0 to 4; 0 is matte.
-
-    Raises:
-        BadRequest: A value is out of range.
-
-    Examples:
-        >>> Surface(gloss=0.5).is_identity, Surface().is_identity
-        (False, True)
-    """
-
-    saturation: float = 1.0
-    brightness: float = 0.0
-    gloss: float = 1.0
+    saturation: float = 1.0  # factor of the distance to the gray of the same luminance, 0 to 4; 0 is gray
+    brightness: float = 0.0  # lifts or lowers mid-tones, -2 to 2 f-stops at the dark end; black and white stay
+    gloss: float = 1.0  # factor of the highlights, 0 to 4; 0 is matte
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -58,7 +45,7 @@ class Surface:
         check_number("brightness", self.brightness, -MAX_BRIGHTNESS, MAX_BRIGHTNESS)
 
     @property
-    def is_identity(self) -> bool:
+    def is_neutral(self) -> bool:
         return self == Surface()
 
 
@@ -67,32 +54,17 @@ def match_surface(
     counts: np.ndarray,
     palette_weights: np.ndarray,
     palette: np.ndarray,
-    surfaces: Mapping[int, Surface],
+    surfaces: Mapping[int, Surface],  # by swatch; several of one paint are applied in order
     locked: Iterable[int] = (),
-    moved: np.ndarray | None = None,
+    moved: np.ndarray | None = None,  # [M, 3], earlier change of each entry by surfaces; locked ones keep it
 ) -> np.ndarray:
-    """Return the palette [M, 3] float32 that gives the paints of some swatches other surfaces; other paints stay.
+    """Return the palette [M, 3] float32 in [0, MAX_SRGB] that gives the paints of some swatches other surfaces.
 
-    Args:
-        surfaces: Surface by swatch; several of one paint are applied in order.
-        moved: [M, 3], earlier change of each entry by surfaces; locked entries keep it, the others compensate.
-
-    Returns:
-        Colors in [0, BRIGHTEST]; the same bits as `palette` if all surfaces are neutral.
-
-    Examples:
-        A red object, lit and in the shade:
-
-        >>> palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1]], np.float32)
-        >>> weights = np.array([[0.0, 1.0], [0.5, 0.5]])
-        >>> gray = match_surface(weights @ palette, np.ones(2), weights, palette, {1: Surface(saturation=0)})
-        >>> print(gray.round(2))
-        [[0.   0.   0.  ]
-         [0.35 0.35 0.35]]
+    Other paints stay; if all surfaces are neutral, so do the palette's bits.
     """
     targets, reached = colors, np.zeros(len(colors))
     moved = np.zeros_like(palette) if moved is None else moved
-    for index in sorted(index for index, surface in surfaces.items() if not surface.is_identity):
+    for index in sorted(index for index, surface in surfaces.items() if not surface.is_neutral):
         gate = _gate(colors, np.clip(palette[index], 0, 1))
         targets = surface_target(targets, counts, gate, surfaces[index])
         reached = np.maximum(reached, gate)
@@ -107,17 +79,7 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
 
     Linear light is c = a r + s (1, 1, 1) + rest with paint r, shading a and gloss s (see `paints`); r is the mean of
     the more saturated half. Brightness bends a, gloss scales s, and saturation scales the chroma of the sum. An object
-    that does not show the paint keeps its colors.
-
-    Args:
-        gate: Share of each color that is of the paint, [n] in [0, 1].
-
-    Examples:
-        A red in the shade, lit, and in a highlight becomes matte:
-
-        >>> red = np.array([[0.2, 0.02, 0.02], [0.7, 0.1, 0.1], [0.75, 0.5, 0.5]])
-        >>> surface_target(red, np.array([5, 5, 1]), np.ones(3), Surface(gloss=0)).round(1).tolist()
-        [[0.2, 0.0, 0.0], [0.7, 0.1, 0.1], [0.6, 0.1, 0.1]]
+    that does not show the paint keeps its colors. `gate` [n] in [0, 1] is the share of each color that is of the paint.
     """
     light, counts = srgb_to_linear(colors), counts * gate
     weights = counts * (light @ LUMINANCE)

@@ -6,7 +6,7 @@ from dataclasses import Field, dataclass, field, fields, is_dataclass
 from typing import Any
 
 from ...errors import BadRequest
-from ...io.arguments import check_fields
+from ...io.arguments import check_fields, check_number
 from ...io.plugins import plugin_names
 
 # functions that register another kind append its name
@@ -23,11 +23,11 @@ def setting(default: Any, help: str, minimum: float | None = None, maximum: floa
 
 def check_setting(item: Field, value: Any, name: str) -> None:
     """Raise BadRequest where a value is not one of a field's choices, or out of its range."""
-    choices, least, most = (item.metadata.get(each) for each in ("choices", "minimum", "maximum"))
+    choices, minimum, maximum = (item.metadata.get(each) for each in ("choices", "minimum", "maximum"))
     if choices and value not in choices:
         raise BadRequest(f"{name} = {value!r:.200} is not allowed.", f"Use one of: {', '.join(choices)}.")
-    if least is not None and not least <= value <= most:
-        raise BadRequest(f"{name} = {value!r:.200} is out of range.", f"Allowed: {least} to {most}.")
+    if minimum is not None:
+        check_number(name, value, minimum, maximum)
 
 
 class Typed:

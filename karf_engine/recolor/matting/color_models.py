@@ -23,18 +23,13 @@ STRIDE = 4  # pixels between places: mixture weights vary slowly
 
 @dataclass(frozen=True)
 class ColorModels:
-    """The colors of C classes in one photo.
+    """The colors of C classes in one photo."""
 
-    Attributes:
-        mixture: Of m Gaussians in CIE Lab.
-        shares: [h', w', C, m] float32, mixture weights of each class on a coarse grid over the photo; sum to 1 over m.
-    """
-
-    mixture: Mixture
-    shares: np.ndarray
+    mixture: Mixture  # of m Gaussians in CIE Lab
+    shares: np.ndarray  # [h', w', C, m] float32, mixture weights on a coarse grid over the photo; sum to 1 over m
 
     def log_densities(self, lab: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Return the log density of each class at colors [n, 3] and (row, column) [n, 2] in [0, 1] of the photo, [n, C]."""
+        """Return log densities [n, C] at colors [n, 3] and places (row, column) [n, 2] in [0, 1] of the photo."""
         parts = self.mixture.log_components(lab)
         top = parts.max(1, keepdims=True)
         size = np.array(self.shares.shape[:2])
@@ -44,12 +39,9 @@ class ColorModels:
 
 
 def fit_color_models(lab: np.ndarray, strengths: np.ndarray, random: np.random.Generator) -> ColorModels:
-    """Fit the colors of C classes.
+    """Fit the colors of C classes to a photo, [h, w, 3] CIE Lab.
 
-    Args:
-        lab: [h, w, 3] CIE Lab.
-        strengths: [C, h, w] >= 0, weight of each pixel as a sample of each class; not all zero.
-        random: Draws the pixels that the mixture is fitted to.
+    strengths: [C, h, w] >= 0, weight of each pixel as a sample of each class; not all zero.
     """
     known = np.flatnonzero(strengths.any(0))
     colors = lab.reshape(-1, 3)[known]
@@ -83,7 +75,7 @@ def _windowed(plane: np.ndarray) -> np.ndarray:
 
 
 def posterior(models: ColorModels, lab: np.ndarray, places: np.ndarray, priors: np.ndarray) -> np.ndarray:
-    """Return posterior probabilities [C, n] float32 of colors [n, 3] at places [n, 2] (as `log_densities`)."""
+    """Return posterior probabilities [C, n] float32 of colors [n, 3] at places [n, 2], as `log_densities`."""
     with np.errstate(divide="ignore"):
         logs = models.log_densities(lab, places).T + np.log(priors)
     odds = np.exp(logs - logs.max(0))

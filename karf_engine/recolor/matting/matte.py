@@ -1,13 +1,13 @@
-"""A matte: an object's coverage of each pixel of a photo, and its unmixed colors."""
+"""Mattes: an object's coverage of each pixel of a photo, and its unmixed colors; moved and faded edges."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...palettes.edge_shape import bounding_box
+from ...palettes.edge_shape import EdgeShape, active_edges, apply_edge_shape, bounding_box, dilate_bbox
 
 NEGLIGIBLE = 1 / 512  # coverage that cannot change an 8-bit pixel
 NO_PIXELS, NO_COLORS = np.zeros(0, np.int64), np.zeros((0, 3), np.uint8)
@@ -15,40 +15,32 @@ NO_PIXELS, NO_COLORS = np.zeros(0, np.int64), np.zeros((0, 3), np.uint8)
 
 @dataclass(frozen=True)
 class Matte:
-    """One object in one photo; coverage is 0 outside its bounding box. Row 0 is on top.
+    """One object in one photo; coverage is 0 outside its bounding box."""
 
-    Attributes:
-        rows: Of the box, start and stop in pixels of the photo.
-        columns: Of the box, start and stop.
-        coverage: [h, w] float16 or float32 in [0, 1], of the box.
-        mixed: [n] int64, ascending flat indices in the box of mixed pixels whose foreground color is known.
-        mixed_colors: [n, 3] uint8 sRGB, the object's own color there.
-        disputed: Whether photo and field disagree so much that the coverage is the field's.
-    """
-
-    rows: tuple[int, int]
+    rows: tuple[int, int]  # of the box, start and stop in pixels of the photo
     columns: tuple[int, int]
-    coverage: np.ndarray
-    mixed: np.ndarray
-    mixed_colors: np.ndarray
-    disputed: bool = False
+    coverage: np.ndarray  # [h, w] float16 or float32 in [0, 1], of the box
+    mixed: np.ndarray  # [n] int64, ascending flat indices in the box of mixed pixels whose foreground color is known
+    mixed_colors: np.ndarray  # [n, 3] uint8 sRGB, the object's own color there
+    disputed: bool = False  # photo and field disagree so much that the coverage is the field's
 
     def colors(self, photo: np.ndarray, top: int, bottom: int) -> np.ndarray:
-        """Return the object's own colors in rows `top` to `bottom` of its box, uint8 [bottom - top, w, 3].
-
-        photo: the photo's pixels of these rows and the box's columns, uint8 [bottom - top, w, 3].
-
-        Examples:
-            The second pixel is half red object, half white wall:
-
-            >>> matte = Matte((0, 1), (0, 2), np.array([[1, 0.5]], np.float16), np.array([1]), np.array([[255, 0, 0]]))
-            >>> matte.colors(np.array([[[250, 5, 5], [255, 128, 128]]], np.uint8), 0, 1).tolist()
-            [[[250, 5, 5], [255, 0, 0]]]
-        """
+        """Return the object's own colors in rows `top` to `bottom` of its box, by the photo's, uint8 [h, w, 3]."""
         width = self.columns[1] - self.columns[0]
         first, last = np.searchsorted(self.mixed, (top * width, bottom * width))
         result = photo.copy()
         result.reshape(-1, 3)[self.mixed[first:last] - top * width] = self.mixed_colors[first:last]
+        return result
+
+    def coverage_in(self, rows: slice, columns: slice) -> np.ndarray:
+        """Return the coverage of a part of the photo, float32 [h, w]."""
+        result = np.zeros((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+        top, bottom = max(rows.start, self.rows[0]), min(rows.stop, self.rows[1])
+        left, right = max(columns.start, self.columns[0]), min(columns.stop, self.columns[1])
+        if top < bottom and left < right:
+            own = self.coverage[top - self.rows[0] : bottom - self.rows[0]]
+            own = own[:, left - self.columns[0] : right - self.columns[0]]
+            result[top - rows.start : bottom - rows.start, left - columns.start : right - columns.start] = own
         return result
 
     def own_picture(self, photo: np.ndarray) -> np.ndarray:
@@ -65,17 +57,9 @@ def disputed_objects(objects: Sequence[str], mattes: Sequence[Matte]) -> tuple[s
 
 
 def dense_coverage(mattes: Sequence[Matte], shape: tuple[int, int]) -> np.ndarray:
-    """Return the coverages of a whole picture of this height and width, float32 [K, H, W] in [0, 1].
-
-    Examples:
-        >>> matte = Matte((0, 1), (1, 2), np.array([[0.5]], np.float16), np.zeros(0, int), np.zeros((0, 3), np.uint8))
-        >>> dense_coverage([matte], (1, 3)).tolist()
-        [[[0.0, 0.5, 0.0]]]
-    """
-    result = np.zeros((len(mattes), *shape), np.float32)
-    for matte, coverage in zip(mattes, result, strict=True):
-        coverage[slice(*matte.rows), slice(*matte.columns)] = matte.coverage
-    return result
+    """Return the coverages of a whole picture of this height and width, float32 [K, H, W] in [0, 1]."""
+    whole = slice(0, shape[0]), slice(0, shape[1])
+    return np.array([matte.coverage_in(*whole) for matte in mattes], np.float32).reshape(-1, *shape)
 
 
 def cropped(
@@ -91,3 +75,48 @@ def cropped(
     order = np.argsort(indices)
     inside = coverage[box].astype(dtype)
     return Matte((rows.start, rows.stop), (columns.start, columns.stop), inside, indices[order], colors[order])
+
+
+def shape_mattes(
+    mattes: Sequence[Matte], objects: Sequence[str], edges: Mapping[str, EdgeShape], photo: np.ndarray, scale: float
+) -> list[Matte]:
+    """Move and fade the edges of mattes in a photo, uint8 [H, W, 3]. No edge spreads into another object.
+
+    Newly covered pixels keep the color of the background there: see `palettes.edge_planes`. scale: size of this photo
+    relative to its full size.
+    """
+    edges = active_edges(edges)
+    return [
+        _shaped(matte, mattes, edges[name], photo, scale) if name in edges and matte.coverage.size else matte
+        for name, matte in zip(objects, mattes, strict=True)
+    ]
+
+
+def _shaped(matte: Matte, mattes: Sequence[Matte], shape: EdgeShape, photo: np.ndarray, scale: float) -> Matte:
+    box = slice(*matte.rows), slice(*matte.columns)
+    place = dilate_bbox(box, shape.reach(scale), (photo.shape[0], photo.shape[1]))
+    assert place is not None
+    before = matte.coverage_in(*place)
+    others = sum((other.coverage_in(*place) for other in mattes if other is not matte), np.zeros_like(before))
+    after = apply_edge_shape(before, shape, scale, room=1 - others)
+    rows, columns = ((each.start, each.stop) for each in place)
+    # flat indices of the mixed pixels in the new box
+    row, column = np.divmod(matte.mixed, matte.columns[1] - matte.columns[0])
+    row, column = row + matte.rows[0] - rows[0], column + matte.columns[0] - columns[0]
+    own = _own_colors(matte.mixed_colors, photo[place][row, column], before[row, column], after[row, column])
+    mixed = row * (columns[1] - columns[0]) + column
+    return replace(matte, rows=rows, columns=columns, coverage=after, mixed=mixed, mixed_colors=own)
+
+
+def _own_colors(own: np.ndarray, seen: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return own colors uint8 [n, 3] of mixed pixels whose coverage [n] changes.
+
+    With seen = before x own + (1 - before) x background, the new own color is
+    (before x own + (after - before) x background) / after where the coverage grows.
+    """
+    grown = after > before
+    before, after, own_before = before[grown, None], after[grown, None], own[grown].astype(np.float32)
+    background = ((seen[grown] - before * own_before) / (1 - before)).clip(0, 255)
+    result = own.copy()
+    result[grown] = np.rint((before * own_before + (after - before) * background) / after)
+    return result

@@ -1,8 +1,9 @@
-"""Coarse-to-fine mattes of a photo: the field locates objects roughly, the photo exactly.
+"""Mattes of a photo's objects, by the field alone or refined: the field locates objects roughly, the photo exactly.
 
-At the field's picture size, pixels near an object are labeled by the field's class probabilities and by how well their
-colors fit each class there. The labels are then upsampled to the photo's size in factors of two; those near a border are
-decided again at every step.
+Refinement is coarse to fine. At the field's picture size, pixels near an object are labeled by the field's class
+probabilities and by how well their colors fit each class there. The labels are then upsampled in factors of two, up to
+the size that the photo is sharp at (many have more pixels than their lens resolves); those near a border are decided
+again at every step.
 """
 
 from __future__ import annotations
@@ -12,18 +13,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ...io.images import resize
 from ...palettes.compositing import hard_masks
 from ...segmentation.random_walk import neighbor_links, random_walk
-from .closed_form import closed_form_matting
 from .color_models import ColorModels, fit_color_models, posterior
-from .distances import distance_to
-from .foreground import LINEAR, unmix
-from .lost_parts import difference_nearby, lost_parts
-from .marks import Marks
-from .matte import Matte
-from .sharpness import sharp_size
-from .small_components import remove_small_components
-from .tiles import tiles, upsample_tile
+from .matte import NEGLIGIBLE, Matte, cropped
+from .mixed_pixels import LINEAR, closed_form_matting, unmix
+from .thin_parts import Marks, difference_nearby, lost_parts
+from .tiles import distance_to, tiles, upsample_tile
 
 TILE, MARGIN = 512, 16  # pixels
 
@@ -46,6 +43,20 @@ PRESENT = 15  # up to this distance from a pixel of a class, others may be of it
 DECIDED = 0.98  # probability above which a label is certain
 MIN_CARRIED = 0.05  # prior of a class that is present near a border
 
+# small components of the field's masks
+SMALL = 0.02  # area, relative to the object's largest component
+FAR = 0.25  # distance to the larger components, relative to the square root of that area
+
+# blur, in pixels of the photo
+BLUR_TILE, BLUR_MARGIN = 512, 8
+SHARP = 0.9  # blur measured in renders and sharp photos
+REBLUR = 1.0  # s0 of Zhuo and Sim
+EDGE_QUANTILE = 0.8  # of a tile's gradients; steeper ones are edges
+MAX_SHRINK = 0.9  # photos that would shrink less stay at their size
+BLUR_QUANTILE = 0.25  # of the measured blurs: edges of light and shade are soft in sharp photos too
+MIN_GRADIENT = 5.0  # of 255 per pixel; below is noise
+MIN_EDGES = 50
+
 # coverage, in pixels of the photo
 BORDER = 1.5  # half width of the band along a border that closed-form matting solves for
 CERTAIN = 0.99  # labels above are not mixtures, even near a border: a stem is all border
@@ -54,18 +65,26 @@ ALONE = 3.0  # beyond this distance to certain pixels, the coverage of a mixture
 MIN_AGREEMENT = 0.5  # IoU of photo and field, below which the field is right
 
 
-def refine_mattes(
-    photo: np.ndarray, probabilities: np.ndarray, rendered: np.ndarray, marks: Marks | None = None, seed: int = 0
+def make_mattes(
+    edges: str,
+    photo: np.ndarray,
+    probabilities: np.ndarray,
+    rendered: np.ndarray,
+    marks: Marks | None = None,
+    seed: int = 0,
 ) -> list[Matte]:
-    """Make mattes of K objects from the field's probabilities and the photo.
+    """Make mattes of the K objects of a photo.
 
     Args:
-        photo: uint8 [H, W, 3] sRGB.
+        edges: `photo`: refined in the photo; `field`: the probabilities alone.
+        photo: uint8 sRGB [H, W, 3].
         probabilities: [K, h, w] float32 by the field, in the photo's grid, h <= H and w <= W.
-        rendered: uint8 [h, w, 3] sRGB, the field's rendering.
-        marks: Rough masks of the photo, used for thin parts alone.
+        rendered: uint8 sRGB [h, w, 3], the field's rendering.
+        marks: Of the photo, used for thin parts alone.
         seed: For the pixels that color models are fitted to.
     """
+    if edges == "field" or not len(probabilities):
+        return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
     marks = marks or Marks(None, (False,) * len(probabilities))
     probabilities = remove_small_components(probabilities)
     if not hard_masks(probabilities).any():
@@ -90,8 +109,15 @@ def refine_mattes(
     return [replace(matte, disputed=is_disputed) for matte, is_disputed in zip(mattes, disputed, strict=True)]
 
 
+def field_mattes(size: tuple[int, int], probabilities: np.ndarray) -> list[Matte]:
+    """Enlarge probabilities [K, h, w] to mattes of a photo of this width and height."""
+    coverages = [resize(own, *size) for own in probabilities]
+    # interpolated values need less precision
+    dtype = np.float32 if probabilities.shape[1:] == (size[1], size[0]) else np.float16
+    return [cropped(np.where(own > NEGLIGIBLE, own, 0), dtype) for own in coverages]
+
+
 def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
-    """Return whether an object's coverage hardly overlaps the field's mask, bool [h, w]."""
     found = cv2.resize(coverage.astype(np.float32), mask.shape[::-1], interpolation=cv2.INTER_AREA) > 0.5
     return bool((found & mask).sum() < MIN_AGREEMENT * (found | mask).sum())
 
@@ -99,10 +125,7 @@ def _disagree(coverage: np.ndarray, mask: np.ndarray) -> bool:
 def with_lost_parts(
     photo: np.ndarray, rendered: np.ndarray, classes: np.ndarray, models: ColorModels, marks: Marks
 ) -> np.ndarray:
-    """Upsample classes to the size of a photo, uint8 [H, W, 3], and add the parts that the field misses, [K+1, H, W].
-
-    rendered: CIE Lab [h, w, 3], the field's rendering. marks: rough masks of the photo.
-    """
+    """Upsample classes to the size of a photo, uint8 [H, W, 3], and add the parts that the field misses, [K+1, H, W]."""
     width, height = photo.shape[1::-1]
     classes = np.stack([cv2.resize(plane.astype(np.float32), (width, height)) for plane in classes])
     for k, found in enumerate(lost_parts(lab_of(photo), rendered, classes, models, marks), start=1):
@@ -226,3 +249,66 @@ def _resized(photo: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     if photo.shape[:2] == size:
         return photo
     return cv2.resize(photo, size[::-1], interpolation=cv2.INTER_AREA)
+
+
+# --------------------------------------------------------------------------------------------------------- small components
+def remove_small_components(probabilities: np.ndarray) -> np.ndarray:
+    """Zero the probabilities [K, h, w] of components that are both small and far from the larger ones.
+
+    Near ones stay: an occluded object may have several components.
+    """
+    return np.stack([own * ~_strays(own > 0.5) for own in probabilities])
+
+
+def _strays(mask: np.ndarray) -> np.ndarray:
+    """Return a mask's stray components, with all pixels that are nearer to them than to the others."""
+    count, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    if count <= 2:
+        return np.zeros_like(mask)
+    areas = figures[1:, cv2.CC_STAT_AREA]
+    large = np.isin(parts, 1 + np.flatnonzero(areas >= SMALL * areas.max()))
+    away = distance_to(large)
+    far = [n for n in range(1, count) if away[parts == n].min() > FAR * areas.max() ** 0.5]
+    strays = np.isin(parts, far)
+    return distance_to(strays) < away if far else strays
+
+
+# --------------------------------------------------------------------------------------------------------- blur
+def sharp_size(photo: np.ndarray, border: np.ndarray) -> tuple[int, int]:
+    """Return the largest size (rows, columns) that a photo, uint8 [H, W, 3], is sharp at, no larger than its own.
+
+    Blurring an edge of blur s again by s0 divides its gradient by R = sqrt(s^2 + s0^2) / s: s = s0 / sqrt(R^2 - 1)
+    (Zhuo and Sim, "Defocus map estimation from a single image", 2011). border: bool [h, w], where edges are measured,
+    of any smaller size.
+    """
+    height, width = photo.shape[:2]
+    blurs = []
+    for tile in tiles((height, width), BLUR_TILE, BLUR_MARGIN):
+        near = border[_scaled(tile.rows, border.shape[0] / height), _scaled(tile.columns, border.shape[1] / width)]
+        if near.any():
+            blurs.append(_edge_blurs(photo[tile.outer], near))
+    found = np.concatenate(blurs) if blurs else np.zeros(0)
+    if len(found) < MIN_EDGES:
+        return height, width
+    shrink = SHARP / float(np.quantile(found, BLUR_QUANTILE))
+    if shrink > MAX_SHRINK:
+        return height, width
+    return max(1, round(height * shrink)), max(1, round(width * shrink))
+
+
+def _scaled(part: slice, factor: float) -> slice:
+    return slice(int(part.start * factor), int(np.ceil(part.stop * factor)))
+
+
+def _edge_blurs(photo: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return the blurs of the steep edges near a border, pixels."""
+    gray = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    here = cv2.resize(near.astype(np.uint8), gray.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    steep, soft = _gradients(gray)[here], _gradients(cv2.GaussianBlur(gray, (0, 0), REBLUR))[here]
+    edges = (steep >= np.quantile(steep, EDGE_QUANTILE)) & (steep > MIN_GRADIENT)
+    ratio = np.maximum(steep[edges] / np.maximum(soft[edges], 1e-3), 1.001)
+    return REBLUR / np.sqrt(ratio**2 - 1)
+
+
+def _gradients(gray: np.ndarray) -> np.ndarray:
+    return np.hypot(cv2.Sobel(gray, cv2.CV_32F, 1, 0), cv2.Sobel(gray, cv2.CV_32F, 0, 1)) / 8

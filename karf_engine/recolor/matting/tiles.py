@@ -1,4 +1,4 @@
-"""Overlapping tiles of large pictures, so that results do not depend on the cuts."""
+"""Overlapping tiles of large pictures, so that results do not depend on the cuts, and distances of pixels to a mask."""
 
 from __future__ import annotations
 
@@ -12,33 +12,20 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Tile:
-    """A tile of a picture.
+    """A tile of a picture."""
 
-    Attributes:
-        rows: With the margin, in the picture.
-        columns: With the margin, in the picture.
-        inner: Rows and columns without the margin, in the tile.
-        place: Rows and columns without the margin, in the picture.
-    """
-
-    rows: slice
+    rows: slice  # with the margin, in the picture
     columns: slice
-    inner: tuple[slice, slice]
-    place: tuple[slice, slice]
+    inner: tuple[slice, slice]  # rows and columns without the margin, in the tile
+    place: tuple[slice, slice]  # the same in the picture
 
     @property
     def outer(self) -> tuple[slice, slice]:
-        """Rows and columns with the margin, in the picture."""
         return self.rows, self.columns
 
 
 def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
-    """Yield the tiles of a picture of this size (rows, columns); the last ones may be smaller than `side`.
-
-    Examples:
-        >>> [tile.place[1] for tile in tiles((4, 5), side=4, margin=1)]
-        [slice(0, 4, None), slice(4, 5, None)]
-    """
+    """Yield the tiles of a picture of this size (rows, columns); the last ones may be smaller than `side`."""
     height, width = size
     for top, left in product(range(0, height, side), range(0, width, side)):
         bottom, right = min(height, top + side), min(width, left + side)
@@ -52,13 +39,7 @@ def tiles(size: tuple[int, int], side: int, margin: int) -> Iterator[Tile]:
 
 
 def upsample_tile(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.ndarray:
-    """Enlarge planes [C, h, w] bilinearly to a size (rows, columns), in one tile: float32 [C, rows, columns].
-
-    Examples:
-        >>> tile = next(tiles((2, 4), side=4, margin=0))
-        >>> upsample_tile(np.array([[[0.0, 1.0]]]), (2, 4), tile)[0, 0].tolist()
-        [0.0, 0.25, 0.75, 1.0]
-    """
+    """Enlarge planes [C, h, w] bilinearly to a size (rows, columns), in one tile: float32 [C, rows, columns]."""
     down, across = planes.shape[1] / size[0], planes.shape[2] / size[1]
     top, left = max(0, int(tile.rows.start * down) - 1), max(0, int(tile.columns.start * across) - 1)
     bottom, right = int(tile.rows.stop * down) + 2, int(tile.columns.stop * across) + 2
@@ -71,3 +52,10 @@ def upsample_tile(planes: np.ndarray, size: tuple[int, int], tile: Tile) -> np.n
     return np.stack(
         [cv2.warpAffine(plane, to_source, shape, flags=flags, borderMode=cv2.BORDER_REPLICATE) for plane in source]
     )
+
+
+def distance_to(mask: np.ndarray) -> np.ndarray:
+    """Return the distance of each pixel to a mask, bool [h, w]: float32, 0 inside; infinite for an empty mask."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf, np.float32)
+    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

@@ -2,50 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ...capture.camera import Camera
+from ...capture.capture import CapturedSplats
+from ...capture.reader_utils import read_bytes
 from ...errors import BadRequest
 from ...io.inputs import check_file
 from ...io.limited import run_limited
-from ...io.ply import MOST_HEADER
-from . import compressed_ply, gltf, ply, sog, splat, spz, usd
-from .splat_file import SplatFile
+from ...io.ply import MOST_HEADER, read_header
+from ..gaussians import Gaussians, imported_gaussians
+from ..kernels.arrays import C0
+from . import gltf, packed, ply, usd
+from .splat_file import SplatFile, checked, damaged, log_scales, logits
 
 PARTS = ("table", "is_antialiased")
+SPLAT_ROW = np.dtype(
+    [("center", "<f4", 3), ("scales", "<f4", 3), ("color", "u1", 3), ("opacity", "u1"), ("rotation", "u1", 4)]
+)
+HALF_BYTE = 128
+
+
+def read_splat(path: Path) -> SplatFile:
+    """Read Gaussians of antimatter15's .splat (github.com/antimatter15/splat, main.js).
+
+    32 bytes per Gaussian, no header, degree 0 only, axes of PLY; a quaternion of four bytes 128 is the identity.
+    Precision: float32 for centers and scales, 1/510 for opacity and color, 1/256 for quaternions.
+
+    Raises:
+        DataError: The file is missing, its size is not a multiple of 32, or a row is not a Gaussian.
+    """
+    data = read_bytes(path)
+    if len(data) % SPLAT_ROW.itemsize:
+        raise damaged(path, f"it has {len(data):,} bytes, which is no multiple of {SPLAT_ROW.itemsize}")
+    rows = np.frombuffer(data, SPLAT_ROW)
+    rotations = rows["rotation"].astype(np.float64) - HALF_BYTE
+    rotations[~rotations.any(1), 0] = 1
+    colors = (rows["color"] / 255 - 0.5) / C0
+    parts = (rows["center"], log_scales(rows["scales"]), rotations / HALF_BYTE, logits(rows["opacity"] / 255)[:, None])
+    return SplatFile(checked(path, np.concatenate([*parts, colors], 1)))
 
 
 @dataclass(frozen=True)
 class Kind:
     """A file format.
 
-    Attributes:
-        ends: File extensions.
-        read: Reads a path.
-        write: Writes a path; None for read-only formats.
-        is_limited: Whether a third-party decoder reads it, in a child process with limits; such formats have no columns.
+    Plain PLY and .splat are tables of numbers that numpy reads. All others have compressed or nested content: a child
+    process with limits decodes them, in a second more. They have no columns.
     """
 
-    ends: tuple[str, ...]
+    ends: tuple[str, ...]  # file extensions
     read: Callable[[Path], SplatFile]
-    write: Callable[[Path, SplatFile], None] | None = None
+    write: Callable[[Path, SplatFile], None] | None = None  # None for read-only formats
     is_limited: bool = True
 
 
-COMPRESSED_PLY = Kind((".compressed.ply",), compressed_ply.read, compressed_ply.write)
+COMPRESSED_PLY = Kind((".compressed.ply",), packed.read_compressed_ply, packed.write_compressed_ply)
 PLAIN_PLY = Kind((".ply",), ply.read, ply.write, is_limited=False)
 KINDS = (
     COMPRESSED_PLY,  # before the shorter extension
     PLAIN_PLY,
-    Kind((".spz",), spz.read, spz.write),
-    Kind((".glb", ".gltf"), gltf.read, gltf.write, is_limited=False),
+    Kind((".spz",), packed.read_spz, packed.write_spz),
+    Kind((".glb", ".gltf"), gltf.read, gltf.write),
     Kind((".usda", ".usdc", ".usd"), usd.read, usd.write),
     Kind((".usdz",), usd.read),
-    Kind((".sog",), sog.read),
-    Kind((".splat",), splat.read, is_limited=False),
+    Kind((".sog",), packed.read_sog),
+    Kind((".splat",), read_splat, is_limited=False),
 )
 WRITTEN = tuple(kind for kind in KINDS if kind.write)
 
@@ -66,10 +92,15 @@ def read_splats(path: Path) -> SplatFile:
 
 
 def arrays_of(path: Path) -> dict[str, np.ndarray]:
-    """Return table and `is_antialiased` ([1] bool, or [0] for None) of a file without columns."""
+    """Read a file in this process; return table and `is_antialiased` ([1] bool, or [0] for None)."""
     splats = _kind_to_read(path).read(path)
     is_antialiased = [] if splats.is_antialiased is None else [splats.is_antialiased]
     return dict(zip(PARTS, (splats.table, np.array(is_antialiased, bool)), strict=True))
+
+
+def read_captured_gaussians(splats: CapturedSplats, cameras: Sequence[Camera]) -> Gaussians:
+    """Read the Gaussians of a capture, over black. cameras: of the capture. Raises as `read_splats`."""
+    return imported_gaussians(read_splats(splats.path).table, splats.is_antialiased, cameras)
 
 
 def _kind_to_read(path: Path) -> Kind:
@@ -85,7 +116,11 @@ def is_plain_ply(path: Path) -> bool:
         return False
     check_file(path)
     with path.open("rb") as stream:
-        return not compressed_ply.is_compressed(stream.read(MOST_HEADER))
+        start = stream.read(MOST_HEADER)
+    try:
+        return "chunk" not in read_header(start).elements
+    except ValueError:
+        return True
 
 
 def write_splats(path: Path, splats: SplatFile) -> None:

@@ -4,7 +4,7 @@ Format: openusd.org, UsdVol's user guide: positions, scales (not logarithms), or
 radiance:sphericalHarmonicsCoefficients, K per particle in the order of Kerbl et al., each in single or half precision.
 The schema defines no color space; colors are read as display-referred sRGB, as trainers learn them.
 
-The table is written as in PLY, below a rotation by 180 degrees about x (see `turning`), on a y-up stage in meters.
+The table is written as in PLY, below a rotation by 180 degrees about x (see `UPRIGHT`), on a y-up stage in meters.
 Transforms of prims are applied when reading, z up or y up; the unit is ignored. Files that refer to others are refused.
 
 Precision: float32; opacity 2e-7, log scales 1e-5, unit quaternions 1e-6.
@@ -25,9 +25,18 @@ from ...io.inputs import check_file
 from ..gaussians import DEGREES
 from ..kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 from ..similarity import transform_table
-from .checking import check_count, checked, damaged, explaining, log_scales, logits, needing_packages, opacities
-from .splat_file import SplatFile
-from .turning import UPRIGHT
+from .splat_file import (
+    UPRIGHT,
+    SplatFile,
+    checked,
+    damaged,
+    explaining,
+    log_scales,
+    logits,
+    needing_packages,
+    opacities,
+    unit_rotations,
+)
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -39,29 +48,19 @@ Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])  # 
 
 
 def read(path: Path) -> SplatFile:
-    """Read all Gaussians of a USD file, transformed by its prims, in the axes of PLY.
-
-    Raises:
-        DataError: The file is missing or damaged, refers to other files, has no Gaussians, or a row is not a Gaussian.
-        MissingDependency: usd-core is not installed.
-    """
-    size = check_file(path)
+    """Read all Gaussians of a USD file, transformed by its prims, in the axes of PLY."""
+    check_file(path)
     with explaining(path):
         from pxr import Tf
 
         try:
-            return SplatFile(checked(path, np.concatenate(_tables(path, size))))
+            return SplatFile(checked(path, np.concatenate(_tables(path))))
         except Tf.ErrorException as error:  # its message may hold undecodable bytes
             raise damaged(path, "usd-core cannot read it") from error
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians as text (.usda) or binary (.usdc, .usd); columns are dropped.
-
-    Raises:
-        MissingDependency: usd-core is not installed.
-        OSError: The disk takes no more, or the folder cannot be written.
-    """
+    """Write Gaussians as text (.usda) or binary (.usdc, .usd); columns are dropped."""
 
     def write_stage(temporary: Path) -> None:
         with needing_packages():
@@ -73,21 +72,19 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 # --------------------------------------------------------------------------------------------------------------- reading
-def _tables(path: Path, size: int) -> list[np.ndarray]:
-    """Return the table of each prim of Gaussians. size: bytes of the file."""
+def _tables(path: Path) -> list[np.ndarray]:
+    """Return the table of each prim of Gaussians."""
     from pxr import Usd, UsdGeom
 
     stage = _stage(path)
     axes = UPRIGHT @ (Z_UP if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else np.eye(4))
-    tables, count = [], 0
+    tables = []
     for number, prim in enumerate(stage.Traverse(Usd.TraverseInstanceProxies())):
-        if number == MOST_PRIMS:  # instances multiply without taking memory
+        if number == MOST_PRIMS:  # instances multiply without taking memory, and so without a limit
             raise damaged(path, f"it has more than {MOST_PRIMS:,} prims, those that appear again by references counted")
         if prim.GetTypeName() == "ParticleField3DGaussianSplat":
             matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
-            table = _table(path, prim, count, size)
-            count += len(table)
-            tables.append(transform_table(table, axes @ matrix))
+            tables.append(transform_table(_table(path, prim), axes @ matrix))
     if not tables:
         raise damaged(path, "it has no ParticleField3DGaussianSplat")
     return tables
@@ -116,14 +113,13 @@ def _with_clips(layer: Sdf.Layer) -> list[str]:
     return [f"the value clips of {prim.path}" for prim in prims if prim.HasInfo("clips")]
 
 
-def _table(path: Path, prim: Usd.Prim, n_before: int, size: int) -> np.ndarray:
-    """Return the table [n, 11 + 3 K] float32 of a prim. n_before: Gaussians read before it; size: bytes of the file."""
+def _table(path: Path, prim: Usd.Prim) -> np.ndarray:
+    """Return the table [n, 11 + 3 K] float32 of a prim."""
     degree = prim.GetAttribute("radiance:sphericalHarmonicsDegree").Get()
     if degree not in DEGREES.values():
         raise damaged(path, f"its harmonics are of degree {degree}; 0 to 3 are read")
     centers = _values(prim, "positions")
     n_harmonics = (degree + 1) ** 2
-    check_count(path, n_before + len(centers), n_harmonics, size)  # a prim can be instanced any number of times
     harmonics = _values(prim, "radiance:sphericalHarmonicsCoefficients")[: len(centers) * n_harmonics]
     parts = (
         centers,
@@ -156,29 +152,21 @@ def _new_stage(table: np.ndarray) -> Usd.Stage:
     field = UsdVol.ParticleField3DGaussianSplat.Define(stage, NAME)
     stage.SetDefaultPrim(field.GetPrim())
     field.AddRotateXOp().Set(180.0)
-    single = {name: np.ascontiguousarray(values, np.float32) for name, values in _arrays(table).items()}
-    field.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(single["positions"]))
-    field.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(single["scales"]))
-    field.CreateOrientationsAttr(Vt.QuatfArray.FromNumpy(single["orientations"]))
-    field.CreateOpacitiesAttr(Vt.FloatArray.FromNumpy(single["opacities"]))
+    centers, harmonics = table[:, :LOG_SCALE], table[:, COLOR:].reshape(-1, 3)
+    scales = np.exp(table[:, LOG_SCALE:ROTATION].astype(np.float64))
+    reach = SIGMAS * scales.max(1, keepdims=True)
+    extent = np.stack([(centers - reach).min(0), (centers + reach).max(0)])
+    colors = np.clip(0.5 + C0 * table[:, COLOR : COLOR + 3], 0, 1)
+    field.CreatePositionsAttr(_array(Vt.Vec3fArray, centers))
+    field.CreateScalesAttr(_array(Vt.Vec3fArray, scales))
+    field.CreateOrientationsAttr(_array(Vt.QuatfArray, np.roll(unit_rotations(table), -1, 1)))
+    field.CreateOpacitiesAttr(_array(Vt.FloatArray, opacities(table[:, LOGIT])))
     field.CreateRadianceSphericalHarmonicsDegreeAttr(DEGREES[(table.shape[1] - COLOR) // 3])
-    field.CreateRadianceSphericalHarmonicsCoefficientsAttr(Vt.Vec3fArray.FromNumpy(single["harmonics"]))
-    field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(single["extent"]))
-    field.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(single["colors"]))
+    field.CreateRadianceSphericalHarmonicsCoefficientsAttr(_array(Vt.Vec3fArray, harmonics))
+    field.CreateExtentAttr(_array(Vt.Vec3fArray, extent))
+    field.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(_array(Vt.Vec3fArray, colors))
     return stage
 
 
-def _arrays(table: np.ndarray) -> dict[str, Any]:
-    centers, harmonics = table[:, :LOG_SCALE], table[:, COLOR:].reshape(-1, 3)
-    scales = np.exp(table[:, LOG_SCALE:ROTATION].astype(np.float64))
-    rotations = table[:, ROTATION:LOGIT].astype(np.float64)
-    reach = SIGMAS * scales.max(1, keepdims=True)
-    return {
-        "positions": centers,
-        "scales": scales,
-        "orientations": np.roll(rotations / np.linalg.norm(rotations, axis=1, keepdims=True), -1, 1),
-        "opacities": opacities(table[:, LOGIT]),
-        "harmonics": harmonics,
-        "extent": np.stack([(centers - reach).min(0), (centers + reach).max(0)]),
-        "colors": np.clip(0.5 + C0 * table[:, COLOR : COLOR + 3], 0, 1),
-    }
+def _array(kind: Any, values: np.ndarray) -> Any:
+    return kind.FromNumpy(np.ascontiguousarray(values, np.float32))

@@ -1,4 +1,4 @@
-"""Alpha compositing of the Gaussians of each tile from near to far, and its gradients (Kerbl et al. 2023).
+"""Assignment of Gaussians to tiles, their alpha compositing from near to far, and its gradients (Kerbl et al. 2023).
 
 Pixels are processed in rows of LANES, which become vector instructions: all numbers are float32, those of a tile are in
 one array, and exp is a polynomial. The backward pass also goes from near to far: the color behind a Gaussian is the
@@ -19,6 +19,51 @@ from .arrays import BLOCKS, CHECK_EVERY, DARK, HALF, LANES, MAX_ALPHA, MIN_ALPHA
 # polynomial for exp(t), -1 <= t <= 0; error of its eighth power 2e-6
 E2, E3, E4, E5, E6 = map(np.float32, (0.499999, 0.16664, 0.041486, 0.007968, 0.00095))
 EIGHTH, FARTHEST = np.float32(-0.125), np.float32(8)
+MAX_ENTRIES = 1 << 30  # 8 GiB of entries; the sums fit into int32
+
+
+@kernel
+def count_entries(boxes, tiles_x, offsets, starts):
+    """Count the entries of each Gaussian and tile; return False, with nothing counted, above MAX_ENTRIES.
+
+    Args:
+        boxes: [n] of TILE_BOX.
+        tiles_x: Tiles per row of the picture.
+        offsets: [n + 1], output: first entry of each Gaussian in the order of the table.
+        starts: Zeros, output.
+    """
+    total = 0  # int64
+    offsets[0] = 0
+    for g in range(len(boxes)):
+        box = boxes[g]
+        total += (box.right - box.left) * (box.bottom - box.top)
+        if total > MAX_ENTRIES:
+            return False
+        offsets[g + 1] = total
+    for g in range(len(boxes)):
+        box = boxes[g]
+        for y in range(box.top, box.bottom):
+            for x in range(box.left, box.right):
+                starts[y * tiles_x + x + 1] += 1
+    for tile in range(len(starts) - 1):
+        starts[tile + 1] += starts[tile]
+    return True
+
+
+@kernel
+def fill_entries(order, boxes, tiles_x, offsets, free, entries):
+    """Write the `entries` of all tiles.
+
+    order: visible Gaussians from near to far; free: [T], first entry of each tile, overwritten.
+    """
+    for g in order:
+        box, row = boxes[g], offsets[g]
+        for y in range(box.top, box.bottom):
+            for x in range(box.left, box.right):
+                entry = entries[free[y * tiles_x + x]]
+                entry.gaussian, entry.row = g, row
+                free[y * tiles_x + x] += 1
+                row += 1
 
 
 @kernel

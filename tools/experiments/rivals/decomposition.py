@@ -14,10 +14,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from karf_engine.fields.training.adam import Adam
+from karf_engine.fields.training import Adam
 from karf_engine.heads.rendering import ObjectSamples
-from karf_engine.palettes.extraction.cells import color_cells
-from karf_engine.palettes.extraction.hull import extract_palette
+from karf_engine.palettes.color_histogram import color_cells
+from karf_engine.palettes.extraction import extract_palette
 from karf_engine.palettes.matching.becomes import match_becomes
 from karf_engine.recolor.frames import Frame
 

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor, nn
 
 from karf_engine.compute.neighbors import build_kd_tree
-from karf_engine.palettes.extraction.barycentric_weights import star_weights
+from karf_engine.palettes.palette_weights import star_weights
 
 from .decomposition import Layers
 from .points import ObjectPoints, PointHead

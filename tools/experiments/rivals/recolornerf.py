@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from karf_engine.palettes.extraction.barycentric_weights import star_weights
+from karf_engine.palettes.palette_weights import star_weights
 
 from .decomposition import Layers
 from .points import ObjectPoints, PointHead

@@ -15,10 +15,8 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.cli import doctor, main
-from karf_engine.cli.doctor import machine, packages, smoke
-from karf_engine.worker.findings import ERROR, OK, WARNING, Finding
-from karf_engine.worker.requirements import REQUIRED, Range
+from karf_engine.cli import doctor, main, smoke
+from karf_engine.worker.findings import ERROR, OK, REQUIRED, WARNING, Finding, Range
 
 Usage = namedtuple("Usage", "total used free")
 
@@ -42,7 +40,7 @@ def lacking(monkeypatch):
             raise errors[name]
         return load(name)
 
-    monkeypatch.setattr(packages, "import_module", load_or_fail)
+    monkeypatch.setattr(doctor, "import_module", load_or_fail)
     return lambda name, error: errors.update({name: error})
 
 
@@ -75,52 +73,52 @@ def test_one_command_installs_all_that_is_missing(lacking, tmp_path):
 def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lacking):
     lacking("torch", OSError("libcudart.so.12: cannot open shared object file"))
     lacking("scipy", ModuleNotFoundError("No module named 'numpy'", name="numpy"))
-    broken, incomplete = packages.check_package(package("torch")), packages.check_package(package("scipy"))
+    broken, incomplete = doctor.check_package(package("torch")), doctor.check_package(package("scipy"))
     assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.command
     assert incomplete.sentence == "scipy needs numpy, which is not installed."
 
 
 def test_without_what_learns_fast_the_engine_works_and_the_doctor_says_what_it_would_bring(monkeypatch):
-    monkeypatch.setattr(packages, "installed_version", lambda package: None)
-    found = packages.fast()
+    monkeypatch.setattr(doctor, "installed_version", lambda package: None)
+    found = doctor.fast()
     assert found.status == OK and "is not installed" in found.sentence and "as fast" in found.sentence
     assert f'"{sys.executable}" -m pip install "numba>=' in found.command
 
 
 def test_what_learns_fast_is_no_reason_to_fail_where_it_cannot_be_loaded(monkeypatch, lacking):
     lacking("numba", ImportError("Numba needs NumPy 2.4 or less"))
-    monkeypatch.setattr(packages, "installed_version", lambda package: "0.68.1")
-    found = packages.fast()
+    monkeypatch.setattr(doctor, "installed_version", lambda package: "0.68.1")
+    found = doctor.fast()
     assert found.status == WARNING and found.exit_code == 0
     assert "Numba needs NumPy 2.4 or less" in found.sentence and "--force-reinstall" in found.command
 
 
 @pytest.mark.parametrize(("version", "status"), [("2.5.1", WARNING), ("2.6.0", OK), ("3.0.0", WARNING)])
 def test_versions_outside_the_tested_ones_are_a_warning(monkeypatch, version, status):
-    monkeypatch.setattr(packages, "installed_version", lambda package: version)
-    found = packages.check_package(package("torch"))
+    monkeypatch.setattr(doctor, "installed_version", lambda package: version)
+    found = doctor.check_package(package("torch"))
     assert found.status == status and version in found.sentence
     assert bool(found.remedy) == (status == WARNING)
 
 
 def test_a_python_that_was_not_tested_is_a_warning(monkeypatch):
-    monkeypatch.setattr(machine, "PYTHON", Range("3.90", "3.91"))
-    found = machine.python()
+    monkeypatch.setattr(doctor, "PYTHON", Range("3.90", "3.91"))
+    found = doctor.python()
     assert found.status == WARNING and sys.executable in found.sentence and found.remedy
 
 
 @pytest.mark.parametrize(("free", "status"), [(10**7, ERROR), (10**9, WARNING), (10**11, OK)])
 def test_the_free_disk_is_judged(monkeypatch, tmp_path, free, status):
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: Usage(10**12, 0, free))
-    found = machine.disk(tmp_path)
+    found = doctor.disk(tmp_path)
     assert found.status == status and str(tmp_path) in found.sentence
     assert found.exit_code == (4 if status == ERROR else 0)
 
 
 @pytest.mark.parametrize(("total", "status"), [(2 * 10**9, WARNING), (16 * 10**9, OK), (None, OK)])
 def test_the_memory_is_judged(monkeypatch, total, status):
-    monkeypatch.setattr(machine, "total_memory", lambda: total)
-    assert machine.memory().status == status
+    monkeypatch.setattr(doctor, "total_memory", lambda: total)
+    assert doctor.memory().status == status
 
 
 def test_a_disk_that_is_asked_before_the_folder_is_made_answers(tmp_path):
@@ -129,7 +127,7 @@ def test_a_disk_that_is_asked_before_the_folder_is_made_answers(tmp_path):
 
 
 def test_locks_are_tried_and_nothing_is_left(tmp_path):
-    assert machine.locks(tmp_path) == Finding("locks", OK, f"Locks work in {tmp_path}.")
+    assert doctor.locks(tmp_path) == Finding("locks", OK, f"Locks work in {tmp_path}.")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -147,17 +145,17 @@ def test_locks_that_do_not_hold_are_a_warning(monkeypatch, tmp_path):
             self._context.lock_file_fd = None
 
     monkeypatch.setattr(io_locks, "FileLock", Loose)
-    found = machine.locks(tmp_path)
+    found = doctor.locks(tmp_path)
     assert found.status == WARNING and "two jobs could write at once" in found.sentence
 
 
-@pytest.mark.parametrize("check", [lambda folder: machine.locks(folder), lambda folder: machine.temporary()])
+@pytest.mark.parametrize("check", [lambda folder: doctor.locks(folder), lambda folder: doctor.temporary()])
 def test_folders_that_take_no_files_are_errors(monkeypatch, tmp_path, check):
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied", str(tmp_path))
 
-    monkeypatch.setattr(machine.tempfile, "TemporaryDirectory", refuse)
-    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
+    monkeypatch.setattr(doctor.tempfile, "TemporaryDirectory", refuse)
+    monkeypatch.setattr(doctor.tempfile, "TemporaryFile", refuse)
     found = check(tmp_path)
     assert found.status == ERROR and found.exit_code == 4 and str(tmp_path) in found.sentence and found.remedy
 
@@ -167,7 +165,7 @@ def test_a_build_for_cards_that_are_not_there_is_a_warning(monkeypatch):
 
     monkeypatch.setattr(torch.version, "cuda", "12.8")
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    build, device = packages.devices(None)
+    build, device = doctor.devices(None)
     assert build.status == WARNING and "CUDA 12.8" in build.sentence and "driver" in build.remedy
     assert device == Finding("device", OK, "Stages compute on the processor.")
 
@@ -179,7 +177,7 @@ def test_cards_are_named_with_their_memory(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
     monkeypatch.setattr(torch.cuda, "get_device_properties", lambda number: facts)
-    found = {finding.name: finding.sentence for finding in packages.devices("cpu")}
+    found = {finding.name: finding.sentence for finding in doctor.devices("cpu")}
     assert found["cuda:0"] == "cuda:0 is RTX 4090 with 24.0 GB of memory."
 
 

@@ -7,7 +7,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 from blender_tests.engine.conftest import ROOT
-from karf_engine.worker.requirements import FAST, POSES, PYTHON, REQUIRED, Range
+from karf_engine.worker.findings import FAST, POSES, PYTHON, REQUIRED, Range
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 

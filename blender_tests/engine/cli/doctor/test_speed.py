@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from karf_engine.cli.doctor import speed
+from karf_engine.cli import smoke
 from karf_engine.project.settings import PRESETS, seconds_of_stages
 
 
@@ -12,7 +12,7 @@ def test_the_speed_is_that_of_the_iterations_behind_the_first(monkeypatch):
     from karf_engine import api
 
     times = iter((0.0, 5.0, 5.5, 6.5))
-    monkeypatch.setattr(speed.time, "perf_counter", lambda: next(times))
+    monkeypatch.setattr(smoke.time, "perf_counter", lambda: next(times))
 
     def learn(*_, emit, **__):
         emit("stage", name="geometry")
@@ -20,7 +20,7 @@ def test_the_speed_is_that_of_the_iterations_behind_the_first(monkeypatch):
             emit("progress", stage="geometry", step=step)
 
     monkeypatch.setattr(api, "learn_geometry", learn)
-    assert speed.samples_per_second() == pytest.approx(speed.REAL_SPEED * speed.SAMPLES * 28 / 1.5)
+    assert smoke.samples_per_second() == pytest.approx(smoke.REAL_SPEED * smoke.SAMPLES * 28 / 1.5)
 
 
 def test_twice_as_fast_takes_half_as_long_and_open_space_longer():

@@ -7,8 +7,7 @@ import karf_engine as karf
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
-from karf_engine.palettes.edit_files import write_edit
-from karf_engine.palettes.palette import Edit
+from karf_engine.palettes.palette import Edit, write_edit
 
 
 @dataclass(frozen=True)

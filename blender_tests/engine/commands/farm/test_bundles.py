@@ -15,9 +15,8 @@ from blender_tests.engine.conftest import run_engine
 from karf_engine.commands.farm import run as write_bundle
 from karf_engine.commands.options import FarmOptions
 from karf_engine.errors import BadRequest, DataError
-from karf_engine.io.files import read_json
-from karf_engine.palettes.edit_files import write_edit
-from karf_engine.palettes.palette import Edit
+from karf_engine.io.files import checksum, read_json
+from karf_engine.palettes.palette import Edit, write_edit
 from karf_engine.project import Project
 from karf_engine.project.contents import read_capture
 from karf_engine.project.state import write_state
@@ -142,7 +141,7 @@ def with_photo(project, photo):
         view["image"], view["image_from_here"] = str(photo), None
     project.capture_file.write_text(json.dumps(content))
     state = project.state()
-    state["stages"]["geometry"]["files"].pop("capture.json", None)
+    state["stages"]["geometry"]["files"]["capture.json"] = checksum(project.capture_file)
     write_state(project.state_file, state)
 
 

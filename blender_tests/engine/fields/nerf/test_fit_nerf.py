@@ -17,8 +17,8 @@ from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Cancelled, Diverged
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.nerf.field import NerfSampling
-from karf_engine.fields.nerf.start import choose_space_and_sampling, fresh_fit
-from karf_engine.fields.registry import start_fit
+from karf_engine.fields.nerf.fit import NerfFit, choose_space_and_sampling
+from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.rendering.space import Box, Frustum
 from karf_engine.metrics.images import psnr
@@ -50,7 +50,9 @@ def start(kind, settings=TINY, space="box", seed=0, device="cpu"):
     views, photos = still_life(sky=kind == "opaque")
     runtime = start_runtime(seed, threads=1, device=str(device))
     geometry = GeometrySettings(field="nerf", nerf=settings)
-    return start_fit(FitInputs(bank_of(photos, kind, device), kind, space, views, None, geometry, runtime))
+    return field_kind(geometry.field).start(
+        FitInputs(bank_of(photos, kind, device), kind, space, views, None, geometry, runtime)
+    )
 
 
 def silent(should_stop=lambda: False):
@@ -191,7 +193,9 @@ def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densitie
     assert_allclose(first[:, :2].abs(), np.full((4, 2), 31 / 32), atol=1e-4)
     geometry = GeometrySettings(field="nerf", nerf=replace(TINY, iterations=2))
     runtime = start_runtime(0, 1, "cpu")
-    fit = start_fit(FitInputs(bank_of(photos, "opaque"), "opaque", "frustum", views, None, geometry, runtime))
+    fit = field_kind(geometry.field).start(
+        FitInputs(bank_of(photos, "opaque"), "opaque", "frustum", views, None, geometry, runtime)
+    )
     before = runtime.generator.get_state()
     noisy = fit._pass(
         fit.field.fine, space.to_grid_rays(corners), corners.viewdirs, fit.field.coarse_t(torch.zeros(4, 0))
@@ -202,7 +206,7 @@ def test_forward_facing_captures_are_learned_in_ndc_with_noise_on_their_densitie
 def test_what_is_white_stays_white_where_nothing_is():
     _, photos = still_life(2)
     sampling = NerfSampling(2.0, 5.0, coarse=8, fine=8)
-    fit = fresh_fit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
+    fit = NerfFit(bank_of(photos, "alpha"), "alpha", Box(), sampling, TINY, start_runtime(0, 1, "cpu"))
     for network in (fit.field.coarse, fit.field.fine):
         network.alpha_linear.bias.data[:] = -100.0
     coarse, fine = fit._render(fit.dataset.rays(torch.arange(5)))

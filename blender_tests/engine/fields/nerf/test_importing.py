@@ -1,5 +1,8 @@
-"""Where a foreign NeRF's world lies: the candidate alignments are those that LLFF's and NeRF's own loaders make."""
+"""Import of NeRFs trained elsewhere: checkpoints are read as numbers alone, and placed as their own loaders place them."""
 
+import pickle
+import zipfile
+from collections import OrderedDict
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +12,200 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from blender_tests.engine.reference.nerf import still_life
+from blender_tests.engine.reference.checkpoints import (
+    N_DIRECTION,
+    N_POSITION,
+    OCTAVES,
+    Trap,
+    layers,
+    vanilla_state,
+    write_arrays,
+)
+from blender_tests.engine.reference.memory import little_memory
+from blender_tests.engine.reference.nerf import flexible, still_life, vanilla
 from karf_engine.capture.capture import View
-from karf_engine.fields.nerf.importing import candidate_alignments
+from karf_engine.errors import DataError
+from karf_engine.fields.nerf.importing import candidate_alignments, read_nerf
 from karf_engine.fields.rendering.rays import camera_rays
 from karf_engine.project.settings import NerfSettings
+
+POINT, DIRECTION = np.array([0.3, -0.7, 0.2]), np.array([0.6, 0.0, -0.8])
+
+
+def flexible_state(seed, n_layers, skip_every=4, width=12):
+    sizes = {"layer1": (N_POSITION, width)}
+    for n in range(n_layers - 1):
+        joins = n % skip_every == 0 and 0 < n < n_layers - 1
+        sizes[f"layers_xyz.{n}"] = (width + N_POSITION * joins, width)
+    sizes |= {"fc_feat": (width, width), "fc_alpha": (width, 1), "fc_rgb": (width // 2, 3)}
+    return layers(sizes | {"layers_dir.0": (width + N_DIRECTION, width // 2)}, seed)
+
+
+def plain(state):
+    return {name: value.double().numpy() for name, value in state.items()}
+
+
+def outputs(network):
+    """Raw density, features and color of a network at the point."""
+    hidden = network.hidden(torch.from_numpy(POINT).float()[None])
+    features = network.features(hidden)
+    color = network.color(features, torch.from_numpy(DIRECTION).float()[None])
+    return network.raw_density(hidden)[0].item(), features[0].detach(), color[0].detach()
+
+
+def agree(network, expected):
+    for got, wanted in zip(outputs(network), expected, strict=True):
+        assert_allclose(got, wanted, atol=1e-5)
+
+
+def refusal(path):
+    with pytest.raises(DataError) as caught:
+        read_nerf(path)
+    assert str(path) in caught.value.sentence and caught.value.hint
+    return caught.value.sentence
+
+
+# -------------------------------------------------------------------------------------------------------- nerf-pytorch
+@pytest.mark.parametrize("zipped", [True, False])
+@pytest.mark.parametrize("prefix", ["", "module."])
+def test_a_nerf_pytorch_checkpoint_computes_what_that_program_does(tmp_path, zipped, prefix):
+    states = vanilla_state(1), vanilla_state(2)
+    optimizer = torch.optim.Adam([torch.nn.Parameter(torch.ones(3))])
+    content = {"global_step": 200_000, "optimizer_state_dict": optimizer.state_dict()}
+    for name, state in zip(("network_fn_state_dict", "network_fine_state_dict"), states, strict=True):
+        content[name] = {prefix + key: value for key, value in state.items()}
+    torch.save(content, tmp_path / "200000.tar", _use_new_zipfile_serialization=zipped)
+    for network, state in zip(read_nerf(tmp_path / "200000.tar"), states, strict=True):
+        assert network.shape.skips == (5,) and not network.shape.linear_first
+        agree(network, vanilla(plain(state), POINT, DIRECTION, OCTAVES))
+
+
+def test_without_a_fine_network_the_coarse_one_serves_twice(tmp_path):
+    content = {"network_fn_state_dict": vanilla_state(1), "network_fine_state_dict": None}
+    torch.save(content, tmp_path / "a.tar")
+    coarse, fine = read_nerf(tmp_path / "a.tar")
+    assert coarse is not fine
+    agree(fine, outputs(coarse))
+
+
+# ----------------------------------------------------------------------------------------------------------- krrish94
+@pytest.mark.parametrize("n_layers", [4, 8])
+def test_a_krrish94_checkpoint_computes_what_that_program_does(tmp_path, n_layers):
+    states = flexible_state(1, n_layers), flexible_state(2, n_layers)
+    content = {"iter": 5, "model_coarse_state_dict": states[0], "model_fine_state_dict": states[1]}
+    content |= {"loss": torch.tensor(0.1), "psnr": np.float64(25.0)}  # as its training script notes them
+    torch.save(content, tmp_path / "checkpoint5.ckpt")
+    for network, state in zip(read_nerf(tmp_path / "checkpoint5.ckpt"), states, strict=True):
+        agree(network, flexible(plain(state), POINT, DIRECTION, OCTAVES, n_layers, 4))
+
+
+# ------------------------------------------------------------------------------------------------------------ refusals
+def test_a_checkpoint_that_would_run_code_is_refused_and_runs_nothing(tmp_path):
+    trap = Trap(tmp_path / "sprung")
+    for name, zipped in (("a.tar", True), ("b.ckpt", False)):
+        content = {"network_fn_state_dict": vanilla_state(1), "evil": trap}
+        torch.save(content, tmp_path / name, _use_new_zipfile_serialization=zipped)
+        assert "cannot be read as a checkpoint of numbers alone" in refusal(tmp_path / name)
+    (tmp_path / "c.tar").write_bytes(pickle.dumps(trap, 2))
+    refusal(tmp_path / "c.tar")
+    assert not trap.folder.exists()
+    pickle.loads(pickle.dumps(trap))  # the trap does work
+    assert trap.folder.exists()
+
+
+@pytest.mark.parametrize("kept", [0, 5, 100, -60])
+def test_a_truncated_file_is_refused(tmp_path, kept):
+    torch.save({"network_fn_state_dict": vanilla_state(1)}, tmp_path / "a.tar")
+    (tmp_path / "a.tar").write_bytes((tmp_path / "a.tar").read_bytes()[:kept])
+    assert "cannot be read" in refusal(tmp_path / "a.tar")
+
+
+def test_what_is_no_nerf_is_refused_by_name(tmp_path):
+    assert "does not exist" in refusal(tmp_path / "nothing.tar")
+    torch.save({"weights": torch.ones(3)}, tmp_path / "a.tar")
+    assert "no networks under a name known here" in refusal(tmp_path / "a.tar")
+    blind = {name: value for name, value in vanilla_state(1).items() if "views" not in name}
+    torch.save({"network_fn_state_dict": blind}, tmp_path / "b.tar")
+    assert "views_linears.0.weight" in refusal(tmp_path / "b.tar")
+    deeper = vanilla_state(1) | layers({"views_linears.1": (6, 6)}, 0)
+    torch.save({"network_fn_state_dict": deeper}, tmp_path / "c.tar")
+    assert "a network of another kind" in refusal(tmp_path / "c.tar")
+
+
+def test_what_bmild_has_written_is_refused_with_the_command_that_converts_it(tmp_path):
+    trap = Trap(tmp_path / "sprung")
+    write_arrays(tmp_path / "model_1.npy", [trap])
+    assert "as bmild/nerf writes" in refusal(tmp_path / "model_1.npy")
+    with pytest.raises(DataError, match=r"python -m tools\.convert_bmild MODEL\.npy OUT\.tar"):
+        read_nerf(tmp_path / "model_1.npy")
+    assert not trap.folder.exists()
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path):
+    state = vanilla_state(1)
+    state["rgb_linear.bias"][1] = float("nan")
+    torch.save({"network_fn_state_dict": state}, tmp_path / "a.tar")
+    assert "not finite" in refusal(tmp_path / "a.tar")
+
+
+class Bytes:
+    def __reduce__(self):
+        return bytearray, (3 << 30,)
+
+
+def of_bytes(path):
+    torch.save({"network_fn_state_dict": {"a": Bytes()}}, path)
+
+
+def of_bytes_in_an_old_file(path):
+    torch.save({"network_fn_state_dict": {"a": Bytes()}}, path, _use_new_zipfile_serialization=False)
+
+
+def of_one_number(path):
+    weights = torch.zeros(1).expand(30_000, 30_000)
+    state = OrderedDict({"pts_linears.0.weight": weights, "views_linears.0.weight": weights})
+    torch.save({"network_fn_state_dict": state}, path)
+
+
+def of_no_numbers(path):
+    state = {f"{layer}_linears.0.weight": torch.zeros(60_000, 0) for layer in ("pts", "views")}
+    torch.save({"network_fn_state_dict": state}, path)
+
+
+def of_packed_zeros(path):
+    plain = path.with_suffix(".plain")
+    torch.save({"network_fn_state_dict": {"a": torch.zeros(20_000_000)}}, plain)
+    with zipfile.ZipFile(plain) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as packed:
+        for record in source.infolist():
+            with source.open(record) as file, packed.open(record.filename, "w", force_zip64=True) as out:
+                while part := file.read(1 << 20):
+                    out.write(part)
+    plain.unlink()
+
+
+CASES = {
+    "a.tar": (of_bytes, "asks for __builtin__.bytearray|asks for builtins.bytearray"),
+    "b.tar": (of_bytes_in_an_old_file, "asks for __builtin__.bytearray|asks for builtins.bytearray"),
+    "c.tar": (of_one_number, "repeat a few numbers"),
+    "d.tar": (of_no_numbers, "a network of another kind"),
+    "e.tar": (of_packed_zeros, "records are packed"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_claims_beyond_the_file_are_refused_without_taking_memory(tmp_path, name):
+    make, words = CASES[name]
+    make(tmp_path / name)
+    with little_memory(), pytest.raises(DataError, match=words) as caught:
+        read_nerf(tmp_path / name)
+    assert str(tmp_path / name) in caught.value.sentence and caught.value.hint
+
+
+def test_what_is_no_file_in_place_of_a_checkpoint_is_named(tmp_path):
+    (tmp_path / "a.tar").symlink_to("/dev/zero")
+    with pytest.raises(DataError, match="is a pipe or a device, not a file"):
+        read_nerf(tmp_path / "a.tar")
+
 
 BOUNDS = (1.2, 30.0)
 CORNERS = torch.tensor([0, 31, 32 * 23, 32 * 24 - 1])

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from karf_engine.fields.rendering.hierarchical import (
+from karf_engine.fields.rendering.sampling import (
     dense_ray_weights,
     interval_lengths,
     refine,

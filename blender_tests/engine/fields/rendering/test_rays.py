@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.distortion import distort
-from karf_engine.fields.rendering.rays import PixelDataset, camera_rays, depth_per_distance
+from karf_engine.fields.rendering.rays import PixelDataset, camera_rays, depth_per_distance, spherical_harmonics
 
 
 def random_camera(seed, width, height):
@@ -74,3 +74,11 @@ def test_rays_of_a_lens_are_those_of_the_photo_as_stored():
     pixels, depth = camera.without_distortion().project(points.astype(np.float64))
     assert_allclose(distort(camera, pixels), camera.pixel_centers(), atol=1e-3)
     assert_allclose(depth, 3, atol=1e-5)
+
+
+def test_spherical_harmonics_are_orthonormal_over_the_sphere():
+    directions = torch.nn.functional.normalize(
+        torch.randn(200_000, 3, generator=torch.Generator().manual_seed(0)), dim=1
+    )
+    basis = spherical_harmonics(directions)
+    assert_allclose(4 * np.pi * (basis.T @ basis) / len(basis), np.eye(9), atol=0.02)

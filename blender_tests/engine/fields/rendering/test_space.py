@@ -10,8 +10,7 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.sampling import Polylines
-from karf_engine.fields.rendering.space import Box, Contraction, Frustum, Similarity
-from karf_engine.fields.rendering.space_io import space_from_json, space_to_json
+from karf_engine.fields.rendering.space import Box, Contraction, Frustum, Similarity, space_from_json, space_to_json
 
 CENTER = torch.tensor([0.5, -1.0, 2.0])
 

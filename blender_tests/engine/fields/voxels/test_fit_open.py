@@ -12,13 +12,12 @@ from karf_engine.capture.capture import SparsePoints, View
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import BadRequest
-from karf_engine.fields.extent import is_forward_facing, min_depth
+from karf_engine.fields.extent import choose_space, is_forward_facing, min_depth
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
-from karf_engine.fields.registry import start_fit
+from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box, Contraction
-from karf_engine.fields.spaces import choose_space
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.observations import find_observations
@@ -100,7 +99,7 @@ def start(cameras, space, with_points, settings=SETTINGS, device="cpu"):
     if space == "frustum":
         views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
     runtime = start_runtime(0, threads=1, device=str(device))
-    return start_fit(FitInputs(dataset, "opaque", space, views, points, settings, runtime))
+    return field_kind(settings.field).start(FitInputs(dataset, "opaque", space, views, points, settings, runtime))
 
 
 def silent():
@@ -263,7 +262,7 @@ def test_the_nearest_depth_is_declared_or_that_of_the_points():
 def test_a_frustum_without_any_depth_is_refused():
     dataset = PixelDataset(front(), [take_photo(camera).color for camera in front()], None)
     with pytest.raises(BadRequest, match="how near"):
-        start_fit(
+        field_kind("voxels").start(
             FitInputs(dataset, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu"))
         )
 

@@ -21,8 +21,7 @@ from karf_engine.errors import Diverged
 from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.rendering.volume import accumulate, ray_weights_from_sigmas
-from karf_engine.fields.training.loop import constant, train
-from karf_engine.fields.training.state import TrainingState
+from karf_engine.fields.training import TrainingState, constant, train
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
 from karf_engine.fields.voxels.fused.marching import importance_of, uniform

@@ -7,9 +7,8 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 ndimage = pytest.importorskip("scipy.ndimage")
 
-from karf_engine.fields.background import Background
 from karf_engine.fields.files import load_scene, save_scene
-from karf_engine.fields.scene import Scene
+from karf_engine.fields.scene import Background, Scene
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.tables import WeightedGather, dilate, rescaled_raw
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from karf_engine.recolor.matting.closed_form import closed_form_matting
 from karf_engine.recolor.matting.color_models import fit_color_models, posterior
+from karf_engine.recolor.matting.mixed_pixels import closed_form_matting
 from karf_engine.recolor.matting.tiles import tiles, upsample_tile
 from karf_engine.segmentation.random_walk import neighbor_links, random_walk
 

@@ -11,11 +11,9 @@ import pytest
 from blender_tests.engine.reference.cut_outs import CutOut, canvas, paint
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
 from karf_engine.metrics.masks import iou
-from karf_engine.recolor.matting.marks import Marks
 from karf_engine.recolor.matting.matte import Matte, dense_coverage
-from karf_engine.recolor.matting.photo_mattes import TILE, cover, refine_mattes, steps
-from karf_engine.recolor.matting.refine import field_mattes
-from karf_engine.recolor.matting.sharpness import sharp_size
+from karf_engine.recolor.matting.photo_mattes import TILE, cover, field_mattes, make_mattes, sharp_size, steps
+from karf_engine.recolor.matting.thin_parts import Marks
 
 SIZE, SMALL = 192, 48
 GRAY, RED, GREEN = (188, 192, 196), (190, 40, 35), (20, 100, 30)
@@ -31,7 +29,7 @@ def plain(color: tuple[int, int, int] = GRAY) -> np.ndarray:
 
 
 def mattes_of(scene: CutOut) -> list[Matte]:
-    return refine_mattes(scene.photo, scene.probabilities, scene.rendered)
+    return make_mattes("photo", scene.photo, scene.probabilities, scene.rendered)
 
 
 def found(scene: CutOut) -> np.ndarray:
@@ -132,7 +130,7 @@ def lamp() -> CutOut:
 def held(scene: CutOut, drawn: np.ndarray | None, thin: bool) -> np.ndarray:
     """The object's mask where a rough mask is drawn on the photo, or rough masks show a thin part of it."""
     marks = Marks(None if drawn is None else drawn[None], (thin,))
-    mattes = refine_mattes(scene.photo, scene.probabilities, scene.rendered, marks)
+    mattes = make_mattes("photo", scene.photo, scene.probabilities, scene.rendered, marks)
     return dense_coverage(mattes, scene.photo.shape[:2])[0] > 0.5
 
 
@@ -169,7 +167,7 @@ def test_nothing_grows_into_a_neighbor_of_the_same_color_that_the_field_knows():
 def test_a_stray_patch_far_from_the_object_is_none(ball):
     probabilities = ball.probabilities.copy()
     probabilities[0, 44:46, 44:46] = 0.9
-    mattes = refine_mattes(ball.photo, probabilities, ball.rendered)
+    mattes = make_mattes("photo", ball.photo, probabilities, ball.rendered)
     assert dense_coverage(mattes, (SIZE, SIZE))[0, 160:, 160:].max() == 0
 
 
@@ -180,7 +178,7 @@ def test_where_photo_and_field_disagree_the_field_is_right_and_the_matte_says_so
     columns, rows = canvas(SIZE)
     ring = np.abs(np.hypot(columns - 96, rows - 96) - 58) < 6
     claimed = cv2.resize(ring.astype(np.float32), (SMALL, SMALL), interpolation=cv2.INTER_AREA)[None] * 0.75
-    matte = refine_mattes(ball.photo, claimed, ball.rendered)[0]
+    matte = make_mattes("photo", ball.photo, claimed, ball.rendered)[0]
     field = field_mattes((SIZE, SIZE), claimed)[0]
     agree = iou(*(dense_coverage([m], (SIZE, SIZE))[0] > 0.5 for m in (matte, field))) > 0.95
     assert matte.disputed and agree
@@ -192,12 +190,12 @@ def test_a_soft_photo_is_decided_where_it_is_sharp(ball):
     assert sharp_size(ball.photo, near) == (SIZE, SIZE)
     assert SIZE / 4 < sharp_size(soft, near)[0] < SIZE / 2
     coverage = cv2.GaussianBlur(ball.coverage[0], (0, 0), 2.5)[None]
-    refined = dense_coverage(refine_mattes(soft, ball.probabilities, ball.rendered), (SIZE, SIZE))
+    refined = dense_coverage(make_mattes("photo", soft, ball.probabilities, ball.rendered), (SIZE, SIZE))
     assert np.abs(refined - coverage).sum() / coverage.sum() < 0.06
 
 
 def test_an_object_that_is_not_seen_covers_nothing(ball):
-    assert refine_mattes(ball.photo, 0 * ball.probabilities, ball.rendered)[0].coverage.size == 0
+    assert make_mattes("photo", ball.photo, 0 * ball.probabilities, ball.rendered)[0].coverage.size == 0
 
 
 def test_an_object_that_fills_the_photo_covers_all_of_it():

@@ -42,7 +42,7 @@ def view(kind=np.uint8, orientation=1):
 
 
 def shown(finished, edit):
-    return finished.recolored(edit).colors()
+    return finished.recolor(edit).colors()
 
 
 def with_edge(choke=0.0, feather=0.0):

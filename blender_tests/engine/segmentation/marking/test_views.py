@@ -13,7 +13,7 @@ from karf_engine import KarfError, mark, open_capture
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.segmentation.marking.prompts import Prompts
 from karf_engine.segmentation.marking.proposals import propose
-from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries import QUERIES
 from karf_engine.worker.queries.session import Session
 
 

@@ -3,6 +3,7 @@
 import json
 import re
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from blender_tests.engine.splats.clouds import GROUPS, cloud
 from karf_engine.errors import DataError
 from karf_engine.splats.formats.ply import property_names
-from karf_engine.splats.formats.registry import read_splats, write_splats
+from karf_engine.splats.formats.registry import arrays_of, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
 
@@ -136,10 +137,10 @@ def packaged(end: str) -> None:
         pytest.importorskip(name)
 
 
-def refused(path: Path, words: str) -> None:
-    """Assert that a sentence with such words refuses a file, and names it."""
+def refused(path: Path, words: str, read: Callable[[Path], object] = arrays_of) -> None:
+    """Assert that a sentence with such words refuses a file, and names it; without a child process by default."""
     with pytest.raises(DataError) as caught:
-        read_splats(path)
+        read(path)
     assert str(path) in caught.value.sentence and caught.value.hint
     assert re.search(words, caught.value.sentence), caught.value.sentence
 

@@ -11,7 +11,7 @@ pxr = pytest.importorskip("pxr")
 plyfile = pytest.importorskip("plyfile")
 
 from blender_tests.engine.splats.formats.files import unit_cloud
-from karf_engine.splats.formats import compressed_ply
+from karf_engine.splats.formats import packed
 from karf_engine.splats.formats.registry import write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
@@ -52,7 +52,7 @@ def test_ply_by_plyfile(written):
 
 def test_compressed_ply_by_plyfile(written):
     found = plyfile.PlyData.read(written("cloud.compressed.ply"))
-    order = compressed_ply.morton_order(TABLE)
+    order = packed.morton_order(TABLE)
     low, high = found["chunk"]["min_x"][0], found["chunk"]["max_x"][0]
     x = low + (high - low) * (found["vertex"]["packed_position"] >> 21) / 2047
     np.testing.assert_allclose(x, TABLE[order, 0], atol=1e-3)

@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import os
 import struct
 import sys
 import tracemalloc
@@ -11,10 +10,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from blender_tests.engine.peak import peak_of
 from blender_tests.engine.splats.clouds import GROUPS
 from blender_tests.engine.splats.formats.files import packaged, refused, unit_cloud, write_sog, written
 from karf_engine.errors import BadRequest, MissingDependency
+from karf_engine.io import limited
 from karf_engine.splats.formats.registry import arrays_of, read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
@@ -62,7 +61,7 @@ FLOATS = "".join(f"property float {name}\n" for name in "x y z".split())
         (HEADER.format(10**18, FLOATS), "it is cut off"),
         (HEADER.format(0, FLOATS), "its vertices have no scale_0"),
         (HEADER.format(1, "property list uchar int x\n"), "no element vertex without lists"),
-        (HEADER.format(1, "property half x\n"), "it lacks 'half'"),
+        (HEADER.format(1, "property half x\n"), "cannot be understood .'half'."),
         (HEADER.format(1, "property float f_rest_0\n"), "cut off"),
     ],
 )
@@ -81,8 +80,8 @@ def test_compressed_ply_with_other_counts(tmp_path):
     path = written(tmp_path, ".compressed.ply")
     data = path.read_bytes()
     for old, new, words in (
-        (b"element chunk 1\n", b"element chunk 2\n", "its numbers of chunks"),
-        (b"element vertex 20\n", b"element vertex 1000000000\n", "1,000,000,000 Gaussians, in"),
+        (b"element chunk 1\n", b"element chunk 2\n", "it is cut off"),
+        (b"element vertex 20\n", b"element vertex 1000000000\n", "it is cut off"),
         (b"element sh 20\n", b"element sh 2\n", "its numbers of chunks and harmonics"),
         (b"property float min_x\n", b"", "its elements are not those"),
         (b"uchar f_rest_8\n", b"uchar f_rest_9\n", "its elements are not those"),
@@ -102,30 +101,32 @@ def test_a_long_header_does_not_hide_that_a_ply_is_compressed(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------------------------ packed
-def test_more_gaussians_than_a_file_can_hold_are_refused_before_it_is_unpacked(tmp_path):
-    """A million equal ones would be there: they pack to nothing, as no scene does."""
-    pytest.importorskip("gsply")
-    path = tmp_path / "cloud.spz"
-    path.write_bytes(gzip.compress(struct.pack("<4sIIBBBB", b"NGSP", 3, 10**6, 3, 12, 0, 0) + bytes(65 * 10**6)))
-    refused(path, "1,000,000 Gaussians, in")
-
-
-def test_a_gzip_bomb_is_not_unpacked(tmp_path):
-    pytest.importorskip("gsply")
-    path = tmp_path / "cloud.spz"
-    head = struct.pack("<4sIIBBBB", b"NGSP", 3, 1, 0, 12, 0, 0)
-    path.write_bytes(gzip.compress(head + bytes(100 << 20)))
-    refused(path, "its packed bytes are not those of 1 Gaussians")
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory has no limit")
+@pytest.mark.parametrize("end", [".spz", ".sog"])
+def test_a_bomb_takes_no_more_memory_than_its_limit(end, tmp_path, monkeypatch):
+    packaged(end)
+    monkeypatch.setattr(limited, "LEAST_BYTES", 1 << 30)
+    path, block = tmp_path / f"cloud{end}", bytes(1 << 26)
+    if end == ".spz":
+        with gzip.open(path, "wb", 1) as file:
+            file.write(struct.pack("<4sIIBBBB", b"NGSP", 3, 1, 0, 12, 0, 0))
+            for _ in range(16):
+                file.write(block)
+    else:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("meta.json", "w") as file:
+            for _ in range(16):
+                file.write(block)
+    refused(path, "bytes of memory|too much memory|not gunzip", read_splats)
 
 
 @pytest.mark.parametrize(
     ("head", "words"),
     [
-        ((b"NGSP", 3, 10**9, 0, 12, 0, 0), "1,000,000,000 Gaussians"),
+        ((b"NGSP", 3, 10**9, 0, 12, 0, 0), "payload too small"),
         ((b"NGSP", 1, 1, 0, 12, 0, 0), "version 1"),
         ((b"NGSP", 3, 1, 9, 12, 0, 0), "degree 9"),
         ((b"ABCD", 3, 1, 0, 12, 0, 0), "magic b'ABCD'"),
-        ((b"NGSP", 3, 2, 0, 12, 0, 0), "not those of 2 Gaussians"),
+        ((b"NGSP", 3, 2, 0, 12, 0, 0), "payload too small"),
         ((b"NGSP", 3, 1, 0, 99, 0, 0), "fractional_bits 99"),
     ],
 )
@@ -144,7 +145,7 @@ def test_spz_4_with_false_lengths(tmp_path):
     data = path.read_bytes()
     np.testing.assert_allclose(read_splats(path).table[:, 0], TABLE[:, 0], atol=1e-3)
     path.write_bytes(data[:40] + struct.pack("<Q", 1 << 40) + data[48:])
-    refused(path, "its streams are not those of 20 Gaussians")
+    refused(path, "size 1099511627776 != expected")
     path.write_bytes(data[:-5])
     refused(path, "overruns file")
 
@@ -163,13 +164,12 @@ def change_meta(path, change):
     ("change", "words"),
     [
         (lambda meta: meta.update(version=3), "version 3"),
-        (lambda meta: meta.update(count=10**9), "1,000,000,000 Gaussians"),
-        (lambda meta: meta.update(count=400), r"means_l\.webp has 8x8 pixels for 400"),
+        (lambda meta: meta.update(count=10**9), "too small for count"),
+        (lambda meta: meta.update(count=400), "too small for count"),
         (lambda meta: meta.update(count=2.0), r"'2\.0' is no whole number"),
-        (lambda meta: meta["scales"].update(codebook=[1.0]), "256 finite numbers"),
-        (lambda meta: meta["means"].update(maxs=[1, 2, float("nan")]), "3 finite numbers"),
-        (lambda meta: meta["quats"].update(files=["../other.webp"]), r"it lacks '\.\./other\.webp'"),
-        (lambda meta: meta["shN"].update(count=70000), "pixels for 70000 entries"),
+        (lambda meta: meta["scales"].update(codebook=[1.0]), "256 numbers were expected in the codebook of scales"),
+        (lambda meta: meta["means"].update(maxs=[1, 2, float("nan")]), "a center that is not finite"),
+        (lambda meta: meta["quats"].update(files=["../other.webp"]), r"Missing entry '\.\./other\.webp'"),
         (lambda meta: meta.pop("sh0"), "it lacks 'sh0'"),
     ],
 )
@@ -185,12 +185,6 @@ def test_a_zip_that_is_cut_off(tmp_path):
     write_sog(tmp_path / "cloud.sog", TABLE)
     (tmp_path / "cloud.sog").write_bytes((tmp_path / "cloud.sog").read_bytes()[:-30])
     refused(tmp_path / "cloud.sog", "not a zip file")
-
-
-def test_a_zip_bomb_is_not_unpacked(tmp_path):
-    with zipfile.ZipFile(tmp_path / "cloud.sog", "w", zipfile.ZIP_DEFLATED) as file:
-        file.writestr("meta.json", bytes(100 << 20))
-    refused(tmp_path / "cloud.sog", "its members are larger than itself")
 
 
 # ------------------------------------------------------------------------------------------------------------------ glTF
@@ -215,7 +209,7 @@ def extension(content):
         (lambda content: accessor(content, "POSITION").update(type="VEC2"), "other widths"),
         (lambda content: accessor(content, "POSITION").update(sparse={}), "without a whole buffer view"),
         (lambda content: content.pop("nodes"), "it lacks 'nodes'"),
-        (lambda content: content["nodes"][0].update(children=[0]), "nested without end"),
+        (lambda content: content["nodes"][0].update(children=[0]), "places more than 10,000 nodes"),
         (lambda content: content["nodes"][0].update(scale=[1, 2, 3]), "shears or scales unequally"),
         (lambda content: extension(content).update(colorSpace="lin_rec709_display"), "other colors than srgb"),
         (lambda content: extension(content).update(kernel="box"), "another kernel than ellipse"),
@@ -230,22 +224,14 @@ def test_broken_gltf(change, words, tmp_path):
     refused(path, words)
 
 
-def test_one_mesh_in_any_number_of_nodes(tmp_path):
-    path = written(tmp_path, ".gltf", unit_cloud(60, 0))
-    content = json.loads(path.read_text())
-    content["nodes"] = [*({"children": [number + 1] * 2} for number in range(11)), {"mesh": 0}]  # doubled eleven times
-    path.write_text(json.dumps(content))
-    refused(path, "Gaussians, in")
-
-
 @pytest.mark.parametrize(
     "change",
     [
         lambda content: content.update(nodes=[{"children": [0] * 20_000}]),
         lambda content: content.update(scenes=[{"nodes": [0] * 20_000}]),
-        lambda content: content["meshes"][0].update(primitives=content["meshes"][0]["primitives"] * 20_000),
+        lambda content: content.update(nodes=[*({"children": [n + 1] * 2} for n in range(20)), {"mesh": 0}]),
     ],
-    ids=["children", "roots", "primitives"],
+    ids=["children", "roots", "doubled"],
 )
 def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(change, tmp_path):
     path = written(tmp_path, ".gltf", unit_cloud(1, 0))
@@ -253,7 +239,7 @@ def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(chan
     change(content)
     path.write_text(json.dumps(content))
     tracemalloc.start()
-    refused(path, "places more than 10,000 nodes and meshes")
+    refused(path, "places more than 10,000 nodes")
     assert tracemalloc.get_traced_memory()[1] < 100e6
     tracemalloc.stop()
 
@@ -262,7 +248,6 @@ def test_many_primitives_take_time_as_their_number_and_no_more(tmp_path):
     path = written(tmp_path, ".gltf", unit_cloud(1, 0))
     content = json.loads(path.read_text())
     content["meshes"][0]["primitives"] *= 9_000
-    content["extras"] = "x" * 20_000  # a file large enough for so many
     path.write_text(json.dumps(content))
     assert len(read_splats(path)) == 9_000
 
@@ -287,28 +272,6 @@ def test_nodes_move_what_is_in_them(tmp_path):
     found = read_splats(path).table
     np.testing.assert_allclose(found[:, :3], (2 * TABLE[:, :3] + (1, 2, 3)) * (1, -1, -1), atol=1e-6)
     np.testing.assert_allclose(found[:, 3:6], TABLE[:, 3:6] + np.log(2), atol=1e-6)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="others have no such figures")
-def test_one_file_that_many_buffers_name_is_read_once(tmp_path):
-    count, size = 300, 4 << 20
-    path = written(tmp_path, ".gltf", unit_cloud(1, 0))
-    content = json.loads(path.read_text())
-    (tmp_path / "0.bin").write_bytes(bytes(size))
-    for number in range(count):
-        os.link(tmp_path / "0.bin", tmp_path / f"{number + 1}.bin")
-    content["buffers"] = [{"uri": f"{number}.bin", "byteLength": size} for number in range(count)]
-    content["bufferViews"] = [{"buffer": number, "byteLength": size} for number in range(count)]
-    used, attributes = content["accessors"], content["meshes"][0]["primitives"][0]["attributes"]
-    content["accessors"] = [accessor | {"bufferView": view} for view in range(count) for accessor in used]
-    primitive = content["meshes"][0]["primitives"][0]
-    content["meshes"][0]["primitives"] = [
-        primitive | {"attributes": {name: number + view * len(used) for name, number in attributes.items()}}
-        for view in range(count)
-    ]
-    path.write_text(json.dumps(content))
-    code = "from karf_engine.splats.formats.registry import read_splats; read_splats(Path(sys.argv[1]))"
-    assert peak_of(code, path, fails_with="no quaternion") < 400 << 20
 
 
 @pytest.mark.parametrize(("data", "words"), [(b"{", "Expecting property name"), (b"glTF\2\0\0\0", "unpack_from")])

@@ -8,7 +8,7 @@ pytest.importorskip("pxr")
 
 from blender_tests.engine.splats.formats.files import ENDS, distances, unit_cloud, write_sog, write_splat
 from karf_engine.errors import BadRequest
-from karf_engine.splats.formats import compressed_ply, gltf
+from karf_engine.splats.formats import gltf, packed
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 
@@ -42,7 +42,7 @@ def test_what_is_written_is_read_again(end, degree, tmp_path):
     table = unit_cloud(degree=degree)
     table[:, 14:] = np.clip(table[:, 14:], -0.99, 0.99)  # as far as SPZ goes
     write_splats(tmp_path / f"cloud{end}", SplatFile(table))
-    order = compressed_ply.morton_order(table) if end == ".compressed.ply" else slice(None)
+    order = packed.morton_order(table) if end == ".compressed.ply" else slice(None)
     check(read_splats(tmp_path / f"cloud{end}").table, table[order], end)
 
 

@@ -7,7 +7,7 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.formats.files import unit_cloud
 from karf_engine.splats import similarity
-from karf_engine.splats.formats.turning import upright
+from karf_engine.splats.formats.splat_file import upright
 from karf_engine.splats.similarity import transform_table
 
 

@@ -16,8 +16,8 @@ from karf_engine.errors import BadRequest
 from karf_engine.project import Project
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.segmentation.labels import CorrectionSession
-from karf_engine.worker.queries.correct import _distorted
-from karf_engine.worker.queries.kinds import QUERIES
+from karf_engine.worker.queries import QUERIES
+from karf_engine.worker.queries.photos import _distorted
 from karf_engine.worker.queries.session import Session
 
 

@@ -11,12 +11,12 @@ pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.palettes.edit_files import edit_to_json
+from karf_engine.palettes.palette import edit_to_json
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.splats.kernels.arrays import COLOR
 from karf_engine.splats.similarity import transform_gaussians
-from karf_engine.worker.queries.harmonics import harmonics
+from karf_engine.worker.queries.renders import harmonics
 from karf_engine.worker.queries.session import Session
 
 MOVED = np.array([[0, -2.0, 0, 5], [0, 0, -2, 1], [2, 0, 0, 0], [0, 0, 0, 1]])  # turned, twice as large, shifted
@@ -57,7 +57,7 @@ def test_they_are_the_recolored_table_row_by_row(session, asked, model, edit):
     answer = harmonics(session, asked)
     found = colors_of(answer)
     assert_array_equal(found, model.recolored_splats(edit).table[:, COLOR:])
-    assert answer["n_solid"] == model.splats.n_solid and answer["seconds"] >= 0
+    assert answer["n_solid"] == model.splats.n_foreground and answer["seconds"] >= 0
     assert (found != model.splats.table[:, COLOR:]).any()
 
 
@@ -74,7 +74,7 @@ def test_before_palettes_are_learned_they_are_as_learned(session, asked, learned
 
 @pytest.mark.parametrize("is_solid", [False, True])
 def test_an_object_gets_as_many_as_it_has_points(session, asked, model, edit, is_solid):
-    count = model.splats.n_solid if is_solid else len(model.splats)
+    count = model.splats.n_foreground if is_solid else len(model.splats)
     found = colors_of(harmonics(session, asked | {"points": points_of(model.splats.table, count)}))
     assert_array_equal(found, model.recolored_splats(edit).table[:count, COLOR:])
 

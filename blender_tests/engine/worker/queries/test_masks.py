@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 from karf_engine.errors import KarfError
 from karf_engine.io.images import read_pixels
 from karf_engine.recolor.model import Model
-from karf_engine.worker.queries.masks import masks
+from karf_engine.worker.queries.photos import masks
 from karf_engine.worker.queries.session import Session
 
 

@@ -12,13 +12,13 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import ROOT, of_field
-from karf_engine.capture.transforms_json import camera_to_json
+from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.palettes.compositing import read_planes
 from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.worker.protocol import EventReader, Query, Request
-from karf_engine.worker.queries.preview import preview
+from karf_engine.worker.queries.renders import preview
 from karf_engine.worker.queries.session import Session
 
 

@@ -10,15 +10,15 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.conftest import of_field
-from karf_engine.capture.transforms_json import camera_to_json
+from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
-from karf_engine.palettes.edit_files import edit_to_json
+from karf_engine.palettes.palette import edit_to_json
 from karf_engine.project import Project
 from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model
+from karf_engine.worker.queries.renders import show
 from karf_engine.worker.queries.session import Session
-from karf_engine.worker.queries.show import show
 
 
 @pytest.fixture(scope="module")
@@ -59,8 +59,8 @@ def arrays_of(answer):
 def test_the_color_is_what_the_model_shows_with_the_edit(session, asked, model, camera, edit):
     answer = show(session, asked)
     assert list(answer["arrays"]) == ["color"] and answer["size"] == [90, 60] and answer["seconds"] > 0
-    assert np.array_equal(arrays_of(answer)["color"], model.shown(camera, edit))
-    assert np.abs(model.shown(camera, edit) - model.shown(camera, model.edit())).max() > 0.1
+    assert np.array_equal(arrays_of(answer)["color"], model.render_recolored(camera, edit))
+    assert np.abs(model.render_recolored(camera, edit) - model.render_recolored(camera, model.edit())).max() > 0.1
 
 
 @pytest.mark.parametrize("source", ["splats", "field"])
@@ -69,7 +69,7 @@ def test_edges_are_those_of_the_whole_frame_whatever_it_is_made_of(
 ):
     if source == "field":
         monkeypatch.setattr(session, "model", lambda project: of_field(model))
-        monkeypatch.setattr("karf_engine.worker.queries.show.BAND_RAYS", 1000)
+        monkeypatch.setattr("karf_engine.worker.queries.renders.BAND_RAYS", 1000)
     known, name = session.model(asked["project"]), model.objects[0]
     shaped = edit.edge(name, choke=-3, feather=8)
     asked = asked | {"edit": edit_to_json(shaped)}
@@ -82,12 +82,12 @@ def test_edges_are_those_of_the_whole_frame_whatever_it_is_made_of(
         np.testing.assert_allclose(found["color"], whole, atol=tolerance)
     np.testing.assert_allclose(found["weights"], known.with_edges(frame, shaped.edges).palette_weights, atol=1e-5)
     if source == "field":
-        assert np.array_equal(known.shown(camera, shaped), whole)
+        assert np.array_equal(known.render_recolored(camera, shaped), whole)
 
 
 def test_without_an_edit_it_is_the_scene_as_learned(session, asked, model, camera):
     color = arrays_of(show(session, asked | {"edit": None}))["color"]
-    assert np.array_equal(color, model.shown(camera, model.edit()))
+    assert np.array_equal(color, model.render_recolored(camera, model.edit()))
 
 
 def test_before_palettes_are_learned_it_is_the_scene_as_learned(session, asked, learned, camera, tmp_path):
@@ -114,7 +114,7 @@ def test_passes_are_those_of_the_frame(session, asked, model, camera, edit):
     answer = show(session, asked | {"passes": passes, "cryptomatte": "Layer.CryptoObject"})
     found, frame = arrays_of(answer), model.render(camera)
     assert list(found) == passes
-    expected = remove_background(model.composite(frame, edit), frame.opacity, model.behind(camera))
+    expected = remove_background(model.composite(frame, edit), frame.opacity, model.render_background(camera))
     assert np.allclose(np.dstack([found["color"], found["alpha"]]), expected, atol=1e-6)
     is_covered = frame.opacity >= 0.5
     assert np.allclose(found["depth"][is_covered], frame.depth[is_covered], atol=1e-6)

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from ....compute.cores import parallel_for
 from ....compute.kernels import kernel
-from ....compute.process_group import ProcessGroup
-from ...training.adam import Adam
+from ....compute.runtime import ProcessGroup
+from ...training import Adam
 from .arrays import DENSITY, FEATURES, Table
 from .marching import ONE, ZERO
 from .tables import FieldTables, flat

@@ -11,7 +11,7 @@ from .arrays import BLUE, GREEN, RED
 from .marching import ONE, ZERO
 from .prefetching import prefetch
 
-N_HARMONICS = 9  # per viewing direction (see rendering/spherical_harmonics.py)
+N_HARMONICS = 9  # per viewing direction (see rendering/rays.py)
 GROUP = 4  # samples processed by the network at once
 AHEAD = 12  # samples between the prefetch of a row and its use
 

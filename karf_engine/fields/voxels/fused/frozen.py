@@ -7,9 +7,8 @@ import torch
 from torch import Tensor
 
 from ....compute.cores import limit_torch_threads, parallel_for
-from ...rendering.rays import Rays
+from ...rendering.rays import Rays, spherical_harmonics
 from ...rendering.sampling import Samples
-from ...rendering.spherical_harmonics import spherical_harmonics
 from ...rendering.volume import Trace
 from ..grid import VoxelGrid
 from .arrays import FINAL_TRANSMITTANCE, MarchSettings, RayArrays, new_rays, new_samples

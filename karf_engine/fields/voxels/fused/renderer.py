@@ -11,8 +11,7 @@ from torch import Tensor
 
 from ....compute.cores import core_count, limit_torch_threads, parallel_for
 from ....compute.runtime import Runtime
-from ...rendering.rays import Rays
-from ...rendering.spherical_harmonics import spherical_harmonics
+from ...rendering.rays import Rays, spherical_harmonics
 from ..field import VoxelField
 from ..renderer import PointSupervision, RayBatch, RaySums
 from .adam import LazyAdam

@@ -1,0 +1,158 @@
+"""The training loop: schedules by hand, and how it stops."""
+
+import math
+import subprocess
+import sys
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from blender_tests.engine.conftest import ROOT
+from karf_engine.compute.progress import Progress
+from karf_engine.compute.runtime import start_runtime
+from karf_engine.errors import Cancelled, Diverged, OutOfMemory
+from karf_engine.fields.training import Adam, TrainingState, cosine_with_warmup, exponential_with_warmup, train
+
+
+class Recorder:
+    """A parameter pulled to 3, and everything the loop tells and asks."""
+
+    def __init__(self, stop_after=None, total=10):
+        self.value = torch.nn.Parameter(torch.zeros(()))
+        self.optimizer = torch.optim.SGD([self.value], lr=0.5)
+        self.events, self.calls, self.rates = [], [], []
+        self.stop_after = stop_after
+        self.progress = Progress(lambda kind, **v: self.events.append(v), self.should_stop, "test", total)
+
+    def should_stop(self):
+        return self.stop_after is not None and len(self.calls) >= self.stop_after
+
+    def step(self, iteration, scale):
+        self.calls.append((iteration, scale))
+        self.rates.append(self.optimizer.param_groups[0]["lr"])
+        return (self.value - 3) ** 2, {"loss": 1.0}
+
+    def train(self, iterations, step=None, schedule=lambda i, n: 1.0):
+        training_state = TrainingState(
+            iterations, self.optimizer, lambda: {"value": self.value}, start_runtime(0, 1, "cpu")
+        )
+        train(training_state, iterations, step or self.step, schedule, self.progress)
+
+
+def test_the_cosine_warms_up_and_falls_to_its_floor_by_hand():
+    factor = cosine_with_warmup(4, 0.1)
+    assert factor(0, 100) == pytest.approx(0.25)
+    assert factor(1, 100) == pytest.approx(0.5 * (0.1 + 0.9 * 0.5 * (1 + math.cos(math.pi / 100))))
+    assert factor(50, 100) == pytest.approx(0.55)
+    assert factor(100, 100) == pytest.approx(0.1)
+
+
+def test_the_exponential_holds_and_then_decays_to_its_floor_by_hand():
+    factor = exponential_with_warmup(10, 0.5, 0.01)
+    assert [factor(i, 100) for i in (0, 4, 9, 50)] == pytest.approx([0.1, 0.5, 1, 1])
+    assert factor(75, 100) == pytest.approx(0.1)
+    assert factor(100, 100) == pytest.approx(0.01)
+
+
+def test_steps_run_in_order_at_the_scheduled_rates_which_are_given_back_afterwards():
+    record = Recorder()
+    record.train(5, schedule=lambda i, n: (i + 1) / n)
+    assert record.calls == [(i, 1.0) for i in range(5)]
+    assert record.rates == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+    assert record.optimizer.param_groups[0]["lr"] == 0.5
+    assert abs(record.value.item() - 3) < 0.2
+
+
+@pytest.mark.parametrize(("first_bad", "noticed"), [(0, 0), (3, 10), (17, 19)])
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_loss_that_is_not_finite_stops_soon_and_at_the_latest_in_the_last_iteration(first_bad, noticed, bad):
+    record = Recorder()
+
+    def step(iteration, scale):
+        loss, metrics = record.step(iteration, scale)
+        return (loss * bad if iteration >= first_bad else loss), metrics
+
+    with pytest.raises(Diverged, match=f"iteration {noticed}: loss"):
+        record.train(20, step)
+    assert len(record.calls) == noticed + 1
+
+
+def test_cancelling_stops_at_once():
+    record = Recorder(stop_after=3)
+    with pytest.raises(Cancelled, match="test stage was cancelled"):
+        record.train(10)
+    assert len(record.calls) == 3
+
+
+def test_an_iteration_that_runs_out_of_memory_is_done_again_with_the_whole_batch_in_parts():
+    record, seen = Recorder(total=6), []
+
+    def step(iteration, scale):
+        result = record.step(iteration, scale)
+        if scale > 0.3:
+            raise torch.OutOfMemoryError("no memory left")
+        seen.append((iteration, scale))
+        return result
+
+    record.train(6, step)
+    assert record.calls[:2] == [(0, 1.0), (0, 0.5)]
+    assert seen == [(iteration, 0.25) for iteration in range(6) for _ in range(4)]
+    # as many steps of the same gradient as with memory enough, each counted
+    whole = Recorder()
+    whole.train(6)
+    assert record.value.item() == pytest.approx(whole.value.item())
+    assert record.events[-1]["step"] == 6
+
+
+def test_too_little_memory_for_any_batch_is_said():
+    record = Recorder()
+
+    def step(iteration, scale):
+        record.step(iteration, scale)
+        raise torch.OutOfMemoryError("no memory left")
+
+    with pytest.raises(OutOfMemory, match="64th of the batch"):
+        record.train(100, step)
+    assert record.calls[-1][1] == 1 / 64
+
+
+def test_progress_counts_reports_the_last_step_and_estimates_the_rest():
+    record = Recorder(total=10)
+    record.progress.step()
+    first = record.events[0]
+    assert (first["stage"], first["step"], first["total"], first["metrics"]) == ("test", 1, 10, {})
+    assert first["eta_s"] == pytest.approx(9 / first["rate"], rel=0.2, abs=0.1)
+    record.progress.step(8)
+    assert len(record.events) == 1  # at most four events a second
+    record.progress.step(loss=0.123456)
+    assert record.events[-1]["step"] == 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
+
+
+def learn_by(optimizer_of):
+    torch.manual_seed(0)
+    network = torch.nn.Linear(5, 3)
+    groups = [{"params": [network.weight], "lr": 0.1}, {"params": [network.bias]}]
+    optimizer, again = (optimizer_of(groups, lr=0.01, betas=(0.9, 0.99)) for _ in range(2))
+    for _ in range(4):
+        optimizer.zero_grad()
+        (network(torch.ones(2, 5)) ** 2).sum().backward()
+        optimizer.step()
+        again.load_state_dict(optimizer.state_dict())  # as a training that is resumed
+        optimizer, again = again, optimizer
+    return network
+
+
+def test_adam_learns_the_bits_that_torch_does():
+    ours, theirs = learn_by(Adam), learn_by(torch.optim.Adam)
+    assert torch.equal(ours.weight, theirs.weight) and torch.equal(ours.bias, theirs.bias)
+
+
+def test_adam_does_not_load_the_compiler():
+    code = (
+        "import sys, torch; from karf_engine.fields.training import Adam; x = torch.nn.Parameter(torch.ones(2));"
+        "adam = Adam([x]); x.sum().backward(); adam.step(); adam.zero_grad(); adam.state_dict();"
+        "print('torch._dynamo' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "False", done.stderr

@@ -1,1 +1,0 @@
-"""Camera poses and sparse points of photos, and frames of videos."""

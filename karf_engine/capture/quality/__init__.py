@@ -1,1 +1,0 @@
-"""Estimate the quality of a capture from photos, cameras and masks before training, in seconds."""

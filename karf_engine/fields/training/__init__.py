@@ -1,1 +1,0 @@
-"""The training loop, and the state and checkpoints of trainings."""

@@ -1,1 +1,0 @@
-"""Colorways: sheets of target colors, and predictions of the colors reached."""

@@ -1,1 +1,0 @@
-"""Extract palettes from photos: simplified color hulls, and palette weights as a function of color."""

@@ -1,1 +1,0 @@
-"""Run the engine on another computer: `python -m karf_engine.remote`."""
