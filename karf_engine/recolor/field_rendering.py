@@ -36,6 +36,10 @@ from .frames import Frame, downsample, split_bands, stack_bands
 from .full_resolution import dense_weights
 from .splatted_scene import SplattedScene
 
+UNTRAINED = (
+    "{folder} has no recoloring field F_w: renderings take palette weights from their own colors.",
+    "Train it: karf recoloring {folder} --set recoloring.iterations=1000",
+)
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples per ray, for classes and for palette weights
 
 
@@ -131,7 +135,7 @@ def field_frame(learned: Learned, pinhole: Camera) -> Frame:
 
 
 def photo_frame(learned: Learned, training_image: TrainingImage, weights_from: str = "photo") -> Frame:
-    """Render the view of a loaded photo, with the photo as base.
+    """Render the view of a photo, with it as base.
 
     weights_from: palette weights by the photo's colors (`photo`), or by F_w where it is trained (`field`).
     """
@@ -161,7 +165,7 @@ def frame_of(
 ) -> Frame:
     """Add probabilities and palette weights to a picture with a surface cache.
 
-    from_field: weights by F_w, else by the colors of the base. gains: exposure of the base, see `View`.
+    from_field: weights by F_w where it is trained, else by the colors of the base. gains: exposure of the base.
     """
     check_array("base", base, (*picture.opacity.shape, 3))
     samples, weights = None, None

@@ -93,8 +93,8 @@ def learn_again(
     if capture is not None:
         write_json(scratch.capture_file, capture_to_json(capture, folder))
     changed = settings_module.with_overrides(model.settings, list(overrides))
-    # without checksums: a kept palette may be as recoloring has learned it
-    done = {name: {key: value for key, value in state["stages"][name].items() if key != "files"} for name in kept}
+    own = "files", "folder"  # of the other project; a kept palette may be as recoloring has learned it
+    done = {name: {key: value for key, value in state["stages"][name].items() if key not in own} for name in kept}
     state |= {"stages": done, "settings": settings_module.to_dict(changed)}
     write_json(scratch.state_file, state)
     run = {"threads": threads, "emit": TerminalEmit()}
