@@ -141,7 +141,7 @@ def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
     steps = [
         ("engine", "-m", "ruff", "format", "--check", "."),
         ("engine", "-m", "ruff", "check", "."),
-        ("engine", "-m", "basedpyright"),
+        ("engine", "-m", "basedpyright", "--pythonpath", str(python_of("engine"))),
         ("engine", "-m", "pytest", "blender_tests/engine"),
         ("blender", "-m", "pytest", "blender_tests/addon"),
     ]

@@ -73,14 +73,6 @@ def image_header(path: Path) -> ImageHeader:
     return header
 
 
-def webp_size(data: bytes) -> tuple[int, int]:
-    """Return width and height of a WebP image in memory. Raises ValueError if it is none."""
-    header = _webp_header(data[:32]) if data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 32 else None
-    if header is None:
-        raise ValueError("it has a picture that is no WebP")
-    return header.stored_size
-
-
 def check_pixels(
     path: Path, width: int, height: int, min_pixel_limit: int = MOST_PIXELS_OF_SMALL, depth: int = 1
 ) -> None:

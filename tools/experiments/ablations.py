@@ -9,10 +9,10 @@ import numpy as np
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import training_rays
 from karf_engine.kan.gated_block import count_parameters
-from karf_engine.metrics.scores import PaletteScore, score_palettes
 from karf_engine.palettes.compositing import stack_palettes
 from karf_engine.palettes.palette import read_palettes
 from karf_engine.segmentation.report import SegmentationReport
+from tools.metrics.scores import PaletteScore, score_palettes
 
 from ..judging.scores import score_palettes_of
 from ..judging.views import terminal_progress

@@ -10,7 +10,9 @@ import numpy as np
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.metrics.consistency import (
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.model import Model
+from tools.metrics.consistency import (
     Correspondence,
     DepthView,
     flicker,
@@ -18,8 +20,6 @@ from karf_engine.metrics.consistency import (
     match_by_depth,
     mean_of_pairs,
 )
-from karf_engine.recolor.frames import Frame
-from karf_engine.recolor.model import Model
 
 from ..judging.new_cameras import model_of
 from ..judging.views import terminal_progress

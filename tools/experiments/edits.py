@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from karf_engine.metrics.images import hue_shift, mse_outside
-from karf_engine.metrics.scores import score_recolor
 from karf_engine.recolor.frames import Frame
+from tools.metrics.scores import score_recolor
 
 from ..judging.matching import score_matches
 from ..judging.views import TestViews

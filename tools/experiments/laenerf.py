@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from karf_engine.metrics.consistency import forward_backward_consistent, optical_flow, sample_bilinear, warp_positions
+from tools.metrics.consistency import forward_backward_consistent, optical_flow, sample_bilinear, warp_positions
 
 
 def laenerf_error(first: np.ndarray, second: np.ndarray, shown: np.ndarray, other: np.ndarray) -> float:
-    """What the script calls RMSE; arguments as for `karf_engine.metrics.consistency.flow_rmse`.
+    """What the script calls RMSE; arguments as for `tools.metrics.consistency.flow_rmse`.
 
     It is the mean, over pixels, of squares summed over channels, without a root; over the pixels that are hidden, not
     over those that are visible; and it tells these by one flow taken twice, so that all that moves by more than a third

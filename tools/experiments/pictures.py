@@ -10,7 +10,7 @@ import imageio.v3 as iio
 import numpy as np
 
 from karf_engine.io.color import to_bytes
-from karf_engine.metrics.scores import palette_picture
+from tools.metrics.scores import palette_picture
 
 from ..judging.sheets import difference, tinted
 from ..judging.views import TestViews

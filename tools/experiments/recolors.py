@@ -13,7 +13,6 @@ from scipy.cluster.vq import kmeans2
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import object_pixels
 from karf_engine.io.color import to_bytes
-from karf_engine.metrics.scores import hue_shifted
 from karf_engine.palettes.color_histogram import color_cells
 from karf_engine.palettes.compositing import delta_composite, paper_composite
 from karf_engine.palettes.extraction import extract_palette
@@ -24,6 +23,7 @@ from karf_engine.palettes.palette_weights import palette_weights_of_image, star_
 from karf_engine.recolor.field_rendering import weights_of_colors
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
+from tools.metrics.scores import hue_shifted
 
 from ..judging.views import TestViews
 from .bench import Bench

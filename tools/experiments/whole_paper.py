@@ -6,8 +6,8 @@ import numpy as np
 
 import karf_engine as karf
 from karf_engine.compute.progress import TerminalEmit
-from karf_engine.metrics.scores import score_recolor
 from karf_engine.recolor.model import Model
+from tools.metrics.scores import score_recolor
 
 from ..judging.scores import score_objects, score_palettes_of, score_renders
 from ..judging.truth import DEMO

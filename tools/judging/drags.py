@@ -20,12 +20,12 @@ import karf_engine as karf
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.metrics.images import mean_ciede2000
-from karf_engine.metrics.scores import MIN_PIXELS
 from karf_engine.palettes.color_histogram import ColorHistogram, read_object_colors
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, mean_weights
 from karf_engine.palettes.matching.paints import pigment_gate, repainted
 from karf_engine.palettes.palette import MAX_SRGB, Edit
 from karf_engine.recolor.model import Model
+from tools.metrics.scores import MIN_PIXELS
 
 from .truth import Truth
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.metrics.masks import iou
-from karf_engine.metrics.scores import MIN_PIXELS
+from tools.metrics.scores import MIN_PIXELS
 
 BAND = 3  # pixels on either side of the true border
 THIN = 1 / 64  # of the photo's width: half of what is the width of thin parts at most

@@ -30,9 +30,9 @@ import karf_engine as karf
 from karf_engine.capture.capture import UNIT_GAINS, with_gains
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
-from karf_engine.metrics.consistency import DepthView, match_by_depth, sample_bilinear
 from karf_engine.metrics.images import mean_ciede2000
 from karf_engine.recolor.model import Model
+from tools.metrics.consistency import DepthView, match_by_depth, sample_bilinear
 
 from .exposed_captures import ExposedCapture, exposed
 from .recolors import edit_to_judge

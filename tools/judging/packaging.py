@@ -23,13 +23,13 @@ from skimage.color import deltaE_ciede2000
 import karf_engine as karf
 from karf_engine.capture.training_images import read_photo_of_view
 from karf_engine.io.color import srgb_to_lab
-from karf_engine.metrics.consistency import DepthView, match_by_depth
-from karf_engine.metrics.scores import MIN_PIXELS
 from karf_engine.palettes.added import pigment_of_swatch, propose_added_color
 from karf_engine.palettes.color_histogram import read_object_colors
 from karf_engine.palettes.matching.paints import repainted
 from karf_engine.palettes.palette import PROTECT, Edit
 from karf_engine.recolor.model import Model
+from tools.metrics.consistency import DepthView, match_by_depth
+from tools.metrics.scores import MIN_PIXELS
 
 from .causes import split_in
 from .drags import edit_by, swatch_of, with_dragged_material

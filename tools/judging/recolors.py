@@ -17,12 +17,12 @@ from karf_engine.capture.training_images import TrainingImage
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import to_bytes
 from karf_engine.metrics.images import hue_shift, mean_ciede2000, psnr
-from karf_engine.metrics.scores import MIN_PIXELS, score_edit, score_recolor
 from karf_engine.palettes.calibration import to_mean_exposure
 from karf_engine.palettes.compositing import delta_composite
 from karf_engine.palettes.palette import Edit
 from karf_engine.palettes.project_edit import solve
 from karf_engine.recolor.model import Model
+from tools.metrics.scores import MIN_PIXELS, score_edit, score_recolor
 
 from .scores import score_palettes_of, score_renders
 from .sheets import difference, sheet_numbers, tinted, write_sheet

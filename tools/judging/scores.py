@@ -6,8 +6,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from karf_engine.metrics.scores import PaletteScore, score_masks, score_palettes, score_pictures
 from karf_engine.project import Project
+from tools.metrics.scores import PaletteScore, score_masks, score_palettes, score_pictures
 
 from .views import TestViews
 

@@ -10,9 +10,9 @@ from karf_engine.capture.camera import Camera
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import ciede2000, srgb_to_lab
 from karf_engine.io.files import write_json
-from karf_engine.metrics.consistency import DepthView
 from tools.judging.exposed_captures import ExposedCapture, exposed
 from tools.judging.exposure import between_views
+from tools.metrics.consistency import DepthView
 
 PAINT = np.random.default_rng(0).uniform(0.3, 0.7, (12, 12, 3))
 TRAIN, TEST = [f"r_{number:03d}" for number in range(8)], ["r_000", "r_001"]

@@ -8,9 +8,9 @@ import pytest
 from karf_engine.capture.camera import Camera
 from karf_engine.io.files import write_json
 from karf_engine.io.images import write_png
-from karf_engine.metrics.consistency import DepthView
 from tools.judging.packaging import Judge, flips, is_recolored, regions_of
 from tools.judging.truth import Truth
+from tools.metrics.consistency import DepthView
 
 RED, GREEN, SILVER = np.array([(0.8, 0.1, 0.1), (0.1, 0.6, 0.2), (0.6, 0.6, 0.62)])
 SIZE, EDGE = 48, 24  # a letter as a half plane: red left of EDGE, silver right of it

@@ -11,10 +11,10 @@ from typing import TypedDict
 import numpy as np
 
 from karf_engine.io.images import alpha_composite
-from karf_engine.metrics.scores import score_masks, score_recolor
 from karf_engine.palettes.compositing import hard_masks
 from karf_engine.recolor.field_rendering import frame_of
 from karf_engine.recolor.model import Model
+from tools.metrics.scores import score_masks, score_recolor
 
 from ...judging.truth import Truth
 from ...judging.views import TestViews

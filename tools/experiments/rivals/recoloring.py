@@ -12,9 +12,9 @@ import torch
 
 from karf_engine.errors import BadRequest
 from karf_engine.heads.rendering import ObjectSamples, object_samples
-from karf_engine.metrics.scores import hue_shifted
 from karf_engine.recolor.field_rendering import photo_frame, weights_of_colors
 from karf_engine.recolor.frames import Frame
+from tools.metrics.scores import hue_shifted
 
 from ...judging.recolors import edit_to_judge
 from ...judging.truth import Truth

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from karf_engine.metrics.images import hue_shift, ssim
-from karf_engine.metrics.scores import (
+from tools.metrics.scores import (
     palette_picture,
     score_edit,
     score_masks,

@@ -8,7 +8,7 @@ pytest.importorskip("cv2")
 
 from blender_tests.engine.reference.textures import smooth_texture
 from karf_engine.capture.camera import Camera
-from karf_engine.metrics.consistency import (
+from tools.metrics.consistency import (
     DepthView,
     flicker,
     flow_rmse,

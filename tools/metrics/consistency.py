@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from ..capture.camera import Camera
-from ..io.color import to_bytes
+from karf_engine.capture.camera import Camera
+from karf_engine.io.color import to_bytes
 
 DEPTH_TOLERANCE = 0.01  # relative; points farther behind the visible surface are hidden
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .images import cc_psnr, hue_shift, mean_ciede2000, mse_outside, psnr, ssim
-from .masks import accuracy, iou, iou_border_excluded
+from karf_engine.metrics.images import cc_psnr, hue_shift, mean_ciede2000, mse_outside, psnr, ssim
+from karf_engine.metrics.masks import accuracy, iou, iou_border_excluded
 
 MIN_PIXELS = 60  # of an object in a view that tests its mask
 

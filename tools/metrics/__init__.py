@@ -1,0 +1,1 @@
+"""Metrics of recolored pictures that the benchmark and the judges use."""
