@@ -25,8 +25,7 @@ from ..segmentation.field_fit import fit_segmentation, object_surface
 from ..segmentation.labels import LabelledSurface, LabelProblem, solve_labels
 from ..segmentation.report import report_of
 from ..segmentation.surface_points import SurfaceUncertainty, surface_points
-from ..segmentation.views import CachedViews, cache_views, load_masked_views
-from ..segmentation.votes import votes_of_rays
+from ..segmentation.views import CachedViews, cache_views, load_masked_views, votes_of_rays
 from .job import Job, StageRun, open_job, run_stage
 from .options import SegmentationOptions
 

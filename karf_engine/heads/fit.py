@@ -86,7 +86,7 @@ def fit_on_rays(
     """Train F_s in place by Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
     If objects lack masks in a view, a ray outside the masks may have any of several classes; the loss is then that of
-    their total probability. targets: [n, K+1] votes of the n cached rays (see `segmentation/votes.py`). All else is as
+    their total probability. targets: [n, K+1] votes of the n cached rays (see `segmentation/views.py`). All else is as
     for `fit_on_points`.
     """
     flat = cache.positions.view(-1, 3)

@@ -31,11 +31,9 @@ from ..fields.rendering.rays import camera_rays
 from ..fields.rendering.surface_cache import SurfaceCache, cache_surface
 from ..io.images import read_pixels, white_level
 from .coarse_masks import CoarseMask, masks_of_object, object_folders, to_working_size
-from .label_propagation import SMOOTHNESS
-from .neighbor_graph import conjugate_gradients
+from .label_propagation import SMOOTHNESS, conjugate_gradients
 from .surface_points import LABEL_SAMPLES, Labels, SurfacePoints
-from .views import CACHE_STEP
-from .votes import vote_on_points
+from .views import CACHE_STEP, vote_on_points
 
 OBJECT, NOT_OBJECT = 1, -1
 MIN_COVERAGE = 0.25  # of a pixel by a stroke: thin strokes must survive the reduction of the photo
@@ -51,9 +49,8 @@ def find_corrections(folder: Path, capture: Capture) -> list[CoarseMask]:
 
     Raises DataError as `find_masks` does, except that folders may be empty.
     """
-    return (
-        [each for path in object_folders(folder) for each in masks_of_object(path, capture)] if folder.is_dir() else []
-    )
+    folders = object_folders(folder) if folder.is_dir() else []
+    return [each for path in folders for each in masks_of_object(path, capture)]
 
 
 def load_correction(correction: CoarseMask, camera: Camera) -> np.ndarray:

@@ -20,8 +20,7 @@ from ..heads.training_rays import BACKGROUND, MIN_INTERIOR_PIXELS, ObjectSurface
 from ..io.color import to_bytes
 from ..project.settings import SegmentationSettings
 from .labels import LabelledSurface
-from .views import CachedViews
-from .votes import RayVotes
+from .views import CachedViews, RayVotes
 
 NEAR_VOXELS = 8.0
 BOX_MARGIN_VOXELS = 6.0
@@ -54,7 +53,8 @@ def fit_segmentation(
     if from_masks:
         marked = torch.from_numpy(np.flatnonzero(votes.marked)).to(device)
         targets = torch.from_numpy(votes.targets).float().to(device)[marked]
-        fit_on_rays(segmentation, scene_field, _select(cached.cache, marked), targets, *training)
+        cache = SurfaceCache(*[getattr(cached.cache, item.name)[marked] for item in fields(SurfaceCache)])
+        fit_on_rays(segmentation, scene_field, cache, targets, *training)
     else:
         parts = points, surface.labels.margin
         positions, certainty = (torch.from_numpy(part).float().to(device) for part in parts)
@@ -62,10 +62,6 @@ def fit_segmentation(
         classes, near, fixed = (torch.from_numpy(part).to(device) for part in parts)
         fit_on_points(segmentation, scene_field, positions, classes, certainty, near, fixed, *training)
     return segmentation.requires_grad_(False)
-
-
-def _select(cache: SurfaceCache, rays: Tensor) -> SurfaceCache:
-    return SurfaceCache(*[getattr(cache, item.name)[rays] for item in fields(SurfaceCache)])
 
 
 def object_surface(cached: CachedViews, probabilities: Tensor) -> ObjectSurface:
@@ -98,10 +94,7 @@ def _select_rays(cached: CachedViews, rays: Tensor, owner: Tensor, interior: Ten
 
 
 def _interior_rays(cached: CachedViews, label: Tensor, probabilities: Tensor) -> Tensor:
-    """Return True for confident rays at least one pixel from the object's border, [n].
-
-    If an object is so thin that fewer than MIN_INTERIOR_PIXELS remain, all of its rays count.
-    """
+    """Return True for confident rays at least one pixel from the object's border, [n]; all of a very thin object."""
     classes = label.cpu().numpy()
     objects = range(1, len(cached.views.objects) + 1)
     eroded = [

@@ -26,8 +26,8 @@ label, otherwise thin ends and rims would erode. So does a point where masks and
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import sparse
@@ -35,12 +35,9 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse.csgraph import connected_components
 
 from ..compute.neighbors import build_kd_tree
+from ..compute.sparse_systems import warn_not_converged
 from .gaussian_mixtures import class_log_densities
-from .neighbor_graph import conjugate_gradients, neighbor_graph
 from .surface_points import Labels, margin
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 SMOOTHNESS = 20.0  # lambda; 5 and 10 leave holes in solid objects
 SEED_CONSISTENCY = 0.98  # share of an object's seeds that must keep its label; at 0.9 tiny objects are lost
@@ -51,6 +48,14 @@ MAX_PATCH = 0.1  # share of an object's points; without it small objects are rem
 DECIDED = 0.6  # least vote of a seed whose class is not open
 CELLS_PER_DEVIATION = 2
 MAX_CELLS = 100  # along an axis
+TOLERANCE, MAX_STEPS = 1e-4, 150  # of conjugate gradients; relative to the right-hand side
+NEIGHBORS = 12
+COLOR_DEVIATION = 8.0  # Lab units
+TURN_SCALE = 0.15  # 1 minus the cosine between normals; a turn of this size multiplies a weight by exp(-1/2)
+DISTANCE_DEVIATION = 4  # point spacings
+PATTERN = 0.02  # share of a weight that a color edge leaves: a smooth surface with a pattern is one object
+CREASE_FACTOR = 3.0  # on concave turns: objects touch in creases
+MIN_WEIGHT = 1e-6
 
 
 def propagate_labels(
@@ -69,8 +74,12 @@ def propagate_labels(
     K+1], rows sum to 1. seed_confidence: [p] >= 0, 0 for all other points. random: draws the colors that mixtures are
     fitted to.
     """
-    trees, radii = seed_regions(positions, spacing, seed_targets, seed_confidence)
-    distance = np.stack([tree.query(positions)[0] for tree in trees], 1)  # [p, K]
+    distances, radii = [], []
+    for k in range(1, seed_targets.shape[1]):
+        seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
+        distances.append(build_kd_tree(seeds, balanced_tree=False, compact_nodes=False).query(positions)[0])
+        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
+    distance, radii = np.stack(distances, 1), np.maximum(radii, spacing)  # [p, K], [K] at least the point spacing
     near = (distance < 4.0 * radii).any(1)  # all others are background
     fade_start, fade_strength = 2.0, 4.5  # seed radii; log density lost at twice that distance
     propagation = _Propagation(
@@ -119,7 +128,9 @@ class _Propagation:
             untested = np.where(color_labels.argmax(1) == 0, seed_reliability, 1)
             color_confidence = self._color_confidence(color_labels, x, reliability) * untested
             total = reliable + color_confidence
-            shared = _share_open_votes(targets, color_labels)
+            # color divides votes among the classes that they leave open ("not this object")
+            shared = targets * np.maximum(color_labels, 1e-3)
+            shared /= shared.sum(1, keepdims=True)
             unary = reliable[:, None] * shared + color_confidence[:, None] * color_labels
             x = self._smooth(unary / np.maximum(total, 1e-12)[:, None], seed_weight * total, x)
             mixture_weight = reliable  # without color labels, which would confirm themselves
@@ -166,12 +177,10 @@ class _Propagation:
         return (density + unknown / x.shape[1]) / (density.sum(1, keepdims=True) + unknown)
 
     def _color_reliability(self, color_labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the reliability of each class's color at each point, [p, K+1] in [0, 1], and the precision, [K].
-
-        The background is always reliable: a mask that spills over much of it must not disable its color.
-        """
+        """Return the reliability of each class's color at each point, [p, K+1] in [0, 1], and the precision, [K]."""
         predicted = color_labels.argmax(1)
         decided = self.seed_confidence * (self.seed_targets.max(1) > DECIDED)
+        # the background is always reliable: a mask that spills over much of it must not disable its color
         share, precision = np.ones_like(color_labels), np.ones(len(self.radii))
         for k, radius in enumerate(self.radii, 1):
             weight = decided * (predicted == k)
@@ -182,13 +191,10 @@ class _Propagation:
         return np.clip((share - 0.5) / 0.2, 0, 1), precision  # none up to a share of 0.5, full from 0.7
 
     def _color_confidence(self, color_labels: np.ndarray, x: np.ndarray, reliability: np.ndarray) -> np.ndarray:
-        """Return the confidence of the color labels, [p]: their margin times the least reliability of three classes.
-
-        These are the two likeliest by color and the current one. With the likeliest alone, the background would take
-        points from an object whose own colors are unreliable.
-        """
+        """Return the confidence of the color labels, [p]: their margin times the least reliability of three classes."""
         second, first = np.argsort(color_labels, 1)[:, -2:].T
         rows = np.arange(len(color_labels))
+        # with the likeliest alone, the background would take points from an object whose own colors are unreliable
         least = np.minimum.reduce([reliability[rows, each] for each in (first, second, x.argmax(1))])
         factor = 1 + AGREED_WEIGHT * self._agreed(color_labels, reliability)
         return 2 * factor * least * (color_labels[rows, first] - color_labels[rows, second])
@@ -243,12 +249,6 @@ class _Propagation:
         return connected_components(tied, directed=False)[1]
 
 
-def _share_open_votes(targets: np.ndarray, color_labels: np.ndarray) -> np.ndarray:
-    """Divide votes among the classes that they leave open ("not this object") by color, [p, K+1]."""
-    shared = targets * np.maximum(color_labels, 1e-3)
-    return shared / shared.sum(1, keepdims=True)
-
-
 def has_seeds(seed_targets: np.ndarray, seed_confidence: np.ndarray) -> np.ndarray:
     """Return whether each object has a seed, [K] bool; arguments as for `propagate_labels`."""
     objects = range(1, seed_targets.shape[1])
@@ -260,18 +260,6 @@ def seeds_of(k: int, seed_targets: np.ndarray, seed_confidence: np.ndarray) -> n
     # votes of 0.5 and less may be open: far points gather many of them
     votes = seed_confidence * seed_targets[:, k] * (seed_targets[:, k] > 0.5)
     return votes >= np.maximum(0.25 * votes.max(initial=0), np.finfo(float).tiny)
-
-
-def seed_regions(
-    positions: np.ndarray, spacing: float, seed_targets: np.ndarray, seed_confidence: np.ndarray
-) -> tuple[list[cKDTree], np.ndarray]:
-    """Return a search tree of each object's seeds, and their RMS radii [K], at least the point spacing."""
-    trees, radii = [], []
-    for k in range(1, seed_targets.shape[1]):
-        seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
-        trees.append(build_kd_tree(seeds, balanced_tree=False, compact_nodes=False))
-        radii.append(np.sqrt(((seeds - seeds.mean(0)) ** 2).sum(1).mean()) if len(seeds) else 0)
-    return trees, np.maximum(radii, spacing)
 
 
 def local_share(
@@ -295,3 +283,62 @@ def local_share(
         return gaussian_filter(sums, deviation, mode="constant", truncate=3).ravel()[index] * scale
 
     return (blurred(part) + prior * expected) / (blurred(weight) + prior)
+
+
+def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, spacing: float) -> sparse.csr_matrix:
+    """Return weights between nearest neighbors, near 1 where color, normal and position agree: symmetric [p, p].
+
+    positions, lab (CIE Lab), normals (outward): [p, 3]. spacing: of the points, grid coordinates.
+    """
+    # building a balanced tree has crashed together with torch
+    tree = build_kd_tree(positions, balanced_tree=False, compact_nodes=False)
+    distances, neighbors = tree.query(positions, k=range(1, min(NEIGHBORS + 1, len(positions)) + 1))
+    distances, neighbors = distances[:, 1:], neighbors[:, 1:]
+    color = ((lab[neighbors] - lab[:, None]) ** 2).sum(2) / (2 * COLOR_DEVIATION**2)
+    turn = (1 - (normals[neighbors] * normals[:, None]).sum(2)) / (2 * TURN_SCALE)
+    bend = ((normals[neighbors] - normals[:, None]) * (positions[neighbors] - positions[:, None])).sum(2)
+    turn = np.where(bend < 0, CREASE_FACTOR * turn, turn)  # negative: the normals turn towards each other
+    place = distances**2 / (2 * (DISTANCE_DEVIATION * spacing) ** 2)
+    weights = np.exp(-turn - place) * (PATTERN + (1 - PATTERN) * np.exp(-color)) + MIN_WEIGHT
+    rows = np.repeat(np.arange(len(positions)), neighbors.shape[1])
+    graph = sparse.csr_matrix((weights.ravel(), (rows, neighbors.ravel())), shape=(len(positions),) * 2)
+    return graph.maximum(graph.T).tocsr()
+
+
+def conjugate_gradients(
+    product: Callable[[np.ndarray], np.ndarray], diagonal: np.ndarray, right: np.ndarray, x: np.ndarray
+) -> np.ndarray:
+    """Solve A x = b for several right-hand sides [p, c] at once, preconditioned with the diagonal of A.
+
+    product: maps [p, c] to A times it; A is positive definite. x: initial guess. Warns if it has not converged after
+    MAX_STEPS iterations. (SciPy's solvers take one right-hand side at a time.)
+    """
+    inverse = 1 / diagonal[:, None]
+    x, residual = x.copy(), right - product(x)
+    scaled = residual * inverse
+    direction = scaled.copy()
+    energy = _dots(residual, scaled)
+    goal = TOLERANCE * np.sqrt(_dots(right, right))
+    for _ in range(MAX_STEPS):
+        if (np.sqrt(_dots(residual, residual)) <= goal).all():
+            break
+        image = product(direction)
+        length = energy / np.maximum(_dots(direction, image), 1e-30)
+        x += length * direction
+        image *= length
+        residual -= image
+        np.multiply(residual, inverse, out=scaled)
+        new_energy = _dots(residual, scaled)
+        direction *= new_energy / np.maximum(energy, 1e-30)
+        direction += scaled
+        energy = new_energy
+    left = np.sqrt(_dots(residual, residual))
+    if (left > goal).any():
+        norms = np.sqrt(_dots(right, right))
+        warn_not_converged(MAX_STEPS, float((left / np.maximum(norms, np.finfo(float).tiny)).max()), TOLERANCE)
+    return x
+
+
+def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the scalar products [c] of columns [p, c] without a temporary array."""
+    return np.einsum("pc,pc->c", a, b)

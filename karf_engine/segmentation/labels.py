@@ -29,12 +29,10 @@ from ..project.settings import LABEL_KINDS, Settings
 from ..project.volumes import Volume
 from .coarse_masks import CoarseMask
 from .corrections import Constraints, ViewObserver, spread
-from .label_propagation import has_seeds, propagate_labels
-from .neighbor_graph import neighbor_graph
+from .label_propagation import has_seeds, neighbor_graph, propagate_labels
 from .report import Suggestions, views_to_mark
 from .surface_points import Labels, SurfacePoints, surface_points
-from .views import cache_views, load_masked_views
-from .votes import RayVotes, vote_on_points, votes_of_rays
+from .views import RayVotes, cache_views, load_masked_views, vote_on_points, votes_of_rays
 
 LOW_PRECISION = 0.6  # below it, the user is warned
 
@@ -212,9 +210,7 @@ def _require_any(objects: Sequence[str], found: np.ndarray) -> None:
 
 
 PLUGINS = "karf.labels"
-
 LabelSolver = Callable[[LabelProblem], LabelledSurface]
-
 SOLVERS: dict[str, LabelSolver] = {}
 
 

@@ -9,7 +9,6 @@ view helps about as much.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
@@ -120,13 +119,6 @@ def report_of(cached: CachedViews, points: SurfacePoints, labels: Labels, probab
     )
 
 
-def suggestions_of(scores: Mapping[str, float]) -> Suggestions:
-    """Rank the unmarked views by their scores."""
-    best = sorted(scores, key=lambda name: -scores[name])[:MAX_SUGGESTIONS]
-    are_similar = len(best) > 1 and scores[best[0]] * len(scores) < SIMILAR * sum(scores.values())
-    return Suggestions({name: scores[name] for name in best}, are_similar)
-
-
 def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) -> Suggestions:
     """Score the unmarked views: the mean over objects of the best patch's value, relative to the object's pixels."""
     views, end = cached.views, points.point_of_sample[:, points.point_of_sample.shape[1] // 2]
@@ -136,10 +128,13 @@ def views_to_mark(cached: CachedViews, points: SurfacePoints, labels: Labels) ->
         total = np.maximum(np.bincount(patch, pixels), 1)
         object_pixels = max((pixels * labels.opinion[:, k]).sum(), 1)
         value = np.sqrt(total) * np.bincount(patch, pixels * doubt) / total / object_pixels
-        best = [_best_value(picture, value) for picture in cached.pictures(patch[end])]
-        scores += np.minimum(best, 1) / len(views.objects)
+        values = [_best_value(picture, value) for picture in cached.pictures(patch[end])]
+        scores += np.minimum(values, 1) / len(views.objects)
     found = {name: round(float(score), 4) for name, score in zip(views.names, scores, strict=True)}
-    return suggestions_of({name: score for name, score in found.items() if name not in views.masked_names})
+    unmarked = {name: score for name, score in found.items() if name not in views.masked_names}
+    best = sorted(unmarked, key=lambda name: -unmarked[name])[:MAX_SUGGESTIONS]
+    are_similar = len(best) > 1 and unmarked[best[0]] * len(unmarked) < SIMILAR * sum(unmarked.values())
+    return Suggestions({name: unmarked[name] for name in best}, are_similar)
 
 
 def _patches(points: SurfacePoints, kind: np.ndarray) -> np.ndarray:

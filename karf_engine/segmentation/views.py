@@ -1,6 +1,10 @@
-"""The views that segmentation learns from: photos, coarse masks of some of them, and surface samples.
+"""The views that segmentation learns from: photos, coarse masks of some of them, surface samples, and the masks' votes.
 
 Pixels of all photos are numbered consecutively: photo v has `offsets[v]` to `offsets[v + 1]`, row by row.
+
+A pixel in a mask votes for the mask's object. A pixel outside all masks of a view votes evenly for the background and
+the objects without a mask in this view. Confidence grows from 0 at a mask's border, where masks are least exact, to 1 a
+few pixels away, or in the middle of a thin part.
 """
 
 from __future__ import annotations
@@ -9,6 +13,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from ..capture.capture import View
 from ..capture.training_images import TrainingImage, load_views
@@ -22,6 +27,10 @@ from ..project.settings import SegmentationSettings
 from .coarse_masks import CoarseMask, load_mask
 
 CACHE_STEP = 1.0  # voxels; coarse, since only the ends of rays matter here
+BAND_PIXELS = 6.0  # width of the band along a mask's border, pixels of a photo 200 pixels high
+BAND_OF_RADIUS = 0.35  # greatest width of the band, relative to the radius of a disc of the mask's area
+NEAR_BODY = 2.0  # radii around a disc's center; with less, corners of rough masks count as thin, with 3 nothing is thin
+MIN_OPACITY = 0.3  # of a ray that votes
 
 
 @dataclass(frozen=True)
@@ -128,3 +137,87 @@ def cache_views(scene_field: Field, views: MaskedViews, samples_per_ray: int, pr
     if not len(cache):
         raise DataError("The learned scene shows nothing solid in any photo.", "Learn it again, with other settings.")
     return CachedViews(views, cache)
+
+
+@dataclass(frozen=True)
+class RayVotes:
+    """The masks' votes on n cached rays."""
+
+    targets: np.ndarray  # [n, K+1] shares of the classes; rows sum to 1
+    confidence: np.ndarray  # [n] in [0, 1]; 0 in views without masks
+    opacity: np.ndarray  # [n] in [0, 1], of the rays
+    marked: np.ndarray  # [n] bool, rays of views with masks
+
+
+def votes_of_rays(cached: CachedViews) -> RayVotes:
+    """Return the votes of the cached rays; rays of low opacity get no confidence."""
+    views, n_classes = cached.views, len(cached.views.objects) + 1
+    offsets = views.offsets
+    targets, confidence = np.full((offsets[-1], n_classes), 1.0 / n_classes), np.zeros(offsets[-1])
+    for number, masks in enumerate(views.masks):
+        if masks:
+            pixels = slice(offsets[number], offsets[number + 1])
+            targets[pixels] = mask_targets(masks, n_classes).reshape(-1, n_classes)
+            confidence[pixels] = mask_confidence(masks).ravel()
+    index, opacity = cached.cache.index.cpu().numpy(), cached.cache.opacity.cpu().numpy()
+    confidence = confidence[index]
+    return RayVotes(targets[index], confidence * (opacity > MIN_OPACITY), opacity, confidence > 0)
+
+
+def mask_targets(masks: dict[int, np.ndarray], n_classes: int) -> np.ndarray:
+    """Return the votes of one view's pixels, [H, W, n_classes] float64; they sum to 1. Overlapping masks share a pixel.
+
+    masks: {class number: bool [H, W]}, at least one. n_classes: K + 1, background included.
+    """
+    height, width = next(iter(masks.values())).shape
+    targets = np.zeros((height, width, n_classes))
+    for number, mask in masks.items():
+        targets[mask, number] = 1
+    without_mask = [k for k in range(n_classes) if k not in masks]
+    outside = targets.sum(2) == 0
+    targets[np.ix_(np.arange(height), np.arange(width), without_mask)] += outside[..., None]
+    return targets / targets.sum(2, keepdims=True)
+
+
+def mask_confidence(masks: dict[int, np.ndarray]) -> np.ndarray:
+    """Return the confidence of one view's pixels, [H, W] float64 in [0, 1]."""
+    height, width = next(iter(masks.values())).shape
+    confidence = np.ones((height, width))
+    for mask in masks.values():
+        if not mask.any() or mask.all():
+            continue
+        band = max(min(BAND_PIXELS * height / 200, BAND_OF_RADIUS * np.sqrt(mask.sum() / np.pi)), 1.0)
+        inside, outside = (np.asarray(distance_transform_edt(each)) for each in (mask, ~mask))
+        confidence = np.minimum(confidence, np.where(mask, inside / half_width(inside, band), outside / band))
+    return np.minimum(confidence, 1.0)
+
+
+def half_width(inside: np.ndarray, limit: float) -> np.ndarray:
+    """Return half of the mask's width at each pixel, [H, W] in [1, limit]; 1 outside the mask.
+
+    It is the radius of the largest inscribed disc that covers the pixel or is close to it, so corners and bumps of a
+    rough outline belong to the body. inside: [H, W] distance of the mask's pixels to the outside, 0 there.
+    """
+    width = np.ones(inside.shape)
+    for radius in np.linspace(1, limit, 6)[1:]:
+        centers = inside >= radius
+        if not centers.any():
+            break
+        width[(inside > 0) & (distance_transform_edt(~centers) < NEAR_BODY * radius)] = radius
+    return width
+
+
+def vote_on_points(
+    point_of_sample: np.ndarray, targets: np.ndarray, confidence: np.ndarray, n_points: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sum the votes of rays, targets [n, C] and confidence [n] >= 0, on the points of their samples [n, K].
+
+    Returns targets [p, C], whose rows sum to 1, and confidence [p]; even targets and 0 for points without samples.
+    """
+    n_samples = point_of_sample.shape[1]
+    point = point_of_sample.ravel()
+    weight = np.repeat(confidence / n_samples, n_samples)
+    total = np.bincount(point, weight, n_points)
+    votes = np.stack([np.bincount(point, weight * np.repeat(column, n_samples), n_points) for column in targets.T], 1)
+    even = 1.0 / targets.shape[1]
+    return np.where(total[:, None] > 0, votes / np.maximum(total, 1e-12)[:, None], even), total

@@ -8,7 +8,7 @@ from scipy import sparse
 
 from karf_engine.compute import sparse_systems
 from karf_engine.compute.sparse_systems import NotConverged, convergence_as_event, warn_not_converged
-from karf_engine.segmentation import neighbor_graph
+from karf_engine.segmentation import label_propagation
 
 N = 200
 
@@ -38,12 +38,12 @@ def test_a_system_of_surface_points_warns_too(monkeypatch):
     def solve():
         system = chain()
         right = one_end()[:, None]
-        return neighbor_graph.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
+        return label_propagation.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
 
-    monkeypatch.setattr(neighbor_graph, "MAX_STEPS", 5)
+    monkeypatch.setattr(label_propagation, "MAX_STEPS", 5)
     with pytest.warns(NotConverged, match="after 5 iterations"):
         solve()
-    monkeypatch.setattr(neighbor_graph, "MAX_STEPS", 2 * N)
+    monkeypatch.setattr(label_propagation, "MAX_STEPS", 2 * N)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         solve()

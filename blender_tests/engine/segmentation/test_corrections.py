@@ -19,7 +19,7 @@ from karf_engine.segmentation.corrections import (
     load_correction,
     spread,
 )
-from karf_engine.segmentation.neighbor_graph import neighbor_graph
+from karf_engine.segmentation.label_propagation import neighbor_graph
 from karf_engine.segmentation.surface_points import Labels, SurfacePoints
 
 CAMERA = Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))

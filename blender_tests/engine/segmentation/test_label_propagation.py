@@ -11,8 +11,15 @@ pytest.importorskip("scipy")
 
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.segmentation.gaussian_mixtures import class_log_densities
-from karf_engine.segmentation.label_propagation import AGREED_WEIGHT, _Propagation, has_seeds, propagate_labels
-from karf_engine.segmentation.neighbor_graph import PATTERN, conjugate_gradients, neighbor_graph
+from karf_engine.segmentation.label_propagation import (
+    AGREED_WEIGHT,
+    PATTERN,
+    _Propagation,
+    conjugate_gradients,
+    has_seeds,
+    neighbor_graph,
+    propagate_labels,
+)
 
 VOXEL = 0.05
 RED, GREEN, BLUE, WHITE, GRAY = (0.8, 0.15, 0.1), (0.15, 0.6, 0.2), (0.15, 0.25, 0.8), (0.9, 0.9, 0.88), (0.5, 0.5, 0.5)

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 pytest.importorskip("scipy")
 
 from karf_engine.segmentation.surface_points import merge_samples
-from karf_engine.segmentation.votes import mask_confidence, mask_targets, vote_on_points
+from karf_engine.segmentation.views import mask_confidence, mask_targets, vote_on_points
 
 
 def mask_of(*rows):
