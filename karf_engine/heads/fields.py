@@ -31,23 +31,18 @@ def scale_positions(positions: Tensor, bounds: Tensor) -> Tensor:
 
 
 class SegmentationField(nn.Module):
-    """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background.
+    """F_s of Eq. 7: probabilities of K + 1 classes at positions; class 0 is the background."""
 
-    boxes: [K, 2, 3] least and greatest corners, grid coordinates; an object has probability 0 outside its box.
-    n_features: F, of the prior. volumes: that objects must be inside or outside of, which needs the space of the
-    scene's field.
-    """
-
-    boxes: Tensor
-    bounds: Tensor
+    boxes: Tensor  # [K, 2, 3] least and greatest corners, grid coordinates; an object has probability 0 outside its box
+    bounds: Tensor  # [2, 3] of all boxes
 
     def __init__(
         self,
         boxes: Tensor,
-        n_features: int,
+        n_features: int,  # F, of the prior
         settings: SegmentationSettings,
-        volumes: Volumes | None = None,
-        space: Space | None = None,
+        volumes: Volumes | None = None,  # that objects must be inside or outside of
+        space: Space | None = None,  # of the scene's field, for volumes
     ) -> None:
         super().__init__()
         self.volumes, self.space = volumes, space
@@ -109,10 +104,7 @@ class RecoloringField(nn.Module):
     def forward(self, positions: Tensor, viewdirs: Tensor, prior_features: Tensor) -> Tensor:
         """Return palette weights [n, blocks, M] >= 0; each block sums to 1.
 
-        Args:
-            positions: [n, 3] grid coordinates.
-            viewdirs: [n, 3], unit length.
-            prior_features: [n, F], not standardized.
+        positions: [n, 3] grid coordinates. viewdirs: [n, 3], unit length. prior_features: [n, F], not standardized.
         """
         logits = self.head(
             positional_encoding(scale_positions(positions, self.bounds), self.frequencies),

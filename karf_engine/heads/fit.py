@@ -30,27 +30,20 @@ MAX_CACHE_BYTES = 1 << 29  # of prior features; a NeRF has 256 per sample
 
 def fit_on_points(
     segmentation: SegmentationField,
-    scene_field: Field,
-    positions: Tensor,
-    classes: Tensor,
-    certainty: Tensor,
-    near: Tensor,
-    fixed: Tensor,
+    scene_field: Field,  # frozen
+    positions: Tensor,  # [p, 3] grid coordinates
+    classes: Tensor,  # [p] int in 0..K
+    certainty: Tensor,  # [p] in [0, 1], sampling weights
+    near: Tensor,  # [p] bool, points near an object
+    fixed: Tensor,  # [p] bool, points fixed by corrections
     settings: SegmentationSettings,
     runtime: Runtime,
-    progress: Progress,
+    progress: Progress,  # counts iterations
     checkpoint: Checkpoint | None = None,
 ) -> None:
-    """Train F_s in place by cross-entropy on p labelled surface points [p, 3], grid coordinates.
+    """Train F_s in place by cross-entropy on labelled surface points, or resume its training from the checkpoint.
 
     Batches are drawn from the objects, the background near them, all points, and the points fixed by corrections.
-
-    Args:
-        segmentation, scene_field: F_s, and the frozen radiance field for its prior features.
-        classes: [p] int in 0..K. certainty: [p] in [0, 1], sampling weights.
-        near, fixed: [p] bool, points near an object, and points fixed by corrections.
-        progress: counts iterations.
-        checkpoint: resumes and saves the training; None trains from the start.
     """
     features = scene_field.features(positions)
     segmentation.standardizer.fit(features)
@@ -77,7 +70,7 @@ def fit_on_rays(
     segmentation: SegmentationField,
     scene_field: Field,
     cache: SurfaceCache,
-    targets: Tensor,
+    targets: Tensor,  # [n, K+1] votes of the n cached rays
     settings: SegmentationSettings,
     runtime: Runtime,
     progress: Progress,
@@ -86,8 +79,7 @@ def fit_on_rays(
     """Train F_s in place by Eq. 12: cross-entropy between rendered probabilities and the masks as given.
 
     If objects lack masks in a view, a ray outside the masks may have any of several classes; the loss is then that of
-    their total probability. targets: [n, K+1] votes of the n cached rays (see `segmentation/views.py`). All else is as
-    for `fit_on_points`.
+    their total probability.
     """
     flat = cache.positions.view(-1, 3)
     segmentation.standardizer.fit(scene_field.features(flat[:: max(1, len(flat) // 65536)]))
@@ -122,16 +114,13 @@ def fit_recoloring(
     recoloring: RecoloringField,
     scene_field: Field,
     rays: ObjectRays,
-    palettes: Tensor,
+    palettes: Tensor,  # [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed
     settings: RecoloringSettings,
     runtime: Runtime,
     progress: Progress,
     checkpoint: Checkpoint | None = None,
 ) -> Tensor:
     """Train F_w in place by Eq. 14 with lambda_Edit = 1, in the last `palette_share` of the iterations palettes too.
-
-    palettes: [blocks, M, 3] as extracted, sRGB in [0, 1]; entry 0 is black and fixed. All else is as for
-    `fit_on_points`.
 
     Returns the learned palettes, [blocks, M, 3] sRGB in [0, 1].
     """
@@ -205,10 +194,8 @@ def _draw(pool: Tensor, count: int, runtime: Runtime) -> Tensor:
 def _ray_features(
     scene_field: Field, positions: Tensor, settings: SegmentationSettings | RecoloringSettings
 ) -> Callable[[Tensor], Tensor]:
-    """Return a function from ray indices [m] to prior features [m, S, F] at the samples [n, S, 3] of all rays.
-
-    Features are computed once if that is less work than at each call and fits into memory.
-    """
+    """Return a function from ray indices [m] to prior features [m, S, F] at the samples [n, S, 3] of all rays."""
+    # computed once if that is less work than at each call and fits into memory
     n_bytes = positions.shape[0] * positions.shape[1] * scene_field.n_features * 4
     if len(positions) > settings.iterations * settings.batch or n_bytes > MAX_CACHE_BYTES:
         return lambda rays: features_of(scene_field, positions[rays])

@@ -41,7 +41,6 @@ class HeadSizes:
 
 
 HeadBuilder = Callable[[HeadSizes, HeadSettings], Head]
-
 PLUGINS = "karf.heads"
 HEADS: dict[str, HeadBuilder] = {}
 

@@ -65,28 +65,22 @@ def _for_each_chunk(
     ]
     chunks = torch.nonzero(torch.cat(touching)).squeeze(1).split(rays_per_chunk)
 
-    def evaluate(first: int, last: int) -> None:
-        for number in range(first, last):
-            use(number, _evaluate(segmentation, scene_field, cache, chunks[number]))
+    def evaluate(start: int, stop: int) -> None:
+        for number in range(start, stop):
+            rays = chunks[number]
+            distances = cache.distances[rays]
+            first = torch.ones_like(distances, dtype=torch.bool)
+            first[:, 1:] = distances[:, 1:] != distances[:, :-1]
+            positions = cache.positions[rays][first]
+            features = scene_field.features(positions)
+            use(number, _Chunk(rays, first, positions, features, segmentation(positions, features)))
 
     parallel_for(evaluate, len(chunks))
 
 
-def _evaluate(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache, rays: Tensor) -> _Chunk:
-    distances = cache.distances[rays]
-    first = torch.ones_like(distances, dtype=torch.bool)
-    first[:, 1:] = distances[:, 1:] != distances[:, :-1]
-    positions = cache.positions[rays][first]
-    features = scene_field.features(positions)
-    return _Chunk(rays, first, positions, features, segmentation(positions, features))
-
-
 @torch.no_grad()
 def segment_cache(segmentation: SegmentationField, scene_field: Field, cache: SurfaceCache) -> Tensor:
-    """Render class probabilities of all cached rays, [n, K+1]; not differentiable.
-
-    Rays outside all boxes are background and not evaluated.
-    """
+    """Render class probabilities of all cached rays, [n, K+1], background outside all boxes; not differentiable."""
     rendered = _background(segmentation, cache)
 
     def use(_: int, chunk: _Chunk) -> None:
@@ -144,9 +138,7 @@ def weigh_cache(recoloring: RecoloringField, samples: ObjectSamples, cache: Surf
     """Render the edit planes of n cached rays: sum_i omega_i s_i^k w_ij for object k and palette entry j (Eq. 8, 9).
 
     Class and weights are multiplied per sample, so samples behind an object's silhouette have no influence. Not
-    differentiable; `render_weights` is. samples: of this cache.
-
-    Returns [n, K, M] >= 0; the sum over M is the object's probability.
+    differentiable; `render_weights` is. Returns [n, K, M] >= 0; the sum over M is the object's probability.
     """
     n_objects, n_samples = samples.classes.shape[1], cache.positions.shape[1]
     planes = torch.zeros(len(cache), n_objects, recoloring.n_colors, device=cache.opacity.device)

@@ -59,28 +59,19 @@ def objects_with_few_pixels(surface: ObjectSurface, objects: list[str]) -> dict[
 
 
 def training_rays(
-    scene_field: Field,
+    scene_field: Field,  # frozen
     surface: ObjectSurface,
-    blocks: Sequence[Palette],
+    blocks: Sequence[Palette],  # for each object, or one for all
     settings: RecoloringSettings,
-    masked_views: Sequence[int] = (),
-    cameras: Sequence[Camera] = (),
-    start_progress: Callable[[str, int], Progress] | None = None,
-    opacity: Tensor | None = None,
+    masked_views: Sequence[int] = (),  # indices of the cached views with masks, for `supervision="reference"`
+    cameras: Sequence[Camera] = (),  # of the cached views, for `targets="loco"`
+    start_progress: Callable[[str, int], Progress] | None = None,  # for `targets="loco"`
+    opacity: Tensor | None = None,  # [n] in [0, 1], of the surface's rays; None for opaque rays
 ) -> ObjectRays:
     """Return the interior rays with their target weights W over the objects' palettes (Eq. 13).
 
-    Rays without an object are black with the weight of black, and are assigned to the palettes in turn.
-
-    Args:
-        scene_field, surface: the frozen radiance field, and the objects' rays.
-        blocks: a palette for each object, or one for all.
-        settings: `supervision` selects the rays of Eq. 13, `targets` the kind of weights.
-        masked_views: indices of the cached views with masks; needed for `supervision="reference"`.
-        cameras, start_progress: of the cached views, and of the work; needed for `targets="loco"`.
-        opacity: [n] in [0, 1], of the surface's rays; None for opaque rays.
-
-    Raises DataError where no object has surface points.
+    Rays without an object are black with the weight of black, and are assigned to the palettes in turn. Raises DataError
+    where no object has surface points.
     """
     if not surface.interior.any():
         raise DataError(
