@@ -43,12 +43,6 @@ UNTRAINED = (
 MASK_SAMPLES, WEIGHT_SAMPLES = 3, 8  # quantile samples per ray, for classes and for palette weights
 
 
-UNTRAINED = (
-    "{folder} has no recoloring field F_w: renderings take palette weights from their own colors.",
-    "Train it: karf recoloring {folder} --set recoloring.iterations=1000",
-)
-
-
 class Learned:
     """The finished stages of a project, in memory: the attributes of `Model`."""
 

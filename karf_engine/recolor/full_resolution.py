@@ -123,8 +123,7 @@ class PhotoView:
     ) -> Layers:
         """Return the photo's layers in the camera's grid, over white.
 
-        depth: [h, w] along the optical axis in the camera's grid, of any size. Each pixel takes the nearest one:
-        interpolation would place points between two surfaces.
+        depth: [h, w] along the optical axis in the camera's grid, of any size. Each pixel takes the nearest one.
         """
         if edges and active_edges(edges):
             return self._with_edges(edges).layers(depth, added)
@@ -150,7 +149,10 @@ class PhotoView:
                 planes = split_weights(shares.T, own.colors, added.get(own.name, ()))
                 for plane, share in zip(weights[k], planes, strict=False):  # small palettes are padded
                     self._as_stored(plane)[rows, columns][inside] = covered[inside] * share
-        nearest = (_nearest(*sides) for sides in zip(depth.shape, (height, width), strict=True))
+        nearest = (
+            ((np.arange(many) + 0.5) * few / many).astype(np.intp)
+            for few, many in zip(depth.shape, (height, width), strict=True)
+        )
         return Layers(palettes, base, coverage, weights, depth[np.ix_(*nearest)], self.gains)
 
     def _as_stored(self, plane: np.ndarray) -> np.ndarray:
@@ -248,10 +250,6 @@ def make_photo_view(
         marks = replace(marks, drawn=np.stack([from_camera(own, orientation) for own in marks.drawn]))
     mattes = mattes_of(shown, probabilities, rendered, marks)
     return PhotoView(photo, orientation, objects, mattes, palettes, scale, estimate_noise(shown), gains=view.gains)
-
-
-def _nearest(few: int, many: int) -> np.ndarray:
-    return ((np.arange(many) + 0.5) * few / many).astype(np.intp)
 
 
 def _weights(colors: np.ndarray, palette: Palette, gains: Sequence[float]) -> np.ndarray:

@@ -228,7 +228,6 @@ def write_mask(path: Path, mask: np.ndarray, orientation: int) -> None:
     atomic_write(path, lambda temporary: Image.fromarray(mask).convert("L").save(temporary, **options))
 
 
-# --- PNG
 def _write_png(path: Path, photo: StoredPhoto) -> None:
     coded = encode_image(".png", photo.pixels, [cv2.IMWRITE_PNG_COMPRESSION, PNG_LEVEL])
     header_end = len(PNG_SIGNATURE) + 25  # the IHDR chunk is first and 25 bytes long
@@ -250,17 +249,13 @@ def _png_metadata(photo: StoredPhoto) -> Iterator[tuple[bytes, bytes]]:
         stream = io.BytesIO()
         Image.new("RGB", (1, 1)).save(stream, "png", **metadata, pnginfo=texts)
         content = stream.getvalue()
-    for kind, data in _png_chunks(content):
-        is_gray_profile = kind == b"iCCP" and not _is_rgb(zlib.decompress(data[data.index(b"\0") + 2 :]))
-        if kind in PNG_CHUNKS and not is_gray_profile:
-            yield kind, data
-
-
-def _png_chunks(content: bytes) -> Iterator[tuple[bytes, bytes]]:
     at = len(PNG_SIGNATURE)
     while at + 8 <= len(content):
         length, kind = struct.unpack_from(">I4s", content, at)
-        yield kind, content[at + 8 : at + 8 + length]
+        data = content[at + 8 : at + 8 + length]
+        is_gray_profile = kind == b"iCCP" and not _is_rgb(zlib.decompress(data[data.index(b"\0") + 2 :]))
+        if kind in PNG_CHUNKS and not is_gray_profile:
+            yield kind, data
         at += length + 12
 
 
@@ -278,7 +273,6 @@ def _metadata(photo: StoredPhoto) -> dict[str, Any]:
     return found
 
 
-# --- JPEG
 def _write_jpeg(path: Path, photo: StoredPhoto) -> None:
     with Image.open(photo.path) as file:
         sampling = JpegImagePlugin.get_sampling(file)
@@ -286,7 +280,6 @@ def _write_jpeg(path: Path, photo: StoredPhoto) -> None:
     Image.fromarray(photo.pixels).save(path, quality=JPEG_QUALITY, subsampling=max(sampling, 0), **metadata)
 
 
-# --- TIFF
 def _write_tiff(path: Path, photo: StoredPhoto) -> None:
     content = encode_image(".tif", photo.pixels)
     coded, metadata = _directory(io.BytesIO(content)), _tiff_metadata(photo)
@@ -333,15 +326,18 @@ def _tiff_metadata(photo: StoredPhoto) -> ImageFileDirectory_v2:
     return kept
 
 
-# --- EXR
 def _write_exr(path: Path, photo: StoredPhoto) -> None:
     with library_path(photo.path) as readable:
         file = OpenEXR.File(readable)
     header = file.header()
     window, shown = np.array(header["dataWindow"]), np.array(header["displayWindow"])
     width, height = (shown[1] - shown[0] + 1).tolist()
-    if photo.size != (width, height):
-        _write_reduced_exr(path, photo, header["compression"])
+    compression = header["compression"]
+    if compression.name in LOSSY_EXR:  # would change pixels outside the edit
+        compression = OpenEXR.ZIP_COMPRESSION
+    if photo.size != (width, height):  # without the other channels, which have the full size
+        reduced = {"RGBA" if photo.pixels.shape[-1] == 4 else "RGB": np.ascontiguousarray(photo.pixels)}
+        save_exr(OpenEXR.File({"compression": compression, "type": OpenEXR.scanlineimage}, reduced), path)
         return
     name = photo.channels
     channel = file.channels()[name]
@@ -352,17 +348,5 @@ def _write_exr(path: Path, photo: StoredPhoto) -> None:
         file.channels()["RGB"] = OpenEXR.Channel("RGB", pixels)
     else:
         channel.pixels = pixels
-    header["compression"] = _lossless(header["compression"])
+    header["compression"] = compression
     save_exr(file, path)
-
-
-def _write_reduced_exr(path: Path, photo: StoredPhoto, compression: OpenEXR.Compression) -> None:
-    # the other channels have the full size
-    header = {"compression": _lossless(compression), "type": OpenEXR.scanlineimage}
-    channels = "RGBA" if photo.pixels.shape[-1] == 4 else "RGB"
-    save_exr(OpenEXR.File(header, {channels: np.ascontiguousarray(photo.pixels)}), path)
-
-
-def _lossless(compression: OpenEXR.Compression) -> OpenEXR.Compression:
-    # a lossy one would change pixels outside the edit
-    return OpenEXR.ZIP_COMPRESSION if compression.name in LOSSY_EXR else compression

@@ -88,7 +88,12 @@ class RenderCache:
             photo, probabilities, rendered = arrays
             mattes = make_mattes(edges, photo, probabilities, rendered, marks, seed)
             boxes = [[matte.rows, matte.columns, matte.disputed] for matte in mattes]
-            self._write(path, _tensors_of(mattes), MATTES, {"places": boxes})
+            tensors = {
+                f"{k}.{name}": torch.from_numpy(np.ascontiguousarray(getattr(matte, name)))
+                for k, matte in enumerate(mattes)
+                for name in ("coverage", "mixed", "mixed_colors")
+            }
+            self._write(path, tensors, MATTES, {"places": boxes})
         return mattes
 
     def _write(self, path: Path, tensors: dict[str, torch.Tensor], schema: str, facts: dict[str, Any]) -> None:
@@ -134,14 +139,6 @@ def _checksum(tensors: dict[str, torch.Tensor]) -> str:
         digest.update(f"{name} {array.dtype} {array.shape}".encode())
         digest.update(array.data)
     return digest.hexdigest()
-
-
-def _tensors_of(mattes: list[Matte]) -> dict[str, torch.Tensor]:
-    return {
-        f"{k}.{name}": torch.from_numpy(np.ascontiguousarray(getattr(matte, name)))
-        for k, matte in enumerate(mattes)
-        for name in ("coverage", "mixed", "mixed_colors")
-    }
 
 
 def _read_mattes(path: Path, n_objects: int) -> list[Matte] | None:

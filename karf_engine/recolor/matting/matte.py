@@ -109,11 +109,8 @@ def _shaped(matte: Matte, mattes: Sequence[Matte], shape: EdgeShape, photo: np.n
 
 
 def _own_colors(own: np.ndarray, seen: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return own colors uint8 [n, 3] of mixed pixels whose coverage [n] changes.
-
-    With seen = before x own + (1 - before) x background, the new own color is
-    (before x own + (after - before) x background) / after where the coverage grows.
-    """
+    """Return own colors uint8 [n, 3] of mixed pixels whose coverage [n] changes."""
+    # seen = before x own + (1 - before) x background; where coverage grows, some of the background becomes the object's
     grown = after > before
     before, after, own_before = before[grown, None], after[grown, None], own[grown].astype(np.float32)
     background = ((seen[grown] - before * own_before) / (1 - before)).clip(0, 255)

@@ -3,6 +3,9 @@
 Levin, Lischinski and Weiss, "A Closed-Form Solution to Natural Image Matting" (2008): if the colors of foreground and
 background lie on a line in every window of 3 x 3 pixels, alpha is an affine function of color there. Minimizes
 alpha^T L alpha with the matting Laplacian L, with known pixels fixed. L is built for the unknown pixels only.
+
+Foreground colors are means of pure ones nearby, corrected by their share of the residual (Germer et al., "Fast
+multi-level foreground estimation", 2020, without its smoothness term).
 """
 
 from __future__ import annotations
@@ -28,14 +31,12 @@ TILE, MARGIN = 1024, 32
 LINEAR = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 
 
-def closed_form_matting(colors: np.ndarray, coverage: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-    """Solve for the coverage of the n unknown pixels, float32 [n] in [0, 1].
-
-    Args:
-        colors: [h, w, 3] float32 in [0, 1], linear light.
-        coverage: [h, w] float32 in [0, 1]; a guess in unknown pixels.
-        unknown: [h, w] bool; pixels on the image border count as known.
-    """
+def closed_form_matting(
+    colors: np.ndarray,  # [h, w, 3] float32 in [0, 1], linear light
+    coverage: np.ndarray,  # [h, w] float32 in [0, 1]; a guess in unknown pixels
+    unknown: np.ndarray,  # [h, w] bool; pixels on the image border count as known
+) -> np.ndarray:
+    """Solve for the coverage of the n unknown pixels, float32 [n] in [0, 1]."""
     inner = np.zeros_like(unknown)
     inner[1:-1, 1:-1] = True
     result = coverage[unknown].astype(np.float32)
@@ -108,11 +109,7 @@ def unmix(photo: np.ndarray, coverage: np.ndarray) -> list[Matte]:
 
 
 def _own_colors(light: np.ndarray, coverage: np.ndarray, tile: Tile) -> tuple[np.ndarray, np.ndarray]:
-    """Return (row, column) in the tile [n, 2] of its mixed pixels, and their foreground colors uint8 [n, 3].
-
-    Means of pure foreground and background colors nearby, corrected by their shares of the residual (Germer et al.,
-    "Fast multi-level foreground estimation", 2020, without its smoothness term).
-    """
+    """Return (row, column) in the tile [n, 2] of its mixed pixels, and their foreground colors uint8 [n, 3]."""
     chosen = np.zeros(coverage.shape, bool)
     chosen[tile.inner] = ((coverage > NEGLIGIBLE) & (coverage < 1 - NEGLIGIBLE))[tile.inner]
     pixels = np.argwhere(chosen)

@@ -66,27 +66,19 @@ MIN_AGREEMENT = 0.5  # IoU of photo and field, below which the field is right
 
 
 def make_mattes(
-    edges: str,
-    photo: np.ndarray,
-    probabilities: np.ndarray,
-    rendered: np.ndarray,
-    marks: Marks | None = None,
-    seed: int = 0,
+    edges: str,  # `photo`: refined in the photo; `field`: the probabilities alone
+    photo: np.ndarray,  # uint8 sRGB [H, W, 3]
+    probabilities: np.ndarray,  # [K, h, w] float32 by the field, in the photo's grid, h <= H and w <= W
+    rendered: np.ndarray,  # uint8 sRGB [h, w, 3], the field's rendering
+    marks: Marks | None = None,  # of the photo, for thin parts alone
+    seed: int = 0,  # for the pixels that color models are fitted to
 ) -> list[Matte]:
-    """Make mattes of the K objects of a photo.
-
-    Args:
-        edges: `photo`: refined in the photo; `field`: the probabilities alone.
-        photo: uint8 sRGB [H, W, 3].
-        probabilities: [K, h, w] float32 by the field, in the photo's grid, h <= H and w <= W.
-        rendered: uint8 sRGB [h, w, 3], the field's rendering.
-        marks: Of the photo, used for thin parts alone.
-        seed: For the pixels that color models are fitted to.
-    """
+    """Make mattes of the K objects of a photo."""
     if edges == "field" or not len(probabilities):
         return field_mattes((photo.shape[1], photo.shape[0]), probabilities)
     marks = marks or Marks(None, (False,) * len(probabilities))
-    probabilities = remove_small_components(probabilities)
+    # an occluded object may have several components: near ones stay
+    probabilities = np.stack([own * ~_strays(own > 0.5) for own in probabilities])
     if not hard_masks(probabilities).any():
         return unmix(photo, np.zeros_like(probabilities))
     start = probabilities.shape[1], probabilities.shape[2]
@@ -205,10 +197,7 @@ def cover(photo: np.ndarray, classes: np.ndarray) -> np.ndarray:
 
 
 def _border_matted(light: np.ndarray, label: np.ndarray, is_certain: bool) -> np.ndarray:
-    """Compute coverage [h, w] of one object: 0 and 1, matted along its border by the linear colors [h, w, 3].
-
-    is_certain: whether any tile of the photo has a certain pixel of the object.
-    """
+    """Compute coverage [h, w] of one object by linear colors; is_certain: whether any tile has a certain pixel of it."""
     inside = label > 0.5
     if not inside.any() or inside.all():
         return inside.astype(np.float32)
@@ -225,12 +214,9 @@ def _border_matted(light: np.ndarray, label: np.ndarray, is_certain: bool) -> np
 
 
 def _near_border(classes: np.ndarray) -> np.ndarray:
-    top = classes.max(0)
-    unsure = top < DECIDED
     kernel = np.ones((2 * STEP_BAND + 1,) * 2, np.uint8)
     hard = classes.argmax(0).astype(np.uint8)
-    border = cv2.dilate(hard, kernel) != cv2.erode(hard, kernel)
-    return unsure | border
+    return (classes.max(0) < DECIDED) | (cv2.dilate(hard, kernel) != cv2.erode(hard, kernel))
 
 
 def _core(mask: np.ndarray, probability: np.ndarray) -> np.ndarray:
@@ -251,17 +237,8 @@ def _resized(photo: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return cv2.resize(photo, size[::-1], interpolation=cv2.INTER_AREA)
 
 
-# --------------------------------------------------------------------------------------------------------- small components
-def remove_small_components(probabilities: np.ndarray) -> np.ndarray:
-    """Zero the probabilities [K, h, w] of components that are both small and far from the larger ones.
-
-    Near ones stay: an occluded object may have several components.
-    """
-    return np.stack([own * ~_strays(own > 0.5) for own in probabilities])
-
-
 def _strays(mask: np.ndarray) -> np.ndarray:
-    """Return a mask's stray components, with all pixels that are nearer to them than to the others."""
+    """Return components that are both small and far from the larger ones, and all pixels nearest to them."""
     count, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     if count <= 2:
         return np.zeros_like(mask)
@@ -273,7 +250,6 @@ def _strays(mask: np.ndarray) -> np.ndarray:
     return distance_to(strays) < away if far else strays
 
 
-# --------------------------------------------------------------------------------------------------------- blur
 def sharp_size(photo: np.ndarray, border: np.ndarray) -> tuple[int, int]:
     """Return the largest size (rows, columns) that a photo, uint8 [H, W, 3], is sharp at, no larger than its own.
 

@@ -53,7 +53,7 @@ class Marks:
 
 def read_marks(folder: Path, objects: Sequence[str], view: View) -> Marks:
     """Read the rough masks `<object>/<view>.png` in a folder for a view, with its lens distortion."""
-    thin = tuple(any(_is_thin(path) for path in mask_files(folder / name)) for name in objects)
+    thin = tuple(any(_has_thin_part(path) for path in mask_files(folder / name)) for name in objects)
     drawn = {k: paths[0] for k, name in enumerate(objects) if (paths := masks_of_view(folder / name, view))}
     if not drawn:
         return Marks(None, thin)
@@ -72,8 +72,18 @@ def undistort_marks(marks: Marks, camera: Camera) -> Marks:
     return Marks(np.stack([plane >= 0.5 for plane in planes]), marks.thin)
 
 
-def has_thin_part(mask: np.ndarray) -> bool:
-    """Return whether a mask, bool [H, W], has a part that is thin and long."""
+def _has_thin_part(path: Path) -> bool:
+    """Return whether a file's mask has a part that is thin and long."""
+    try:
+        file = path.stat()
+    except OSError:  # deleted meanwhile
+        return False
+    return _has_thin_part_as_of(path, file.st_mtime_ns, file.st_size)
+
+
+@lru_cache(maxsize=256)
+def _has_thin_part_as_of(path: Path, changed: int, size: int) -> bool:
+    mask = _read(path)
     width = THIN_WIDTH * mask.shape[1]
     padded = np.pad(mask, 1)
     core = distance_to(~padded) > width / 2
@@ -81,19 +91,6 @@ def has_thin_part(mask: np.ndarray) -> bool:
     _, _, figures, _ = cv2.connectedComponentsWithStats(thin.astype(np.uint8))
     longest = figures[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(initial=0)
     return bool(longest >= THIN_LENGTH * width)
-
-
-def _is_thin(path: Path) -> bool:
-    try:
-        file = path.stat()
-    except OSError:  # deleted meanwhile
-        return False
-    return _is_thin_as_of(path, file.st_mtime_ns, file.st_size)
-
-
-@lru_cache(maxsize=256)
-def _is_thin_as_of(path: Path, changed: int, size: int) -> bool:
-    return has_thin_part(_read(path))
 
 
 def _read(path: Path) -> np.ndarray:
@@ -112,19 +109,14 @@ def _of_size(mask: np.ndarray, size: tuple[int, int], is_pinhole: bool) -> np.nd
     return cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST) > 0
 
 
-# --------------------------------------------------------------------------------------------------------- lost parts
 def lost_parts(
-    lab: np.ndarray, rendered: np.ndarray, labels: np.ndarray, models: ColorModels, marks: Marks
+    lab: np.ndarray,  # the photo, [h, w, 3] CIE Lab
+    rendered: np.ndarray,  # the field's rendering, [h', w', 3] CIE Lab, of the same view at a smaller size
+    labels: np.ndarray,  # [K+1, h, w], current labels of the photo; class 0 is the background
+    models: ColorModels,
+    marks: Marks,
 ) -> np.ndarray:
-    """Find parts of objects that the field misses: their probabilities float32 [K, h, w], 0 in all other pixels.
-
-    Args:
-        lab: The photo, [h, w, 3] CIE Lab.
-        rendered: The field's rendering, [h', w', 3] CIE Lab, of the same view at a smaller size.
-        labels: [K+1, h, w], current labels of the photo; class 0 is the background.
-        models: Colors of the classes.
-        marks: Of this photo.
-    """
+    """Find parts of objects that the field misses: their probabilities float32 [K, h, w], 0 in all other pixels."""
     scale = lab.shape[0] / rendered.shape[0]
     hard = labels.argmax(0)
     result = np.zeros((len(labels) - 1, *hard.shape), np.float32)
