@@ -67,8 +67,7 @@ def split_weights(weights: np.ndarray, palette: np.ndarray, added: Sequence[Adde
     """Distribute an object's palette weights over the sets of its added colors; later colors take precedence.
 
     Weights [M, ...] >= 0 are of pixels, points or colors; the palette is as learned, sRGB [M, 3]. Returns
-    [M (1 + A), ...] of the same dtype; without added colors, the weights themselves. The parts of a weight add up to it
-    exactly, so that unedited sets change no picture.
+    [M (1 + A), ...] of the same dtype, whose parts add up exactly; without added colors, the weights themselves.
     """
     if not added:
         return weights
@@ -115,9 +114,8 @@ def extended_palettes(palettes: Sequence[Palette], added: Mapping[str, Sequence[
 def match_added_color(seen: ColorHistogram, palette: np.ndarray, added: AddedColor, wanted: np.ndarray) -> np.ndarray:
     """Solve for the set of an added color that gives its pigment the wanted color and keeps shading and gloss.
 
-    The palette [M, 3] is as learned; `wanted`, sRGB [3] in [0, MAX_SRGB], is the new color of the picked one. Other
-    colors of the object `seen` do not count, as they have separate swatches. Returns [M, 3] float32 sRGB, the wanted
-    color first; exactly as learned if that is the picked one. Raises BadRequest if the picked color is black.
+    The palette [M, 3] is as learned; `wanted`, sRGB [3] in [0, MAX_SRGB], is the new color of the picked one. Returns
+    [M, 3] float32 sRGB, the wanted color first. Raises BadRequest if the picked color is black.
     """
     colors, counts, weights = seen
     counts = counts * pigment_gate(colors, added.picked, added.reach, added.protect)

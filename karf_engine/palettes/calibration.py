@@ -173,26 +173,21 @@ def patch_colors(photo: np.ndarray, corners: np.ndarray) -> np.ndarray:
     the brown, bluish green, black and white patches, in this order. Raises BadRequest if they are not those of a chart,
     or outside the photo.
     """
-    _check_corners(corners, photo.shape[1], photo.shape[0])
-    places = _sample_points()
-    u, v, w = np.einsum("ij,npj->inp", _homography(corners), np.dstack([places, np.ones(places.shape[:2])]))
-    columns, rows = (np.floor(each / w).astype(int) for each in (u, v))
-    photographed = photo[np.clip(rows, 0, len(photo) - 1), np.clip(columns, 0, photo.shape[1] - 1), :3]
-    return linear_to_srgb(srgb_to_linear(photographed).mean(axis=1))
-
-
-def _check_corners(corners: np.ndarray, width: int, height: int) -> None:
-    """Raise BadRequest unless the corners [4, 2] form a convex quadrilateral in a photo of this size."""
     corners = np.asarray(corners, np.float64)
     edges = np.roll(corners, -1, axis=0) - corners
     following = np.roll(edges, -1, axis=0)
     turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     is_convex = (turns > 1).all() or (turns < -1).all()
-    if not (is_convex and (corners >= 0).all() and (corners <= (width, height)).all()):
+    if not (is_convex and (corners >= 0).all() and (corners <= (photo.shape[1], photo.shape[0])).all()):
         raise BadRequest(
             "These four corners are not those of a color chart in the photo.",
             "Go round it from patch to patch: brown, bluish green, black, white.",
         )
+    places = _sample_points()
+    u, v, w = np.einsum("ij,npj->inp", _homography(corners), np.dstack([places, np.ones(places.shape[:2])]))
+    columns, rows = (np.floor(each / w).astype(int) for each in (u, v))
+    photographed = photo[np.clip(rows, 0, len(photo) - 1), np.clip(columns, 0, photo.shape[1] - 1), :3]
+    return linear_to_srgb(srgb_to_linear(photographed).mean(axis=1))
 
 
 def fit_chart(patches: np.ndarray) -> ChartFit:

@@ -36,8 +36,7 @@ class ColorBook:
         names: Unique names of n colors; case and spaces are ignored.
         lab: CIE L*a*b* [n, 3] (D65), possibly out of gamut.
 
-    Raises:
-        BadRequest: Names are missing, or colors have the wrong shape or are not finite.
+    Raises BadRequest if names are missing, or colors have the wrong shape or are not finite.
 
     Examples:
         >>> book = ColorBook("paints", ("Traffic red", "Sky"), np.array([[41.0, 56, 42], [48.0, -14, -32]]))
@@ -111,17 +110,12 @@ def nearest_names(book: ColorBook, color: np.ndarray, count: int = 3) -> list[Na
 
 @check_arguments
 def read_color_book(path: Path | str) -> ColorBook:
-    """Read a book; its name is that of the file.
+    """Read a book, an `.acb`, `.ase` or `.gpl` file, or a table `.csv` with the columns `name` and `hex`, or `L`, `a`, `b`.
 
-    Args:
-        path: `.acb`, `.ase`, `.gpl`, or a table `.csv` with the columns `name` and `hex`, or `L`, `a`, `b`.
+    Its name is that of the file. Lab of Adobe's files is adapted from D50 to D65. Repeated names are numbered; missing
+    ones are `#rrggbb`.
 
-    Returns:
-        The book, with Lab of Adobe's files adapted from D50 to D65. Repeated names are numbered; missing ones are
-        `#rrggbb`.
-
-    Raises:
-        DataError: The file is missing, damaged, too large, of another kind, in CMYK, or has no color.
+    Raises DataError if the file is missing, damaged, too large, of another kind, in CMYK, or has no color.
 
     Example:
         read_color_book("paints.csv").names

@@ -65,10 +65,8 @@ def plan_colorways(
 
     Locked swatches and edges do not count for colorways that are edits. Predictions are as in the photos.
 
-    Raises:
-        BadRequest: The project has no palettes, or a locked swatch is unknown.
-        DataError: The sheet is invalid, names an unknown object or an edit of other palettes, or a project file is
-            damaged.
+    Raises BadRequest if the project has no palettes or a locked swatch is unknown, DataError if the sheet is invalid,
+    names an unknown object or an edit of other palettes, or a project file is damaged.
     """
     project.require("palette")
     palettes = {palette.name: palette for palette in read_palettes(project.verified(project.palette_file))}
@@ -130,13 +128,17 @@ def read_sheet(path: Path) -> tuple[Colorway, ...]:
         if edit:
             edits[name] = path.parent / _text(row, "edit", where)
             continue
-        target_color = _target_color(row, where)
-        if target_color.name in target_colors:
+        object_name, lab = _text(row, "object", where), color_of_row(row, where)
+        if lab is None:
+            raise DataError(f"{where} has no color.", f"Fill one of the columns {', '.join(KINDS)}.")
+        source = color_of_row(row, where, "source_")
+        source = None if source is None else np.clip(lab_to_srgb(source), 0, 1)
+        if object_name in target_colors:
             raise DataError(
-                f"{where}: {name!r} has two colors of {target_color.name!r}.",
-                f"The other is {target_colors[target_color.name].where}.",
+                f"{where}: {name!r} has two colors of {object_name!r}.",
+                f"The other is {target_colors[object_name].where}.",
             )
-        target_colors[target_color.name] = target_color
+        target_colors[object_name] = TargetColor(object_name, lab, source, where)
     return tuple(Colorway(name, tuple(targets.values()), edits.get(name)) for name, targets in colors.items())
 
 
@@ -159,12 +161,3 @@ def _text(row: dict[str, Any], column: str, where: str) -> str:
     if not isinstance(value, str) or not value.strip():
         raise DataError(f"{where} has no {column}.", "A row has the columns colorway, object and a color.")
     return value.strip()
-
-
-def _target_color(row: dict[str, Any], where: str) -> TargetColor:
-    name = _text(row, "object", where)
-    lab = color_of_row(row, where)
-    if lab is None:
-        raise DataError(f"{where} has no color.", f"Fill one of the columns {', '.join(KINDS)}.")
-    source = color_of_row(row, where, "source_")
-    return TargetColor(name, lab, None if source is None else np.clip(lab_to_srgb(source), 0, 1), where)

@@ -131,11 +131,8 @@ def _add_block(
     planar: np.ndarray,
     product: np.ndarray,
 ) -> None:
-    """Write clip(base + sum of plane x change) to block [h, W, 3]; planar [3, h, W] and product [h, W] are scratch.
-
-    Each channel is summed in a contiguous plane: interleaved pixels are several times slower, and a matrix product with
-    3 columns stalls in some BLAS builds.
-    """
+    """Write clip(base + sum of plane x change) to block [h, W, 3]; planar [3, h, W] and product [h, W] are scratch."""
+    # contiguous planes: interleaved pixels are several times slower, and a product with 3 columns stalls in some BLAS
     for channel, total in enumerate(planar):
         summed = base[..., channel]
         for plane, change in weights:

@@ -25,9 +25,7 @@ FULL = 1 - 1 / 64  # coverage above which nothing remains to cover
 class ObjectEdge:
     """An object in a picture whose edge can be reshaped repeatedly.
 
-    Attributes:
-        place: Rows and columns of the box [h, w] that contains every possible edge.
-        weights: [N, h, w] float32 in `place`, updated in place.
+    `weights` [N, h, w] float32 are updated in place; `place` is the box [h, w] that contains every possible edge.
     """
 
     def __init__(

@@ -56,9 +56,7 @@ def apply_edge_shape(
 ) -> np.ndarray:
     """Return a coverage with its edge moved, then faded, [H, W] float32 in [0, 1].
 
-    Moving is gray-scale erosion (or dilation) by a disk, which preserves the softness of the edge. Fading applies two
-    boxes of half the feather along each axis, which keeps 0.5 at a straight edge. Borders are extended by replication.
-
+    Moving is gray-scale erosion (or dilation) by a disk. Fading applies two boxes of half the feather along each axis.
     `scale` is pixels of this picture per pixel of the photo at full size. `room` [H, W], the part of each pixel not
     covered by other objects, limits growth.
     """
@@ -109,10 +107,7 @@ def dilate_bbox(box: tuple[slice, slice], by: int, shape: tuple[int, ...]) -> tu
 
 
 def _where_edges_are(coverage: np.ndarray, reach: int, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Apply an operation of radius `reach` to the blocks of a coverage that are not constant.
-
-    `change` maps an array with a margin of `reach` to one without.
-    """
+    """Apply an operation, from an array with a margin of `reach` to one without, where a coverage is not constant."""
     result = coverage.copy()
     for top in range(0, coverage.shape[0], BLOCK):
         for left in range(0, coverage.shape[1], BLOCK):
@@ -218,12 +213,9 @@ def _boxed_twice(around: np.ndarray, width: float) -> np.ndarray:
 
 
 def _boxed(values: np.ndarray, width: float, axis: int) -> np.ndarray:
-    """Apply a box filter along an axis; the result is shorter by its margins.
-
-    The outermost pixels count in part, so that the variance is width^2 / 12 for any width (extended box filter,
-    Gwosdek, Grewenig, Bruhn and Weickert, "Theoretical Foundations of Gaussian Convolution by Extended Box Filtering",
-    2011, Eq. 5).
-    """
+    """Apply a box filter along an axis; the result is shorter by its margins."""
+    # the outermost pixels count in part, so that the variance is width^2 / 12 for any width (Gwosdek et al.,
+    # "Theoretical Foundations of Gaussian Convolution by Extended Box Filtering", 2011, Eq. 5)
     variance, reach = width**2 / 12, _reach_of_box(width)
     part = (2 * reach + 1) * (3 * variance - reach * (reach + 1)) / (6 * ((reach + 1) ** 2 - variance))
     size, length = 2 * reach + 1, values.shape[axis] - 2 * (reach + 1)
@@ -259,11 +251,7 @@ class Borders:
 def apply_edges_to_points(
     shares: np.ndarray, borders: Borders, objects: Sequence[str], edges: Mapping[str, EdgeShape]
 ) -> np.ndarray:
-    """Return the objects' shares of points, [N, K] float32, after moving and fading edges.
-
-    An edge fades with the same profile as in pictures, and does not grow into another object.
-    Shares are [N, K] in [0, 1], of the K `objects`; those without an edge keep them.
-    """
+    """Return the objects' shares of points, [N, K] in [0, 1], after moving and fading edges, as in pictures."""
     result = np.array(shares, np.float32)
     total = result.sum(axis=1)
     for k, name in enumerate(objects):
@@ -278,13 +266,9 @@ def apply_edges_to_points(
 def _shaped(share: np.ndarray, distance: np.ndarray, shape: EdgeShape, pixel: float, spacing: float) -> np.ndarray:
     """Return the shares [N] of one object; partial shares move with the edge, within a point's spacing."""
     choke, width = shape.choke * pixel, max(shape.feather * pixel, 1e-6 * spacing)
-    covered = _profile((distance - choke) / width)
+    place = np.clip((distance - choke) / width, -0.5, 0.5)
+    # two boxes, as `feather`
+    covered = np.where(place < 0, 2 * (place + 0.5) ** 2, 1 - 2 * (0.5 - place) ** 2).astype(np.float32)
     by = np.clip(choke / spacing, -1, 1)
     inside = (share + (1 - share) * max(0.0, -by)) * covered
     return np.where(distance > 0, inside, np.maximum(covered, share * (1 - max(0.0, by))))
-
-
-def _profile(place: np.ndarray) -> np.ndarray:
-    """Return the coverage across a fading edge of width 1: two boxes, as `feather`."""
-    place = np.clip(place, -0.5, 0.5)
-    return np.where(place < 0, 2 * (place + 0.5) ** 2, 1 - 2 * (0.5 - place) ** 2).astype(np.float32)

@@ -193,10 +193,7 @@ def _simplify(cloud: _Cloud, n_colors: int | None, tolerance: float, n_max: int)
 
 
 def _coarse_hull(cloud: _Cloud) -> _Mesh:
-    """Return the hull of black and a few cells that contain nearly all pixels, without noisy corners.
-
-    Grown from a simplex by the farthest outside cell, up to an RMS distance of `COARSE_LOSS` or `COARSE_VERTICES`.
-    """
+    """Return the hull of black and a few cells that contain nearly all pixels: a simplex grown by the farthest cells."""
     points = np.vstack([np.zeros(cloud.lift.shape[1]), cloud.cells @ cloud.lift])
     share = np.append(0, cloud.counts) / cloud.counts.sum()
     ids = _simplex(points)
@@ -244,10 +241,9 @@ def _facet_sizes(corners: np.ndarray) -> np.ndarray:
 
 
 def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -> tuple[float, np.ndarray, bool] | None:
-    """Return the point outside facets [k, r + 1] (normal, offset) of given sizes [k] that adds the least volume.
+    """Find the point outside facets [k, r + 1] (normal, offset) of given sizes [k] that adds the least volume.
 
-    Points inside the color cube are preferred. Returns the added volume, the point [r] clipped to the cube, and whether
-    it was inside; None if no point is outside all facets.
+    Returns the volume, the point [r] clipped to the color cube, and whether it was inside; None if there is none.
     """
     rank = lift.shape[1]
     gradient, constant = sizes @ equations[:, :rank] / rank, sizes @ equations[:, rank] / rank
@@ -266,10 +262,7 @@ def _outward_point(equations: np.ndarray, sizes: np.ndarray, lift: np.ndarray) -
 
 
 def _least_vertex(planes: np.ndarray, floors: np.ndarray, gradient: np.ndarray) -> np.ndarray | None:
-    """Minimise gradient @ x subject to planes @ x >= floors, planes [k, r]; None if infeasible.
-
-    With 2 or 3 unknowns there are few corners, so all are enumerated.
-    """
+    """Minimise gradient @ x subject to planes @ x >= floors, planes [k, r]; None if infeasible. Enumerates corners."""
     k, rank = planes.shape
     chosen = np.array(list(combinations(range(k), rank)), int).reshape(-1, rank)
     sides = np.zeros((k, 3))

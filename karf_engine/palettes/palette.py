@@ -38,8 +38,7 @@ class Palette:
         name: The object's name.
         colors: [M, 3] float32 sRGB in [0, 1]; entry 0 is black and frozen.
 
-    Raises:
-        BadRequest: The colors have the wrong shape, are not finite or are out of range, or the name is empty.
+    Raises BadRequest if the colors have the wrong shape, are not finite or are out of range, or the name is empty.
 
     Example:
         Palette("pot", np.array([[0, 0, 0], [0.5, 0.25, 0]], np.float32))
@@ -78,8 +77,7 @@ class Edit:
         added: Added colors by object name.
         edges: Edge shapes by object name; other objects keep their edges.
 
-    Raises:
-        BadRequest: Colors have the wrong shape, are not finite or are out of range, or the compositing is unknown.
+    Raises BadRequest if colors have the wrong shape, are not finite or are out of range, or the compositing is unknown.
 
     Examples:
         >>> Edit({"pot": np.stack([hex_to_rgb("#000000"), hex_to_rgb("#3059b8")])})
@@ -145,15 +143,10 @@ def rgb_to_hex(color: np.ndarray) -> str:
 
 
 def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | None = None) -> tuple[Palette, ...]:
-    """Read one palette per object from palette.json.
+    """Read one palette per object from palette.json: as learned (`colors`) or as extracted (`initial`).
 
-    Args:
-        path: The file.
-        which: `colors` for the palettes as learned, `initial` as extracted.
-        objects: Names of the segmented objects, which the file must match in this order; None accepts any.
-
-    Raises:
-        DataError: The file is missing, has another schema, an invalid name or color, or other objects.
+    objects: names of the segmented objects, which the file must match in this order. Raises DataError if the file is
+    missing, has another schema, an invalid name or color, or other objects.
     """
     content = _read_schema(path, "palettes", PALETTE_SCHEMA)
     palettes = []
@@ -176,10 +169,7 @@ def read_palettes(path: Path, which: str = "colors", objects: Sequence[str] | No
 def write_palettes(
     path: Path, palettes: Sequence[Palette], shared: bool, initial: Sequence[Palette] | None = None
 ) -> None:
-    """Write palette.json atomically: palettes as learned, and as extracted (`initial`, by default the same).
-
-    `shared` records whether all objects share one hull.
-    """
+    """Write palette.json atomically: palettes as learned, and as extracted (`initial`, by default the same)."""
     initial = palettes if initial is None else initial
     objects = [
         {"name": palette.name, "colors": _rows_of(palette.colors), "initial": _rows_of(first.colors)}
@@ -192,14 +182,10 @@ def write_palettes(
 def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = "delta") -> Edit:
     """Read edit.json; null entries and missing objects stay as learned.
 
-    Args:
-        path: The file.
-        palettes: As learned, one per object.
-        compositing: Default for files without one, `delta` or `paper`.
+    palettes: as learned, one per object. compositing: default for files without one, `delta` or `paper`.
 
-    Raises:
-        DataError: The file is missing or has another schema, an unknown object, a wrong number of colors, an invalid
-            color, a changed black or an invalid edge.
+    Raises DataError if the file is missing or has another schema, an unknown object, a wrong number of colors, an
+    invalid color, a changed black or an invalid edge.
 
     Example:
         edit = read_edit("night.json", model.palettes)
@@ -211,10 +197,7 @@ def read_edit(path: Path | str, palettes: Sequence[Palette], compositing: str = 
 def edit_from_json(
     content: dict[str, Any], path: Path | str, palettes: Sequence[Palette], compositing: str = "delta"
 ) -> Edit:
-    """Parse the content of edit.json, with its schema already checked; otherwise like `read_edit`.
-
-    `path` is the file, or another name for messages.
-    """
+    """Parse the content of edit.json, with its schema already checked; otherwise like `read_edit`. path: for messages."""
     compositing = content.get("compositing", compositing)
     if compositing not in COMPOSITING_MODES:
         raise DataError(f"{path} has compositing {compositing!r:.200}.", f"Use one of {', '.join(COMPOSITING_MODES)}.")

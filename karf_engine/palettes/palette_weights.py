@@ -60,11 +60,9 @@ def loco_weights(
 
     Two levels (Chao, Klein, Tan, Echevarria, Gingold 2023, after Tan, Echevarria, Gingold 2018): a pixel is a convex
     combination of the corners of its simplex in color and position (RGBXY), and each corner has `star_weights`.
-    weights @ palette is the color if the colors are in the palette's hull. Pixels without extent in some direction get
-    `star_weights`.
 
-    Colors are sRGB [n, 3]; places [n, 2] are pixel coordinates in picture sizes. Pixels of extreme `features` [n, F],
-    here the field's prior features of any scale, in LoCoPalettes those of a semantic network, become corners too.
+    Colors are sRGB [n, 3]; places [n, 2] are pixel coordinates in picture sizes. Pixels of extreme `features` [n, F] of
+    any scale become corners too.
     """
     direct = star_weights(colors, palette)
     points = np.concatenate([colors, places], 1).astype(np.float64)

@@ -75,13 +75,11 @@ def predict(
 ) -> Prediction:
     """Solve for a target color, by `delta` compositing, and predict the color reached."""
     source = dominant_color(seen) if target_color.source is None else np.asarray(target_color.source, np.float64)
-    target = np.clip(lab_to_srgb(target_color.lab), 0, 1)
+    target, reason = np.clip(lab_to_srgb(target_color.lab), 0, 1), ""
     try:
         colors = match_becomes(*seen, palette.colors, source, target, locked)
     except BadRequest as error:  # a source that is black
         colors, reason = palette.colors, error.sentence.rstrip(".")
-    else:
-        reason = ""
     reached, difference, why = evaluate_edit(colors, palette, seen, source, target_color.lab, locked)
     return Prediction(target_color, source, colors, reached, difference, reason if reason and why else why)
 

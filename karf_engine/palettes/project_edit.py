@@ -60,8 +60,7 @@ class ProjectEdit(Edit):
         """Turn one color of an object into another.
 
         Args:
-            name: The object.
-            source: A color that it shows.
+            source: A color that the object shows.
             target: The wanted color.
             rule: `becomes` changes the whole material; `fewest`, for one pair, as few swatches as possible.
             also: Further pairs of source and target, for an object of several paints. `becomes` solves all pairs
@@ -82,7 +81,6 @@ class ProjectEdit(Edit):
         """Give one pigment of an object, not black, its own color, independent of the swatches.
 
         Args:
-            name: The object.
             picked: The pigment's color in the photos.
             wanted: Its new color; numbers may go up to 2, brighter than white.
             reach: Width of the pigment in hue (in chroma if gray), above 0 up to 4; 1 is that of `becomes`.
@@ -115,14 +113,10 @@ class ProjectEdit(Edit):
 
     @check_arguments
     def edge(self, name: str, choke: float = 0.0, feather: float = 0.0) -> ProjectEdit:
-        """Move and fade an object's edge, in pixels of the full-size photos.
+        """Move and fade an object's edge, in pixels of the full-size photos (on splats their footprint at the object).
 
-        On splats and points a pixel is its median footprint at the object over the photos.
-
-        Args:
-            name: The object.
-            choke: Inward shift of the edge in pixels, -16 to 16; negative values grow the object.
-            feather: Width in pixels of the fade, centered on the edge, 0 to 64.
+        choke: inward shift of the edge, -16 to 16; negative values grow the object. feather: width of the fade, centered
+        on the edge, 0 to 64.
         """
         shape = EdgeShape(float(choke), float(feather))
         return replace(self, edges=active_edges(self.edges | {self._palette(name).name: shape}))
@@ -134,7 +128,6 @@ class ProjectEdit(Edit):
         """Change the current surface of one swatch's paint; other paints and added colors stay.
 
         Args:
-            name: The object.
             index: The swatch, from 1.
             saturation: Factor of the distance to gray, 0 to 4; 0 is gray.
             brightness: Lifts or lowers the mid-tones, -2 to 2; black and white stay.

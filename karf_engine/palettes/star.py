@@ -36,10 +36,7 @@ class Star:
 
 
 def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Star | None:
-    """Build the star of a palette [M, 3], entry 0 black; None if every entry is black.
-
-    `find_hull` returns the hull of points [M, r], r = 2 or 3.
-    """
+    """Build the star of a palette [M, 3], entry 0 black, with hulls of points [M, r] by `find_hull`; None if all black."""
     palette = np.asarray(palette, np.float64)
     axes = np.linalg.svd(palette, full_matrices=False)[2]
     extent = np.abs(palette @ axes.T).max(axis=0)
@@ -64,10 +61,7 @@ def star_of(palette: np.ndarray, find_hull: Callable[[np.ndarray], Hull]) -> Sta
 
 
 def plain_hull(points: np.ndarray) -> Hull:
-    """Return the hull of a few points [M, r], r = 2 or 3, that span their space, by testing every set of r points.
-
-    If more than r points are coplanar, every set of r of them is a facet.
-    """
+    """Return the hull of a few points [M, r], r = 2 or 3, that span their space, by testing every set of r points."""
     rank = points.shape[1]
     facets = np.array(list(combinations(range(len(points)), rank)))
     sides = points[facets[:, 1:]] - points[facets[:, :1]]

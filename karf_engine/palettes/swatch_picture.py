@@ -29,10 +29,8 @@ class ObjectPlanes:
 class SwatchPicture:
     """Picture of one view, updated in an array.
 
-    Args:
-        start: The palette-independent part, [H, W, 3] float32 sRGB.
-        parts: Of the K objects.
-        out: float32 [H, W, 3], written by `paint` only; possibly a view such as rgba[..., :3].
+    `start` [H, W, 3] float32 sRGB does not depend on palettes; `parts` are of the K objects. `out` [H, W, 3] float32 may
+    be a view such as rgba[..., :3].
     """
 
     def __init__(self, start: np.ndarray, parts: Sequence[ObjectPlanes], out: np.ndarray) -> None:

@@ -13,6 +13,8 @@ from scipy.cluster.vq import kmeans2
 
 VARIANCE_FLOOR = 4.0  # Lab units squared: keeps a component from collapsing on one color
 EM_STEPS = 12
+N_COMPONENTS = 20
+N_DRAWS = 5000  # colors that a mixture is fitted to
 
 
 @dataclass(frozen=True)
@@ -46,22 +48,16 @@ def class_log_densities(lab: np.ndarray, strengths: np.ndarray, random: np.rando
     strengths: [n, C] >= 0, evidence of each point for each class; not all zero.
     """
     balanced = strengths / np.maximum(strengths.sum(0), 1e-12)  # small objects count as much as large ones
-    mixture = fit_mixture(lab, balanced.sum(1), n_components=20, random=random, n_draws=5000)
+    mixture = fit_mixture(lab, balanced.sum(1), random)
     log_components = mixture.log_components(lab)
     shares = balanced.T @ mixture.responsibilities(log_components)
     return np.stack([_log_sum_exp(log_components + np.log(np.maximum(own, 1e-9))) for own in shares], 1)
 
 
-def fit_mixture(
-    lab: np.ndarray, weights: np.ndarray, n_components: int, random: np.random.Generator, n_draws: int = 4000
-) -> Mixture:
-    """Fit a mixture of at most m Gaussians by k-means and EM to `n_draws` randomly drawn colors.
-
-    lab: [n, 3] CIE Lab. weights: [n] >= 0, sampling weights; not all zero.
-    """
-    drawn = random.choice(len(lab), n_draws, p=weights / weights.sum())
-    lab = lab[drawn]
-    n_components = min(n_components, len(np.unique(lab, axis=0)))  # an object may have one color only
+def fit_mixture(lab: np.ndarray, weights: np.ndarray, random: np.random.Generator) -> Mixture:
+    """Fit a mixture by k-means and EM to colors [n, 3], drawn with weights [n] >= 0, not all zero."""
+    lab = lab[random.choice(len(lab), N_DRAWS, p=weights / weights.sum())]
+    n_components = min(N_COMPONENTS, len(np.unique(lab, axis=0)))  # an object may have one color only
     _, label = kmeans2(lab, n_components, iter=4, minit="++", rng=random)
     mixture = _maximize(lab, np.eye(n_components)[label])
     for _ in range(EM_STEPS):

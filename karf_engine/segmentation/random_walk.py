@@ -23,8 +23,10 @@ def neighbor_links(channels: np.ndarray, falloff: float = 0.05) -> Iterator[Link
 
     channels: [h, w, C] float32, such as CIE Lab. falloff: neighbors at distance d have the weight exp(-falloff d^2).
     """
+    height, width = channels.shape[:2]
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here, there = _shifted(channels.shape[:2], down, right)
+        here = slice(0, height - down), slice(max(0, -right), width - max(0, right))
+        there = slice(down, height), slice(max(0, right), width + min(0, right))
         # the constant keeps the system definite
         yield here, there, np.exp(-falloff * ((channels[here] - channels[there]) ** 2).sum(-1)) + 1e-4
 
@@ -57,10 +59,3 @@ def random_walk(
         for right_hand_side, prior in zip(right_hand_sides, priors[:, free].astype(np.float64), strict=True)
     ]
     return np.clip(np.stack(solved), 0, 1).astype(np.float32)
-
-
-def _shifted(shape: tuple[int, ...], down: int, right: int) -> tuple[Region, Region]:
-    """Return the pixels with a neighbor in a direction, and these neighbors."""
-    height, width = shape
-    here = slice(0, height - down), slice(max(0, -right), width - max(0, right))
-    return here, (slice(down, height), slice(max(0, right), width + min(0, right)))

@@ -62,8 +62,7 @@ def match_dragged(
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 after dragging a swatch to a color: the other swatches of its paint follow.
 
-    Like `match_becomes` from the swatch's color to the new one, except that the swatch gets exactly the new color. The
-    result depends on the last color of a drag alone. A black swatch changes alone, as its paint is unknown.
+    The result depends on the last color of a drag alone. A black swatch changes alone, as its paint is unknown.
     """
     start = np.array(palette, np.float32)
     start[index] = color
@@ -86,8 +85,7 @@ def match_fewest(
     """Return the palette [M, 3] float32 that gives one pixel the target color while moving as few swatches as possible.
 
     Minimises the L2,1 norm of the swatches' moves, sum_j |dP_j| (as LoCoPalettes does), by iteratively reweighted least
-    squares, each step solved exactly within 0 <= P + dP <= max(1, P). An unreachable target is approached per channel.
-    `shown` is the pixel's current color, sRGB [3]; by default the palette's mixture.
+    squares. `shown` is the pixel's current color, sRGB [3]; by default the palette's mixture.
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)
     lower, upper = bounds(palette, locked, np.maximum(1.0, palette))  # brighter than white may stay
@@ -122,10 +120,7 @@ def residual_delta_e(
 def add_fixed_paints(
     colors: np.ndarray, source: np.ndarray, target: np.ndarray, held: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return sources and targets [P, 3] of one changing paint and of the held ones, which keep their color.
-
-    Held colors, sRGB [3] each, are ignored if the object does not show them or they are of the source's paint.
-    """
+    """Return sources and targets [P, 3] of one changing paint and of the held ones that the object shows."""
     kept = [
         each
         for each in held
@@ -137,10 +132,9 @@ def add_fixed_paints(
 def add_preserved_paints(
     colors: np.ndarray, counts: np.ndarray, source: np.ndarray, target: np.ndarray, is_metal: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Append a preserving pair for each paint of the object that the gate of a source would affect.
+    """Append a preserving pair to sources and targets, [3] or [P, 3], for each paint that the gate of a source affects.
 
-    Paints of other hues stay anyway, as their gate is closed. A metal has no paints: it shows reflections.
-    Source and target are [3] or [P, 3]; the result is [Q, 3] each.
+    A metal has no paints: it shows reflections.
     """
     sources = np.atleast_2d(source)
     paints = np.empty((0, 3)) if is_metal else paints_of(colors, counts)

@@ -1,12 +1,7 @@
 """Fit a palette change that moves colors to targets, within bounds.
 
-Arguments shared by the functions of this module:
-    palette_weights: [n, M] weights of n colors over M palette entries.
-    colors: sRGB [n, 3] in [0, 1].
-    targets: sRGB [n, 3] in [0, 1].
-    palette: sRGB [M, 3] in [0, MAX_SRGB]; entry 0 is black and never moves.
-    counts: Importance of each color, [n], >= 0.
-    locked: Further fixed entries.
+Colors and targets are sRGB [n, 3] in [0, 1], with palette weights [n, M] and counts [n] >= 0, their importance. A palette
+is sRGB [M, 3] in [0, MAX_SRGB]; entry 0 is black and never moves, nor do the `locked` entries.
 """
 
 from __future__ import annotations

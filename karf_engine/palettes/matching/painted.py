@@ -53,9 +53,8 @@ def match_picture(
 ) -> tuple[ObjectMatch, ...]:
     """Fit the palettes to a painted picture of a view; return one match for each visible painted object.
 
-    Only differences between the picture and the edited view count. Unpainted objects stay. The unpainted pixels of
-    others have a low weight, and none where they contradict the painted ones. Objects that only reflect the new colors
-    of others, faintly and in parts, stay too. Raises BadRequest if the picture has another size than the view.
+    Only differences between the picture and the edited view count. Objects that only reflect the new colors of others,
+    faintly and in parts, stay. Raises BadRequest if the picture has another size than the view.
     """
     if wanted.shape != base.shape:
         raise BadRequest(
@@ -102,11 +101,9 @@ def _fit(
     palette: np.ndarray,
     locked: Iterable[int],
 ) -> np.ndarray:
-    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by reweighted least squares.
-
-    The weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what
-    no palette can explain, such as a stray brush stroke. At least one pixel is painted.
-    """
+    """Return the palette [M, 3] that moves pixels from `shown` to `aim`, [n, 3], by reweighted least squares."""
+    # weights of Geman and McClure (1987), "Statistical methods for tomographic image reconstruction", suppress what no
+    # palette can explain, such as a stray brush stroke
     lower, upper = bounds(palette, locked, MAX_SRGB)
     counts = np.where(painted, 1.0, UNPAINTED * painted.sum() / max(1, (~painted).sum()))
     unclipped = painted & (aim > 0).all(axis=1) & (aim < 1).all(axis=1)

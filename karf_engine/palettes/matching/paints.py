@@ -148,13 +148,8 @@ def pigment_gate(colors: np.ndarray, source: np.ndarray, reach: float = 1.0, pro
     """Return how far colors, sRGB [n, 3], belong to the pigment of a source [3], lit or in shade: [n] in [0, 1].
 
     The gate is exp(-(dh / 0.65 reach)^4) of the Lab hue difference dh, reduced for pale sources. A gray source has no
-    hue: its gate depends on the chroma difference.
-
-    Args:
-        reach: Width of the gate; 1 is that of *Becomes*.
-        protect: Exclude neutral colors (silver, foil, white paper), whose hue is that of reflections or noise: those
-            with a Lab saturation below this share of the source's, softly from half of it to 1.5 times. In [0, 1); 0
-            excludes none. Ignored for gray sources.
+    hue: its gate depends on the chroma difference. `protect` in [0, 1) excludes neutral colors (silver, foil, white
+    paper) with a Lab saturation below this share of the source's, softly from half of it to 1.5 times.
     """
     lab, source = srgb_to_lab(colors), srgb_to_lab(np.asarray(source, np.float64))
     if lab_chroma(source) < GREY_CHROMA:

@@ -65,7 +65,9 @@ def match_surface(
     targets, reached = colors, np.zeros(len(colors))
     moved = np.zeros_like(palette) if moved is None else moved
     for index in sorted(index for index, surface in surfaces.items() if not surface.is_neutral):
-        gate = _gate(colors, np.clip(palette[index], 0, 1))
+        # highlights of the paint may clip to white
+        gate = pigment_gate(colors, np.clip(palette[index], 0, 1))
+        gate = np.maximum(gate, smooth_step(colors.min(axis=1), CLIPPED, 1.0))
         targets = surface_target(targets, counts, gate, surfaces[index])
         reached = np.maximum(reached, gate)
     if not reached.any():
@@ -94,11 +96,6 @@ def surface_target(colors: np.ndarray, counts: np.ndarray, gate: np.ndarray, sur
     return np.clip(linear_to_srgb(np.maximum(light + gate[:, None] * (result - light), 0)), 0, 1)
 
 
-def _gate(colors: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """Return the share of each color that is of the source's paint or its highlights, which may clip to white."""
-    return np.maximum(pigment_gate(colors, source), smooth_step(colors.min(axis=1), CLIPPED, 1.0))
-
-
 def _paint(light: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return a paint's color [3] at luminance 1: the mean of the more saturated half, which has the least gloss."""
     chromaticity = light / np.maximum(light.sum(axis=1, keepdims=True), 1e-9)
@@ -125,10 +122,8 @@ def _bent(shading: np.ndarray, white: float, stops: float) -> np.ndarray:
 def _gloss_color(
     light: np.ndarray, paint: np.ndarray, shading: np.ndarray, gloss: np.ndarray, counts: np.ndarray
 ) -> np.ndarray:
-    """Return the light [n, 3] that gloss adds: gray, tinted by the residual as the share of gloss grows.
-
-    Where a photo clips a highlight, the shading is unknown, and the paint counts as lit.
-    """
+    """Return the light [n, 3] that gloss adds: gray, tinted by the residual as the share of gloss grows."""
+    # where a photo clips a highlight, the shading is unknown, and the paint counts as lit
     share = gloss / np.maximum(gloss + shading, 1e-9)
     is_clipped = share * smooth_step(light.max(axis=1), float(srgb_to_linear(np.array(CLIPPED))), 1.0)
     lit = np.maximum(shading, weighted_quantile(shading, counts, LIT))

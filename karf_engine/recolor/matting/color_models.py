@@ -13,8 +13,6 @@ import numpy as np
 
 from ...segmentation.gaussian_mixtures import Mixture, fit_mixture
 
-N_COMPONENTS = 20  # of the mixture
-N_DRAWS = 5000  # pixels that the mixture is fitted to
 WINDOW = 12.0  # pixels of the field's picture: standard deviation of the window of local mixture weights
 GLOBAL_WEIGHT = 0.1  # of the whole photo's mixture weights, relative to a window full of the class
 MIN_WEIGHT = 1e-5  # of each component in each class
@@ -48,7 +46,7 @@ def fit_color_models(lab: np.ndarray, strengths: np.ndarray, random: np.random.G
     totals = np.maximum(strengths.sum((1, 2)), 1e-12)
     # small objects count as much as large ones
     balanced = strengths.reshape(len(strengths), -1)[:, known] / totals[:, None]
-    mixture = fit_mixture(colors, balanced.sum(0), N_COMPONENTS, random, N_DRAWS)
+    mixture = fit_mixture(colors, balanced.sum(0), random)
     responsibilities = mixture.responsibilities(mixture.log_components(colors)).astype(np.float32)
     return ColorModels(mixture, _local_shares(strengths, known, responsibilities))
 

@@ -128,7 +128,9 @@ def lost_parts(
         # around a mask, too: thickness must be known there
         candidates = (hard == 0) & (in_reach | (distance_to(mark) <= 2 * widest))
         likelihood = np.zeros(own.shape, np.float32)
-        likelihood[candidates] = _color_probability(k, lab, candidates, models)
+        places = (np.argwhere(candidates) + 0.5) / candidates.shape
+        uniform = np.ones((models.shares.shape[2], len(places)), np.float32)
+        likelihood[candidates] = posterior(models, lab[candidates], places, uniform)[k]
         like = in_reach & (likelihood > LIKELY)
         lost = _not_rendered(own, like, lab, rendered)
         thin = mark & _thin(own, likelihood > MARKED_LIKELY, widest)
@@ -147,13 +149,6 @@ def _drawn(marks: Marks, labels: np.ndarray) -> np.ndarray:
     return np.stack(
         [cv2.resize(own.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0 for own in marks.drawn]
     )
-
-
-def _color_probability(k: int, lab: np.ndarray, chosen: np.ndarray, models: ColorModels) -> np.ndarray:
-    """Return the probability [n] of class k by the colors of the chosen pixels, with uniform priors."""
-    places = (np.argwhere(chosen) + 0.5) / chosen.shape
-    uniform = np.ones((models.shares.shape[2], len(places)), np.float32)
-    return posterior(models, lab[chosen], places, uniform)[k]
 
 
 def _not_rendered(own: np.ndarray, like: np.ndarray, lab: np.ndarray, rendered: np.ndarray) -> np.ndarray:
