@@ -60,17 +60,14 @@ EVEN = 0.1  # added to a patch's light when its error is weighted by 1 / light, 
 
 
 def to_photo_exposure(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
-    """Convert colors, or changes of colors, from the mean exposure to that of a photo with these gains.
-
-    Returns float32 [..., 3], not clipped; gains of 1 keep the bits.
-    """
+    """Convert colors, or changes of colors, from the mean exposure to that of a photo: float32 [..., 3], not clipped."""
     return np.asarray(colors, np.float32) * np.asarray(gains, np.float32)
 
 
 def to_mean_exposure(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
-    """Convert colors of a photo with these gains, sRGB in [0, 1] or uint8, to the mean exposure.
+    """Convert colors of a photo, sRGB in [0, 1] or uint8, to the mean exposure: float32 [..., 3] in [0, 1].
 
-    Returns float32 [..., 3] in [0, 1]; gains of 1 return the array itself. Clipped values stay clipped.
+    Gains of 1 return the array itself.
     """
     if tuple(gains) == UNIT_GAINS:
         return colors
@@ -80,12 +77,9 @@ def to_mean_exposure(colors: np.ndarray, gains: Sequence[float]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ReferenceLight:
-    """Difference between the reference light and the light and exposure of the photos.
+    """Difference between the reference light and the light and exposure of the photos."""
 
-    `matrix` converts linear light under the reference to that of the photos.
-    """
-
-    matrix: np.ndarray  # [3, 3], invertible; diagonal for a gray card
+    matrix: np.ndarray  # [3, 3], from linear light under the reference to that of the photos; diagonal for a gray card
 
     @classmethod
     def of_card(cls, photographed: np.ndarray, lightness: float = CARD_LIGHTNESS) -> ReferenceLight:

@@ -26,10 +26,7 @@ class ColorHistogram(NamedTuple):
 
 
 def color_cells(pixels: np.ndarray, drop: float = 0.0005) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean colors [c, 3] and pixel counts [c] of the histogram cells that pixels, sRGB [n, 3], occupy.
-
-    The rarest cells with at most `drop` of the pixels together are left out. Cells are in the order of `cell_index`.
-    """
+    """Return mean colors [c, 3] and counts [c] of the cells of pixels, sRGB [n, 3], without a share `drop` of the rarest."""
     pixels = np.asarray(pixels)
     index = cell_index(pixels)
     occupied, inverse, counts = np.unique(index, return_inverse=True, return_counts=True)

@@ -166,7 +166,7 @@ def remove_background(color: np.ndarray, opacity: np.ndarray, behind: np.ndarray
 
 
 def _blocks(values: np.ndarray, count: int) -> np.ndarray:
-    # [.., H, W] to blocks of pixels, [.., h, w, count * count]
+    """Group [.., H, W] to blocks of pixels, [.., h, w, count * count]."""
     height, width = values.shape[-2] // count, values.shape[-1] // count
     split = values.reshape(*values.shape[:-2], height, count, width, count)
     return split.swapaxes(-3, -2).reshape(*values.shape[:-2], height, width, count * count)

@@ -94,11 +94,7 @@ class Model(Learned):
     @classmethod
     @check_arguments
     def load(cls, folder: Path | str, device: str | None = None) -> Model:
-        """Load the model in a project's folder.
-
-        Args:
-            folder: the project.
-            device: `cpu`, `cuda` or `cuda:<number>`; None for CUDA if there is one.
+        """Load the model in a project's folder, on `cpu`, `cuda` or `cuda:<number>`; None for CUDA if there is one.
 
         Raises BadRequest if nothing is learned there or there is no such device, DataError if it is not a project or a
         file is damaged.
@@ -270,16 +266,12 @@ class Model(Learned):
 
     @check_arguments
     def recolor(self, view: View, edit: Edit, size: str | int = "photo") -> np.ndarray:
-        """Recolor a captured view.
+        """Recolor a captured view, [H, W, 3] float32 sRGB in [0, 1], in the orientation of its camera.
 
-        Args:
-            view: of the capture.
-            edit: of this model's palettes.
-            size: `photo`: all pixels of the photo, with its lens distortion; a long side in pixels: the same, reduced;
-                `learned`: as its pinhole sees it at the working size. With the paper's compositing always the
-                rendering at the working size.
+        size: `photo`: all pixels of the photo, with its lens distortion; a long side in pixels: the same, reduced;
+            `learned`: as its pinhole sees it at the working size. With the paper's compositing always the rendering at
+            the working size.
 
-        Returns [H, W, 3] float32 sRGB in [0, 1], in the orientation of its camera.
         Raises BadRequest if no palettes are learned, the edit is not of them, or there is no such size, DataError if the
         photo is missing or damaged.
         """
@@ -339,10 +331,8 @@ class Model(Learned):
     def match(self, view: View, picture: Path | str, edit: Edit) -> tuple[ObjectMatch, ...]:
         """Find the palettes that bring a captured view closest to a painted or graded picture of it.
 
-        Args:
-            view: of the capture.
-            picture: of the photo's size and with its lens distortion, or of any other size without distortion.
-            edit: the current palettes, which the picture may be based on; its added colors stay.
+        picture: of the photo's size and with its lens distortion, or of any other size without distortion. edit: the
+            current palettes, which the picture may be based on; its added colors stay.
 
         Returns a match for each object that changes. Raises BadRequest if the picture has another shape than the view,
         DataError if picture or photo is missing or damaged.

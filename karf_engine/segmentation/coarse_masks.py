@@ -36,11 +36,9 @@ class CoarseMask:
 def find_masks(folder: Path, capture: Capture) -> list[CoarseMask]:
     """Return the masks in MASKS/<object>/<photo stem>.png (or .jpg, .jpeg, .webp), sorted by object and view.
 
-    A mask is named after its photo's stem, or after its view where stems repeat, or is in the photo's subfolder.
-
-    Raises:
-        DataError: nothing is marked, a name fits no photo or several, a mask is not a file, or an object's name is
-            `background`, not a file name on every system, or equal to another's but for case.
+    A mask is named after its photo's stem, or after its view where stems repeat, or is in the photo's subfolder. Raises
+    DataError where nothing is marked, a name fits no photo or several, a mask is not a file, or an object's name is
+    `background`, not a file name on every system, or equal to another's but for case.
     """
     if not folder.is_dir():
         raise DataError("{folder} is not a folder of masks.", LAYOUT_HINT, folder=folder)
@@ -132,8 +130,7 @@ def to_working_size(pixels: np.ndarray, mask: CoarseMask, working: Camera) -> np
     pixels: bool, of the photo's size, distorted by its lens, or of the size of the pinhole `working`; else DataError.
     """
     height, width = pixels.shape
-    stored = mask.view.camera
-    values = pixels.astype(np.float32)[..., None]
+    stored, values = mask.view.camera, pixels.astype(np.float32)[..., None]
     if (width, height) == (stored.width, stored.height):
         values, _, _ = undistort(values, stored)
         return resize(values, working.width, working.height)[..., 0]

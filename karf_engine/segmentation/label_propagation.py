@@ -59,21 +59,16 @@ MIN_WEIGHT = 1e-6
 
 
 def propagate_labels(
-    positions: np.ndarray,
-    lab: np.ndarray,
-    normals: np.ndarray,
-    spacing: float,
-    seed_targets: np.ndarray,
-    seed_confidence: np.ndarray,
+    positions: np.ndarray,  # [p, 3] grid coordinates
+    lab: np.ndarray,  # [p, 3] CIE Lab
+    normals: np.ndarray,  # [p, 3] outward
+    spacing: float,  # of the points
+    seed_targets: np.ndarray,  # [p, K+1], rows sum to 1
+    seed_confidence: np.ndarray,  # [p] >= 0, 0 for all other points
     rounds: int,
-    random: np.random.Generator,
+    random: np.random.Generator,  # draws the colors that mixtures are fitted to
 ) -> Labels:
-    """Label all points from the seeds among them. An object without seeds (see `has_seeds`) gets no point.
-
-    positions, lab (CIE Lab), normals (outward): [p, 3]. spacing: of the points, grid coordinates. seed_targets: [p,
-    K+1], rows sum to 1. seed_confidence: [p] >= 0, 0 for all other points. random: draws the colors that mixtures are
-    fitted to.
-    """
+    """Label all points from the seeds among them. An object without seeds (see `has_seeds`) gets no point."""
     distances, radii = [], []
     for k in range(1, seed_targets.shape[1]):
         seeds = positions[seeds_of(k, seed_targets, seed_confidence)]
@@ -286,10 +281,7 @@ def local_share(
 
 
 def neighbor_graph(positions: np.ndarray, lab: np.ndarray, normals: np.ndarray, spacing: float) -> sparse.csr_matrix:
-    """Return weights between nearest neighbors, near 1 where color, normal and position agree: symmetric [p, p].
-
-    positions, lab (CIE Lab), normals (outward): [p, 3]. spacing: of the points, grid coordinates.
-    """
+    """Return weights between nearest neighbors, near 1 where color, normal and position agree: symmetric [p, p]."""
     # building a balanced tree has crashed together with torch
     tree = build_kd_tree(positions, balanced_tree=False, compact_nodes=False)
     distances, neighbors = tree.query(positions, k=range(1, min(NEIGHBORS + 1, len(positions)) + 1))

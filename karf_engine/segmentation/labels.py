@@ -110,10 +110,7 @@ class Labelling:
     def solve(
         self, objects: Sequence[str], constraints: Constraints, rounds: int, random: np.random.Generator
     ) -> Labels:
-        """Label the points from the masks; for an object without masks, corrections serve as seeds.
-
-        Raises DataError where no point belongs to any object.
-        """
+        """Label the points; corrections are seeds of objects without masks. Raises DataError where no object has any."""
         unmarked = ~np.append(True, has_seeds(self.targets, self.confidence))
         stroked = constraints.fixed & (constraints.targets[:, unmarked].max(1, initial=0) > 0.5)
         targets = np.where(stroked[:, None], constraints.targets, self.targets)
@@ -216,10 +213,7 @@ SOLVERS: dict[str, LabelSolver] = {}
 
 @check_arguments
 def register_labels(name: str, solve: LabelSolver) -> None:
-    """Add a solver under a name of the setting `segmentation.labels`.
-
-    Raises BadRequest where another solver has this name.
-    """
+    """Add a solver under a name of the setting `segmentation.labels`. Raises BadRequest where another has this name."""
     if SOLVERS.setdefault(name, solve) is not solve:
         raise BadRequest(f"There are other labels {name!r}.", "Choose another name.")
     if name not in LABEL_KINDS:
@@ -244,12 +238,7 @@ register_labels("votes", vote_on_surface)
 
 
 class CorrectionSession:
-    """Label a scene's surface, correct the labels any number of times, and render masks of any view.
-
-    Attributes:
-        objects: names of the K objects, with those that have only corrections.
-        labels: of the surface points, as last solved.
-    """
+    """Label a scene's surface, correct the labels any number of times, and render masks of any view."""
 
     def __init__(
         self,
@@ -258,19 +247,18 @@ class CorrectionSession:
         masks: Sequence[CoarseMask],
         corrections: Sequence[CoarseMask],
         settings: Settings,
-        progress: Progress,
+        progress: Progress,  # counts the pixels of the cached views
         volumes: Mapping[str, Sequence[Volume]] = MappingProxyType({}),
     ) -> None:
-        """Label the surface. progress: counts the pixels of the cached views.
+        """Label the surface. Later corrections may be on other views, but only of the same objects.
 
-        Later corrections may be on other views, but only of the same objects. Raises DataError where a mark or a photo
-        cannot be read, or no point belongs to any object.
+        Raises DataError where a mark or a photo cannot be read, or no point belongs to any object.
         """
         own, long_side = settings.segmentation, settings.geometry.long_side
         views = load_masked_views(masks, capture.views, long_side, own, {each.object_name for each in corrections})
         self._cached = cached = cache_views(scene_field, views, own.samples_per_ray, progress)
         points = surface_points(cached, scene_field.voxel)
-        self.objects = views.objects
+        self.objects = views.objects  # with those that have only corrections
         self._seen = ViewObserver(scene_field, points, long_side)
         self._labelling = Labelling.of(scene_field, points, votes_of_rays(cached), self.objects, volumes)
         constraints = self._seen.constraints(corrections, self.objects)

@@ -57,11 +57,7 @@ def _points_of_spacing(cached: CachedViews, spacing: float) -> SurfacePoints:
 
 
 def merge_samples(positions: np.ndarray, lab: np.ndarray, ray_confidence: np.ndarray, spacing: float) -> SurfacePoints:
-    """Merge the samples of n rays, [n, K, 3] grid coordinates, in cells of 1.4 point spacings.
-
-    lab: [n, 3] photo colors. ray_confidence: [n] in [0, 1], weights of the means; low for silhouette rays, whose colors
-    are mixtures.
-    """
+    """Merge the samples [n, K, 3] of rays with colors [n, 3] in cells of 1.4 spacings; ray_confidence weighs the means."""
     n_rays, n_samples = positions.shape[:2]
     flat = positions.reshape(-1, 3)
     cells = np.floor((flat - flat.min(0)) / (CELL_IN_SPACINGS * spacing)).astype(np.int64)

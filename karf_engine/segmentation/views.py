@@ -84,15 +84,12 @@ class CachedViews:
 
 def load_masked_views(
     masks: Sequence[CoarseMask],
-    views: Sequence[View],
-    long_side: int,
+    views: Sequence[View],  # of the capture; training views and masked ones are used
+    long_side: int,  # working size of masked views, pixels
     settings: SegmentationSettings,
-    more_objects: Collection[str] = (),
+    more_objects: Collection[str] = (),  # without masks
 ) -> MaskedViews:
     """Choose all masked views and others spread around the scene, and load their photos and masks.
-
-    views: of the capture; training views and masked ones are used. long_side: working size of masked views, pixels.
-    more_objects: names of objects without masks.
 
     Raises DataError where a photo or a mask is missing, damaged or of another size.
     """

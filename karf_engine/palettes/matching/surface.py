@@ -1,8 +1,7 @@
 """Change the saturation, brightness and gloss of a paint by means of its palette.
 
-A picture is linear in an object's palette: each color of the object gets a target, and the palette is fitted to the
-targets (`fitting`), so the change carries over to every view. Contrast is out of reach, as shade is mostly the weight
-of the palette's frozen black (docs/limits.md).
+Each color of the object gets a target, and the palette is fitted to the targets (`fitting`), so the change carries over
+to every view.
 
 Arguments as in `becomes`. "light" is linear, with the luminance Y of its sRGB primaries.
 """
