@@ -13,6 +13,7 @@ FLOORS = (
         "convert_bmild",
         "judging",
         "lock_recipes",
+        "metrics",
         "procedural",
         "reference",
         "release",
