@@ -41,7 +41,7 @@ NO_DISK = 0.1 * GB  # too little for any project
 ONE_AT_A_TIME = "Let one program at a time work on a project there, or choose a folder on another disk."
 PROCESSOR = "the processor"
 INSTALL = "Install it, in a terminal:"
-FAST_BRINGS = "With it the processor learns a scene nearly three times as fast."
+FAST_BRINGS = "With it the processor learns a scene 1.7 times as fast."
 
 
 def examine(

@@ -12,7 +12,7 @@ from ..io.arguments import check_arguments, check_array, check_number
 from ..io.color import to_bytes
 from ..io.files import atomic_write
 
-SUFFIXES = (".mp4", ".mov", ".mkv", ".webm")
+SUFFIXES = (".mp4", ".mov", ".mkv")
 
 
 @check_arguments
@@ -20,7 +20,7 @@ def write_video(path: Path | str, frames: Iterable[np.ndarray], fps: float = 30.
     """Write pictures as a video, one at a time; needs the extra `video`.
 
     Args:
-        path: .mp4, .mov, .mkv or .webm.
+        path: .mp4, .mov or .mkv.
         frames: [H, W, 3] sRGB in [0, 1], all of one size. An odd width or height is enlarged by one pixel.
         fps: Frames per second.
 

@@ -1,1 +1,1 @@
-"""Metrics of pictures, masks and edits against a known truth, and of views against each other."""
+"""Metrics of pictures and masks against a known truth."""

@@ -6,6 +6,7 @@ from blender_tests.engine.conftest import ROOT
 from blender_tests.layering import modules, violations
 
 FLOORS = (
+    ("metrics",),
     (
         "__init__",
         "cells",
