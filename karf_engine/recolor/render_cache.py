@@ -1,7 +1,8 @@
 """Cache of field renderings and mattes of captured views, in the project's folder.
 
-    looks/<scene>/<camera>.safetensors   color, depth, opacity and probabilities, float32
-    looks/<scene>/<photo>.safetensors    the objects' mattes in a photo
+    looks/<scene>/
+        <camera>.safetensors   color, depth, opacity and probabilities, float32
+        <photo>.safetensors    the objects' mattes in a photo
 
 `<scene>` is a hash of what was learned, `<camera>` of the camera and `<photo>` of the matting's inputs, each 16
 hexadecimal digits. A file whose checksum differs is made again. Files may be deleted at any time. Nothing is written to a
