@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..io.inputs import check_file
+from ..io.files import check_file
 from .camera import LARGEST_POSITION
 from .reader_utils import read_bytes, read_text
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..io.files import check_file
 from ..io.image_size import LFS_POINTER, image_header
-from ..io.inputs import check_file
 from ..io.names import case_folded, file_name
 from .camera import LARGEST_POSITION, Camera, is_rigid
 from .capture import View

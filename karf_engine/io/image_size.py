@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import DataError
-from .inputs import check_file
+from .files import check_file
 
 LFS_POINTER = b"version https://git-lfs"
 FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}

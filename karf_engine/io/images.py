@@ -22,7 +22,7 @@ from ..errors import KarfError
 from .color import linear_to_srgb, to_bytes
 from .color_spaces import ColorSpace
 from .failures import is_out_of_memory
-from .files import atomic_write
+from .files import atomic_write, library_path
 from .image_size import (
     MOST_PIXELS,
     MOST_PIXELS_OF_SMALL,
@@ -31,7 +31,6 @@ from .image_size import (
     find_header,
     unreadable_image_error,
 )
-from .library_paths import library_path
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # fewer, because floats are copied several times
 ROWS = 256  # rows converted at a time
@@ -243,6 +242,12 @@ def encode_image(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -
     if not done:
         raise OSError(f"OpenCV cannot encode {pixels.dtype} {pixels.shape} as {suffix}.")
     return content.data
+
+
+def save_exr(file: OpenEXR.File, path: Path) -> None:
+    """Write an EXR file. Raises RuntimeError if it cannot be written."""
+    with library_path(path) as writable:
+        file.write(writable)
 
 
 def read_mask(path: Path) -> np.ndarray:

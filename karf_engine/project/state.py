@@ -19,8 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DataError
-from ..io.files import read_json, write_json
-from ..io.fingerprints import fingerprint
+from ..io.files import fingerprint, read_json, write_json
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")

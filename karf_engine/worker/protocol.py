@@ -26,8 +26,7 @@ from typing import Any
 
 from ..commands.options import COMMANDS
 from ..errors import BadRequest, DataError, Message
-from ..io.files import errors_naming_path
-from ..io.inputs import MAX_JSON_BYTES, check_file
+from ..io.files import MAX_JSON_BYTES, check_file, errors_naming_path
 
 PROTOCOL = 1
 REQUEST_FILE = "request.json"
