@@ -73,13 +73,7 @@ def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file whole or not at all; on any failure `path` stays unchanged.
 
     Writes through a symbolic link to its target, and keeps the mode of an existing file. Makes the folder if needed.
-
-    Args:
-        path: The file.
-        write: Called with the path of a temporary file of the same suffix; the result is ignored.
-
-    Raises:
-        OSError: The disk is full, the folder cannot be written, or the file is read-only; names `path`.
+    `write` gets the path of a temporary file of the same suffix. Raises OSError, which names `path`.
     """
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     mode = _mode_of(target)
@@ -159,16 +153,12 @@ def _mode_of(target: Path) -> int:
     try:
         mode = target.stat().st_mode
     except FileNotFoundError:
-        return 0o666 & ~_umask()
+        mask = os.umask(0)
+        os.umask(mask)
+        return 0o666 & ~mask
     if not mode & 0o222 or not os.access(target, os.W_OK):  # root could write it all the same
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     return stat.S_IMODE(mode)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _probe(folder: Path) -> int | None:

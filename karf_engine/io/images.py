@@ -46,18 +46,11 @@ def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None
     """Read an image of any kind that Pillow, OpenCV or OpenEXR reads.
 
     Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear light,
-    become clipped sRGB with straight alpha on their display window.
+    become clipped sRGB on their display window. `upright` applies the Exif orientation. `space` is that of the file; None:
+    sRGB, for EXR linear light with its primaries.
 
-    Args:
-        path: The file.
-        upright: Whether to apply the Exif orientation.
-        space: Color space of the file; None: sRGB, for EXR linear light with its primaries.
-
-    Returns:
-        sRGB float32 [H, W, 3 or 4] in [0, 1]; alpha is straight.
-
-    Raises:
-        DataError: The file is missing, damaged, not an image or too large.
+    Returns sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha. Raises DataError if the file is missing, damaged, not
+    an image or too large.
     """
     pixels, header = read_pixels(path, upright, space=space)
     colors = _as_colors(pixels)
@@ -140,14 +133,9 @@ def apply_exif_orientation(pixels: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
-    """Read the linear light of an EXR file on its display window.
+    """Read the premultiplied linear light [H, W, 1, 3 or 4] of an EXR file on its display window, and its layer's name.
 
-    Returns:
-        Premultiplied light [H, W, 1, 3 or 4] at its stored depth, and the name of its layer, for example `RGBA`.
-
-    Raises:
-        DataError: The file claims too many pixels.
-        ValueError: The file has no colors.
+    Raises DataError if the file claims too many pixels, ValueError if it has no colors.
     """
     with library_path(path) as readable:
         parts = OpenEXR.File(readable, header_only=True).parts

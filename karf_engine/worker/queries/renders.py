@@ -33,10 +33,8 @@ def preview(session: Session, project: str, camera: dict, long_side: int, unseen
     """Render a camera, without its lens distortion, as edit planes; before palettes are learned they have no swatches.
 
     `camera` is a frame of a CAMERAS.json, `long_side` that of the picture in pixels, `unseen` (`faded` or `shown`) what
-    becomes of splats that no photo shows; by default the setting `render.unseen` counts.
-
-    Returns:
-        `planes`, the file, for the caller to delete. `size`, width and height.
+    becomes of splats that no photo shows; by default the setting `render.unseen` counts. Returns `planes`, the file, for
+    the caller to delete, and `size`, width and height.
     """
     check_number("The option long_side", long_side, 1, MAX_SIDE)
     wanted = camera_from_json(camera, "the query").without_distortion().reduced(long_side)
@@ -112,11 +110,15 @@ def harmonics(session: Session, project: str, edit: dict | None = None, points: 
         red, green and blue of each harmonic. `n_solid`: the number of Gaussians before the background's. `seconds` of
         computation.
     """
+    from ...splats.kernels.arrays import COLOR  # needs torch
+
     model = session.model(project)
     session.check()
     begun = time.perf_counter()
     gaussians = _splats(model, edit)
-    colors = _colors(gaussians) if points is None else _rotated(gaussians, points)
+    colors = gaussians.table[:, COLOR:]
+    if points is not None:
+        colors = _rotated(gaussians, colors, points)
     answer = {"n_solid": gaussians.n_foreground, "seconds": time.perf_counter() - begun}
     return answer | session.write_arrays("harmonics.pixels", {"harmonics": colors})
 
@@ -213,13 +215,7 @@ def _splats(model: Model, edit: dict | None) -> Gaussians:
     return model.splats if wanted is None else model.recolored_splats(wanted)
 
 
-def _colors(gaussians: Gaussians) -> np.ndarray:
-    from ...splats.kernels.arrays import COLOR
-
-    return gaussians.table[:, COLOR:]
-
-
-def _rotated(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
+def _rotated(gaussians: Gaussians, colors: np.ndarray, points: dict[str, Any]) -> np.ndarray:
     """Return the harmonics rotated like an object's points."""
     from ...splats.similarity import estimate_rotation, rotate_harmonics
 
@@ -241,4 +237,4 @@ def _rotated(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
             "The object's points are not where the scene's splats are.",
             "Choose an object that was imported from this scene's splats, and whose points were not moved.",
         ) from error
-    return rotate_harmonics(_colors(gaussians)[:count], turn)
+    return rotate_harmonics(colors[:count], turn)
