@@ -208,7 +208,9 @@ def memory() -> Finding:
 
 def total_memory() -> int | None:
     if os.name == "nt":
-        return _windows_memory()
+        status = _MemoryStatus(dwLength=ctypes.sizeof(_MemoryStatus))
+        answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # pyright: ignore[reportAttributeAccessIssue]
+        return status.ullTotalPhys if answered else None
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError):
@@ -275,9 +277,3 @@ class _MemoryStatus(ctypes.Structure):
         *((name, ctypes.c_uint64) for name in ("ullTotalPhys", "ullAvailPhys", "ullTotalPageFile", "ullAvailPageFile")),
         *((name, ctypes.c_uint64) for name in ("ullTotalVirtual", "ullAvailVirtual", "ullAvailExtendedVirtual")),
     )
-
-
-def _windows_memory() -> int | None:
-    status = _MemoryStatus(dwLength=ctypes.sizeof(_MemoryStatus))
-    answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # pyright: ignore[reportAttributeAccessIssue]
-    return status.ullTotalPhys if answered else None
