@@ -136,10 +136,7 @@ def _intrinsics(path: Path, number: int, model: str, width: int, height: int, va
 
 # --------------------------------------------------------------------------------------------------------------- binary
 class _BinaryFile:
-    """The content of a little-endian file and a read position; `what` names the entry that is read.
-
-    Reading beyond the end raises DataError, before memory is allocated.
-    """
+    """Content of a little-endian file, and a read position. Raises DataError beyond the end; `what` names the entry."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.data, self.position = path, read_bytes(path), 0

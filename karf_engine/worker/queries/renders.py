@@ -67,9 +67,7 @@ def show(
     weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
     seen: [H, W] in [0, 1], how well photos support the splats shown there; 1 for voxels.
 
-    Returns:
-        `pixels` and `arrays` of `Session.write_arrays`, the file for the caller to delete. `size`, width and height.
-        `metadata`, of Cryptomatte. `seconds` of rendering.
+    Returns `pixels` and `arrays` of `Session.write_arrays`, `size`, `metadata` of Cryptomatte, and `seconds` of rendering.
     """
     passes = passes or ["color"]
     if not isinstance(passes, list) or not set(passes) <= set(PASSES):
@@ -105,10 +103,8 @@ def harmonics(session: Session, project: str, edit: dict | None = None, points: 
     `points` is an object of such a program: its number of points `count`, and the `positions` [m][3] of some `rows`. The
     harmonics are then rotated like the object.
 
-    Returns:
-        `pixels` and `arrays` of `Session.write_arrays`: `harmonics` [n, 3 K] float32, in the order of the splats' table,
-        red, green and blue of each harmonic. `n_solid`: the number of Gaussians before the background's. `seconds` of
-        computation.
+    Returns `pixels` and `arrays` of `Session.write_arrays`: `harmonics` [n, 3 K] float32, in the order of the splats' table,
+    red, green and blue of each harmonic. `n_solid` is the number of Gaussians before the background's.
     """
     from ...splats.kernels.arrays import COLOR  # needs torch
 
