@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import torch
 
-from .capture.advice import Advice
 from .capture.capture import Capture
+from .capture.advice import Advice
 from .compute.progress import Emit
 from .palettes.palette import Edit
 from .recolor.model import Model

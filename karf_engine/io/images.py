@@ -84,7 +84,7 @@ def read_pixels(
         orientation = 1 if upright else INVERSE_EXIF_ORIENTATION.get(header.orientation, header.orientation)
     else:
         orientation = header.orientation if header.deep and upright else 1
-    return np.ascontiguousarray(apply_exif_orientation(pixels, orientation)), header
+    return apply_exif_orientation_copy(pixels, orientation), header
 
 
 @contextmanager
@@ -115,6 +115,10 @@ def _read_deep(path: Path) -> np.ndarray:
         blue = pixels[..., 0].copy()
         pixels[..., 0], pixels[..., 2] = pixels[..., 2], blue
     return pixels
+
+
+def apply_exif_orientation_copy(pixels: np.ndarray, orientation: int) -> np.ndarray:
+    return np.ascontiguousarray(apply_exif_orientation(pixels, orientation))
 
 
 def apply_exif_orientation(pixels: np.ndarray, orientation: int) -> np.ndarray:

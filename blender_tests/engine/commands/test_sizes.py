@@ -19,7 +19,7 @@ from karf_engine.capture.distortion import undistort_points
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.io.color import to_bytes
-from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation, read_mask, read_photo
+from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation_copy, read_mask, read_photo
 from karf_engine.metrics.masks import iou
 from karf_engine.recolor.full_resolution import make_photo_view
 from karf_engine.recolor.matting.photo_mattes import field_mattes
@@ -55,8 +55,7 @@ def saved(path, color, orientation=1):
     """A photo that a viewer shows as `color`, stored with an Exif orientation."""
     tags = Image.Exif()
     tags[0x0112] = orientation
-    stored = apply_exif_orientation(to_bytes(color), INVERSE_EXIF_ORIENTATION.get(orientation, orientation))
-    stored = np.ascontiguousarray(stored)
+    stored = apply_exif_orientation_copy(to_bytes(color), INVERSE_EXIF_ORIENTATION.get(orientation, orientation))
     Image.fromarray(stored).save(path, exif=tags)
     return view_of(path)
 

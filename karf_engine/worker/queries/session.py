@@ -1,4 +1,4 @@
-"""What a worker keeps between queries, and how the options of a query are read."""
+"""The cache of a worker between queries, and the parsing of the options of queries."""
 
 from __future__ import annotations
 
