@@ -28,10 +28,11 @@ from __future__ import annotations
 import inspect
 import io
 import json
+import math
 import sys
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import MISSING, asdict
 from functools import wraps
 from pathlib import Path
@@ -39,8 +40,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from .commands.dispatch import run_command
 from .commands.options import COMMANDS, GeometryOptions
-from .compute.process_state import preserved_torch_state, stop_on_interrupt
-from .compute.progress import Emit, TerminalEmit
+from .compute.progress import Emit, TerminalEmit, stop_on_interrupt
 from .errors import missing_package
 from .io.arguments import check_type
 from .io.failures import translate_errors
@@ -220,7 +220,7 @@ def load(project: PathLike, device: torch.device | str | None = None) -> Model:
         from .recolor.model import Model
     except ModuleNotFoundError as error:
         raise missing_package(str(error.name)) from error
-    with translate_errors(), preserved_torch_state():
+    with translate_errors(), _preserved_torch_state():
         return Model.load(project, name)
 
 
@@ -283,13 +283,31 @@ def learning_bundle(capture: Capture | PathLike, masks: PathLike, out: PathLike,
     """
 
 
+@contextmanager
+def _preserved_torch_state() -> Iterator[None]:
+    """Restore torch's number of threads, random state and treatment of denormal numbers after the block."""
+    try:
+        import torch
+    except ModuleNotFoundError:  # the block says what is missing
+        yield
+        return
+    threads, random_state = torch.get_num_threads(), torch.get_rng_state()
+    flushes_denormals = math.ulp(0.0) * 1.0 == 0.0
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_rng_state(random_state)
+        torch.set_flush_denormal(flushes_denormals)
+
+
 def _run(kind: type[Options], given: dict[str, Any]) -> None:
     """Run a command that learns or renders, with the keywords of its options and of `LISTENERS`."""
     listeners = {name: given.pop(name, None) for name in LISTENERS}
     for name, listener in listeners.items():
         check_type(kind.command, name, listener, Callable | None)
     emit = listeners["emit"] or _emit_to(listeners["progress"])
-    with translate_errors(), preserved_torch_state(), stop_on_interrupt(listeners["should_stop"]) as should_stop:
+    with translate_errors(), _preserved_torch_state(), stop_on_interrupt(listeners["should_stop"]) as should_stop:
         _carry_out(kind, given, emit, should_stop)
 
 

@@ -25,7 +25,9 @@ UNREACHABLE = 255  # ssh's exit code where it cannot connect
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run Python on another computer and return its exit code."""
-    own, for_python = _split(list(sys.argv[1:] if arguments is None else arguments))
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    end = given.index("--") if "--" in given else len(given)
+    own, for_python = given[:end], given[end + 1 :]
     parser = argparse.ArgumentParser(
         prog="karf_engine.remote",
         usage="%(prog)s [user@]HOST --python PYTHON [--map HERE=THERE ...] -- ARGUMENTS",
@@ -45,12 +47,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if done.returncode and job is not None:
         _explain(job, options.host, paths, done.returncode)
     return done.returncode
-
-
-def _split(arguments: list[str]) -> tuple[list[str], list[str]]:
-    """Split at the first `--`."""
-    end = arguments.index("--") if "--" in arguments else len(arguments)
-    return arguments[:end], arguments[end + 1 :]
 
 
 def remote_command(arguments: Sequence[str], texts: Sequence[str], paths: PathMap) -> tuple[list[str], Path | None]:

@@ -26,8 +26,7 @@ from karf_engine.errors import BadRequest, DataError
 from karf_engine.fields.nerf.field import NerfNetwork
 from karf_engine.fields.nerf.importing import MOST_BYTES, STATE_NAMES, check_pickle, network_of_state
 from karf_engine.io.failures import first_line, is_out_of_memory, translate_error
-from karf_engine.io.files import atomic_write
-from karf_engine.io.inputs import check_file
+from karf_engine.io.files import atomic_write, check_file
 
 HINT = "Give a model_*.npy or model_fine_*.npy as bmild/nerf has written it."
 

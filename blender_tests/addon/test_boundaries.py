@@ -19,9 +19,7 @@ SHARED = [
     "io/color",
     "io/failures",
     "io/files",
-    "io/fingerprints",
     "io/image_size",
-    "io/inputs",
     "io/names",
     "io/npz",
     "io/options",
@@ -41,7 +39,17 @@ SHARED = [
     "worker/findings",
 ]
 # files of those rooms that the engine alone imports
-ENGINE_ALONE = {"training_images", "locking", "extraction", "palette_weights"}
+ENGINE_ALONE = {
+    "training_images",
+    "inspection",
+    "advice",
+    "child_process",
+    "triangulation",
+    "structure_from_motion",
+    "locking",
+    "extraction",
+    "palette_weights",
+}
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("engine_api", "translations"),

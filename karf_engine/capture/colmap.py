@@ -167,12 +167,9 @@ def _camera_to_world(pose: np.ndarray, label: str) -> np.ndarray:
 
 # --------------------------------------------------------------------------------------------------------------- photos
 def _find_photos(model: Path, names: list[str]) -> tuple[list[Path | None], list[str]]:
-    """Return the photo of each sorted image name, and remarks.
-
-    Pairing rules are tried from the strictest to the loosest, each from the model's folder upwards, since outer folders
-    may have photos of the same names before undistortion. All photos come from the folder with the most pairs.
-    """
+    """Return the photo of each sorted image name, all from the folder with the most pairs, and remarks."""
     paths = [_relative(model, name) for name in names]
+    # strict rules first; inner folders first, since outer ones may have photos of the same names before undistortion
     for pair in (_by_name, _by_stem, _by_file_name, _by_order):
         for root in _roots(model):
             folders = [folder for name in PHOTO_FOLDERS for folder in sorted(root.glob(name))] + [root]
@@ -228,10 +225,7 @@ def _by_file_name(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | N
 
 
 def _by_order(folder: Path, paths: Sequence[PurePosixPath]) -> list[Path | None]:
-    """Guess: pair the n-th photo with the n-th image name, both sorted, if their numbers agree.
-
-    For photos renamed by downsampling, as in LLFF's captures; only in folders named images*.
-    """
+    """Pair the n-th photo of a folder images* with the n-th name: LLFF's captures rename photos when downsampling."""
     photos = photos_in(folder) if folder.name.startswith("images") else []
     return list(photos) if len(photos) == len(paths) else [None] * len(paths)
 
@@ -256,10 +250,7 @@ def _path(name: str) -> PurePosixPath:
 
 # --------------------------------------------------------------------------------------------------------------- points
 def _sparse_points(points: Points, images: list[Image], scales: list[tuple[float, float]]) -> SparsePoints | None:
-    """Return the points with their observations in these images; None without points.
-
-    Observations are scaled to the photos' sizes; those of removed points are dropped.
-    """
+    """Return the points with their observations in these images, scaled to the photos' sizes; None without points."""
     if not len(points.ids):
         return None
     order = np.argsort(points.ids)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..io.inputs import check_file
+from ..io.files import check_file
 from .camera import LARGEST_POSITION
 from .reader_utils import read_bytes, read_text
 
@@ -136,10 +136,7 @@ def _intrinsics(path: Path, number: int, model: str, width: int, height: int, va
 
 # --------------------------------------------------------------------------------------------------------------- binary
 class _BinaryFile:
-    """The content of a little-endian file and a read position; `what` names the entry that is read.
-
-    Reading beyond the end raises DataError, before memory is allocated.
-    """
+    """Content of a little-endian file, and a read position. Raises DataError beyond the end; `what` names the entry."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.data, self.position = path, read_bytes(path), 0

@@ -137,10 +137,7 @@ def _thin_objects(folder: Path, views: Sequence[View]) -> Iterator[tuple[str, fl
 
 # ----------------------------------------------------------------------------------------------------- photos and masks
 def _sharpness(picture: np.ndarray) -> float:
-    """Return the ratio of fine to coarse detail of a photo, uint8 [H, W, 3]; 1 without detail.
-
-    It falls with blur and depends little on the content.
-    """
+    """Return the ratio of fine to coarse detail of a photo, uint8 [H, W, 3], which falls with blur; 1 without detail."""
     gray = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
     fine, coarse = (cv2.GaussianBlur(gray, (0, 0), sigma) for sigma in (FINE, COARSE))
     return float(((gray - fine).std() + 1e-3) / ((fine - coarse).std() + 1e-3))

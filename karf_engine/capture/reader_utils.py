@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
+from ..io.files import check_file
 from ..io.image_size import LFS_POINTER, image_header
-from ..io.inputs import check_file
 from ..io.names import case_folded, file_name
 from .camera import LARGEST_POSITION, Camera, is_rigid
 from .capture import View
@@ -94,8 +94,7 @@ def exists(path: Path) -> bool:
 def photo_size(image: Path, declared: tuple[int, int] | None) -> tuple[int, int]:
     """Return width and height of a photo in the orientation of its camera. Raises DataError if it is damaged.
 
-    That is the size for display, unless the Exif orientation swaps the sides and the size that the capture's file
-    declares has the aspect of the stored one.
+    Cameras are of the photo as displayed, unless the `declared` size has the aspect of the photo as stored.
     """
     header = image_header(image)
     if declared and header.swaps_sides and (declared[0] > declared[1]) == (header.width > header.height):

@@ -19,10 +19,8 @@ import numpy as np
 
 from ..compute.progress import Emit, Progress
 from ..errors import Cancelled, DataError
-from ..io.files import errors_naming_path
+from ..io.files import check_file, errors_naming_path, library_path
 from ..io.images import write_png
-from ..io.inputs import check_file
-from ..io.library_paths import library_path
 from .child_process import Message, child_messages
 
 LONG_SIDE = 1600  # longer side for feature extraction, pixels

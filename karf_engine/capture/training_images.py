@@ -123,23 +123,19 @@ def undistort(image: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera, np
     """
     if camera.is_pinhole:
         return image, camera.without_distortion(), np.ones(image.shape[:2], bool)
-    map_u, map_v, valid = lens_map(
-        camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye
-    )
+    map_u, map_v, valid = lens_map(replace(camera, camera_to_world=np.eye(4)))
     image = image.astype(np.float32, copy=False)
     straight = cv2.remap(image, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return straight.reshape(image.shape), camera.without_distortion(), valid.copy()
 
 
 @lru_cache(maxsize=2)  # most captures have one lens; the maps of a large photo take 100 MB
-def lens_map(
-    width: int, height: int, fx: float, fy: float, cx: float, cy: float, distortion: tuple[float, ...], fisheye: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the remap tables that undistort a photo, and a mask of positions inside the photo, all [H, W].
+def lens_map(lens: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the remap tables that undistort photos of a lens at any one pose, and a mask of positions inside, all [H, W].
 
     The tables are columns and rows, float32, with pixel centers at integers.
     """
-    lens = Camera(width, height, fx, fy, cx, cy, np.eye(4), distortion, fisheye)
+    width, height = lens.width, lens.height
     maps, valid = np.empty((2, height, width), np.float32), np.empty((height, width), bool)
     for top in range(0, height, LENS_ROWS):
         rows = slice(top, min(top + LENS_ROWS, height))
@@ -179,8 +175,7 @@ def _background_of(photo: np.ndarray) -> str:
 def solid_pixels(color: np.ndarray, kind: str) -> np.ndarray:
     """Return the pixels of colors [H, W, 3] in [0, 1] that are certainly opaque, bool [H, W].
 
-    These differ from the background `kind`, `black` or `white`, nearly as much as their neighbors, unlike mixed pixels
-    at edges.
+    Unlike mixed pixels at edges, they differ from the background `kind` nearly as much as their neighbors.
     """
     difference = color.max(-1) if kind == "black" else 1 - color.min(-1)
     return (difference > SOLID_DIFFERENCE) & (difference > 0.8 * maximum_filter(difference, 3))

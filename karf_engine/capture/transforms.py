@@ -287,10 +287,7 @@ def _stem(frame: _Frame, image: Path | None) -> str:
 
 
 def _find_photos(frames: list[_Frame]) -> list[Path | None]:
-    """Return the photo of each frame, all from the first search location with any.
-
-    Mixing locations could pair a camera with a photo of the same name from another split.
-    """
+    """Return the photo of each frame, all from the first location with any: others may have those of another split."""
     folder = frames[0].file.parent
     longest = max(len(frame.parts) for frame in frames)
     for root, n_parts in _search_locations(folder, longest):

@@ -49,11 +49,7 @@ def examine(
 ) -> Generator[Finding, None, None]:
     """Yield the finding of each check; the last one is the verdict.
 
-    Args:
-        folder: The folder for projects; its disk and locks are checked. It is not made.
-        quick: Skip the smoke run of the stages, which takes some seconds. An earlier error skips it too.
-        device: Device of the smoke run, as of the stages' options.
-        threads: Threads of the smoke run, as of the stages' options.
+    Checks disk and locks of `folder`, where projects will be. `quick`, or an earlier error, skips the smoke run.
     """
     found = []
     for finding in _findings(folder, device):
@@ -171,7 +167,9 @@ def devices(chosen: str | None) -> Iterator[Finding]:
 
     from ..compute.runtime import find_device
 
-    build = _build(torch)
+    build = f"NVIDIA cards (CUDA {torch.version.cuda})" if torch.version.cuda else PROCESSOR
+    if getattr(torch.version, "hip", None):
+        build = f"AMD cards (ROCm {torch.version.hip})"
     if build != PROCESSOR and not torch.cuda.is_available():
         sentence = f"This torch was built for {build}, and finds no such card: it computes on the processor."
         yield Finding("build", WARNING, sentence, "Update the card's driver, or install a torch for the processor.")
@@ -192,14 +190,6 @@ def devices(chosen: str | None) -> Iterator[Finding]:
     yield Finding("device", OK, f"Stages compute on {PROCESSOR if device.type == 'cpu' else device}.")
 
 
-def _build(torch) -> str:
-    if getattr(torch.version, "hip", None):
-        return f"AMD cards (ROCm {torch.version.hip})"
-    if torch.version.cuda:
-        return f"NVIDIA cards (CUDA {torch.version.cuda})"
-    return PROCESSOR
-
-
 def processors() -> Finding:
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Finding("processor", OK, f"{usable} processor cores can be used.")
@@ -218,7 +208,9 @@ def memory() -> Finding:
 
 def total_memory() -> int | None:
     if os.name == "nt":
-        return _windows_memory()
+        status = _MemoryStatus(dwLength=ctypes.sizeof(_MemoryStatus))
+        answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # pyright: ignore[reportAttributeAccessIssue]
+        return status.ullTotalPhys if answered else None
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError):
@@ -285,9 +277,3 @@ class _MemoryStatus(ctypes.Structure):
         *((name, ctypes.c_uint64) for name in ("ullTotalPhys", "ullAvailPhys", "ullTotalPageFile", "ullAvailPageFile")),
         *((name, ctypes.c_uint64) for name in ("ullTotalVirtual", "ullAvailVirtual", "ullAvailExtendedVirtual")),
     )
-
-
-def _windows_memory() -> int | None:
-    status = _MemoryStatus(dwLength=ctypes.sizeof(_MemoryStatus))
-    answered = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # pyright: ignore[reportAttributeAccessIssue]
-    return status.ullTotalPhys if answered else None

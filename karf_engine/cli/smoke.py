@@ -57,12 +57,7 @@ SPEED_SETTINGS = (
 
 
 def stages(device: str | None = None, threads: int | None = None) -> Iterator[Finding]:
-    """Run and time the stages, up to the first that fails.
-
-    Args:
-        device: As of the stages' options.
-        threads: As of the stages' options; by default one, which is fastest at this size.
-    """
+    """Run and time the stages, up to the first that fails; one thread, the default, is fastest at this size."""
     with tempfile.TemporaryDirectory(prefix="karf-doctor-", ignore_cleanup_errors=True) as folder:
         for name, run in _runs(Path(folder), {"device": device, "threads": threads or 1}):
             finding = _timed(name, run)
@@ -113,7 +108,7 @@ def _timed(name: str, run: Callable[[], None]) -> Finding:
 
 
 def samples_per_second(device: str | None = None, threads: int | None = None) -> float:
-    """Return how many samples of a capture the geometry learns from per second; arguments as of the stages' options."""
+    """Return how many samples of a capture the geometry learns from per second."""
     from .. import api
 
     seen: list[tuple[int, float]] = []  # iterations and their times

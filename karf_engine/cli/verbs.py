@@ -19,8 +19,7 @@ from typing import Any
 
 from ..commands.dispatch import run_command
 from ..commands.options import COMMANDS
-from ..compute.process_state import stop_on_interrupt
-from ..compute.progress import TerminalEmit
+from ..compute.progress import TerminalEmit, stop_on_interrupt
 from ..errors import BadRequest
 from ..io.arguments import annotations_of, union_members, unknown_name_error
 from ..io.failures import log

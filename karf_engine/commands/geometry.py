@@ -35,8 +35,7 @@ from ..fields.rendering.rays import PixelDataset
 from ..fields.scene import Scene, psnr_of_views
 from ..fields.voxels.fit import VoxelFit
 from ..io.color_spaces import ColorSpace, color_space
-from ..io.files import write_json
-from ..io.fingerprints import file_digest
+from ..io.files import file_digest, write_json
 from ..io.images import alpha_composite, write_png
 from ..project import Project
 from ..project import settings as settings_module

@@ -16,7 +16,7 @@ from ..compute.progress import Emit, Progress, peak_memory_bytes
 from ..compute.runtime import Runtime, start_runtime
 from ..errors import BadRequest, Diverged
 from ..fields.fit import Checkpoint
-from ..io.fingerprints import fingerprint
+from ..io.files import fingerprint
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module
 from ..project.contents import read_capture, settings_for

@@ -17,7 +17,7 @@ from ..heads.fields import SegmentationField, Volumes
 from ..heads.files import save_segmentation, save_surface
 from ..heads.rendering import segment_cache
 from ..io.color import to_bytes
-from ..io.fingerprints import file_digest
+from ..io.files import file_digest
 from ..project.volumes import read_volumes
 from ..segmentation.coarse_masks import CoarseMask, copy_masks, find_masks
 from ..segmentation.corrections import ViewObserver, find_corrections

@@ -15,7 +15,7 @@ from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
 from ..fields.files import load_scene
 from ..fields.scene_surface import NoSurface
-from ..io.fingerprints import file_digest
+from ..io.files import file_digest
 from ..project.settings import to_dict
 from ..splats.files import save_gaussians
 from ..splats.formats.registry import read_captured_gaussians

@@ -23,11 +23,7 @@ class _Cores:
     has_pool = False
 
 
-class _Thread(threading.local):
-    is_worker = False
-
-
-_thread = _Thread()
+_thread = threading.local()  # its `is_worker` is set in threads of the pool
 
 
 def set_core_count(count: int) -> None:
@@ -52,7 +48,7 @@ def parallel_for(function: Callable[..., None], n: int, *arguments: Any) -> None
 
     The parts must be independent and run without gradients.
     """
-    threads = core_count() if _Cores.has_pool and not _thread.is_worker else 1
+    threads = core_count() if _Cores.has_pool and not hasattr(_thread, "is_worker") else 1
     if threads == 1 or n <= 1:
         with torch.no_grad():
             function(0, n, *arguments)

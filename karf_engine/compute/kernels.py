@@ -94,10 +94,7 @@ def _disk_cache(function: Callable[..., Any]) -> Any:
 
 
 class _CheckedFile:
-    """Machine code by signature in one file, which begins with the SHA-256 of the source and the rest of the file.
-
-    `source` identifies source code and compiler; a file with another source counts as missing.
-    """
+    """Machine code by signature in a file, after the SHA-256 of `source` (code and compiler) and the rest of the file."""
 
     def __init__(self, path: Path, source: bytes) -> None:
         self._path = path

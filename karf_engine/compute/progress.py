@@ -1,14 +1,18 @@
-"""Progress events of a job, with rate and remaining time, and cancellation.
+"""Progress events of a job, with rate and remaining time; cancellation, also by Ctrl-C; and peak memory.
 
 `emit(kind, **values)` receives the events of `worker.protocol`.
 """
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from ..errors import Cancelled
@@ -100,6 +104,38 @@ class TerminalEmit:
             self._stream.write("\n")
             self._width = 0
         print(text, file=self._stream, flush=True)
+
+
+@contextmanager
+def stop_on_interrupt(should_stop: Callable[[], bool] | None = None) -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C in the block into a request to stop; a second one interrupts at once.
+
+    Yields a function that returns whether to stop, for this reason or `should_stop`. Raises KeyboardInterrupt when the
+    block has stopped after a Ctrl-C.
+    """
+    stop = threading.Event()
+
+    def is_stopped() -> bool:
+        return stop.is_set() or (should_stop is not None and should_stop())
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:  # the caller's own handler
+        yield is_stopped
+        return
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield is_stopped
+    except Cancelled:
+        if stop.is_set():
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def peak_memory_bytes() -> int:

@@ -13,9 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..capture.capture import Capture, View, capture_to_json, mask_files
-from ..io.files import errors_naming_path
-from ..io.fingerprints import file_digest, fingerprint
-from ..io.inputs import check_file
+from ..io.files import check_file, errors_naming_path, file_digest, fingerprint
 from ..palettes.edge_shape import active_edges
 from ..palettes.palette import AddedColor, Edit
 from ..project import STAGE_ORDER, Project

@@ -14,8 +14,7 @@ from ..capture.capture import View
 from ..io.color import srgb_to_linear, to_bytes
 from ..io.color_spaces import color_space
 from ..io.files import atomic_write
-from ..io.images import encode_image, write_png
-from ..io.library_paths import save_exr
+from ..io.images import encode_image, save_exr, write_png
 from ..palettes.added import extended_palettes, split_weights_of_objects
 from ..palettes.compositing import write_planes
 from ..palettes.edge_shape import EdgeShape

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..capture.capture import UNIT_GAINS
 from ..errors import DataError
-from ..io.inputs import check_file
+from ..io.files import check_file
 from ..io.names import is_file_name
 from ..palettes.palette import MAX_ADDED, MAX_COLORS, MAX_OBJECTS, Palette
 

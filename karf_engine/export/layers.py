@@ -26,8 +26,7 @@ from ..capture.capture import UNIT_GAINS
 from ..io.color import srgb_to_linear
 from ..io.color_spaces import ColorSpace
 from ..io.files import atomic_write
-from ..io.images import white_level
-from ..io.library_paths import save_exr
+from ..io.images import save_exr, white_level
 from ..recolor.frames import Layers
 from . import cryptomatte
 from .layer_names import ATTRIBUTE, ObjectLayers, describe_layers, name_layers

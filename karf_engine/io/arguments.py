@@ -72,12 +72,7 @@ def check_number(name: str, value: float, lowest: float, highest: float | None =
 
 
 def check_array(name: str, array: np.ndarray, shape: tuple[int | str, ...]) -> None:
-    """Check that an array is numeric and has a shape; a string such as "n" allows any size.
-
-    Raises:
-        TypeError: The argument is not an array.
-        BadRequest: The array has another shape or is not numeric.
-    """
+    """Raise TypeError if a value is no array, BadRequest if it is not numeric or of another shape; "n" is any size."""
     import numpy as np  # the rest of this module must run without numpy
 
     check_type("This", name, array, np.ndarray)
@@ -129,14 +124,8 @@ def union_members(kind: Any) -> tuple[Any, ...]:
 def coerce(value: Any, kind: Any, is_json: bool = False) -> Any:
     """Return a value as the annotated type, or dataclasses.MISSING if it does not fit.
 
-    Args:
-        value: Any value.
-        kind: The annotation.
-        is_json: Whether it comes from JSON or a command line: texts then become paths, lists tuples, and whole numbers
-            floats. Otherwise the value is returned unchanged.
-
-    Raises:
-        BadRequest: A text of JSON has a zero character.
+    Texts of JSON or a command line (`is_json`) become paths, lists tuples, and whole numbers floats; other values stay.
+    Raises BadRequest if a text of JSON has a zero character.
     """
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any:

@@ -16,9 +16,7 @@ from torch import Tensor
 
 from ..errors import DataError
 from .failures import is_out_of_memory
-from .files import atomic_write
-from .inputs import check_file
-from .library_paths import library_path
+from .files import atomic_write, check_file, library_path
 
 AGAIN = "Run the stage that writes it again."
 # raised by code that restores objects from damaged tensors or metadata

@@ -26,15 +26,10 @@ EXTRA = "color"
 
 @dataclass(frozen=True)
 class ColorSpace:
-    """A color space of a configuration.
+    """A color space of a configuration."""
 
-    Attributes:
-        name: Name or alias in the configuration.
-        config: Absolute path or `ocio://` address of the configuration; empty for the built-in one.
-    """
-
-    name: str
-    config: str = ""
+    name: str  # name or alias in the configuration
+    config: str = ""  # absolute path or `ocio://` address of the configuration; empty for the built-in one
 
     def to_srgb(self, colors: np.ndarray) -> np.ndarray:
         """Convert colors [..., 3] of this space to sRGB float32, not clipped. Raises what `color_space` raises."""
@@ -55,12 +50,8 @@ def color_space(name: str, config: str | None = None) -> ColorSpace:
     """Find a color space by name or alias.
 
     `config` is the path or `ocio://` address of a configuration; None: that of the environment variable OCIO, else the
-    built-in one.
-
-    Raises:
-        MissingDependency: OpenColorIO is not installed.
-        DataError: The configuration cannot be read.
-        BadRequest: The configuration has no such space, or the space cannot be converted to sRGB.
+    built-in one. Raises MissingDependency without OpenColorIO, DataError if the configuration cannot be read, BadRequest if
+    it has no such space or no conversion of it to sRGB.
     """
     place = os.environ.get(VARIABLE, "") if config is None else config
     space = ColorSpace(name, place if "://" in place or not place else str(Path(place).absolute()))

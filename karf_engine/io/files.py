@@ -1,6 +1,6 @@
-"""Atomic writes, JSON files and checksums.
+"""Files: checks before opening, atomic writes, JSON, checksums, fingerprints, and paths for C libraries.
 
-A file is written in a temporary folder beside it, flushed to disk and renamed, so that a killed process leaves the last
+Opening a pipe blocks and reading a device never ends, so files from outside are checked first. A file is written in a temporary folder beside it, flushed to disk and renamed, so that a killed process leaves the last
 good state. The folder's name holds host and process id, so that leftovers of dead processes can be removed.
 """
 
@@ -24,8 +24,10 @@ from typing import Any
 
 from ..errors import DataError, KarfError
 from .failures import errno_of
-from .inputs import MAX_JSON_BYTES, check_file
 
+MAX_JSON_BYTES = 32 << 20  # bytes; parsed objects take up to thirty times as much
+MOST_BYTES = 8 << 30  # bytes of a file that is read whole
+WHOLE_BYTES, END_BYTES = 2**20, 2**18  # larger files are fingerprinted at both ends only
 TEMPORARY = re.compile(r"\.karf-([0-9a-f]{8})-(\d{1,10})-[a-z0-9_]{8}")  # host, process id, random
 HELD = (5, 32, 33, 1224)  # Windows errors: access denied, sharing violation, lock violation, mapped by a process
 HELD_SECONDS = 3.0  # how long virus scanners and indexers may keep a new file open on Windows
@@ -44,17 +46,34 @@ def host_name() -> str:
 HOST = hashlib.sha256(host_name().encode()).hexdigest()[:8]
 
 
+def check_file(path: Path, most: int = MOST_BYTES, label: str = "") -> int:
+    """Return the size in bytes of a regular file, called `label` in messages; links are followed.
+
+    Raises DataError if it is missing, not a regular file, or larger than `most`.
+    """
+    label = label or str(path)
+    try:
+        status = path.stat()
+    except FileNotFoundError as error:
+        raise DataError("{path} does not exist.", "Check the path.", path=label) from error
+    except (OSError, ValueError) as error:  # circular links, invalid names
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the path.", path=label, reason=getattr(error, "strerror", error)
+        ) from error
+    if stat.S_ISDIR(status.st_mode):
+        raise DataError(f"{label} is a folder, not a file.", "Check the path.")
+    if not stat.S_ISREG(status.st_mode):
+        raise DataError(f"{label} is a pipe or a device, not a file.", "Put the file itself there.")
+    if status.st_size > most:
+        raise DataError(f"{label} has {status.st_size:,} bytes; at most {most:,} are read.", "Check the file.")
+    return status.st_size
+
+
 def atomic_write(path: Path, write: Callable[[Path], object]) -> None:
     """Write a file whole or not at all; on any failure `path` stays unchanged.
 
     Writes through a symbolic link to its target, and keeps the mode of an existing file. Makes the folder if needed.
-
-    Args:
-        path: The file.
-        write: Called with the path of a temporary file of the same suffix; the result is ignored.
-
-    Raises:
-        OSError: The disk is full, the folder cannot be written, or the file is read-only; names `path`.
+    `write` gets the path of a temporary file of the same suffix. Raises OSError, which names `path`.
     """
     target = Path(os.path.realpath(path)) if path.is_symlink() else path
     mode = _mode_of(target)
@@ -134,16 +153,12 @@ def _mode_of(target: Path) -> int:
     try:
         mode = target.stat().st_mode
     except FileNotFoundError:
-        return 0o666 & ~_umask()
+        mask = os.umask(0)
+        os.umask(mask)
+        return 0o666 & ~mask
     if not mode & 0o222 or not os.access(target, os.W_OK):  # root could write it all the same
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     return stat.S_IMODE(mode)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _probe(folder: Path) -> int | None:
@@ -189,6 +204,24 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def fingerprint(*parts: Any) -> str:
+    """Return a hash of JSON values, 16 hexadecimal digits."""
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def file_digest(path: Path) -> list:
+    """Return [size, SHA-256] of a file; files over 1 MiB are hashed by their first and last 256 KiB."""
+    size = check_file(path)
+    with path.open("rb") as stream:
+        if size <= WHOLE_BYTES:
+            content = stream.read()
+        else:
+            content = stream.read(END_BYTES)
+            stream.seek(-END_BYTES, 2)
+            content += stream.read()
+    return [size, hashlib.sha256(content).hexdigest()]
+
+
 def remove_temporaries(folder: Path) -> None:
     """Remove the temporary folders that dead processes of this host left in a folder."""
     with suppress(OSError):  # the folder is missing
@@ -216,4 +249,29 @@ def is_running(pid: int) -> bool:
         return False
     except PermissionError:  # another user's
         pass
+    return True
+
+
+@contextmanager
+def library_path(path: Path) -> Iterator[str]:
+    """Yield a UTF-8 path to a file, which may be missing if its own name is UTF-8.
+
+    On Linux, names that are not UTF-8 are opened here and passed as /dev/fd.
+    """
+    if _is_utf8(str(path)):
+        yield str(path)
+        return
+    opened, rest = (path.parent, f"/{path.name}") if _is_utf8(path.name) else (path, "")
+    handle = os.open(opened, os.O_RDONLY)
+    try:
+        yield f"/dev/fd/{handle}{rest}"
+    finally:
+        os.close(handle)
+
+
+def _is_utf8(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
     return True

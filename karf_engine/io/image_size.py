@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import DataError
-from .inputs import check_file
+from .files import check_file
 
 LFS_POINTER = b"version https://git-lfs"
 FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -41,7 +41,7 @@ class ImageHeader:
 
     @property
     def swaps_sides(self) -> bool:
-        """True if the orientation swaps width and height for display."""
+        """Whether the orientation swaps width and height for display."""
         return self.orientation >= 5
 
     @property
@@ -78,12 +78,7 @@ def check_pixels(
 ) -> None:
     """Raise DataError for an image file that claims too many pixels for its length.
 
-    Args:
-        path: The file.
-        width: Claimed width.
-        height: Claimed height.
-        min_pixel_limit: Pixels allowed in the smallest file.
-        depth: Bytes of a channel; above two, the limit shrinks in proportion.
+    The smallest file may have `min_pixel_limit`. Above two bytes of a channel (`depth`), limits shrink in proportion.
     """
     length = path.stat().st_size
     most = min(MOST_PIXELS, max(min_pixel_limit, MOST_PIXELS_PER_BYTE * length)) * 2 // max(2, depth)

@@ -22,7 +22,7 @@ from ..errors import KarfError
 from .color import linear_to_srgb, to_bytes
 from .color_spaces import ColorSpace
 from .failures import is_out_of_memory
-from .files import atomic_write
+from .files import atomic_write, library_path
 from .image_size import (
     MOST_PIXELS,
     MOST_PIXELS_OF_SMALL,
@@ -31,7 +31,6 @@ from .image_size import (
     find_header,
     unreadable_image_error,
 )
-from .library_paths import library_path
 
 MOST_PIXELS_OF_SMALL_EXR = 8_000_000  # fewer, because floats are copied several times
 ROWS = 256  # rows converted at a time
@@ -47,18 +46,11 @@ def read_photo(path: Path, upright: bool = True, space: ColorSpace | None = None
     """Read an image of any kind that Pillow, OpenCV or OpenEXR reads.
 
     Gray and palette images become RGB; 16-bit images keep their precision. EXR files, which hold premultiplied linear light,
-    become clipped sRGB with straight alpha on their display window.
+    become clipped sRGB on their display window. `upright` applies the Exif orientation. `space` is that of the file; None:
+    sRGB, for EXR linear light with its primaries.
 
-    Args:
-        path: The file.
-        upright: Whether to apply the Exif orientation.
-        space: Color space of the file; None: sRGB, for EXR linear light with its primaries.
-
-    Returns:
-        sRGB float32 [H, W, 3 or 4] in [0, 1]; alpha is straight.
-
-    Raises:
-        DataError: The file is missing, damaged, not an image or too large.
+    Returns sRGB float32 [H, W, 3 or 4] in [0, 1] with straight alpha. Raises DataError if the file is missing, damaged, not
+    an image or too large.
     """
     pixels, header = read_pixels(path, upright, space=space)
     colors = _as_colors(pixels)
@@ -141,14 +133,9 @@ def apply_exif_orientation(pixels: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def read_light(path: Path, header: ImageHeader) -> tuple[np.ndarray, str]:
-    """Read the linear light of an EXR file on its display window.
+    """Read the premultiplied linear light [H, W, 1, 3 or 4] of an EXR file on its display window, and its layer's name.
 
-    Returns:
-        Premultiplied light [H, W, 1, 3 or 4] at its stored depth, and the name of its layer, for example `RGBA`.
-
-    Raises:
-        DataError: The file claims too many pixels.
-        ValueError: The file has no colors.
+    Raises DataError if the file claims too many pixels, ValueError if it has no colors.
     """
     with library_path(path) as readable:
         parts = OpenEXR.File(readable, header_only=True).parts
@@ -243,6 +230,12 @@ def encode_image(suffix: str, pixels: np.ndarray, options: Sequence[int] = ()) -
     if not done:
         raise OSError(f"OpenCV cannot encode {pixels.dtype} {pixels.shape} as {suffix}.")
     return content.data
+
+
+def save_exr(file: OpenEXR.File, path: Path) -> None:
+    """Write an EXR file. Raises RuntimeError if it cannot be written."""
+    with library_path(path) as writable:
+        file.write(writable)
 
 
 def read_mask(path: Path) -> np.ndarray:

@@ -20,8 +20,7 @@ import numpy as np
 
 from ..errors import DataError, KarfError, Message, error_from_code
 from .failures import first_line, is_out_of_memory, translate_error
-from .files import read_json
-from .inputs import check_file
+from .files import check_file, read_json
 from .npz import read_arrays
 
 LEAST_BYTES = 2 << 30  # memory; libraries reserve up to half of it

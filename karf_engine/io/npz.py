@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import DataError
 from .failures import is_out_of_memory
-from .inputs import check_file
+from .files import check_file
 
 # limits of decompression bombs
 MOST_OF_SMALL = 512 << 20  # bytes

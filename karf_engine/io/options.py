@@ -38,17 +38,10 @@ def option(
     maximum: int | None = None,
     positional: bool = False,
 ) -> Any:
-    """Declare a field of an `Options` class.
+    """Declare a field of an `Options` class with its help text; an option without a default is required.
 
-    Args:
-        text: Help text, a phrase.
-        default: Default value; the option is required without one.
-        flag: Name on the command line without dashes; by default the field's name, None for none.
-        metavar: Placeholder of the value in `--help`.
-        choices: Allowed values.
-        minimum: Least allowed number.
-        maximum: Greatest allowed number, with a minimum.
-        positional: Whether the command line takes it by position.
+    `flag` is its name on the command line without dashes; by default the field's name, None for none. A `maximum` needs a
+    `minimum`.
     """
     facts = {"help": text, "flag": flag, "metavar": metavar, "choices": choices, "positional": positional}
     return field(default=default, metadata=facts | {"minimum": minimum, "maximum": maximum})
@@ -72,11 +65,7 @@ class Options:
 
     @classmethod
     def of(cls, **values: Any) -> Self:
-        """Make options from keywords.
-
-        Raises:
-            BadRequest: A name is unknown, a required option is missing, or a value has a wrong type or range.
-        """
+        """Make options from keywords. Raises BadRequest if one is unknown, missing, or of a wrong type or range."""
         known = {item.name: item for item in fields(cls)}
         for name in values:
             if name not in known:

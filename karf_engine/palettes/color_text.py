@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..io.color import srgb_to_lab
-from ..io.inputs import MAX_JSON_BYTES, check_file
+from ..io.files import MAX_JSON_BYTES, check_file
 from .palette import MAX_SRGB, color_of, hex_to_rgb, rgb_to_hex
 
 # CSS Color Module Level 4, 10.2; # is optional, as in color lists of web addresses

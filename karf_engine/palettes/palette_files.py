@@ -21,8 +21,7 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_choice
 from ..io.color import lab_d50_to_d65, lab_to_srgb, to_bytes
-from ..io.files import atomic_write
-from ..io.inputs import check_file
+from ..io.files import atomic_write, check_file
 from .palette import Edit, Palette, read_edit, write_edit
 
 SUFFIXES = (".json", ".gpl", ".ase")

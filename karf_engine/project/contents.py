@@ -22,12 +22,7 @@ def read_capture(project: Project) -> Capture:
 def settings_for(project: Project, stage: str) -> Settings:
     """Return the settings for a stage: earlier stages' settings as they ran, the others as last set.
 
-    Args:
-        project: A project with finished geometry.
-        stage: One of `project.STAGE_ORDER`, or any other word for a command after all of them.
-
-    Raises:
-        BadRequest: Nothing has been learned yet.
+    A `stage` that is none of `STAGE_ORDER` is a command after all of them. Raises BadRequest without finished geometry.
     """
     state = project.state()
     if state.get("settings") is None:

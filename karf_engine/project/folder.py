@@ -43,7 +43,7 @@ from ..errors import BadRequest, DataError
 from ..io.containment import check_tree, checked_path, is_link
 from ..io.files import checksum, remove_temporaries, replace, temporary_folder
 from ..io.names import check_name
-from .state import STAGE_ORDER, new_state, read_state, without_stage, write_state
+from .state import SCHEMA, STAGE_ORDER, read_state, without_stage, write_state
 
 RESULTS = "results"
 READING_SECONDS = 60.0  # for which results that were replaced stay: jobs may be reading them
@@ -68,37 +68,21 @@ class _Output(_Inside):
 
 
 class Project:
-    """A project folder.
+    """A project folder; it need not exist before `create`.
 
-    Attributes:
-        folder: Absolute path; it need not exist before `create`.
+    With a `state` (see `snapshot`), project.json is not read again.
     """
 
     def __init__(self, folder: Path | str, state: dict[str, Any] | None = None) -> None:
-        """Refer to the project in a folder.
-
-        Args:
-            folder: The folder.
-            state: A state to keep (see `snapshot`); None to read project.json each time.
-        """
         self.folder = Path(folder).absolute()
         self._state = state
 
     def snapshot(self) -> Project:
-        """Return this project as it is now: its results stay the same when jobs finish stages meanwhile.
-
-        Raises:
-            DataError: As `state`.
-        """
+        """Return this project as it is now, with the same results when jobs finish stages. Raises DataError as `state`."""
         return Project(self.folder, self.state())
 
-    # --- names -----------------------------------------------------------------------------------------------------
     def path(self, *names: str) -> Path:
-        """Return the path of these names in the project.
-
-        Raises:
-            DataError: A link in the path leads out of the project; see `io.containment`.
-        """
+        """Return the path of these names in the project. Raises DataError if a link in it leads out of the project."""
         return checked_path(self.folder, *names)
 
     state_file = _Inside("project.json")
@@ -123,8 +107,7 @@ class Project:
     def output(self, name: str, stage: str | None = None) -> Path:
         """Return the path of an output of a finished stage, by default of the last one that wrote a file of this name.
 
-        Raises:
-            DataError: project.json names no valid path, or a link in it leads out of the project.
+        Raises DataError if project.json names no valid path, or a link in it leads out of the project.
         """
         stage = stage or self._stage_of(name)
         folder = self.state()["stages"][stage].get("folder") if stage else None
@@ -161,24 +144,12 @@ class Project:
         raise DataError(f"{self.folder / 'jobs'} is full of jobs of this second.", "Try again.")
 
     def check_inside(self, path: Path | str) -> Path:
-        """Return a path as absolute; if it is in the project, refuse links in or below it that lead out.
-
-        Args:
-            path: A file or folder, such as masks or an output, in the project or anywhere else.
-
-        Raises:
-            DataError: A link leads out; see `io.containment`.
-        """
+        """Return a path as absolute. Raises DataError if it is in the project, and a link in or below it leads out."""
         path = Path(os.path.normpath(Path(path).absolute()))
         return check_tree(self.folder, path) if path.is_relative_to(self.folder) else path
 
-    # --- state -----------------------------------------------------------------------------------------------------
     def create(self, capture: str) -> None:
-        """Make the folder a project for the capture at this path, unless it is one already.
-
-        Raises:
-            BadRequest: The folder is a project of another capture.
-        """
+        """Make the folder a project for the capture at this path. Raises BadRequest if it has one of another capture."""
         if self.state_file.exists():
             known = self.state()["capture"]
             if known != capture:
@@ -191,14 +162,10 @@ class Project:
                 )
             return
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_state(self.state_file, new_state(capture))
+        write_state(self.state_file, {"schema": SCHEMA, "capture": capture, "stages": {}})
 
     def state(self) -> dict[str, Any]:
-        """Read project.json (see `project.state`).
-
-        Raises:
-            DataError: The folder is not a project, is of a newer version, or its project.json is damaged.
-        """
+        """Return the content of project.json, see `project.state`. Raises DataError as `read_state`."""
         return read_state(self.state_file) if self._state is None else self._state
 
     def finished(self, stage: str) -> dict[str, Any] | None:
@@ -211,11 +178,7 @@ class Project:
         return path.exists() if files is None else path.name in files
 
     def require(self, stage: str) -> dict[str, Any]:
-        """Return the summary of a finished stage.
-
-        Raises:
-            BadRequest: The stage is not finished.
-        """
+        """Return the summary of a finished stage. Raises BadRequest if it is not finished."""
         summary = self.finished(stage)
         if summary is None:
             raise BadRequest(
@@ -234,11 +197,8 @@ class Project:
     def finish(self, stage: str, fingerprint: str, settings: dict[str, Any] | None = None, **summary: Any) -> None:
         """Mark the stage as finished, and the stages that build on it as not.
 
-        Args:
-            stage: One of `STAGE_ORDER`.
-            fingerprint: Of the stage's inputs and settings.
-            settings: The settings of all stages, by stage; None to keep those that are stored.
-            **summary: `folder` and `files` of its outputs, see `commit`; and its metrics.
+        `fingerprint` is that of its inputs and settings, `settings` are those of all stages (None: as stored), and
+        `summary` has its metrics, and `folder` and `files` of its outputs (see `commit`).
         """
         state = without_stage(self.state(), stage)
         state["stages"][stage] = {"fingerprint": fingerprint, **summary}
@@ -248,19 +208,9 @@ class Project:
         write_state(self.state_file, state)
 
     def commit(self, stage: str, result: Path, fingerprint: str, settings: dict[str, Any], **summary: Any) -> None:
-        """Finish a stage with the outputs in `result`, a folder of `new_result`.
+        """Finish a stage, as `finish`, with the outputs in `result`, a folder of `new_result` that must not change later.
 
         Replacing project.json is the only change: after a kill at any moment, the stage is finished or as before.
-
-        Args:
-            stage: One of `STAGE_ORDER`.
-            result: The folder; it must not change afterwards.
-            fingerprint: Of the stage's inputs and settings.
-            settings: The settings of all stages, by stage.
-            **summary: The stage's metrics, for `finished`.
-
-        Raises:
-            OSError: The disk is full; the project is unchanged.
         """
         files = {path.name: checksum(path) for path in sorted(result.iterdir())}
         self.finish(stage, fingerprint, settings, folder=result.name, files=files, **summary)
@@ -287,13 +237,8 @@ class Project:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
 
-    # --- checks ----------------------------------------------------------------------------------------------------
     def verified(self, path: Path) -> Path:
-        """Return the path of a stage's output after verifying its checksum; files without a checksum are not verified.
-
-        Raises:
-            DataError: The file is damaged or missing.
-        """
+        """Return the path of a stage's output. Raises DataError if it is missing, or has another checksum than noted."""
         stages = self.state()["stages"].items()
         owner = next((stage for stage, summary in stages if summary.get("folder") == path.parent.name), None)
         stage = owner or self._stage_of(path.name)

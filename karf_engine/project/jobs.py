@@ -20,11 +20,7 @@ WARM_SUFFIX = "-warm"  # of jobs that answer queries, whose folders are large
 
 
 def new_job(project: Project, stage: str) -> Path:
-    """Prune old job folders, then make an empty one that belongs to this process.
-
-    Raises:
-        OSError: The folder cannot be written.
-    """
+    """Prune old job folders, then make an empty one that belongs to this process. Raises OSError if that fails."""
     prune_jobs(project)
     job = project.new_job(stage)
     write_json(job / OWNER_FILE, {"pid": os.getpid(), "host": host_name()})

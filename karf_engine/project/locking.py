@@ -18,11 +18,7 @@ from . import Project
 
 @contextmanager
 def write_lock(project: Project) -> Iterator[None]:
-    """Hold the lock for writing, and first delete the leftovers of killed jobs.
-
-    Raises:
-        BadRequest: Another job holds the lock.
-    """
+    """Hold the lock for writing, and first delete the leftovers of killed jobs. Raises BadRequest if another job has it."""
     holder = project.path("lock.json")
     project.path("lock.lease")  # refuse links
     try:

@@ -19,32 +19,17 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DataError
-from ..io.files import read_json, write_json
-from ..io.fingerprints import fingerprint
+from ..io.files import fingerprint, read_json, write_json
 
 SCHEMA = "karf-project/1"
 STAGE_ORDER = ("geometry", "segmentation", "palette", "recoloring", "splats")
-STAGE_VERSIONS = {  # incremented when the same inputs would give another result
-    "geometry": 4,
-    "segmentation": 5,
-    "palette": 1,
-    "recoloring": 1,
-    "splats": 4,
-}
+# incremented when the same inputs would give another result
+STAGE_VERSIONS = {"geometry": 4, "segmentation": 5, "palette": 1, "recoloring": 1, "splats": 4}
 BUILT_ON = {"segmentation": "geometry", "palette": "segmentation", "recoloring": "palette", "splats": "geometry"}
 
 
-def new_state(capture: str) -> dict[str, Any]:
-    """Return the state of a new project for the capture at this path."""
-    return {"schema": SCHEMA, "capture": capture, "stages": {}}
-
-
 def read_state(path: Path) -> dict[str, Any]:
-    """Read a project.json; the state is without the checksum.
-
-    Raises:
-        DataError: The file is missing, of another schema, damaged, or has values of wrong types.
-    """
+    """Read a project.json, without its checksum. Raises DataError if it is missing, damaged or of another schema."""
     if not path.exists():
         raise DataError(
             "{folder} is not a KaRF project (project.json is missing).",
@@ -67,7 +52,8 @@ def read_state(path: Path) -> dict[str, Any]:
     if not isinstance(state.get("outdated", []), list):
         raise DataError(f"{path} has the outdated stages {state['outdated']!r:.200}.", "Start anew.")
     for stage, summary in state["stages"].items():
-        if not _is_summary(summary):
+        is_summary = isinstance(summary, dict) and isinstance(summary.get("fingerprint"), str)
+        if not is_summary or not isinstance(summary.get("files", {}), dict):
             raise DataError(
                 f"{path} has no fingerprint, or no list of files, of its {stage!r:.200} stage, but {summary!r:.200}.",
                 f"Remove {stage!r:.200} from its stages, and run that stage again.",
@@ -92,24 +78,13 @@ def without_stage(state: dict[str, Any], stage: str) -> dict[str, Any]:
 
 
 def result_fingerprint(state: Mapping[str, Any], stage: str) -> str:
-    """Return a fingerprint of the results of a stage and the stages that it builds on.
-
-    Args:
-        state: Result of `read_state`, or empty.
-        stage: One of `STAGE_ORDER`.
-    """
+    """Return a fingerprint of the results of a stage and the stages that it builds on; `state` may be empty."""
     summaries = {}
     while stage:
         summary = state.get("stages", {}).get(stage, {})
         summaries[stage] = [summary.get("fingerprint"), summary.get("files")]
         stage = BUILT_ON.get(stage, "")
     return fingerprint(summaries)
-
-
-def _is_summary(summary: Any) -> bool:
-    if not isinstance(summary, dict) or not isinstance(summary.get("fingerprint"), str):
-        return False
-    return isinstance(summary.get("files", {}), dict)
 
 
 def _digest(state: dict[str, Any]) -> str:

@@ -27,19 +27,12 @@ HINT = "Write it again; see docs/files.md."
 
 @dataclass(frozen=True)
 class Volume:
-    """A box or a mesh.
+    """A box or a mesh."""
 
-    Attributes:
-        kind: `inside` or `outside`.
-        matrix: [4, 4], from the cube [-1, 1]^3 to the capture's world; None for a mesh.
-        vertices: [n, 3] in the capture's world; None for a box.
-        triangles: [m, 3] int, of a mesh.
-    """
-
-    kind: str
-    matrix: np.ndarray | None = None
-    vertices: np.ndarray | None = None
-    triangles: np.ndarray | None = None
+    kind: str  # `inside` or `outside`
+    matrix: np.ndarray | None = None  # [4, 4], from the cube [-1, 1]^3 to the capture's world; None for a mesh
+    vertices: np.ndarray | None = None  # [n, 3] in the capture's world; None for a box
+    triangles: np.ndarray | None = None  # [m, 3] int, of a mesh
 
 
 def write_volumes(path: Path, objects: Mapping[str, Sequence[Volume]]) -> None:
@@ -48,11 +41,7 @@ def write_volumes(path: Path, objects: Mapping[str, Sequence[Volume]]) -> None:
 
 
 def read_volumes(path: Path) -> dict[str, list[Volume]]:
-    """Read the volumes of each object; a missing file has none.
-
-    Raises:
-        DataError: The file is damaged, of another schema, or has an invalid volume.
-    """
+    """Read the volumes of each object; a missing file has none. Raises DataError if the file or a volume is damaged."""
     if not path.exists():
         return {}
     content = read_json(path, "volumes")

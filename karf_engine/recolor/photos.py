@@ -30,7 +30,7 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 from ..capture.camera import Camera, wrong_size_error
 from ..io.color import srgb_to_linear, to_bytes
 from ..io.color_spaces import ColorSpace
-from ..io.files import atomic_write
+from ..io.files import atomic_write, library_path
 from ..io.image_size import ImageHeader, find_header
 from ..io.images import (
     INVERSE_EXIF_ORIENTATION,
@@ -44,10 +44,10 @@ from ..io.images import (
     read_light,
     read_pixels,
     resize,
+    save_exr,
     unpremultiply,
     white_level,
 )
-from ..io.library_paths import library_path, save_exr
 
 WHOLE = slice(None)
 LARGEST_HALF = float(np.finfo(np.float16).max)

@@ -15,10 +15,9 @@ from ..capture.camera import Camera
 from ..capture.capture import Capture, View, mask_files, matches_view
 from ..capture.training_images import TrainingImage, undistort
 from ..errors import DataError, Message
-from ..io.files import copy_file
+from ..io.files import check_file, copy_file
 from ..io.image_size import MOST_PHOTO_BYTES
 from ..io.images import read_mask, resize
-from ..io.inputs import check_file
 from ..io.names import file_name, first_case_collision, is_file_name, normalize_unicode
 
 LAYOUT_HINT = "Lay masks out as MASKS/<object>/<photo stem>.png, as large as the photo."

@@ -47,9 +47,7 @@ class WarmOptions(Options):
 class Inbox:
     """Messages that a worker reads from standard input: job folders in order, and the latest query of each kind.
 
-    Args:
-        emit: Receives `dropped` for a waiting query that a later one of its kind replaces, and `warning` for a line that
-            is neither a folder nor a query.
+    Emits `dropped` for a query that a later one of its kind replaces, and `warning` for any other line.
     """
 
     def __init__(self, emit: Emit) -> None:
@@ -129,12 +127,7 @@ class Inbox:
 
 
 class Worker:
-    """A process that serves job folders.
-
-    Args:
-        paths: Folders that the caller knows by other paths; requests, queries and events have the caller's paths.
-        wait_seconds: How long to wait for the next job after a finished one; 0 serves a single job.
-    """
+    """A process that serves job folders, one or, with `wait_seconds` for the next, several."""
 
     def __init__(self, paths: PathMap = SAME_PATHS, wait_seconds: float = 0) -> None:
         self._paths, self._wait_seconds = paths, wait_seconds
@@ -162,13 +155,14 @@ class Worker:
         try:
             self._emit("hello", protocol=PROTOCOL, engine=__version__, python=platform.python_version(),
                        torch=_version("torch"), pid=os.getpid())  # fmt: skip
-            request = self._request(job)
+            request = Request.read(job)
+            folder, options = Path(self._paths.to_local(str(request.project))), self._paths.to_local(request.options)
             if request.stage == WARM:
-                self._answer_queries(job, request)
+                self._answer_queries(job, WarmOptions.from_json(options))
             else:
-                options = options_of_job(request.stage, request.project, request.options)
-                run_command(options, self._emit, self._inbox.is_cancelled)
-            self._emit("done", summary=_summary(request))
+                command = options_of_job(request.stage, folder, options)
+                run_command(command, self._emit, self._inbox.is_cancelled)
+            self._emit("done", summary=_summary(Project(folder)))
         except Exception as raised:
             error = as_karf_error(raised)
             self._emit_end(error)
@@ -177,20 +171,12 @@ class Worker:
             self._events = None
         return 0
 
-    def _request(self, job: Path) -> Request:
-        request = Request.read(job)
-        return Request(
-            request.stage, Path(self._paths.to_local(str(request.project))), self._paths.to_local(request.options)
-        )
-
-    def _answer_queries(self, job: Path, request: Request) -> None:
+    def _answer_queries(self, job: Path, options: WarmOptions) -> None:
         """Answer queries until none arrives for a while, the caller cancels, or a job is waiting."""
-        options = WarmOptions.from_json(request.options)
         from .queries.session import Session
 
         session = Session(job, options.threads, options.device)
-        seconds = 60 * options.idle_minutes
-        while (query := self._inbox.next_query(seconds)) is not None:
+        while (query := self._inbox.next_query(60 * options.idle_minutes)) is not None:
             self._answer(session, query)
 
     def _answer(self, session: Session, query: Query) -> None:
@@ -252,9 +238,8 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _summary(request: Request) -> dict:
+def _summary(project: Project) -> dict:
     """Return the summaries of the project's finished stages."""
-    project = Project(request.project)
     if not project.state_file.exists():  # some commands have no project
         return {}
     return {stage: facts for stage in STAGE_ORDER if (facts := project.finished(stage))}

@@ -19,9 +19,8 @@ END = r"(?=$|[\\/\s'\",:;)\]]|\.(?:\s|$))"  # lookahead of the same
 class PathMap:
     """The paths of shared folders."""
 
-    folders: tuple[
-        tuple[str, str], ...
-    ] = ()  # (on the caller's side, on this one); empty if paths are the same on both
+    # (on the caller's side, on this one); empty if paths are the same on both
+    folders: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of(cls, texts: Sequence[str]) -> PathMap:
@@ -35,10 +34,7 @@ class PathMap:
         return cls(tuple(pairs))
 
     def to_local(self, value: Any) -> Any:
-        """Map the paths of a caller's request to this side: texts that begin like absolute paths, in lists and dictionaries too.
-
-        Raises BadRequest if a path is in none of the folders.
-        """
+        """Map absolute paths of a request, in lists and dictionaries too. Raises BadRequest if one is not in a shared folder."""
         if isinstance(value, list | dict):
             return _each(value, self.to_local)
         if not self.folders or not isinstance(value, str) or not ABSOLUTE.match(value):

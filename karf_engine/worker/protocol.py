@@ -26,8 +26,7 @@ from typing import Any
 
 from ..commands.options import COMMANDS
 from ..errors import BadRequest, DataError, Message
-from ..io.files import errors_naming_path
-from ..io.inputs import MAX_JSON_BYTES, check_file
+from ..io.files import MAX_JSON_BYTES, check_file, errors_naming_path
 
 PROTOCOL = 1
 REQUEST_FILE = "request.json"
@@ -159,7 +158,10 @@ class Event:
             content = json.loads(line)
             if not isinstance(content, dict) or not {"t", "n", "time"} <= content.keys():
                 raise ValueError(f"no event: {line!r}")
-            content |= _messages(content.pop("messages", {}))
+            messages = content.pop("messages", {})
+            if not isinstance(messages, dict):
+                raise ValueError("messages were expected by their names")
+            content |= {name: Message.from_json(message) for name, message in messages.items()}
         except RecursionError as error:
             raise ValueError("brackets without end") from error
         event = cls(content.pop("t"), content.pop("n"), content.pop("time"), content)
@@ -178,12 +180,6 @@ class Event:
         return has_known and all(isinstance(value, int | float) for value in numbers)
 
 
-def _messages(content: Any) -> dict[str, Message]:
-    if not isinstance(content, dict):
-        raise ValueError("messages were expected by their names")
-    return {name: Message.from_json(message) for name, message in content.items()}
-
-
 class EventWriter:
     """Appends events to a job's file and flushes each at once."""
 
@@ -198,15 +194,12 @@ class EventWriter:
                 self._stream.write(Event(kind, self._number, time.time(), values).encode() + "\n")
                 self._stream.flush()
         except OSError:
-            self._reopen()
+            # discard unwritten data, which the interpreter would try to write again at exit, and print a traceback
+            with suppress(OSError):
+                self._stream.close()
+            self._stream = self._path.open("a", encoding="utf-8")
             raise
         self._number += 1
-
-    def _reopen(self) -> None:
-        """Discard unwritten data, which the interpreter would try to write again at exit, and print a traceback."""
-        with suppress(OSError):
-            self._stream.close()
-        self._stream = self._path.open("a", encoding="utf-8")
 
 
 class EventReader:

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from datetime import date
 from typing import Any
 
-from karf_engine.io.fingerprints import fingerprint
+from karf_engine.io.files import fingerprint
 from karf_engine.project import STAGE_VERSIONS
 from karf_engine.project.settings import PRESETS, with_overrides
 from karf_engine.version import __version__

@@ -7,7 +7,7 @@ pytest.importorskip("torch")
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.errors import DataError
 from karf_engine.export.finished_frames import RECORD_NAME, FinishedFrames
-from karf_engine.io.fingerprints import file_digest
+from karf_engine.io.files import file_digest
 
 
 def test_lines_that_are_none_are_passed_over(tmp_path):

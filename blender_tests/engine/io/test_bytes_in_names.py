@@ -20,9 +20,8 @@ from karf_engine.export.frame_files import write_frame
 from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.io.color_spaces import color_space
 from karf_engine.io.failures import translate_errors
-from karf_engine.io.files import read_json, write_json
+from karf_engine.io.files import library_path, read_json, write_json
 from karf_engine.io.images import read_photo, write_png
-from karf_engine.io.library_paths import library_path
 from karf_engine.splats.formats.registry import read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
 

@@ -26,7 +26,7 @@ from ...capture.camera import Camera
 from ...capture.capture import View
 from ...errors import DataError
 from ...io.failures import first_line, is_out_of_memory
-from ...io.inputs import check_file
+from ...io.files import check_file
 from ...project.settings import NerfSettings
 from ..extent import focus_point, mean_frustum, mean_pose, similarity, to_ndc
 from ..rendering.rays import PixelDataset

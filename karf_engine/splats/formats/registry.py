@@ -12,7 +12,7 @@ from ...capture.camera import Camera
 from ...capture.capture import CapturedSplats
 from ...capture.reader_utils import read_bytes
 from ...errors import BadRequest
-from ...io.inputs import check_file
+from ...io.files import check_file
 from ...io.limited import run_limited
 from ...io.ply import MOST_HEADER, read_header
 from ..gaussians import Gaussians, imported_gaussians

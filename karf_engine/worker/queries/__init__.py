@@ -27,12 +27,9 @@ QUERIES: dict[str, Query] = {
 
 
 def answer(session: Session, kind: str, options: dict[str, Any], is_superseded: Callable[[], bool]) -> dict[str, Any]:
-    """Answer a query of one of the `QUERIES`; `is_superseded` returns whether a later query of this kind is waiting.
+    """Answer a query of one of the `QUERIES`. Raises KarfErrors: Cancelled if `is_superseded`, by a later one of its kind.
 
-    Raises:
-        BadRequest: The kind or an option is wrong.
-        KarfError: The query cannot be answered.
-        Cancelled: A later query of this kind is waiting.
+    Raises BadRequest if the kind or an option is wrong.
     """
     if kind not in QUERIES:
         raise BadRequest(f"Unknown kind of query {kind!r:.200}.", f"Use one of: {', '.join(QUERIES)}.")

@@ -26,11 +26,7 @@ if TYPE_CHECKING:
 
 @query
 def chart(session: Session, photo: str) -> dict[str, Any]:
-    """Measure the light by a color chart anywhere in a photo.
-
-    Returns:
-        `light`, the nine numbers of `ReferenceLight.matrix`, row by row; and `left`, `ChartFit.mean_residual`.
-    """
+    """Measure the light by a color chart in a photo; return `ReferenceLight.matrix` and `ChartFit.mean_residual`."""
     from ...commands.calibration import fit_chart
 
     fit = fit_chart(Path(photo), None)
@@ -39,11 +35,9 @@ def chart(session: Session, photo: str) -> dict[str, Any]:
 
 @query
 def inspect(session: Session, capture: str, holdout: int | None = None, masks: str | None = None) -> dict[str, Any]:
-    """Return advice about a capture before learning; the options are those of the command.
+    """Return advice about a capture before learning, with options of the command: `advice`, `is_poor`, and `picture`.
 
-    Returns:
-        `advice`, the sentence and the findings, see `Message.to_json`; `is_poor`; and `picture`, the path of a map of
-        where more photos would help.
+    `advice` has the sentence and the findings (`Message.to_json`); `picture` is a map of where more photos would help.
     """
     from ...capture.advice import draw_map
     from ...commands.inspect import run
@@ -61,12 +55,9 @@ def inspect(session: Session, capture: str, holdout: int | None = None, masks: s
 def propose(
     session: Session, capture: str = "", view: str = "", prompts: dict | None = None, weights: str | None = None
 ) -> dict[str, Any]:
-    """Write the mask of an object in one photo from `prompts` (see `Prompts.from_json`); the last photo is cached.
+    """Write the `mask` of an object in one photo, an 8-bit PNG, from `prompts` (see `Prompts.from_json`).
 
-    `weights` is the folder of a Segment Anything model.
-
-    Returns:
-        `mask`, the path of an 8-bit PNG of the photo's size, white inside the object.
+    `weights` is the folder of a Segment Anything model. The last photo is cached.
     """
     from ...segmentation.marking.prompts import Prompts
     from ...segmentation.marking.proposals import make_marker
@@ -84,11 +75,7 @@ def propose(
 
 @query
 def masks(session: Session, project: str, view: str) -> dict[str, Any]:
-    """Write each object's coverage of a view at the training size, with the photo's lens distortion.
-
-    Returns:
-        `masks`, {object: path of an 8-bit PNG}.
-    """
+    """Write each object's coverage of a view at the training size, with lens distortion: `masks`, {object: 8-bit PNG}."""
     model = session.model(project)
     if not model.objects:
         raise BadRequest("No object is segmented yet.", "Segment first.")
@@ -101,12 +88,9 @@ def masks(session: Session, project: str, view: str) -> dict[str, Any]:
 def correct(
     session: Session, project: str, view: str, masks: str | None = None, corrections: str | None = None
 ) -> dict[str, Any]:
-    """Apply a project's corrections and write the masks of a view. The first call takes longer: it labels the whole scene.
+    """Apply corrections and write the masks of a view: `masks`, {object: path of a PNG} in the photo's pixel grid.
 
-    `masks` and `corrections` are folders, by default the project's own.
-
-    Returns:
-        `masks`, {object: path of a PNG} in the photo's pixel grid.
+    `masks` and `corrections` are folders, by default the project's own. The first call labels the whole scene.
     """
     from ...segmentation.coarse_masks import find_masks  # need torch
     from ...segmentation.corrections import find_corrections

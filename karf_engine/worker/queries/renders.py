@@ -33,10 +33,8 @@ def preview(session: Session, project: str, camera: dict, long_side: int, unseen
     """Render a camera, without its lens distortion, as edit planes; before palettes are learned they have no swatches.
 
     `camera` is a frame of a CAMERAS.json, `long_side` that of the picture in pixels, `unseen` (`faded` or `shown`) what
-    becomes of splats that no photo shows; by default the setting `render.unseen` counts.
-
-    Returns:
-        `planes`, the file, for the caller to delete. `size`, width and height.
+    becomes of splats that no photo shows; by default the setting `render.unseen` counts. Returns `planes`, the file, for
+    the caller to delete, and `size`, width and height.
     """
     check_number("The option long_side", long_side, 1, MAX_SIDE)
     wanted = camera_from_json(camera, "the query").without_distortion().reduced(long_side)
@@ -69,9 +67,7 @@ def show(
     weights: [K, M, H, W] in [0, 1], of each object's palette entries; M is 0 before palettes are learned.
     seen: [H, W] in [0, 1], how well photos support the splats shown there; 1 for voxels.
 
-    Returns:
-        `pixels` and `arrays` of `Session.write_arrays`, the file for the caller to delete. `size`, width and height.
-        `metadata`, of Cryptomatte. `seconds` of rendering.
+    Returns `pixels` and `arrays` of `Session.write_arrays`, `size`, `metadata` of Cryptomatte, and `seconds` of rendering.
     """
     passes = passes or ["color"]
     if not isinstance(passes, list) or not set(passes) <= set(PASSES):
@@ -107,16 +103,18 @@ def harmonics(session: Session, project: str, edit: dict | None = None, points: 
     `points` is an object of such a program: its number of points `count`, and the `positions` [m][3] of some `rows`. The
     harmonics are then rotated like the object.
 
-    Returns:
-        `pixels` and `arrays` of `Session.write_arrays`: `harmonics` [n, 3 K] float32, in the order of the splats' table,
-        red, green and blue of each harmonic. `n_solid`: the number of Gaussians before the background's. `seconds` of
-        computation.
+    Returns `pixels` and `arrays` of `Session.write_arrays`: `harmonics` [n, 3 K] float32, in the order of the splats' table,
+    red, green and blue of each harmonic. `n_solid` is the number of Gaussians before the background's.
     """
+    from ...splats.kernels.arrays import COLOR  # needs torch
+
     model = session.model(project)
     session.check()
     begun = time.perf_counter()
     gaussians = _splats(model, edit)
-    colors = _colors(gaussians) if points is None else _rotated(gaussians, points)
+    colors = gaussians.table[:, COLOR:]
+    if points is not None:
+        colors = _rotated(gaussians, colors, points)
     answer = {"n_solid": gaussians.n_foreground, "seconds": time.perf_counter() - begun}
     return answer | session.write_arrays("harmonics.pixels", {"harmonics": colors})
 
@@ -213,13 +211,7 @@ def _splats(model: Model, edit: dict | None) -> Gaussians:
     return model.splats if wanted is None else model.recolored_splats(wanted)
 
 
-def _colors(gaussians: Gaussians) -> np.ndarray:
-    from ...splats.kernels.arrays import COLOR
-
-    return gaussians.table[:, COLOR:]
-
-
-def _rotated(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
+def _rotated(gaussians: Gaussians, colors: np.ndarray, points: dict[str, Any]) -> np.ndarray:
     """Return the harmonics rotated like an object's points."""
     from ...splats.similarity import estimate_rotation, rotate_harmonics
 
@@ -241,4 +233,4 @@ def _rotated(gaussians: Gaussians, points: dict[str, Any]) -> np.ndarray:
             "The object's points are not where the scene's splats are.",
             "Choose an object that was imported from this scene's splats, and whose points were not moved.",
         ) from error
-    return rotate_harmonics(_colors(gaussians)[:count], turn)
+    return rotate_harmonics(colors[:count], turn)

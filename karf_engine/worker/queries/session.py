@@ -1,4 +1,4 @@
-"""What a worker keeps between queries, and how the options of a query are read."""
+"""The cache of a worker between queries, and the parsing of the options of queries."""
 
 from __future__ import annotations
 
@@ -24,13 +24,7 @@ Query = Callable[["Session", dict[str, Any]], dict[str, Any]]  # session and JSO
 
 
 class Session:
-    """A cache of loaded things, and the folder of answers.
-
-    Args:
-        folder: The job's folder; files of answers are written below it, and their readers may delete them.
-        threads: As of `runtime.start_runtime`.
-        device: As of `runtime.start_runtime`.
-    """
+    """A cache of loaded things, and the job's folder, below which files of answers are written for readers to delete."""
 
     def __init__(self, folder: Path, threads: int | None = None, device: str | None = None) -> None:
         self.folder = folder
@@ -77,8 +71,7 @@ class Session:
     def write_arrays(self, name: str, arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
         """Write arrays to a file, as raw float32 in native byte order, one after the other.
 
-        Returns:
-            `pixels`, the file; `arrays`, the `shape`, `dtype` and `offset` in bytes of each.
+        Returns `pixels`, the file, and `arrays`: the `shape`, `dtype` and `offset` in bytes of each.
         """
         path, placed, offset = self.file(name), {}, 0
         with errors_naming_path(path), path.open("wb") as stream:
