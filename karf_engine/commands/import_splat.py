@@ -24,14 +24,13 @@ from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
-from ..io.files import read_json
+from ..io.files import link_or_copy, new_folder, read_json
 from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
 from ..splats.gaussians import Gaussians, imported_gaussians
 from .options import ImportSplatOptions
-from .output_folder import link_or_copy, new_folder
 
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
 MIN_PSNR = 15.0  # dB

@@ -20,11 +20,10 @@ from ..capture.reader_utils import photos_in
 from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct, write_sharpest_frames
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
-from ..io.files import errors_naming_path
+from ..io.files import errors_naming_path, link_or_copy, new_folder
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
 from .options import PosesOptions
-from .output_folder import link_or_copy, new_folder
 
 MAX_EXHAUSTIVE = 250  # photos; matching all pairs of more takes hours
 GOOD_SHARE = 0.9  # share of registered photos below which more sensitive features are tried, and the user is warned

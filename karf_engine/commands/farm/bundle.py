@@ -28,14 +28,13 @@ from ...capture.capture import View
 from ...compute.progress import Emit
 from ...errors import BadRequest
 from ...export.frame_options import FrameOptions
-from ...io.files import copy_file, write_json
+from ...io.files import copy_file, new_folder, write_json
 from ...io.options import Options
 from ...palettes.palette import read_palettes
 from ...palettes.palette_files import read_edit_file
 from ...project import Project
 from ...project.contents import read_capture
 from ..options import FarmOptions
-from ..output_folder import new_folder
 from .packing import PackedFile, capture_files, check_copy, mask_files, project_files, summary_of, write_project
 from .template import CAMERAS, CAPTURE, ENGINE, PROJECT, Frames, learning_job, render_job
 
