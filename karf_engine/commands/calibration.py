@@ -19,9 +19,7 @@ from .options import CalibrationOptions
 def reference_light(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
     """Return the light of target colors; None where they are colors of the photos.
 
-    Raises:
-        BadRequest: The card or the chart does not determine the light.
-        DataError: The photo of the chart cannot be read.
+    Raises BadRequest if card or chart do not determine the light, DataError for an unreadable photo.
     """
     if options.light is not None:
         matrix = np.reshape(options.light, (3, 3))

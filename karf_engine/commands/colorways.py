@@ -126,7 +126,7 @@ class _Renderer:
                 pictures.write(path, picture)
                 found = {p.target_color.name: probes.measure(picture, p) for p in plan.predictions}
                 measured = {name: values for name, values in found.items() if values is not None}
-                name = self._name(plan.colorway.name, view.name)
+                name = f"{plan.colorway.name}/{view.name}"
                 self._finished.record(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
         warn_of_disputes(disputed, self._job.emit)
@@ -140,10 +140,7 @@ class _Renderer:
         """Return the fingerprints of the unfinished pictures of a view, by colorway."""
         own = view_fingerprint(self._mark, view, VERSION, self._size)
         marks = {plan.colorway.name: frame_fingerprint(own, plan.edit) for plan in self._planned}
-        return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view.name), mark)}
-
-    def _name(self, colorway: str, view: str) -> str:
-        return f"{colorway}/{view}"
+        return {name: mark for name, mark in marks.items() if not self._finished.has(f"{name}/{view.name}", mark)}
 
     def _reached(self, plan: PlannedColorway, prediction: Prediction) -> Reached | None:
         """Return the mean measurement of a color over all views, or None where no picture shows it."""
@@ -157,14 +154,14 @@ class _Renderer:
 
     def _reached_in(self, plan: PlannedColorway, prediction: Prediction, view: str) -> Reached | None:
         """Return the measurement of a color in a view, or None where its picture does not show it."""
-        note = self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {})
+        note = self._finished.frames[f"{plan.colorway.name}/{view}"].get("reached", {})
         if prediction.target_color.name not in note:
             return None
         *color, pixels = note[prediction.target_color.name]
         return Reached(np.array(color), int(pixels), 1)
 
     def _picture(self, plan: PlannedColorway, view: View) -> Path:
-        (file,) = self._finished.frames[self._name(plan.colorway.name, view.name)]["files"]
+        (file,) = self._finished.frames[f"{plan.colorway.name}/{view.name}"]["files"]
         return self._out / file
 
     def _write_sheet(self) -> None:

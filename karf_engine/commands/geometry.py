@@ -41,7 +41,6 @@ from ..io.images import alpha_composite, write_png
 from ..project import Project
 from ..project import settings as settings_module
 from ..segmentation.coarse_masks import find_masks, marked_views
-from ..splats.depths import sample_surface_points
 from ..splats.formats.registry import read_captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options import GeometryOptions
@@ -55,10 +54,7 @@ MAX_PSNR_DROP = 0.5  # dB that held-out views may lose from level to level witho
 
 
 def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
-    """Learn the scene of a capture into the project, unless it is finished with the same inputs.
-
-    `capture` is the opened capture of `options.capture`, if the caller has it in memory.
-    """
+    """Learn the scene of a capture, opened or from `options.capture`, unless it is finished with the same inputs."""
     settings = settings_module.with_overrides(settings_module.preset(options.preset), list(options.overrides))
     space = None if options.photo_space is None else color_space(options.photo_space, options.ocio)
     nerf = options.nerf
@@ -156,18 +152,11 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
         gains = {view.name: tuple(own) for view, own in zip(views, fit.gains, strict=True)}
         if any(own != UNIT_GAINS for own in gains.values()):
-            gains |= gains_of_other_views(job, capture, scene)
+            others = [view for view in capture.views if view.split != "train" and view.image is not None]
+            for image in job.training_images(others, EXPOSURE_LONG_SIDE):  # these photos are recolored too
+                gains[image.view.name] = gains_from_render(scene, image.camera, image.color)
         capture = with_gains(capture, gains)
     return scene, capture
-
-
-def gains_of_other_views(job: Job, capture: Capture, scene: Scene) -> dict[str, tuple[float, float, float]]:
-    """Estimate the exposures of photos outside the training split, by view; they are recolored too."""
-    others = [view for view in capture.views if view.split != "train" and view.image is not None]
-    return {
-        image.view.name: gains_from_render(scene, image.camera, image.color)
-        for image in job.training_images(others, EXPOSURE_LONG_SIDE)
-    }
 
 
 def help_to_learn(process_group: ProcessGroup) -> None:
@@ -221,7 +210,8 @@ def validation_pixels(job: Job, capture: Capture) -> PixelDataset | None:
     if not training_images:
         text = "no photo is held out: how well new views are rendered is not measured"
         job.emit("stage", name="geometry", text=text)
-    if not training_images or any(training_image.alpha is not None for training_image in training_images):
+        return None
+    if any(training_image.alpha is not None for training_image in training_images):
         return None
     return build_pixel_dataset(training_images, "opaque", job.runtime.device)
 
@@ -266,6 +256,8 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
     if kind != "opaque" or job.settings.geometry.space == "box":
         return None
     if capture.splats is not None and has_kernels():
+        from ..splats.visibility import sample_surface_points  # needs numba
+
         cameras = [training_image.camera for training_image in training_images]
         gaussians = read_captured_gaussians(capture.splats, cameras)
         return sample_surface_points(gaussians, cameras, job.progress("points", len(cameras)).step)

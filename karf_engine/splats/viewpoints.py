@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from ..capture.camera import Camera
 from ..compute.neighbors import build_kd_tree
 from ..errors import DataError
-from .depths import reliable_depths
 from .gaussians import Gaussians
 from .kernels.arrays import LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import rasterize
+from .visibility import reliable_depths
 
 SOLID = 0.3  # least opacity
 SAMPLE = 20_000  # Gaussians that locate the scene

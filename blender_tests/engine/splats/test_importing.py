@@ -8,7 +8,7 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.clouds import ball, camera_ahead
 from karf_engine.errors import Cancelled
-from karf_engine.splats.depths import AT_INFINITY, sample_surface_points
+from karf_engine.splats.visibility import AT_INFINITY, sample_surface_points
 from karf_engine.splats.gaussians import imported_gaussians
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, LOG_SCALE, PLAIN_FILTER
 
