@@ -67,7 +67,10 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     project = Project(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
-    capture = in_space(capture, space or _previous_space(project))
+    if space is None and project.state_file.exists():  # by the summary: capture.json may be damaged
+        learned_in = (project.finished("geometry") or {}).get("color_space")
+        space = None if learned_in is None else ColorSpace(**learned_in)
+    capture = in_space(capture, space)
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", *_inputs(capture, nerf)) as run:
         if run is None:
@@ -92,13 +95,6 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         write_json(run.output(project.capture_file), capture_to_json(capture, run.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
-
-
-def _previous_space(project: Project) -> ColorSpace | None:
-    """Return the photos' color space of the finished geometry, by its summary: capture.json may be damaged."""
-    finished = project.finished("geometry") if project.state_file.exists() else None
-    known = (finished or {}).get("color_space")
-    return None if known is None else ColorSpace(**known)
 
 
 def with_marked_in_training(project: Project, capture: Capture, masks: Path | None) -> Capture:

@@ -6,7 +6,7 @@ renderings from cameras chosen around the Gaussians. OUT appears only when it is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -77,7 +77,6 @@ def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
     return linked
 
 
-# ------------------------------------------------------------------------------------------------------ without photos
 def _suggest_photos(splat: Path, emit: Emit) -> None:
     """Warn where folders around the file have photos with poses; only the user knows whether they belong to it."""
     for folder in folders_around(splat):
@@ -111,16 +110,23 @@ def _write_views(
     should_stop: Callable[[], bool],
 ) -> list[View]:
     """Choose cameras and write their renderings into the folder; return the views."""
+    from ..splats.rasterizer import rasterize  # needs numba
+
     everything = imported_gaussians(table, is_antialiased, ())
     cameras = _cameras(options, everything, emit, Progress(emit, should_stop, "import_splat", 1))
     gaussians = imported_gaussians(table, is_antialiased, cameras)
-    has_alpha = _has_empty_background(gaussians, cameras)
+    thumbnails = [rasterize(gaussians, camera.reduced(THUMBNAIL)).image for camera in cameras]
+    has_alpha = float(np.mean([(image[..., 3] > 0.5).mean() for image in thumbnails])) > MAX_EMPTY
     progress = Progress(emit, should_stop, "import_splat", len(cameras))
     folder.mkdir()
     views = []
     for number, camera in enumerate(cameras):
         name = f"view_{number:03d}"
-        write_png(folder / f"{name}.png", to_bytes(_render(gaussians, camera, has_alpha)))
+        image = rasterize(gaussians, camera).image
+        image[..., 3] = 1 - image[..., 3]
+        image = image.clip(0, 1)
+        picture = np.dstack([unpremultiply(image), image[..., 3]]) if has_alpha else image[..., :3]
+        write_png(folder / f"{name}.png", to_bytes(picture))
         views.append(View(name, name, camera, folder / f"{name}.png", "train"))
         progress.step()
     return views
@@ -167,24 +173,6 @@ def _read_cameras(path: Path) -> list[Camera]:
     return [view.camera.without_distortion() for view in open_capture(path, photos=False).views]
 
 
-def _has_empty_background(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
-    from ..splats.rasterizer import rasterize
-
-    small = (camera.reduced(THUMBNAIL) for camera in cameras)
-    return float(np.mean([(rasterize(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > MAX_EMPTY
-
-
-def _render(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:
-    """Render a camera to sRGB [H, W, 3], or [H, W, 4] with straight alpha."""
-    from ..splats.rasterizer import rasterize
-
-    image = rasterize(gaussians, camera).image
-    image[..., 3] = 1 - image[..., 3]
-    image = image.clip(0, 1)
-    return np.dstack([unpremultiply(image), image[..., 3]]) if has_alpha else image[..., :3]
-
-
-# --------------------------------------------------------------------------------------------------------- with photos
 def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
     """Return the photos' capture with the Gaussians and the screen filter that reproduces the photos better."""
     from ..splats.fit import Photo, psnr  # need numba

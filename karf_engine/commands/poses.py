@@ -55,7 +55,6 @@ def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
     emit("artifact", kind="capture", path=str(out))
 
 
-# --------------------------------------------------------------------------------------------------------------- photos
 def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bool]) -> tuple[str, ...]:
     """Put the photos into `folder` and return their names there, in order."""
     emit("stage", name="poses", text="reading photos")
@@ -95,7 +94,6 @@ def _add_photo(photo: Path, folder: Path) -> str:
     return name
 
 
-# ---------------------------------------------------------------------------------------------------------------- poses
 def _reconstruct_twice(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
     """Reconstruct; if many photos are left out, try more sensitive features too and keep the better model."""
     best = SfmResult()

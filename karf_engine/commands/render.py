@@ -58,7 +58,9 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
         job.project.require("recoloring")
-        _warn_without_field(model, job.emit)
+        is_by_field = model.settings.render.source == "field" or model.settings.compositing == "paper"
+        if is_by_field and model.splats is None and model.recoloring is None:
+            job.emit("warning", code="recoloring", sentence=" ".join(UNTRAINED).format(folder=model.project.folder))
     views, captured = choose_views(job.capture(), options.views)
     part = slice_of_views(views, options.first, options.last, options.count)
     edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
@@ -75,13 +77,6 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
     warn_of_disputes(disputed, job.emit)
     if options.out is not None:
         job.artifact("frames", options.out)
-
-
-def _warn_without_field(model: Model, emit: Emit) -> None:
-    """Warn where F_w would give the palette weights of renderings, but is not trained."""
-    by_field = model.settings.render.source == "field" or model.settings.compositing == "paper"
-    if by_field and model.splats is None and model.recoloring is None:
-        emit("warning", code="recoloring", sentence=" ".join(UNTRAINED).format(folder=model.project.folder))
 
 
 def read_edits(

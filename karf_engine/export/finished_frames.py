@@ -17,7 +17,7 @@ from ..io.files import errors_naming_path
 from ..io.fingerprints import file_digest, fingerprint
 from ..io.inputs import check_file
 from ..palettes.edge_shape import active_edges
-from ..palettes.palette import AddedColor, Edit
+from ..palettes.palette import Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import FrameFileOptions, FrameOptions
@@ -98,16 +98,14 @@ def frame_fingerprint(view: str, edit: Edit | None) -> str:
     """Return a fingerprint of a frame by its `view_fingerprint` and its edit."""
     if edit is None:
         return view
-    added = {name: [_mark_of(each) for each in own] for name, own in edit.added.items()}
+    added = {  # without the default of `protect`, which older records lack
+        name: [[each.picked.tolist(), each.reach, *([each.protect] if each.protect else [])] for each in own]
+        for name, own in edit.added.items()
+    }
     options = [{name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing]
     options += [added] if added else []
     edges = {name: asdict(shape) for name, shape in active_edges(edit.edges).items()}
     return fingerprint(view, *options, {"edges": edges}) if edges else fingerprint(view, *options)
-
-
-def _mark_of(color: AddedColor) -> list:
-    # without the default, which older records lack
-    return [color.picked.tolist(), color.reach, *([color.protect] if color.protect else [])]
 
 
 def pending_frames(

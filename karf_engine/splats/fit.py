@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..capture.training_images import TrainingImage
+from ..capture.capture import View
+from ..capture.training_images import TrainingImage, load_views
 from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
@@ -241,6 +242,11 @@ class SplatFit:
         self.done = read_integer(state, "done", self.iterations)
         for name, each in self._learned().items():
             each[:] = state[name].numpy()
+
+
+def load_photos(views: Sequence[View], long_side: int) -> list[Photo]:
+    """Load the photos of these views, one at a time: as floats they need more memory."""
+    return [Photo.of(load_views([view], long_side)[0]) for view in views]
 
 
 def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
