@@ -52,7 +52,10 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     """Report the predicted colors of each colorway, then render all views. Raises DataError for a wrong row of the sheet."""
     project = Project(options.project).snapshot()
     light = reference_light(options, emit)
-    edges = _read_edges(project, options.edges)
+    edges: Mapping[str, EdgeShape] = {}
+    if options.edges is not None:
+        project.require("palette")
+        edges = read_edit_file(options.edges, read_palettes(project.verified(project.palette_file))).edges
     planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
     _report(planned, light, emit)
     write_table(options.out / "colorways.csv", planned, light=light)
@@ -73,13 +76,6 @@ def _locked_swatches(swatches: Sequence[str]) -> dict[str, list[int]]:
             raise BadRequest(f"The locked swatch {swatch!r:.200} is none.", "Write <object>/<number>, as pot/2.")
         locked.setdefault(name, []).append(int(number))
     return locked
-
-
-def _read_edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
-    if file is None:
-        return {}
-    project.require("palette")
-    return read_edit_file(file, read_palettes(project.verified(project.palette_file))).edges
 
 
 def _report(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:

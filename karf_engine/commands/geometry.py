@@ -177,10 +177,10 @@ def import_scene(
     kind = background_kind_of(training_images)
     grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
     device = job.runtime.device
-    datasets = {
-        name: build_pixel_dataset([_over_gray(p, value) for p in training_images], "opaque", device)
-        for name, value in grays.items()
-    }
+    datasets = {}
+    for name, gray in grays.items():  # without mattes
+        flat = [replace(p, color=alpha_composite(p.color, p.alpha, gray), alpha=None) for p in training_images]
+        datasets[name] = build_pixel_dataset(flat, "opaque", device)
     job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(training_images)} photos")
     scene, alignment, psnr = import_nerf(
         networks, list(capture.views), datasets, job.settings.geometry.nerf, str(path), device, job.settings.seed
@@ -274,8 +274,3 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
     except KarfError as error:
         job.emit("warning", code="points", sentence=f"No sparse points: {error.sentence}")
         return None
-
-
-def _over_gray(training_image: TrainingImage, gray: float) -> TrainingImage:
-    """Composite a training image over a gray and drop its matte."""
-    return replace(training_image, color=alpha_composite(training_image.color, training_image.alpha, gray), alpha=None)

@@ -40,10 +40,7 @@ Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
 
 # ------------------------------------------------------------------------------------------------------------- pictures
 class PhotoPictures:
-    """A captured view in its photo's own pixels, written in the photo's format.
-
-    disputed: see `Frame.disputed`; suffix: of the files.
-    """
+    """A captured view in its photo's own pixels, written in the photo's format."""
 
     def __init__(self, model: Model, view: View, size: str | int) -> None:
         self._view = model.photo_view(view, size)
@@ -169,10 +166,7 @@ def write_view_table(
     measured: Callable[[PlannedColorway, Prediction, str], Reached | None],
     light: ReferenceLight | None = None,
 ) -> None:
-    """Write the reached colors of each view, atomically; see `write_table`.
-
-    measured: returns the measurement of a color in a view; None if no pixel surely shows it.
-    """
+    """Write the reached colors of each view, atomically; see `write_table`. measured: None where no pixel shows it."""
     rows = []
     for plan in planned:
         for prediction in plan.predictions:

@@ -100,7 +100,6 @@ def _logit(probability: float) -> float:
     return float(np.log(probability / (1 - probability)))
 
 
-# -------------------------------------------------------------------------------------------------- between the photos
 def pseudo_cameras(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
     """Return PSEUDO_VIEWS_PER_PHOTO cameras per photo, rotated about the up axis through the focus point in even steps.
 
