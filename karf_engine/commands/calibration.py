@@ -49,10 +49,7 @@ def fit_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
 
 
 def find_corners(photo: np.ndarray) -> np.ndarray | None:
-    """Find the corners of a chart's block of patches in a photo, sRGB [H, W, 3] in [0, 1], or None.
-
-    OpenCV's box is a little wider than the block.
-    """
+    """Find the corners of a chart's block of patches (OpenCV's box is a little wider) in a photo, or None."""
     detector = cv2.mcc.CCheckerDetector_create()  # pyright: ignore[reportAttributeAccessIssue]
     detector.setColorChartType(cv2.mcc.MCC24)
     found = detector.process(np.ascontiguousarray(to_bytes(photo[..., ::-1])), 1)

@@ -186,8 +186,7 @@ def read_json(path: Path, what: str) -> Any:
 def new_folder(out: Path) -> Iterator[Path]:
     """Yield a temporary folder that is renamed to `out` after the block, or removed if the block fails.
 
-    Raises:
-        BadRequest: `out` exists and is not empty.
+    Raises BadRequest if `out` exists and is not empty.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")

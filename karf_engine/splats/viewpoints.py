@@ -56,12 +56,9 @@ class Target:
 
 
 def estimate_target(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
-    """Estimate what the photos of Gaussians showed, and from how far.
+    """Estimate what the photos of Gaussians showed, and from how far. Raises DataError if nothing is solid.
 
     up: [3]; None for the normal of the largest flat areas, on the side of COLMAP's -y or Blender's z.
-
-    Raises:
-        DataError: Nothing is solid, or everything is in one place.
     """
     table = gaussians.table[gaussians.table[:, LOGIT] > np.log(SOLID / (1 - SOLID))]
     if len(table) <= NEIGHBOR:

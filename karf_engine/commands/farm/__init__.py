@@ -44,8 +44,7 @@ ENGINE_FOLDER = Path(__file__).resolve().parents[2]
 def run(options: FarmOptions, emit: Emit, should_stop: Callable[[], bool]) -> Path:
     """Write a bundle that renders frames of a learned project, or with masks one that learns a capture first.
 
-    Before writing anything it emits a line for each folder that files are packed from. Returns the bundle's folder,
-    absolute.
+    Emits a line for each folder that files are packed from before writing. Returns the bundle's absolute folder.
     """
     del should_stop  # copies files only
     if options.masks is not None:
@@ -70,7 +69,8 @@ def _write_render_bundle(options: FarmOptions, emit: Emit) -> None:
     files = project_files(learned, recolored, options.photos)
     _announce(files, emit)
     with new_folder(options.out.absolute()) as folder:
-        _copy(files, folder)
+        for file in files:
+            copy_file(file.source, folder / file.target)
         write_project(learned, folder / PROJECT, recolored)
         frames = _pack_frames(folder, options, (chosen, captured), edit)
         _finish(folder, render_job(f"KaRF {learned.folder.name}", frames), options.python)
@@ -84,17 +84,13 @@ def _write_learning_bundle(options: FarmOptions, masks: Path, emit: Emit) -> Non
     files = capture_files(options.source, opened, options.photos) + mask_files(masks)
     _announce(files, emit)
     with new_folder(options.out.absolute()) as folder:
-        _copy(files, folder)
+        for file in files:
+            copy_file(file.source, folder / file.target)
         name = check_copy(options.source, opened, folder / CAPTURE)
         (folder / PROJECT).mkdir()
         frames = _pack_frames(folder, replace(options, overrides=()), chosen, options.edit)
         machine = options.subset(Options).to_arguments()
         _finish(folder, learning_job(f"KaRF {opened.source.name}", name, settings, machine, frames), options.python)
-
-
-def _copy(files: Sequence[PackedFile], folder: Path) -> None:
-    for file in files:
-        copy_file(file.source, folder / file.target)
 
 
 def _announce(files: Sequence[PackedFile], emit: Emit) -> None:

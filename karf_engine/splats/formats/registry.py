@@ -46,16 +46,12 @@ def read_splat(path: Path) -> SplatFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """A file format.
-
-    Plain PLY and .splat are tables of numbers that numpy reads. All others have compressed or nested content: a child
-    process with limits decodes them, in a second more. They have no columns.
-    """
+    """A file format."""
 
     ends: tuple[str, ...]  # file extensions
     read: Callable[[Path], SplatFile]
     write: Callable[[Path, SplatFile], None] | None = None  # None for read-only formats
-    is_limited: bool = True
+    is_limited: bool = True  # content is compressed or nested: a child process with limits decodes it; no columns
 
 
 COMPRESSED_PLY = Kind((".compressed.ply",), packed.read_compressed_ply, packed.write_compressed_ply)

@@ -49,10 +49,7 @@ def count_entries(boxes, tiles_x, offsets, starts):
 
 @kernel
 def fill_entries(order, boxes, tiles_x, offsets, free, entries):
-    """Write the `entries` of all tiles.
-
-    order: visible Gaussians from near to far; free: [T], first entry of each tile, overwritten.
-    """
+    """Write the `entries` of all tiles, of Gaussians in order from near to far; overwrite free, their first ones."""
     for g in order:
         box, row = boxes[g], offsets[g]
         for y in range(box.top, box.bottom):
