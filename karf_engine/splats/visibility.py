@@ -1,4 +1,4 @@
-"""What cameras see of Gaussians: surface points with their observations, and the confidence in appearances.
+"""Views of Gaussians: surface points with their observations, and the confidence in appearances.
 
 A surface is known from the photos' directions and somewhat beyond. From elsewhere a Gaussian's color is unconstrained.
 """
