@@ -74,11 +74,8 @@ def _command(
 
     The declaration's body, if it has one, runs after the command and makes the result.
 
-    Args:
-        name: Of the command.
-        hidden: Options that the function does not have.
-        source: The parameter that is the option `source`.
-        listens: Whether the function takes `LISTENERS` too; others take seconds.
+    hidden: options that the function does not have. source: the parameter that is the option `source`. listens: whether
+    the function takes `LISTENERS` too; others take seconds.
     """
     kind = COMMANDS[name]
 
@@ -91,8 +88,11 @@ def _command(
             given |= given.pop("options", {})
             if source:
                 given["source"] = given.pop(source)
-            result = _run(kind, given) if listens else _answer(kind, given)
-            return function(*arguments, **keywords) if result is None else result
+            if listens:
+                _run(kind, given)
+                return function(*arguments, **keywords)
+            with translate_errors():
+                return _carry_out(kind, given, _emit_to(None), lambda: False)
 
         own = {name: each for name, each in signature.parameters.items() if name != "options"}
         shown = {item.name: item for item in fields_in_help_order(kind) if item.name not in {*hidden, "source"}}
@@ -309,12 +309,6 @@ def _run(kind: type[Options], given: dict[str, Any]) -> None:
     emit = listeners["emit"] or _emit_to(listeners["progress"])
     with translate_errors(), _preserved_torch_state(), stop_on_interrupt(listeners["should_stop"]) as should_stop:
         _carry_out(kind, given, emit, should_stop)
-
-
-def _answer(kind: type[Options], given: dict[str, Any]) -> Any:
-    """Run a command that takes seconds and return its result."""
-    with translate_errors():
-        return _carry_out(kind, given, _emit_to(None), lambda: False)
 
 
 def _carry_out(kind: type[Options], given: dict[str, Any], emit: Emit, should_stop: Callable[[], bool]) -> Any:

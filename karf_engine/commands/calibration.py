@@ -19,9 +19,7 @@ from .options import CalibrationOptions
 def reference_light(options: CalibrationOptions, emit: Emit) -> ReferenceLight | None:
     """Return the light of target colors; None where they are colors of the photos.
 
-    Raises:
-        BadRequest: The card or the chart does not determine the light.
-        DataError: The photo of the chart cannot be read.
+    Raises BadRequest if card or chart do not determine the light, DataError for an unreadable photo.
     """
     if options.light is not None:
         matrix = np.reshape(options.light, (3, 3))
@@ -51,10 +49,7 @@ def fit_chart(path: Path, corners: tuple[float, ...] | None) -> ChartFit:
 
 
 def find_corners(photo: np.ndarray) -> np.ndarray | None:
-    """Find the corners of a chart's block of patches in a photo, sRGB [H, W, 3] in [0, 1], or None.
-
-    OpenCV's box is a little wider than the block.
-    """
+    """Find the corners of a chart's block of patches (OpenCV's box is a little wider) in a photo, or None."""
     detector = cv2.mcc.CCheckerDetector_create()  # pyright: ignore[reportAttributeAccessIssue]
     detector.setColorChartType(cv2.mcc.MCC24)
     found = detector.process(np.ascontiguousarray(to_bytes(photo[..., ::-1])), 1)

@@ -52,7 +52,10 @@ def run(options: ColorwaysOptions, emit: Emit, should_stop: Callable[[], bool]) 
     """Report the predicted colors of each colorway, then render all views. Raises DataError for a wrong row of the sheet."""
     project = Project(options.project).snapshot()
     light = reference_light(options, emit)
-    edges = _read_edges(project, options.edges)
+    edges: Mapping[str, EdgeShape] = {}
+    if options.edges is not None:
+        project.require("palette")
+        edges = read_edit_file(options.edges, read_palettes(project.verified(project.palette_file))).edges
     planned = plan_colorways(project, options.sheet, _locked_swatches(options.locked), light, edges)
     _report(planned, light, emit)
     write_table(options.out / "colorways.csv", planned, light=light)
@@ -73,13 +76,6 @@ def _locked_swatches(swatches: Sequence[str]) -> dict[str, list[int]]:
             raise BadRequest(f"The locked swatch {swatch!r:.200} is none.", "Write <object>/<number>, as pot/2.")
         locked.setdefault(name, []).append(int(number))
     return locked
-
-
-def _read_edges(project: Project, file: Path | None) -> Mapping[str, EdgeShape]:
-    if file is None:
-        return {}
-    project.require("palette")
-    return read_edit_file(file, read_palettes(project.verified(project.palette_file))).edges
 
 
 def _report(planned: Sequence[PlannedColorway], light: ReferenceLight | None, emit: Emit) -> None:
@@ -126,7 +122,7 @@ class _Renderer:
                 pictures.write(path, picture)
                 found = {p.target_color.name: probes.measure(picture, p) for p in plan.predictions}
                 measured = {name: values for name, values in found.items() if values is not None}
-                name = self._name(plan.colorway.name, view.name)
+                name = f"{plan.colorway.name}/{view.name}"
                 self._finished.record(name, marks[plan.colorway.name], [path], reached=measured)
                 progress.step()
         warn_of_disputes(disputed, self._job.emit)
@@ -140,10 +136,7 @@ class _Renderer:
         """Return the fingerprints of the unfinished pictures of a view, by colorway."""
         own = view_fingerprint(self._mark, view, VERSION, self._size)
         marks = {plan.colorway.name: frame_fingerprint(own, plan.edit) for plan in self._planned}
-        return {name: mark for name, mark in marks.items() if not self._finished.has(self._name(name, view.name), mark)}
-
-    def _name(self, colorway: str, view: str) -> str:
-        return f"{colorway}/{view}"
+        return {name: mark for name, mark in marks.items() if not self._finished.has(f"{name}/{view.name}", mark)}
 
     def _reached(self, plan: PlannedColorway, prediction: Prediction) -> Reached | None:
         """Return the mean measurement of a color over all views, or None where no picture shows it."""
@@ -157,14 +150,14 @@ class _Renderer:
 
     def _reached_in(self, plan: PlannedColorway, prediction: Prediction, view: str) -> Reached | None:
         """Return the measurement of a color in a view, or None where its picture does not show it."""
-        note = self._finished.frames[self._name(plan.colorway.name, view)].get("reached", {})
+        note = self._finished.frames[f"{plan.colorway.name}/{view}"].get("reached", {})
         if prediction.target_color.name not in note:
             return None
         *color, pixels = note[prediction.target_color.name]
         return Reached(np.array(color), int(pixels), 1)
 
     def _picture(self, plan: PlannedColorway, view: View) -> Path:
-        (file,) = self._finished.frames[self._name(plan.colorway.name, view.name)]["files"]
+        (file,) = self._finished.frames[f"{plan.colorway.name}/{view.name}"]["files"]
         return self._out / file
 
     def _write_sheet(self) -> None:

@@ -16,13 +16,13 @@ from .options import LearnOptions
 def run_command(options: Options, emit: Emit, should_stop: Callable[[], bool], **in_memory: Any) -> Any:
     """Run the command of these options in this process; `all` runs every stage that learns, in order.
 
+    Returns the advice of `inspect`, the path that `mark` or `farm` wrote, else None.
+
     Args:
         options: Their class selects the command.
         emit: Receives the events (see the worker's protocol).
         should_stop: Polled often; the command raises Cancelled once it returns true.
         **in_memory: Arguments of the first stage that the caller has in memory.
-
-    Returns the advice of `inspect`, the path that `mark` or `farm` wrote, else None.
     """
     result = None
     for stage in options.stages() if isinstance(options, LearnOptions) else (options,):

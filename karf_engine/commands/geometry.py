@@ -40,7 +40,6 @@ from ..io.images import alpha_composite, write_png
 from ..project import Project
 from ..project import settings as settings_module
 from ..segmentation.coarse_masks import find_masks, marked_views
-from ..splats.depths import sample_surface_points
 from ..splats.formats.registry import read_captured_gaussians
 from .job import Job, StageRun, make_job, run_stage
 from .options import GeometryOptions
@@ -54,10 +53,7 @@ MAX_PSNR_DROP = 0.5  # dB that held-out views may lose from level to level witho
 
 
 def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], capture: Capture | None = None) -> None:
-    """Learn the scene of a capture into the project, unless it is finished with the same inputs.
-
-    `capture` is the opened capture of `options.capture`, if the caller has it in memory.
-    """
+    """Learn the scene of a capture, opened or from `options.capture`, unless it is finished with the same inputs."""
     settings = settings_module.with_overrides(settings_module.preset(options.preset), list(options.overrides))
     space = None if options.photo_space is None else color_space(options.photo_space, options.ocio)
     nerf = options.nerf
@@ -70,7 +66,10 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
     project = Project(options.project)
     project.create(str(options.capture.absolute()))
     capture = hold_out(capture, project.holdout() if options.holdout is None else options.holdout)
-    capture = in_space(capture, space or _previous_space(project))
+    if space is None and project.state_file.exists():  # by the summary: capture.json may be damaged
+        learned_in = (project.finished("geometry") or {}).get("color_space")
+        space = None if learned_in is None else ColorSpace(**learned_in)
+    capture = in_space(capture, space)
     job = make_job(project, options, settings, emit, should_stop)
     with run_stage(job, "geometry", *_inputs(capture, nerf)) as run:
         if run is None:
@@ -95,13 +94,6 @@ def run(options: GeometryOptions, emit: Emit, should_stop: Callable[[], bool], c
         write_json(run.output(project.capture_file), capture_to_json(capture, run.folder))
         save_scene(scene, run.output(project.geometry_file))
     job.artifact("geometry", project.geometry_file)
-
-
-def _previous_space(project: Project) -> ColorSpace | None:
-    """Return the photos' color space of the finished geometry, by its summary: capture.json may be damaged."""
-    finished = project.finished("geometry") if project.state_file.exists() else None
-    known = (finished or {}).get("color_space")
-    return None if known is None else ColorSpace(**known)
 
 
 def with_marked_in_training(project: Project, capture: Capture, masks: Path | None) -> Capture:
@@ -155,18 +147,11 @@ def learn(job: Job, capture: Capture, run: StageRun) -> tuple[Scene, Capture]:
         warn_of_lost_detail(job, pixels, task.training_images, task.space)
         gains = {view.name: tuple(own) for view, own in zip(views, fit.gains, strict=True)}
         if any(own != UNIT_GAINS for own in gains.values()):
-            gains |= gains_of_other_views(job, capture, scene)
+            others = [view for view in capture.views if view.split != "train" and view.image is not None]
+            for image in job.training_images(others, EXPOSURE_LONG_SIDE):  # these photos are recolored too
+                gains[image.view.name] = gains_from_render(scene, image.camera, image.color)
         capture = with_gains(capture, gains)
     return scene, capture
-
-
-def gains_of_other_views(job: Job, capture: Capture, scene: Scene) -> dict[str, tuple[float, float, float]]:
-    """Estimate the exposures of photos outside the training split, by view; they are recolored too."""
-    others = [view for view in capture.views if view.split != "train" and view.image is not None]
-    return {
-        image.view.name: gains_from_render(scene, image.camera, image.color)
-        for image in job.training_images(others, EXPOSURE_LONG_SIDE)
-    }
 
 
 def help_to_learn(process_group: ProcessGroup) -> None:
@@ -191,10 +176,10 @@ def import_scene(
     kind = background_kind_of(training_images)
     grays = {"alpha": 1.0, "black": 0.0} if kind == "alpha" else {kind: 0.0}
     device = job.runtime.device
-    datasets = {
-        name: build_pixel_dataset([_over_gray(p, value) for p in training_images], "opaque", device)
-        for name, value in grays.items()
-    }
+    datasets = {}
+    for name, gray in grays.items():  # without mattes
+        flat = [replace(p, color=alpha_composite(p.color, p.alpha, gray), alpha=None) for p in training_images]
+        datasets[name] = build_pixel_dataset(flat, "opaque", device)
     job.emit("stage", name="geometry", text=f"comparing {path.name} with {len(training_images)} photos")
     scene, alignment, psnr = import_nerf(
         networks, list(capture.views), datasets, job.settings.geometry.nerf, str(path), device, job.settings.seed
@@ -220,7 +205,8 @@ def validation_pixels(job: Job, capture: Capture) -> PixelDataset | None:
     if not training_images:
         text = "no photo is held out: how well new views are rendered is not measured"
         job.emit("stage", name="geometry", text=text)
-    if not training_images or any(training_image.alpha is not None for training_image in training_images):
+        return None
+    if any(training_image.alpha is not None for training_image in training_images):
         return None
     return build_pixel_dataset(training_images, "opaque", job.runtime.device)
 
@@ -265,6 +251,8 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
     if kind != "opaque" or job.settings.geometry.space == "box":
         return None
     if capture.splats is not None and has_kernels():
+        from ..splats.visibility import sample_surface_points  # needs numba
+
         cameras = [training_image.camera for training_image in training_images]
         gaussians = read_captured_gaussians(capture.splats, cameras)
         return sample_surface_points(gaussians, cameras, job.progress("points", len(cameras)).step)
@@ -285,8 +273,3 @@ def training_points(job: Job, capture: Capture, training_images: list[TrainingIm
     except KarfError as error:
         job.emit("warning", code="points", sentence=f"No sparse points: {error.sentence}")
         return None
-
-
-def _over_gray(training_image: TrainingImage, gray: float) -> TrainingImage:
-    """Composite a training image over a gray and drop its matte."""
-    return replace(training_image, color=alpha_composite(training_image.color, training_image.alpha, gray), alpha=None)

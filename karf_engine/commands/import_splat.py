@@ -6,7 +6,7 @@ renderings from cameras chosen around the Gaussians. OUT appears only when it is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,14 +24,13 @@ from ..compute.progress import Emit, Progress
 from ..compute.runtime import start_runtime
 from ..errors import BadRequest, DataError, Message, missing_package
 from ..io.color import to_bytes
-from ..io.files import read_json
+from ..io.files import link_or_copy, new_folder, read_json
 from ..io.images import unpremultiply, write_png
 from ..splats.formats import ply
 from ..splats.formats.registry import read_splats
 from ..splats.formats.splat_file import SplatFile
 from ..splats.gaussians import Gaussians, imported_gaussians
 from .options import ImportSplatOptions
-from .output_folder import link_or_copy, new_folder
 
 COMPARED_VIEWS, COMPARED_LONG_SIDE = 6, 400  # photos that the Gaussians must reproduce
 MIN_PSNR = 15.0  # dB
@@ -78,7 +77,6 @@ def _linked(splat: Path, found: SplatFile, folder: Path) -> Path:
     return linked
 
 
-# ------------------------------------------------------------------------------------------------------ without photos
 def _suggest_photos(splat: Path, emit: Emit) -> None:
     """Warn where folders around the file have photos with poses; only the user knows whether they belong to it."""
     for folder in folders_around(splat):
@@ -112,16 +110,23 @@ def _write_views(
     should_stop: Callable[[], bool],
 ) -> list[View]:
     """Choose cameras and write their renderings into the folder; return the views."""
+    from ..splats.rasterizer import rasterize  # needs numba
+
     everything = imported_gaussians(table, is_antialiased, ())
     cameras = _cameras(options, everything, emit, Progress(emit, should_stop, "import_splat", 1))
     gaussians = imported_gaussians(table, is_antialiased, cameras)
-    has_alpha = _has_empty_background(gaussians, cameras)
+    thumbnails = [rasterize(gaussians, camera.reduced(THUMBNAIL)).image for camera in cameras]
+    has_alpha = float(np.mean([(image[..., 3] > 0.5).mean() for image in thumbnails])) > MAX_EMPTY
     progress = Progress(emit, should_stop, "import_splat", len(cameras))
     folder.mkdir()
     views = []
     for number, camera in enumerate(cameras):
         name = f"view_{number:03d}"
-        write_png(folder / f"{name}.png", to_bytes(_render(gaussians, camera, has_alpha)))
+        image = rasterize(gaussians, camera).image
+        image[..., 3] = 1 - image[..., 3]
+        image = image.clip(0, 1)
+        picture = np.dstack([unpremultiply(image), image[..., 3]]) if has_alpha else image[..., :3]
+        write_png(folder / f"{name}.png", to_bytes(picture))
         views.append(View(name, name, camera, folder / f"{name}.png", "train"))
         progress.step()
     return views
@@ -168,24 +173,6 @@ def _read_cameras(path: Path) -> list[Camera]:
     return [view.camera.without_distortion() for view in open_capture(path, photos=False).views]
 
 
-def _has_empty_background(gaussians: Gaussians, cameras: Sequence[Camera]) -> bool:
-    from ..splats.rasterizer import rasterize
-
-    small = (camera.reduced(THUMBNAIL) for camera in cameras)
-    return float(np.mean([(rasterize(gaussians, camera).image[..., 3] > 0.5).mean() for camera in small])) > MAX_EMPTY
-
-
-def _render(gaussians: Gaussians, camera: Camera, has_alpha: bool) -> np.ndarray:
-    """Render a camera to sRGB [H, W, 3], or [H, W, 4] with straight alpha."""
-    from ..splats.rasterizer import rasterize
-
-    image = rasterize(gaussians, camera).image
-    image[..., 3] = 1 - image[..., 3]
-    image = image.clip(0, 1)
-    return np.dstack([unpremultiply(image), image[..., 3]]) if has_alpha else image[..., :3]
-
-
-# --------------------------------------------------------------------------------------------------------- with photos
 def _with_photos(options: ImportSplatOptions, table: np.ndarray, splats: CapturedSplats, emit: Emit) -> Capture:
     """Return the photos' capture with the Gaussians and the screen filter that reproduces the photos better."""
     from ..splats.fit import Photo, psnr  # need numba

@@ -14,11 +14,7 @@ from .options import InspectOptions
 
 
 def run(options: InspectOptions, emit: Emit, should_stop: Callable[[], bool]) -> Advice:
-    """Inspect the capture, write OUT/inspection.json and OUT/more_photos.png, and return the advice.
-
-    Raises:
-        DataError: The capture cannot be read or has too few photos, or the folder of masks is missing.
-    """
+    """Inspect the capture, write OUT/inspection.json and OUT/more_photos.png, and return the advice."""
     del should_stop  # seconds at most
     if options.masks is not None and not options.masks.is_dir():
         raise DataError("{path} is no folder of masks.", "Give one, or none.", path=options.masks)

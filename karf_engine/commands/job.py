@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any
 
 from ..capture.capture import Capture, View
 from ..capture.training_images import TrainingImage, load_views
@@ -17,26 +17,15 @@ from ..compute.runtime import Runtime, start_runtime
 from ..errors import BadRequest, Diverged
 from ..fields.fit import Checkpoint
 from ..io.files import fingerprint
+from ..io.options import Options
 from ..project import BUILT_ON, STAGE_VERSIONS, Project
 from ..project import settings as settings_module
 from ..project.contents import read_capture, settings_for
 from ..project.locking import write_lock
 from ..project.settings import Settings
+from .options import ProjectOptions
 
 MAX_NAMED = 3  # views in one warning
-
-
-class ProjectOptions(Protocol):
-    """Options of a command on a project."""
-
-    command: ClassVar[str]
-
-    @property
-    def project(self) -> Path: ...
-    @property
-    def threads(self) -> int | None: ...
-    @property
-    def device(self) -> str | None: ...
 
 
 @dataclass(frozen=True)
@@ -89,18 +78,14 @@ def open_job(
 ) -> Job:
     """Open the project of a command's options, with learned geometry, and the settings for the command.
 
-    Args:
-        options: The command's options.
-        emit: See `Job`.
-        should_stop: See `Job`.
-        project: A snapshot of the project, for commands that only read it.
+    project: a snapshot of the project, for commands that only read it.
     """
     project = project or Project(options.project)
     return make_job(project, options, settings_for(project, options.command), emit, should_stop)
 
 
 def make_job(
-    project: Project, options: ProjectOptions, settings: Settings, emit: Emit, should_stop: Callable[[], bool]
+    project: Project, options: Options, settings: Settings, emit: Emit, should_stop: Callable[[], bool]
 ) -> Job:
     """Make a job with a runtime of the options' threads and device."""
     runtime = start_runtime(settings.seed, options.threads, options.device)

@@ -10,7 +10,6 @@ import numpy as np
 from ..compute.progress import Emit
 from ..errors import BadRequest
 from ..io.color import srgb_to_lab
-from ..palettes.calibration import ReferenceLight
 from ..palettes.color_histogram import read_object_colors
 from ..palettes.matching.paints import pigment_gate
 from ..palettes.palette import rgb_to_hex
@@ -36,8 +35,9 @@ def _match_colors(project: Project, options: MatchOptions, edit: ProjectEdit, em
     """Return the edit that turns the source colors of an object into the target colors."""
     assert options.object and options.source and options.target  # `MatchOptions` requires them
     light = reference_light(options, emit)
-    given = [(options.source, options.target), *options.also]
-    pairs = [(source, _as_photographed(target, light)) for source, target in given]
+    pairs = [(options.source, options.target), *options.also]
+    if light is not None:
+        pairs = [(source, rgb_to_hex(light.photographed(as_color(target)))) for source, target in pairs]
     if options.rule == "added":
         for source, target in pairs:
             edit = edit.add_color(options.object, source, target)
@@ -45,11 +45,6 @@ def _match_colors(project: Project, options: MatchOptions, edit: ProjectEdit, em
     edit = edit.becomes(options.object, *pairs[0], options.rule, pairs[1:], options.is_metal)
     _report(edit, options.object, pairs, emit)
     return edit
-
-
-def _as_photographed(target: str, light: ReferenceLight | None) -> str:
-    """Convert a target color under a reference light to the photos' light."""
-    return target if light is None else rgb_to_hex(light.photographed(as_color(target)))
 
 
 def _report(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Emit) -> None:

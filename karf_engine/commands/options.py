@@ -28,6 +28,13 @@ MASKS = "coarse masks: DIR/<object>/<photo stem>.png"
 
 
 @dataclass(frozen=True, kw_only=True)
+class ProjectOptions(Options):
+    """Options of a command on a project."""
+
+    project: Path = option("project folder", positional=True, metavar="DIR")
+
+
+@dataclass(frozen=True, kw_only=True)
 class PosesOptions(Options):
     """Make a capture of photos without camera poses, or of a video."""
 
@@ -151,12 +158,11 @@ class GeometryOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SegmentationOptions(Options):
+class SegmentationOptions(ProjectOptions):
     """Turn coarse masks into objects in all views."""
 
     command: ClassVar[str] = "segmentation"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     masks: Path | None = option(f"{MASKS} (default: the project's own)", None, metavar="DIR")
     volumes: Path | None = option(
         "boxes and meshes that objects must be inside or outside of (default: the project's own volumes.json)",
@@ -169,33 +175,29 @@ class SegmentationOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PaletteOptions(Options):
+class PaletteOptions(ProjectOptions):
     """Extract a palette from the colors of every object."""
 
     command: ClassVar[str] = "palette"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
-
 
 @dataclass(frozen=True, kw_only=True)
-class RecoloringOptions(Options):
+class RecoloringOptions(ProjectOptions):
     """Finish the palettes; with recoloring.iterations, train F_w, the palette weights of every point, and adapt them."""
 
     command: ClassVar[str] = "recoloring"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     overrides: tuple[str, ...] = option(
         "change one setting of F_w; may be repeated", (), flag="set", metavar="recoloring.FIELD=VALUE"
     )
 
 
 @dataclass(frozen=True, kw_only=True)
-class SplatsOptions(Options):
+class SplatsOptions(ProjectOptions):
     """Learn the scene as Gaussians, which show it sharply from any camera."""
 
     command: ClassVar[str] = "splats"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     overrides: tuple[str, ...] = option(
         "change one setting of the splats; may be repeated", (), flag="set", metavar="splats.FIELD=VALUE"
     )
@@ -257,12 +259,11 @@ class CalibrationOptions(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MatchOptions(CalibrationOptions):
+class MatchOptions(CalibrationOptions, ProjectOptions):
     """Write the edit that turns one color of an object into another, or a view into a painted version of it."""
 
     command: ClassVar[str] = "match"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     object: str | None = option("which object", None)
     source: str | None = option("a color it shows, #rrggbb", None, flag="from", metavar="COLOR")
     target: str | None = option("the color it shall become, #rrggbb", None, flag="to", metavar="COLOR")
@@ -301,12 +302,11 @@ class MatchOptions(CalibrationOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RenderOptions(FrameFileOptions):
+class RenderOptions(FrameFileOptions, ProjectOptions):
     """Render masks, pictures and recolored frames, of captured views or of any cameras."""
 
     command: ClassVar[str] = "render"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     views: str = option("train, test, val, all, names with commas, or CAMERAS.json (transforms.json with sizes)", "all")
     first: int | None = option("the first of these views to write, counted from 1", None, metavar="N")
     last: int | None = option("the last one; beyond the end: the end", None, metavar="N")
@@ -314,12 +314,11 @@ class RenderOptions(FrameFileOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ColorwaysOptions(CalibrationOptions):
+class ColorwaysOptions(CalibrationOptions, ProjectOptions):
     """Render every colorway of a sheet in every view."""
 
     command: ClassVar[str] = "colorways"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     sheet: Path = option("CSV or JSON: colorway, object, and a color as hex, lab, srgb or srgb8", metavar="FILE")
     views: str = option("as for render", "all")
     out: Path = option(
@@ -340,24 +339,22 @@ class ColorwaysOptions(CalibrationOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointsOptions(Options):
+class PointsOptions(ProjectOptions):
     """Write the scene as points on its surface."""
 
     command: ClassVar[str] = "points"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     out: Path = option(".ply: colored points; .npz: with what recoloring them needs", metavar="FILE")
     count: int = option("about how many points", 60_000, metavar="N")
     edit: Path | None = option("EDIT.json or a palette file: a .ply gets these colors", None, metavar="FILE")
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExportSplatOptions(Options):
+class ExportSplatOptions(ProjectOptions):
     """Write the scene as Gaussian splats for other programs, with an edit baked in."""
 
     command: ClassVar[str] = "export-splat"
 
-    project: Path = option("project folder", positional=True, metavar="DIR")
     out: Path = option("the file: .ply, .compressed.ply, .spz, .glb, .gltf, .usd, .usda or .usdc", metavar="FILE")
     edit: Path | None = option("EDIT.json or a palette file whose colors it gets", None, metavar="FILE")
     sheet: Path | None = option(

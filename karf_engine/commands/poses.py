@@ -20,11 +20,10 @@ from ..capture.reader_utils import photos_in
 from ..capture.structure_from_motion import FEWEST_PHOTOS, SfmResult, SfmTask, reconstruct, write_sharpest_frames
 from ..compute.progress import Emit, Progress
 from ..errors import DataError, missing_package
-from ..io.files import errors_naming_path
+from ..io.files import errors_naming_path, link_or_copy, new_folder
 from ..io.image_size import image_header
 from ..io.images import read_photo, write_png
 from .options import PosesOptions
-from .output_folder import link_or_copy, new_folder
 
 MAX_EXHAUSTIVE = 250  # photos; matching all pairs of more takes hours
 GOOD_SHARE = 0.9  # share of registered photos below which more sensitive features are tried, and the user is warned
@@ -56,7 +55,6 @@ def run(options: PosesOptions, emit: Emit, should_stop: Callable[[], bool]) -> N
     emit("artifact", kind="capture", path=str(out))
 
 
-# --------------------------------------------------------------------------------------------------------------- photos
 def _gather(source: Path, folder: Path, emit: Emit, should_stop: Callable[[], bool]) -> tuple[str, ...]:
     """Put the photos into `folder` and return their names there, in order."""
     emit("stage", name="poses", text="reading photos")
@@ -96,7 +94,6 @@ def _add_photo(photo: Path, folder: Path) -> str:
     return name
 
 
-# ---------------------------------------------------------------------------------------------------------------- poses
 def _reconstruct_twice(task: SfmTask, emit: Emit, should_stop: Callable[[], bool]) -> SfmResult:
     """Reconstruct; if many photos are left out, try more sensitive features too and keep the better model."""
     best = SfmResult()

@@ -58,29 +58,25 @@ def _render(job: Job, model: Model, learned: ModelFingerprint, options: RenderOp
         job.project.require("segmentation")
     if options.edit or options.planes or options.layers:
         job.project.require("recoloring")
-        _warn_without_field(model, job.emit)
+        is_by_field = model.settings.render.source == "field" or model.settings.compositing == "paper"
+        if is_by_field and model.splats is None and model.recoloring is None:
+            job.emit("warning", code="recoloring", sentence=" ".join(UNTRAINED).format(folder=model.project.folder))
     views, captured = choose_views(job.capture(), options.views)
     part = slice_of_views(views, options.first, options.last, options.count)
     edits = read_edits(options.edit, views, model.palettes, job.settings.compositing)[part]
-    frames = pending_frames(options, learned, views[part], edits)
+    todo, finished = pending_frames(options, learned, views[part], edits)
     job.emit("stage", name="render", text=f"{len(edits)} views")
     progress = job.progress("render", len(edits))
-    progress.resume_at(len(edits) - len(frames.todo))
+    progress.resume_at(len(edits) - len(todo))
     disputed = {}
-    for view, edit, mark in frames.todo:
+    for view, edit, mark in todo:
         files, disputed[view.name] = write_view(model, view, edit, captured, options, job.artifact)
-        frames.note(view.name, mark, files)
+        if finished is not None:
+            finished.record(view.name, mark, files)
         progress.step()
     warn_of_disputes(disputed, job.emit)
     if options.out is not None:
         job.artifact("frames", options.out)
-
-
-def _warn_without_field(model: Model, emit: Emit) -> None:
-    """Warn where F_w would give the palette weights of renderings, but is not trained."""
-    by_field = model.settings.render.source == "field" or model.settings.compositing == "paper"
-    if by_field and model.splats is None and model.recoloring is None:
-        emit("warning", code="recoloring", sentence=" ".join(UNTRAINED).format(folder=model.project.folder))
 
 
 def read_edits(

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..capture.capture import Capture, CapturedSplats, View
-from ..capture.training_images import load_views
 from ..compute.cores import limit_torch_threads
 from ..compute.kernels import has_kernels
 from ..compute.progress import Emit
@@ -23,9 +21,6 @@ from ..splats.gaussians import Gaussians
 from ..splats.start import initial_gaussians, pseudo_cameras, render_pseudo_photos, surface_views
 from .job import Job, open_job, run_stage
 from .options import SplatsOptions
-
-if TYPE_CHECKING:
-    from ..splats.fit import Photo  # needs numba
 
 VALIDATION_VIEWS = 32
 
@@ -69,7 +64,7 @@ def _take(job: Job, capture: Capture, splats: CapturedSplats) -> None:
 
 
 def _learn(job: Job) -> None:
-    from ..splats.fit import SplatFit
+    from ..splats.fit import SplatFit, load_photos
     from ..splats.visibility import visibility_in_photos  # needs numba
 
     settings = job.settings.splats
@@ -80,7 +75,7 @@ def _learn(job: Job) -> None:
         capture = job.capture()
         views, test = capture.split("train"), capture.split("test")
         scene = load_scene(job.project.verified(job.project.geometry_file), job.runtime.device)
-        photos, seed = _photos(views, settings.long_side), job.settings.seed
+        photos, seed = load_photos(views, settings.long_side), job.settings.seed
         cameras = pseudo_cameras(scene, [photo.camera for photo in photos], seed)
         steps = len(surface_views(views)) + len(cameras) + settings.iterations + len(photos)
         progress = job.progress("splats", steps)
@@ -93,37 +88,33 @@ def _learn(job: Job) -> None:
         run.summary["gaussians"] = len(start)
         judged = test[:: max(1, len(test) // VALIDATION_VIEWS)]
         if judged:
-            held_out, gains = _photos(judged, settings.long_side), _gains_of(judged, capture, fit.gains)
-            run.summary["held_out"] = [_held_out(job, each, held_out, gains) for each in (start, fit.gaussians)]
+            run.summary["held_out"] = _held_out(job, (start, fit.gaussians), judged, capture, fit.gains)
         visibility = visibility_in_photos(fit.gaussians, [photo.camera for photo in photos], progress.step)
         save_gaussians(replace(fit.gaussians, visibility=visibility), run.output(job.project.splats_file))
     job.artifact("splats", job.project.splats_file)
 
 
-def _photos(views: Sequence, long_side: int) -> list[Photo]:
-    """Load the photos of these views, one at a time: as floats they need more memory."""
-    from ..splats.fit import Photo  # needs numba
+def _held_out(
+    job: Job, models: Sequence[Gaussians], views: Sequence[View], capture: Capture, gains: np.ndarray
+) -> list[list[float]]:
+    """Return for each model the mean and worst PSNR of held-out photos in dB, then both with interpolated exposures.
 
-    return [Photo.of(load_views([view], long_side)[0]) for view in views]
-
-
-def _gains_of(held_out: Sequence[View], capture: Capture, gains: np.ndarray) -> list[np.ndarray]:
-    """Interpolate the gains [3] of held-out photos from the learned ones [n, 3] of their neighbors by name."""
-    from ..splats.fit import interpolate_gains  # needs numba
+    gains: [n, 3], of the training photos; those of a held-out photo lie between its neighbors' by name.
+    """
+    from ..splats.fit import interpolate_gains, load_photos, psnr  # needs numba
 
     place = {name: number for number, name in enumerate(sorted(view.name for view in capture.views))}
     learned = [place[view.name] for view in capture.split("train")]
-    order = np.argsort(learned)
-    return [interpolate_gains(gains[order], sorted(learned), place[view.name]) for view in held_out]
-
-
-def _held_out(job: Job, gaussians: Gaussians, photos: Sequence[Photo], gains: Sequence[np.ndarray]) -> list[float]:
-    """Return the mean and worst PSNR of held-out photos in dB, then both with their interpolated exposures."""
-    from ..splats.fit import psnr  # needs numba
-
-    alike = [psnr(gaussians, [photo]) for photo in photos]
-    exposed = [psnr(gaussians, [photo], gain) for photo, gain in zip(photos, gains, strict=True)]
-    mean, worst, *others = (round(float(of(values)), 2) for values in (alike, exposed) for of in (np.mean, np.min))
-    text = f"held-out views {mean} dB, the worst {worst} dB; exposed as their neighbors {others[0]} and {others[1]} dB"
-    job.emit("stage", name="splats", text=text)
-    return [mean, worst, *others]
+    gains = gains[np.argsort(learned)]
+    own = [interpolate_gains(gains, sorted(learned), place[view.name]) for view in views]
+    photos, scores = load_photos(views, job.settings.splats.long_side), []
+    for gaussians in models:
+        alike = [psnr(gaussians, [photo]) for photo in photos]
+        exposed = [psnr(gaussians, [photo], gain) for photo, gain in zip(photos, own, strict=True)]
+        mean, worst, *others = (round(float(of(values)), 2) for values in (alike, exposed) for of in (np.mean, np.min))
+        text = (
+            f"held-out views {mean} dB, the worst {worst} dB; exposed as their neighbors {others[0]} and {others[1]} dB"
+        )
+        job.emit("stage", name="splats", text=text)
+        scores.append([mean, worst, *others])
+    return scores

@@ -40,10 +40,7 @@ Pixels = tuple[np.ndarray, np.ndarray]  # rows and columns, [n] each
 
 # ------------------------------------------------------------------------------------------------------------- pictures
 class PhotoPictures:
-    """A captured view in its photo's own pixels, written in the photo's format.
-
-    disputed: see `Frame.disputed`; suffix: of the files.
-    """
+    """A captured view in its photo's own pixels, written in the photo's format."""
 
     def __init__(self, model: Model, view: View, size: str | int) -> None:
         self._view = model.photo_view(view, size)
@@ -148,9 +145,7 @@ def write_table(
 ) -> None:
     """Write the table of colorways, atomically. With a reference light all colors are those under it.
 
-    Args:
-        measured: Returns the measurement of a color; None before anything is rendered, to leave its columns empty.
-        light: Reference light of the sheet's colors.
+    measured: returns the measurement of a color; None before anything is rendered, to leave its columns empty.
     """
     rows = []
     for plan in planned:
@@ -159,7 +154,7 @@ def write_table(
             row = _row(plan, prediction, found, light)
             if measured and found is None:
                 nothing = f"none of these views surely shows a pixel of {prediction.target_color.name} in this color"
-                row |= {"cannot_be_reached_because": nothing}
+                row["cannot_be_reached_because"] = nothing
             rows.append(row)
     _write(path, COLUMNS, rows)
 
@@ -171,10 +166,7 @@ def write_view_table(
     measured: Callable[[PlannedColorway, Prediction, str], Reached | None],
     light: ReferenceLight | None = None,
 ) -> None:
-    """Write the reached colors of each view, atomically; see `write_table`.
-
-    measured: returns the measurement of a color in a view; None if no pixel surely shows it.
-    """
+    """Write the reached colors of each view, atomically; see `write_table`. measured: None where no pixel shows it."""
     rows = []
     for plan in planned:
         for prediction in plan.predictions:
@@ -240,11 +232,7 @@ class Row:
 
 
 def write_contact_sheet(path: Path, columns: Sequence[str], rows: Sequence[Row]) -> None:
-    """Write the pictures of all rows below the columns' names; one picture is in memory at a time.
-
-    Raises:
-        DataError: A picture is damaged.
-    """
+    """Write the pictures of all rows below the columns' names; one picture is in memory at a time."""
     heights = [max(THUMBNAIL, LINE * len(row.label)) + GAP for row in rows]
     width = LABEL + len(columns) * (THUMBNAIL + GAP) + GAP
     sheet = np.full((LINE + 2 * GAP + sum(heights), width, 3), PAPER, np.uint8)

@@ -17,12 +17,7 @@ BAND_ROWS = 128
 
 
 def murmur3(data: bytes) -> int:
-    """Return MurmurHash3_x86_32 with seed 0 (Appleby 2011).
-
-    Examples:
-        >>> hex(murmur3(b"hello, world"))
-        '0x149bbb7f'
-    """
+    """Return MurmurHash3_x86_32 with seed 0 (Appleby 2011)."""
     state, mask = 0, 0xFFFFFFFF
     for start in range(0, len(data), 4):
         block = data[start : start + 4]
@@ -45,16 +40,7 @@ def object_id(name: str) -> int:
 
 
 def header(objects: Sequence[str], name: str = NAME) -> dict[str, str]:
-    """Return the file's metadata. name: prefix of the layers' names.
-
-    Examples:
-        >>> for key, value in header(["pot"]).items():
-        ...     print(key, value)
-        cryptomatte/3ae39a5/name CryptoObject
-        cryptomatte/3ae39a5/hash MurmurHash3_32
-        cryptomatte/3ae39a5/conversion uint32_to_float32
-        cryptomatte/3ae39a5/manifest {"pot":"d4fca1b2"}
-    """
+    """Return the file's metadata. name: prefix of the layers' names."""
     key = f"cryptomatte/{murmur3(name.encode()):08x}"[:19]  # seven letters of the hash
     manifest = {each: f"{object_id(each):08x}" for each in objects}
     return {

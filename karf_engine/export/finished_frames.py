@@ -15,7 +15,7 @@ from typing import Any
 from ..capture.capture import Capture, View, capture_to_json, mask_files
 from ..io.files import check_file, errors_naming_path, file_digest, fingerprint
 from ..palettes.edge_shape import active_edges
-from ..palettes.palette import AddedColor, Edit
+from ..palettes.palette import Edit
 from ..project import STAGE_ORDER, Project
 from ..project.settings import Settings, to_dict
 from .frame_options import FrameFileOptions, FrameOptions
@@ -56,12 +56,10 @@ class FinishedFrames:
 
     def record(self, frame: str, made_from: str, files: Iterable[Path], **measured: Any) -> None:
         """Append an entry for a written frame, with measurements; `frames` does not change."""
-        sizes = {path.relative_to(self.folder).as_posix(): _size(path) for path in files}
+        sizes = {file.relative_to(self.folder).as_posix(): _size(file) for file in files}
         entry = {"frame": frame, "made_from": made_from, "files": sizes, **measured}
-        with (
-            errors_naming_path(self.folder / RECORD_NAME),
-            (self.folder / RECORD_NAME).open("a", encoding="utf-8") as stream,
-        ):
+        path = self.folder / RECORD_NAME
+        with errors_naming_path(path), path.open("a", encoding="utf-8") as stream:
             stream.write(f"\n{json.dumps(entry)}\n")  # after an incomplete line
 
 
@@ -98,40 +96,25 @@ def frame_fingerprint(view: str, edit: Edit | None) -> str:
     """Return a fingerprint of a frame by its `view_fingerprint` and its edit."""
     if edit is None:
         return view
-    added = {name: [_mark_of(each) for each in own] for name, own in edit.added.items()}
+    added = {  # without the default of `protect`, which older records lack
+        name: [[each.picked.tolist(), each.reach, *([each.protect] if each.protect else [])] for each in own]
+        for name, own in edit.added.items()
+    }
     options = [{name: colors.tolist() for name, colors in edit.colors.items()}, edit.compositing]
     options += [added] if added else []
     edges = {name: asdict(shape) for name, shape in active_edges(edit.edges).items()}
     return fingerprint(view, *options, {"edges": edges}) if edges else fingerprint(view, *options)
 
 
-def _mark_of(color: AddedColor) -> list:
-    # without the default, which older records lack
-    return [color.picked.tolist(), color.reach, *([color.protect] if color.protect else [])]
-
-
-@dataclass(frozen=True)
-class PendingFrames:
-    """The views of a request that are not finished, with their edits and fingerprints, in order."""
-
-    todo: list[tuple[View, Edit | None, str]]
-    finished: FinishedFrames | None  # record of the output folder
-
-    def note(self, frame: str, made_from: str, files: Sequence[Path]) -> None:
-        """Record a frame as finished, if there is an output folder."""
-        if self.finished is not None:
-            self.finished.record(frame, made_from, files)
-
-
 def pending_frames(
     options: FrameFileOptions, learned: ModelFingerprint, views: Sequence[View], edits: Sequence[Edit | None]
-) -> PendingFrames:
-    """Return all frames of a command; with `skip_existing` only missing ones and those made from other inputs.
+) -> tuple[list[tuple[View, Edit | None, str]], FinishedFrames | None]:
+    """Return the frames to write, with their edits and fingerprints, and the record of the output folder, if any.
 
-    learned: `model_fingerprint` at the time the model was loaded.
+    With `skip_existing` only missing frames and those made from other inputs. learned: of the loaded model.
     """
     if options.out is None:
-        return PendingFrames([(view, edit, "") for view, edit in zip(views, edits, strict=True)], None)
+        return [(view, edit, "") for view, edit in zip(views, edits, strict=True)], None
     values = asdict(options.subset(FrameOptions)) | {"planes": options.planes, "threads": None, "device": None}
     own = {name: value for name, value in values.items() if value}
     finished = FinishedFrames.read(options.out)
@@ -141,4 +124,4 @@ def pending_frames(
     ]
     if options.skip_existing:
         frames = [frame for frame in frames if not finished.has(frame[0].name, frame[2])]
-    return PendingFrames(frames, finished)
+    return frames, finished

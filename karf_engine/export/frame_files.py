@@ -36,14 +36,9 @@ def write_view(
     options: FrameFileOptions,
     artifact: Callable[[str, Path], None],
 ) -> tuple[list[Path], set[str]]:
-    """Write the files of a view, captured or of any camera.
+    """Write the files of a view; return those in the output folder, and the disputed objects (see `Frame.disputed`).
 
-    Args:
-        edit: Of the recolored picture; None for no such picture.
-        artifact: Called with the kind and the path of each file written to the project.
-
-    Returns:
-        The files in the output folder, and the disputed objects (see `Frame.disputed`).
+    edit: None for no recolored picture. artifact: called with kind and path of each file written to the project.
     """
     files = _Files(model, view, edit, captured, options, artifact)
     if captured and base_of(model.settings, options.base) == "photo":
@@ -159,10 +154,7 @@ def _cut_out(color: np.ndarray, frame: Frame, behind: np.ndarray | None) -> np.n
 def write_frame(path: Path, color: np.ndarray, kind: str) -> None:
     """Write a picture, atomically: PNG as sRGB with straight alpha, EXR scene-linear with premultiplied alpha.
 
-    Args:
-        path: With the kind's suffix.
-        color: sRGB [H, W, 3], or with straight alpha [H, W, 4], in [0, 1].
-        kind: One of `FORMATS`.
+    color: sRGB [H, W, 3], or with straight alpha [H, W, 4], in [0, 1]. kind: one of `FORMATS`.
     """
     atomic_write(path, lambda temporary: _write(temporary, color, kind))
 

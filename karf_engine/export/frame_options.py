@@ -73,12 +73,7 @@ class FrameFileOptions(FrameOptions):
 
 
 def parse_size(wanted: str | int) -> str | int:
-    """Parse the size of recolored photos: `photo`, `learned`, or pixels. Raises BadRequest for others.
-
-    Examples:
-        >>> parse_size("800")
-        800
-    """
+    """Parse the size of recolored photos: `photo`, `learned`, or pixels. Raises BadRequest for others."""
     if wanted in ("photo", "learned"):
         return wanted
     if not str(wanted).isascii() or not str(wanted).isdigit() or int(wanted) < 1:

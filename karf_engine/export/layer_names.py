@@ -51,11 +51,6 @@ def name_layers(
     """Name the layers of objects with these learned palettes, in a picture with these gains.
 
     Programs split a layer's name at points and some at blanks, so both become `_`; duplicates get a number.
-
-    Examples:
-        >>> black = np.zeros((1, 3), np.float32)
-        >>> [each.coverage for each in name_layers([Palette("my pot", black), Palette("my.pot", black)])]
-        ['my_pot_coverage', 'my_pot_2_coverage']
     """
     taken: set[str] = set()
     found = []

@@ -54,10 +54,7 @@ class ScenePoints:
     def with_edges(self, palettes: Sequence[Palette], edges: Mapping[str, EdgeShape]) -> ScenePoints:
         """Move and fade the edges of objects; without changes, return these points. Call it before `with_added`.
 
-        Newly covered points get palette weights by their own colors.
-
-        Raises:
-            DataError: The points have no borders.
+        Newly covered points get palette weights by their own colors. Raises DataError for points without borders.
         """
         edges = active_edges(edges)
         if not edges:
@@ -87,11 +84,8 @@ def write_points(path: Path, points: ScenePoints) -> None:
     arrays = {name: getattr(points, name) for name in NUMBERS}
     if points.borders is not None:
         arrays |= {f"border_{name}": getattr(points.borders, name) for name in BORDERS}
-
-    def write(temporary: Path) -> None:
-        np.savez_compressed(temporary, objects=np.array(points.objects, dtype=np.str_), **arrays)
-
-    atomic_write(path, write)
+    objects = np.array(points.objects, dtype=np.str_)
+    atomic_write(path, lambda temporary: np.savez_compressed(temporary, objects=objects, **arrays))
 
 
 def write_ply(path: Path, positions: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> None:

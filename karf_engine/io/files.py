@@ -22,7 +22,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import DataError, KarfError
+from ..errors import BadRequest, DataError, KarfError
 from .failures import errno_of
 
 MAX_JSON_BYTES = 32 << 20  # bytes; parsed objects take up to thirty times as much
@@ -195,6 +195,36 @@ def read_json(path: Path, what: str) -> Any:
         ) from error
     except (OSError, ValueError, RecursionError) as error:  # not UTF-8, too many digits, too deeply nested
         raise DataError(f"{path} ({what}) cannot be read: {error}.", "Check the file.") from error
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """Yield a temporary folder that is renamed to `out` after the block, or removed if the block fails.
+
+    Raises BadRequest if `out` exists and is not empty.
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BadRequest(f"{out} already exists and is not empty.", "Give a new folder.")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    remove_temporaries(out.parent)
+    work = temporary_folder(out.parent)
+    try:
+        folder = work / "new"
+        folder.mkdir()
+        yield folder
+        if out.exists():
+            out.rmdir()  # it is empty
+        folder.replace(out)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Make a hard link, or a copy on another disk or a file system without links."""
+    try:
+        os.link(source.resolve(), target)
+    except OSError:
+        copy_file(source, target)
 
 
 def checksum(path: Path) -> str:

@@ -27,11 +27,7 @@ def save_gaussians(gaussians: Gaussians, path: Path) -> None:
 
 
 def load_gaussians(path: Path) -> Gaussians:
-    """Read Gaussians written by `save_gaussians`.
-
-    Raises:
-        DataError: The file is missing or damaged.
-    """
+    """Read Gaussians written by `save_gaussians`. Raises DataError if the file is missing or damaged."""
     tensors, facts = load_tensors(path, (SCHEMA, FILTERED_SCHEMA))
     with damage_as_data_error(path):
         table, n_behind, near = tensors["table"].numpy(), facts["n_behind"], float(facts["near"])

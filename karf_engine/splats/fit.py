@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from ..capture.camera import Camera
-from ..capture.training_images import TrainingImage
+from ..capture.capture import View
+from ..capture.training_images import TrainingImage, load_views
 from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
@@ -79,12 +80,12 @@ class Exposures:
     """Exposures of n photos relative to each other: gains of red, green and blue with a geometric mean of 1.
 
     Without gains, brighter photos are explained by view-dependent colors and haze. A gain in sRGB is close to one in
-    linear light except in dark tones, and also covers white balance. `measured` [n, 3] float32 are estimates of
-    photo / rendering, and `gains` the same shrunk toward 1, the more the less the photos differ.
+    linear light except in dark tones, and also covers white balance.
     """
 
     def __init__(self, n_photos: int) -> None:
-        self.measured, self.gains = (np.ones((n_photos, 3), np.float32) for _ in range(2))
+        self.measured = np.ones((n_photos, 3), np.float32)  # estimates of photo / rendering
+        self.gains = np.ones((n_photos, 3), np.float32)  # shrunk toward 1, the more the less the photos differ
 
     def update(self, number: int, shown: np.ndarray, photo: np.ndarray) -> None:
         """Update the gains of one photo by rendered and own pixels, [m, 3] sRGB each."""
@@ -119,11 +120,7 @@ class SplatFit:
     ) -> None:
         """Start with initial Gaussians, which are not modified.
 
-        Args:
-            photos: Training photos.
-            iterations: Photos, or windows of them, to show.
-            seed: Of their order.
-            pseudo_photos: Pictures of the field between the photos, shown in two of three iterations.
+        Each iteration shows a photo or a window of one; of three, two show `pseudo_photos` of the field, if any.
         """
         self.iterations, self.done = iterations, 0
         self._start, self._photos, self._seed = gaussians, photos, seed
@@ -240,14 +237,16 @@ class SplatFit:
         }
 
     def resume(self, state: dict[str, Tensor]) -> None:
-        """Resume this new fit from a state; the result is the same as without interruption, to the bit.
-
-        Raises DataError, with nothing changed, if the state is of another fit.
-        """
+        """Resume this new fit, to the bit. Raises DataError, with nothing changed, for a state of another fit."""
         check_same_layout(state, self.state())
         self.done = read_integer(state, "done", self.iterations)
         for name, each in self._learned().items():
             each[:] = state[name].numpy()
+
+
+def load_photos(views: Sequence[View], long_side: int) -> list[Photo]:
+    """Load the photos of these views, one at a time: as floats they need more memory."""
+    return [Photo.of(load_views([view], long_side)[0]) for view in views]
 
 
 def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
@@ -264,13 +263,7 @@ def _pixel_sizes(gaussians: Gaussians, photos: Sequence[Photo]) -> np.ndarray:
 
 
 def interpolate_gains(gains: np.ndarray, places: Sequence[int], place: int) -> np.ndarray:
-    """Interpolate the gains of a held-out photo between the photos before and after it.
-
-    Args:
-        gains: [n, 3], of the training photos.
-        places: Positions of these n photos in shooting order, ascending.
-        place: Position of the held-out photo.
-    """
+    """Interpolate gains [n, 3] of photos at ascending places in shooting order for a held-out photo."""
     return np.array([np.interp(place, places, channel) for channel in gains.T], np.float32)
 
 

@@ -56,10 +56,7 @@ def near_plane(centers: np.ndarray, eyes: np.ndarray) -> float:
 def imported_gaussians(table: np.ndarray, is_antialiased: bool, cameras: Sequence[Camera]) -> Gaussians:
     """Return the table of another program as Gaussians over black.
 
-    Args:
-        table: As in `Gaussians`.
-        is_antialiased: See `CapturedSplats`.
-        cameras: Determine the near plane; without cameras everything is shown.
+    is_antialiased: see `CapturedSplats`. cameras: determine the near plane; without them everything is shown.
     """
     near = near_plane(table[:, :3], np.stack([camera.position for camera in cameras])) if cameras else ANY_DEPTH
     return Gaussians(table, 0, BLACK, near, ANTIALIASED_FILTER if is_antialiased else PLAIN_FILTER)

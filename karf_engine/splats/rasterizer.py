@@ -18,7 +18,6 @@ from .kernels.arrays import ENTRY, PIXEL_FILTER, SPLAT, SPLAT_GRADIENTS, TILE, T
 from .kernels.blending import blend, blend_back, blend_values, count_entries, fill_entries
 from .kernels.projection import project, project_back
 
-Background = tuple[float, float, float]
 CHANNELS = ("red", "green", "blue")
 UNKNOWN_COLOR = np.float32(0.5)  # sRGB gray of Gaussians with confidence 0
 
@@ -31,13 +30,15 @@ class RasterizedView:
     offsets: np.ndarray  # [n + 1] int32, first tile entry of each Gaussian in the order of the table
 
     def __init__(
-        self, table: np.ndarray, camera: Pinhole, background: Background, confidence: np.ndarray | None = None
+        self,
+        table: np.ndarray,
+        camera: Pinhole,
+        background: tuple[float, float, float],
+        confidence: np.ndarray | None = None,
     ) -> None:
-        """Rasterize a table [n, 11 + 3 K] float32 (see gaussians.Gaussians).
+        """Rasterize a table (see `Gaussians`). Raises OutOfMemory if too many cover too much of the picture.
 
         confidence: [n] in [0, 1], fades colors to UNKNOWN_COLOR; None is the same as all 1, to the bit.
-
-        Raises OutOfMemory if too many Gaussians cover too much of the picture.
         """
         n, tiles_x = len(table), -(-camera.width // TILE)
         n_tiles = tiles_x * -(-camera.height // TILE)

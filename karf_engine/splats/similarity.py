@@ -41,9 +41,16 @@ def transform_table(table: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """
     if np.allclose(matrix, np.eye(4), rtol=0, atol=TOLERANCE * TOLERANCE):
         return table
-    scale, rotation = _scale_and_rotation(matrix)
+    linear = matrix[:3, :3]
+    determinant = float(np.linalg.det(linear)) if np.isfinite(matrix).all() else 0.0
+    if determinant <= 0 or np.abs(matrix[3] - [0, 0, 0, 1]).max() > TOLERANCE:
+        raise ValueError("it is moved by a matrix that is no rotation with a uniform scale")
+    scale = float(np.cbrt(determinant))
+    rotation = linear / scale
+    if np.abs(rotation.T @ rotation - np.eye(3)).max() > TOLERANCE:
+        raise ValueError("it is moved by a matrix that shears or scales unequally")
     result = table.copy()
-    result[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ matrix[:3, :3].T + matrix[:3, 3]
+    result[:, :LOG_SCALE] = table[:, :LOG_SCALE] @ linear.T + matrix[:3, 3]
     result[:, LOG_SCALE:ROTATION] += np.log(scale)
     result[:, ROTATION:LOGIT] = table[:, ROTATION:LOGIT] @ _quaternion_product(rotation).T
     result[:, COLOR:] = rotate_harmonics(table[:, COLOR:], rotation)
@@ -62,10 +69,7 @@ def rotate_harmonics(harmonics: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 def estimate_rotation(here: np.ndarray, there: np.ndarray) -> np.ndarray:
     """Estimate the rotation [3, 3] between points [m, 3] before and after a similarity transform (Umeyama 1991).
 
-    It is the exact identity if it is below rounding.
-
-    Raises:
-        ValueError: The numbers of points differ, or they were not moved by a similarity transform.
+    It is the exact identity if it is below rounding. Raises ValueError for points moved otherwise.
     """
     before, after = (
         points - points.mean(0) for points in (np.asarray(here, np.float64), np.asarray(there, np.float64))
@@ -77,18 +81,6 @@ def estimate_rotation(here: np.ndarray, there: np.ndarray) -> np.ndarray:
     if not np.linalg.norm(after - scale * before @ rotation.T) <= MAX_RESIDUAL * np.linalg.norm(after):
         raise ValueError("the points were moved one by one")
     return np.eye(3) if np.allclose(rotation, np.eye(3), rtol=0, atol=TOLERANCE) else rotation
-
-
-def _scale_and_rotation(matrix: np.ndarray) -> tuple[float, np.ndarray]:
-    linear = matrix[:3, :3]
-    determinant = float(np.linalg.det(linear)) if np.isfinite(matrix).all() else 0.0
-    if determinant <= 0 or np.abs(matrix[3] - [0, 0, 0, 1]).max() > TOLERANCE:
-        raise ValueError("it is moved by a matrix that is no rotation with a uniform scale")
-    scale = float(np.cbrt(determinant))
-    rotation = linear / scale
-    if np.abs(rotation.T @ rotation - np.eye(3)).max() > TOLERANCE:
-        raise ValueError("it is moved by a matrix that shears or scales unequally")
-    return scale, rotation
 
 
 def _quaternion_product(rotation: np.ndarray) -> np.ndarray:

@@ -39,10 +39,7 @@ def initial_gaussians(
 ) -> Gaussians:
     """Return about `count` initial Gaussians with view-independent colors and harmonics of a degree of 0 to 3.
 
-    step: called after each rendered view, `len(surface_views(views))` times; may raise Cancelled.
-
-    Raises:
-        NoSurface: The scene has no surface.
+    step: called after each of `surface_views(views)`; may raise Cancelled. Raises NoSurface.
     """
     points = surface_points(scene, surface_views(views), count, step)
     eyes = np.stack([view.camera.position for view in views])
@@ -103,7 +100,6 @@ def _logit(probability: float) -> float:
     return float(np.log(probability / (1 - probability)))
 
 
-# -------------------------------------------------------------------------------------------------- between the photos
 def pseudo_cameras(scene: Scene, cameras: Sequence[Camera], seed: int) -> list[Camera]:
     """Return PSEUDO_VIEWS_PER_PHOTO cameras per photo, rotated about the up axis through the focus point in even steps.
 
@@ -132,8 +128,7 @@ def render_pseudo_photos(
 
     pictures = []
     for camera in cameras:
-        factor = min(1.0, SIDE / max(camera.width, camera.height))
-        small = camera.scaled(max(1, round(factor * camera.width)), max(1, round(factor * camera.height)))
+        small = camera.reduced(SIDE)
         pictures.append(Photo(small, to_bytes(scene.render(small, 1).color.cpu().numpy()), None, None))
         step()
     return pictures

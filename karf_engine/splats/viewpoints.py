@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from ..capture.camera import Camera
 from ..compute.neighbors import build_kd_tree
 from ..errors import DataError
-from .depths import reliable_depths
 from .gaussians import Gaussians
 from .kernels.arrays import LOG_SCALE, LOGIT, ROTATION
 from .rasterizer import rasterize
+from .visibility import reliable_depths
 
 SOLID = 0.3  # least opacity
 SAMPLE = 20_000  # Gaussians that locate the scene
@@ -56,12 +56,9 @@ class Target:
 
 
 def estimate_target(gaussians: Gaussians, up: np.ndarray | None = None) -> Target:
-    """Estimate what the photos of Gaussians showed, and from how far.
+    """Estimate what the photos of Gaussians showed, and from how far. Raises DataError if nothing is solid.
 
     up: [3]; None for the normal of the largest flat areas, on the side of COLMAP's -y or Blender's z.
-
-    Raises:
-        DataError: Nothing is solid, or everything is in one place.
     """
     table = gaussians.table[gaussians.table[:, LOGIT] > np.log(SOLID / (1 - SOLID))]
     if len(table) <= NEIGHBOR:

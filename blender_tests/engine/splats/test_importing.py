@@ -8,9 +8,9 @@ pytest.importorskip("numba")
 
 from blender_tests.engine.splats.clouds import ball, camera_ahead
 from karf_engine.errors import Cancelled
-from karf_engine.splats.depths import AT_INFINITY, sample_surface_points
 from karf_engine.splats.gaussians import imported_gaussians
 from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, LOG_SCALE, PLAIN_FILTER
+from karf_engine.splats.visibility import AT_INFINITY, sample_surface_points
 
 CAMERAS = [camera_ahead(80, 60, 80.0), camera_ahead(40, 30, 40.0)]
 

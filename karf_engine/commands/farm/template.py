@@ -44,12 +44,8 @@ def render_job(name: str, frames: Frames) -> Json:
 def learning_job(name: str, capture: str, settings: Sequence[str], machine: Sequence[str], frames: Frames) -> Json:
     """Return a job that learns a capture, a step for every stage, and then renders frames of it.
 
-    Args:
-        name: The job's name.
-        capture: The file to open in the bundle's folder `CAPTURE`; empty for the folder itself.
-        settings: Further arguments of the verb `geometry`.
-        machine: Further arguments of every stage: threads, device.
-        frames: The frames to render.
+    capture: the file to open in the bundle's folder `CAPTURE`; empty for the folder itself. settings: further arguments
+    of the verb `geometry`. machine: further arguments of every stage: threads, device.
     """
     parameters = [
         _folder("Capture", CAPTURE, "IN", "Photos with camera poses."),

@@ -68,10 +68,7 @@ def open_original(path: Path) -> Original:
 
 
 def write(path: Path, splats: SplatFile) -> None:
-    """Write Gaussians and their columns as binary PLY in the order of Kerbl et al., with normals of 0.
-
-    Raises ValueError if a column has the name of a property of the layout, or a type unknown to PLY.
-    """
+    """Write Gaussians and their columns as binary PLY in the order of Kerbl et al., with normals of 0."""
     names = property_names(splats.table.shape[1])
     rest = [f"f_rest_{number}" for number in range(len(names) - COLOR - 3)]
     ordered = [*names[:3], *NORMALS, *names[COLOR : COLOR + 3], *rest, *GEOMETRY[10:], *GEOMETRY[3:10]]
@@ -86,17 +83,12 @@ def write(path: Path, splats: SplatFile) -> None:
 
 
 def rewrite(original: Original, out: Path, table: np.ndarray, columns: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write a PLY file with changed values; all other bytes stay.
+    """Write a binary PLY file with changed values; all other bytes stay. Raises DataError for a text file.
 
     Args:
-        original: The file, binary.
-        out: The file to write; may be the same.
+        original: The file; `out` may be the same.
         table: [n, 11 + 3 K] float32; only values that differ from the file's are written.
         columns: Values [n] by name: existing properties are replaced in their types, others are added behind the last.
-
-    Raises:
-        DataError: The file is text.
-        ValueError: Table or columns have another shape than the file, or a column has a type unknown to PLY.
     """
     if original.is_text:
         raise DataError(

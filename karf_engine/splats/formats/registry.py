@@ -46,16 +46,12 @@ def read_splat(path: Path) -> SplatFile:
 
 @dataclass(frozen=True)
 class Kind:
-    """A file format.
-
-    Plain PLY and .splat are tables of numbers that numpy reads. All others have compressed or nested content: a child
-    process with limits decodes them, in a second more. They have no columns.
-    """
+    """A file format."""
 
     ends: tuple[str, ...]  # file extensions
     read: Callable[[Path], SplatFile]
     write: Callable[[Path, SplatFile], None] | None = None  # None for read-only formats
-    is_limited: bool = True
+    is_limited: bool = True  # content is compressed or nested: a child process with limits decodes it; no columns
 
 
 COMPRESSED_PLY = Kind((".compressed.ply",), packed.read_compressed_ply, packed.write_compressed_ply)
@@ -76,10 +72,8 @@ WRITTEN = tuple(kind for kind in KINDS if kind.write)
 def read_splats(path: Path) -> SplatFile:
     """Read a file of Gaussians. Its extension decides the format; PLY is compressed or plain by its header.
 
-    Raises:
-        BadRequest: The extension is unknown.
-        DataError: The file is missing or damaged, a row is not a Gaussian, or reading takes too much memory or time.
-        MissingDependency: A package of this format is not installed.
+    Raises BadRequest for an unknown extension, DataError for a damaged file or one that takes too much memory or time,
+    and MissingDependency.
     """
     kind = _kind_to_read(path)
     if not kind.is_limited:
@@ -123,10 +117,7 @@ def is_plain_ply(path: Path) -> bool:
 def write_splats(path: Path, splats: SplatFile) -> None:
     """Write Gaussians atomically in the format of the extension; columns only as .ply.
 
-    Raises:
-        BadRequest: No format can be written with this extension, or centers are out of its range.
-        MissingDependency: A package of this format is not installed.
-        OSError: The disk is full, or the folder cannot be written.
+    Raises BadRequest for an unknown extension or centers out of its range, and MissingDependency.
     """
     write = _kind(path, WRITTEN).write
     assert write is not None

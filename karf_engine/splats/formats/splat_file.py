@@ -45,10 +45,7 @@ def upright(table: np.ndarray) -> np.ndarray:
 def damaged(path: Path, reason: str) -> DataError:
     """Return the error for a file that cannot be read."""
     return DataError(
-        "{path} cannot be read as Gaussians: {reason}.",
-        "Export or copy the file again.",
-        path=path,
-        reason=reason,
+        "{path} cannot be read as Gaussians: {reason}.", "Export or copy the file again.", path=path, reason=reason
     )
 
 
@@ -77,14 +74,9 @@ def explaining(path: Path) -> Iterator[None]:
 
 
 def checked(path: Path, table: np.ndarray) -> np.ndarray:
-    """Return a table as in `SplatFile`, with every row a valid Gaussian.
+    """Return a table [n, 11 + 3 K] of any float type as in `SplatFile`; infinite logits and log scales are clipped.
 
-    Args:
-        path: The file, for messages.
-        table: [n, 11 + 3 K] of any float type. Logits and log scales may be infinite; they are clipped.
-
-    Raises:
-        DataError: The table is empty, or a row is not a Gaussian; names the first such row and the reason.
+    Raises DataError if the table is empty, or for the first row that is not a Gaussian. path: for messages.
     """
     if len(table) == 0:
         raise damaged(path, "it has no Gaussians")

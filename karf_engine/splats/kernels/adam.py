@@ -16,12 +16,8 @@ BETA1, BETA2, EPSILON = np.float32(0.9), np.float32(0.99), np.float32(1e-15)
 def adam(first, last, table, gradients, means, squares, steps, offsets, rates, sizes, least):
     """Update the visible rows first to last of the table [n, P] from gradients, first and second moments [n, P].
 
-    Args:
-        steps: [n], number of updates of each row.
-        offsets: [n + 1], see `count_entries`.
-        rates: [P], learning rates; of the centers in units of the sizes.
-        sizes: [n], world units.
-        least: [n], log of the least scale.
+    steps: [n], updates of each row. offsets: [n + 1], see `count_entries`. rates: [P], learning rates; of the centers
+    in units of the sizes [n]. least: [n], log of the least scale.
     """
     for g in range(first, last):
         if offsets[g + 1] == offsets[g]:

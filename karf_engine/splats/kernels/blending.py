@@ -26,11 +26,8 @@ MAX_ENTRIES = 1 << 30  # 8 GiB of entries; the sums fit into int32
 def count_entries(boxes, tiles_x, offsets, starts):
     """Count the entries of each Gaussian and tile; return False, with nothing counted, above MAX_ENTRIES.
 
-    Args:
-        boxes: [n] of TILE_BOX.
-        tiles_x: Tiles per row of the picture.
-        offsets: [n + 1], output: first entry of each Gaussian in the order of the table.
-        starts: Zeros, output.
+    boxes: [n] of TILE_BOX. Writes offsets [n + 1], the first entry of each Gaussian in the order of the table, and adds
+    to starts, which are zeros.
     """
     total = 0  # int64
     offsets[0] = 0
@@ -52,10 +49,7 @@ def count_entries(boxes, tiles_x, offsets, starts):
 
 @kernel
 def fill_entries(order, boxes, tiles_x, offsets, free, entries):
-    """Write the `entries` of all tiles.
-
-    order: visible Gaussians from near to far; free: [T], first entry of each tile, overwritten.
-    """
+    """Write the `entries` of all tiles, of Gaussians in order from near to far; overwrite free, their first ones."""
     for g in order:
         box, row = boxes[g], offsets[g]
         for y in range(box.top, box.bottom):

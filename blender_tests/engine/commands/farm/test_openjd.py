@@ -24,14 +24,14 @@ import os, signal, sys
 engine, arguments = sys.argv[6], sys.argv[7:]
 sys.path.insert(0, os.path.dirname(engine))
 from karf_engine.cli import main
-from karf_engine.export.finished_frames import PendingFrames
-note, noted = PendingFrames.note, []
+from karf_engine.export.finished_frames import FinishedFrames
+record, recorded = FinishedFrames.record, []
 def dying(self, frame, *told):
-    if len(noted) == 2:
+    if len(recorded) == 2:
         os.kill(os.getpid(), signal.SIGKILL)
-    noted.append(frame)
-    note(self, frame, *told)
-PendingFrames.note = dying
+    recorded.append(frame)
+    record(self, frame, *told)
+FinishedFrames.record = dying
 sys.exit(main(arguments))
 """
 
