@@ -68,7 +68,7 @@ _DEFINES = {
 }  # fmt: skip
 _HOME = {name: module for module, names in _DEFINES.items() for name in names}
 
-__all__ = sorted([*_HOME, "__version__"])
+__all__ = sorted([*_HOME, "__version__"])  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

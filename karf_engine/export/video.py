@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,8 @@ def _encode(path: Path, frames: Iterable[np.ndarray], fps: float) -> None:
     from imageio.v2 import get_writer
 
     shape = None
-    with get_writer(path, format="FFMPEG", mode="I", fps=fps, macro_block_size=2) as writer:  # type: ignore[arg-type]
+    writer: Any = get_writer(path, format="FFMPEG", mode="I", fps=fps, macro_block_size=2)  # pyright: ignore
+    with writer:
         for frame in frames:
             shape = shape or np.shape(frame)
             check_array("frames", frame, (*shape[:2], 3))

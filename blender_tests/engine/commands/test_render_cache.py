@@ -83,7 +83,8 @@ def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders)
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
     model.render_field(camera)
-    copy.finish("segmentation", "another", files=copy.finished("segmentation")["files"])
+    known = copy.finished("segmentation")
+    copy.finish("segmentation", "another", files=known["files"], folder=known["folder"])
     Model(copy).render_field(camera)
     assert len(renders) == 2
     assert len(list(copy.render_cache_folder.rglob("*.safetensors"))) == 1

@@ -117,7 +117,9 @@ def test_frames_are_rendered_again_where_more_is_asked_for(sequence):
 def test_frames_are_rendered_again_where_the_model_changed(sequence):
     sequence.render()
     project = Project(sequence.project)
-    project.finish("recoloring", "another", **{k: v for k, v in project.finished("recoloring").items() if k == "files"})
+    project.finish(
+        "recoloring", "another", **{k: v for k, v in project.finished("recoloring").items() if k in ("files", "folder")}
+    )
     assert sequence.render() == ALL
 
 

@@ -29,7 +29,7 @@ def predicted(monkeypatch):
             composite=lambda frame, edit: delta_composite(
                 frame.base, frame.palette_weights, LEARNED[None], edit.colors["pot"][None]
             ),
-            project=SimpleNamespace(checked=lambda file: file, object_colors_file="colors"),
+            project=SimpleNamespace(verified=lambda file: file, object_colors_file="colors"),
         )
         truth = SimpleNamespace(
             edits={"blue": {"objects": ["pot"]}},

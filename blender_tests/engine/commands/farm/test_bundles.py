@@ -193,7 +193,7 @@ def test_what_is_packed_is_listed_before_anything_is_written(film, tmp_path):
             lines.append(values["text"])
 
     write_bundle(options, emit, lambda: False)
-    assert any(f"of {project.folder}: " in line for line in lines)
+    assert any(str(project.folder / "results") in line for line in lines)
     assert any(line.startswith("packing 2 files") for line in lines)
 
 
