@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import DataError
-from ..io.files import check_file
+from ..io.files import check_file, refusing_unreadable
 from ..io.image_size import LFS_POINTER, image_header
 from ..io.names import case_folded, file_name
 from .camera import LARGEST_POSITION, Camera, is_rigid
@@ -25,12 +25,8 @@ UNIT_TOLERANCE = 1e-5  # deviation of a scale from 1 that single precision expla
 def read_bytes(path: Path) -> bytes:
     """Read a file. Raises DataError if it cannot be read, is empty, or is a Git-LFS pointer."""
     check_file(path)
-    try:
+    with refusing_unreadable(path):
         data = path.read_bytes()
-    except OSError as error:
-        raise DataError(
-            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
-        ) from error
     if not data:
         raise DataError("{path} is empty.", "Copy the file again.", path=path)
     if data.startswith(LFS_POINTER):

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..capture.capture import UNIT_GAINS
 from ..errors import DataError
-from ..io.files import check_file
+from ..io.files import check_file, refusing_unreadable
 from ..io.names import is_file_name
 from ..palettes.palette import MAX_ADDED, MAX_COLORS, MAX_OBJECTS, Palette
 
@@ -83,13 +83,8 @@ def describe_layers(objects: Sequence[ObjectLayers]) -> str:
 def read_layer_names(path: Path) -> tuple[ObjectLayers, ...]:
     """Read the layers of a layered picture from its header. Raises DataError if KaRF did not write it."""
     check_file(path)
-    try:
-        with path.open("rb") as stream:
-            text = _header_text(stream)
-    except OSError as error:
-        raise DataError(
-            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
-        ) from error
+    with refusing_unreadable(path), path.open("rb") as stream:
+        text = _header_text(stream)
     if text is None:
         raise DataError(f"{path} holds no layers of KaRF.", "Give a file that `render --layers` has written.")
     try:

@@ -104,6 +104,17 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 @contextmanager
+def refusing_unreadable(path: Path) -> Iterator[None]:
+    """Raise failed reads of the block as DataError that names this file."""
+    try:
+        yield
+    except OSError as error:
+        raise DataError(
+            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
+        ) from error
+
+
+@contextmanager
 def errors_naming_path(path: Path, folder: Path | None = None) -> Iterator[None]:
     """Raise failed writes of the block as OSError that names this file or folder.
 

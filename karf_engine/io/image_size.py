@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import DataError
-from .files import check_file
+from .files import check_file, refusing_unreadable
 
 LFS_POINTER = b"version https://git-lfs"
 FRAME_MARKERS = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -61,12 +61,8 @@ def image_size(path: Path) -> tuple[int, int]:
 
 def image_header(path: Path) -> ImageHeader:
     """Read the header of an image file. Raises DataError if it is missing, damaged, of another kind or too large."""
-    try:
+    with refusing_unreadable(path):
         header = find_header(path)
-    except OSError as error:
-        raise DataError(
-            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
-        ) from error
     if header is None:
         raise unreadable_image_error(path, f"it has no complete {KINDS} header")
     check_pixels(path, *header.stored_size)

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_arguments, check_array, check_fields, check_number
 from ..io.color import ciede2000, lab_to_srgb, srgb_to_lab
+from ..io.files import refusing_unreadable
 from .color_text import color_of_row, csv_rows
 from .palette import rgb_to_hex
 from .palette_files import READERS, read_named_colors
@@ -124,16 +125,12 @@ def read_color_book(path: Path | str) -> ColorBook:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise DataError("{path} is no color book.", "Choose a file of: {kinds}.", path=path, kinds=", ".join(SUFFIXES))
-    try:
+    with refusing_unreadable(path):
         if suffix == ".csv":
             entries = [_csv_entry(row, where) for row, where in csv_rows(path)]
         else:
             colors = read_named_colors(path)
             entries = [(_readable(name) or rgb_to_hex(color), srgb_to_lab(color)) for name, color in colors]
-    except OSError as error:
-        raise DataError(
-            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
-        ) from error
     if not 0 < len(entries) <= MAX_NAMES:
         raise DataError(
             "{path} has {count} colors.",

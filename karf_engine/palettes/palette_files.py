@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import BadRequest, DataError
 from ..io.arguments import check_choice
 from ..io.color import lab_d50_to_d65, lab_to_srgb, to_bytes
-from ..io.files import atomic_write, check_file
+from ..io.files import atomic_write, check_file, refusing_unreadable
 from .palette import Edit, Palette, read_edit, write_edit
 
 SUFFIXES = (".json", ".gpl", ".ase")
@@ -112,12 +112,8 @@ def read_named_colors(path: Path) -> list[NamedColor]:
     Raises DataError if the file is missing, damaged or too large, or has a color model other than RGB, gray and Lab.
     """
     check_file(path, MOST_BYTES)
-    try:
+    with refusing_unreadable(path):
         data = path.read_bytes()
-    except OSError as error:
-        raise DataError(
-            "{path} cannot be read: {reason}.", "Check the file.", path=path, reason=error.strerror
-        ) from error
     return READERS[path.suffix.lower()](path, data)
 
 

@@ -64,8 +64,8 @@ class Model(Learned):
     `render_field` show what the field has learned, with its own edges, for inspection and measurements.
 
     Palette weights of a captured view come from the photo's own colors, times the object's probability: they are sharp
-    and include the highlights. Weights of any other camera come from the colors of the splats, or from F_w without
-    splats, so that they are consistent between views.
+    and include the highlights. Weights of any other camera come from the colors of the splats; without splats from F_w
+    where it is trained, else from the colors of the rendering.
 
     Attributes:
         project: the project's folder and its files.
