@@ -16,7 +16,7 @@ from torch import Tensor
 from ..capture.capture import SparsePoints, View
 from ..compute.progress import Emit, Progress
 from ..compute.runtime import Runtime
-from ..errors import DataError, KarfError
+from ..errors import Cancelled, DataError, KarfError
 from ..io.checkpoints import load_tensors, save_tensors
 from ..project.settings import GeometrySettings
 from .rendering.rays import PixelDataset
@@ -147,3 +147,15 @@ def _checksum(state: dict[str, Tensor], notes: dict[str, Any]) -> int:
     for name in sorted(state):
         value = zlib.crc32(state[name].reshape(-1).numpy().data, zlib.crc32(name.encode(), value))
     return value
+
+
+def end_iteration(progress: Progress, checkpoint: Checkpoint | None, **metrics: float) -> None:
+    """Count an iteration and save the fit if it is due; save it too before Cancelled is raised."""
+    try:
+        progress.step(1, **metrics)
+    except Cancelled:
+        if checkpoint is not None:
+            checkpoint.save()
+        raise
+    if checkpoint is not None:
+        checkpoint.save_if_due()

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from ..compute.progress import Progress
 from ..compute.runtime import Runtime
-from ..errors import Cancelled, DataError, Diverged, OutOfMemory
+from ..errors import DataError, Diverged, OutOfMemory
 from ..io.failures import is_out_of_memory
-from .fit import Checkpoint
+from .fit import Checkpoint, end_iteration
 
 CHECK_EVERY = 10  # iterations between checks of the loss, since reading it waits for the device
 MOST_PARTS = 64  # of a batch
@@ -110,14 +110,7 @@ def train(
         )
         optimizer.step()
         training_state.done += 1
-        try:
-            progress.step(1, **metrics)
-        except Cancelled:
-            if checkpoint is not None:
-                checkpoint.save()
-            raise
-        if checkpoint is not None:
-            checkpoint.save_if_due()
+        end_iteration(progress, checkpoint, **metrics)
     for group, rate in zip(optimizer.param_groups, rates, strict=True):
         group["lr"] = rate
 

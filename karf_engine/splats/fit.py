@@ -15,7 +15,7 @@ from ..capture.training_images import TrainingImage, load_views
 from ..compute.cores import parallel_for
 from ..compute.progress import Progress
 from ..errors import Diverged
-from ..fields.fit import Checkpoint
+from ..fields.fit import Checkpoint, end_iteration
 from ..fields.training import check_same_layout, read_integer, scalar_tensor
 from ..io.color import to_bytes
 from ..io.images import resize
@@ -160,9 +160,7 @@ class SplatFit:
                     loss=float(error),
                 )
             self.done += 1
-            progress.step(psnr=-10 * np.log10(error + 1e-10))
-            if checkpoint is not None:
-                checkpoint.save_if_due()
+            end_iteration(progress, checkpoint, psnr=-10 * np.log10(error + 1e-10))
 
     def _step(self) -> float:
         """Train on one photo; return its mean squared error."""

@@ -262,7 +262,6 @@ def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one
         with pytest.raises(Cancelled):
             saved.attach(fit, count := progress(stop))
             fit.run(count, saved)
-        saved.save()
         assert fit.done == stood
     fit, saved = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), checkpoint(tmp_path)
     saved.attach(fit, progress())
