@@ -192,3 +192,13 @@ def of_field(model):
 
     settings = settings_for(model.project, "render")
     return Model(model.project, "cpu", replace(settings, render=replace(settings.render, source="field")))
+
+
+def finish_again(folder, *stages):
+    """Finish stages of a project again with the outputs that they have; later stages are then unfinished."""
+    from karf_engine.project import Project
+
+    project = Project(folder)
+    known = {stage: project.finished(stage) for stage in stages}
+    for stage in stages:
+        project.finish(stage, "again", folder=known[stage]["folder"], files=known[stage]["files"])

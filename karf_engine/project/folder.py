@@ -194,18 +194,18 @@ class Project:
         geometry = self.finished("geometry") if self.state_file.exists() else None
         return geometry.get("holdout", LEGACY_HOLDOUT) if geometry else 0
 
-    def finish(self, stage: str, fingerprint: str, settings: dict[str, Any] | None = None, **summary: Any) -> None:
+    def finish(self, stage: str, fingerprint: str, **summary: Any) -> None:
         """Mark the stage as finished, and the stages that build on it as not.
 
-        `fingerprint` is that of its inputs and settings, `settings` are those of all stages (None: as stored), and
-        `summary` has its metrics, and `folder` and `files` of its outputs (see `commit`).
+        `fingerprint` is that of its inputs and settings; `summary` has its `settings`, its metrics, and `folder` and
+        `files` of its outputs (see `commit`).
         """
+        self._finish(stage, {"fingerprint": fingerprint, **summary})
+
+    def _finish(self, stage: str, summary: dict[str, Any], **entries: Any) -> None:
         state = without_stage(self.state(), stage)
-        state["stages"][stage] = {"fingerprint": fingerprint, **summary}
-        if settings is not None:
-            state |= {"settings": settings}
-            state["stages"][stage]["settings"] = settings[stage]
-        write_state(self.state_file, state)
+        state["stages"][stage] = summary
+        write_state(self.state_file, state | entries)
 
     def commit(self, stage: str, result: Path, fingerprint: str, settings: dict[str, Any], **summary: Any) -> None:
         """Finish a stage, as `finish`, with the outputs in `result`, a folder of `new_result` that must not change later.
@@ -213,7 +213,14 @@ class Project:
         Replacing project.json is the only change: after a kill at any moment, the stage is finished or as before.
         """
         files = {path.name: checksum(path) for path in sorted(result.iterdir())}
-        self.finish(stage, fingerprint, settings, folder=result.name, files=files, **summary)
+        own = {
+            "fingerprint": fingerprint,
+            "folder": result.name,
+            "files": files,
+            "settings": settings[stage],
+            **summary,
+        }
+        self._finish(stage, own, settings=settings)
 
     def set_settings(self, settings: dict[str, Any]) -> None:
         """Store the settings of stages that are yet to run; finished stages have their own copies."""

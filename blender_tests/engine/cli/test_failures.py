@@ -206,7 +206,7 @@ import numpy
 from karf_engine.compute.kernels import has_kernels
 from karf_engine.io.color_spaces import color_space
 from karf_engine.io.failures import translate_error
-from karf_engine.splats.formats.checking import needing_packages
+from karf_engine.splats.formats.splat_file import needing_packages
 
 def gaussians():
     with needing_packages():

@@ -10,6 +10,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine.recolor.render_cache
+from blender_tests.engine.conftest import finish_again
 from karf_engine.cli import main
 from karf_engine.fields.scene import Scene
 from karf_engine.io.checkpoints import load_tensors, save_tensors
@@ -83,8 +84,7 @@ def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders)
     model = Model(copy)
     camera = model.working_camera(first_test_view(model))
     model.render_field(camera)
-    known = copy.finished("segmentation")
-    copy.finish("segmentation", "another", files=known["files"], folder=known["folder"])
+    finish_again(copy.folder, "segmentation")
     Model(copy).render_field(camera)
     assert len(renders) == 2
     assert len(list(copy.render_cache_folder.rglob("*.safetensors"))) == 1

@@ -12,6 +12,7 @@ pytest.importorskip("numba")
 
 import karf_engine as karf
 from blender_tests.engine.commands.farm.sequences import write_sequence
+from blender_tests.engine.conftest import finish_again
 from karf_engine.commands import splats
 from karf_engine.commands.options import SplatsOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError
@@ -31,10 +32,10 @@ def copy(learned, tmp_path):
     """A project of one's own, without splats."""
     project = Project(shutil.copytree(learned.project, tmp_path / "project"))
     project.finish("recoloring", "kept", **without_fingerprint(project.finished("recoloring")))
+    project.splats_file.unlink()
     state = project.state()
     del state["stages"]["splats"]
     write_state(project.state_file, state)
-    project.splats_file.unlink()
     return project
 
 
@@ -94,7 +95,7 @@ def test_damage_is_noticed_and_mended(copy):
 def test_another_field_makes_them_outdated_and_other_masks_do_not(copy):
     learn(copy, *FEW)
     for stage, left in (("recoloring", True), ("segmentation", True), ("geometry", False)):
-        copy.finish(stage, "another")
+        finish_again(copy.folder, stage)
         assert (copy.finished("splats") is not None) == left
     learn(copy, *FEW)
     assert copy.finished("splats") is not None
@@ -149,19 +150,16 @@ def test_settings_of_other_stages_are_refused(copy, override):
 
 
 @pytest.mark.parametrize("at", ["the surface", "a photo"])
-def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(copy, at, monkeypatch):
+def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(copy, at):
     learn(copy, *FEW)
     whole = copy.splats_file.read_bytes()
     copy.finish("geometry", "kept", **without_fingerprint(copy.finished("geometry")))
-    copy.splats_file.unlink()
     before, asked = copy.state(), []
 
     def should_stop():
         asked.append(1)
         return len(asked) > {"the surface": 3, "a photo": 24}[at]
 
-    # savings on the way are what a killed job resumes from
-    monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
     with pytest.raises(Cancelled):
         learn(copy, should_stop=should_stop)
     assert copy.state() == before and not copy.splats_file.exists()

@@ -198,14 +198,19 @@ class Bench:
         """Digests of the stages' results, `<stage>/<file>`, and of other files that last."""
         names = (path.relative_to(self.project) for path in sorted(self.project.rglob("*")) if path.is_file())
         own = [name for name in names if str(name) not in PASSING and name.parts[0] not in PASSING_FOLDERS]
-        stages = Project(self.project).state()["stages"] if (self.project / "project.json").exists() else {}
-        results = [f"{stage}/{name}" for stage, summary in stages.items() for name in summary["files"]]
+        results = [f"{stage}/{name}" for stage, summary in self._stages().items() for name in summary["files"]]
         return {str(name): digest(self.path(str(name))) for name in (*own, *results)}
 
     def path(self, name: str) -> Path:
         """Return the path of one of `files`."""
         stage, _, file = name.partition("/")
-        return Project(self.project).output(file, stage) if stage in STAGE_ORDER else self.project / name
+        is_result = stage in STAGE_ORDER
+        return self.project / "results" / self._stages()[stage]["folder"] / file if is_result else self.project / name
+
+    def _stages(self) -> dict:
+        """Summaries of the finished stages, whatever the schema of project.json."""
+        state_file = self.project / "project.json"
+        return json.loads(state_file.read_text())["stages"] if state_file.exists() else {}
 
     def differs(self, state: State, but: str = "") -> str:
         """Which of a state's files, but this one, the project does not hold as they are there; empty: none."""

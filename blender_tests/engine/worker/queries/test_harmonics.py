@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 pytest.importorskip("torch")
 pytest.importorskip("numba")
 
+from blender_tests.engine.conftest import finish_again
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.palettes.palette import edit_to_json
-from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.splats.kernels.arrays import COLOR
 from karf_engine.splats.similarity import transform_gaussians
@@ -67,7 +67,7 @@ def test_without_an_edit_they_are_as_learned(session, asked, model):
 
 def test_before_palettes_are_learned_they_are_as_learned(session, asked, learned, model, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "without palettes")
-    Project(project).finish("segmentation", "again")
+    finish_again(project, "segmentation")
     found = colors_of(harmonics(session, asked | {"project": str(project)}))
     assert_array_equal(found, model.splats.table[:, COLOR:])
 
@@ -130,6 +130,6 @@ def test_what_is_wrong_with_a_query_is_named(session, asked, wrong, error, sente
 
 def test_a_project_without_splats_says_so(session, asked, learned, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "without splats")
-    Project(project).finish("geometry", "again")
+    finish_again(project, "geometry")
     with pytest.raises(BadRequest, match="shows no splats"):
         harmonics(session, asked | {"project": str(project)})

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("torch")
 
-from blender_tests.engine.conftest import ROOT, of_field
+from blender_tests.engine.conftest import ROOT, finish_again, of_field
 from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.palettes.compositing import read_planes
@@ -83,8 +83,7 @@ def test_what_is_wrong_with_a_query_is_named(session, learned, model, wrong, err
 
 def test_before_palettes_are_learned_the_planes_have_masks_and_no_swatches(session, learned, model, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "no palettes")
-    for name in ("geometry", "segmentation"):
-        Project(project).finish(name, "again")
+    finish_again(project, "geometry", "segmentation")
     answer = preview(session, asked(learned, model, project=str(project), long_side=300))
     planes = read_planes(Path(answer["planes"]))
     frame = of_field(model).render(model.capture.views[0].camera.scaled(300, 200))  # its splats went with the geometry
@@ -94,7 +93,7 @@ def test_before_palettes_are_learned_the_planes_have_masks_and_no_swatches(sessi
 
 def test_before_segmentation_the_planes_have_no_objects(session, learned, model, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "geometry only")
-    Project(project).finish("geometry", "again")
+    finish_again(project, "geometry")
     for name in ("segmentation", "palette", "recoloring"):
         assert Project(project).finished(name) is None
     answer = preview(session, asked(learned, model, project=str(project), long_side=32))

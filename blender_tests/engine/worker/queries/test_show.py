@@ -9,12 +9,11 @@ import pytest
 
 pytest.importorskip("torch")
 
-from blender_tests.engine.conftest import of_field
+from blender_tests.engine.conftest import finish_again, of_field
 from karf_engine.capture.transforms import camera_to_json
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.export.cryptomatte import channels, header
 from karf_engine.palettes.palette import edit_to_json
-from karf_engine.project import Project
 from karf_engine.recolor.frames import remove_background
 from karf_engine.recolor.model import Model
 from karf_engine.worker.queries.renders import show
@@ -92,7 +91,7 @@ def test_without_an_edit_it_is_the_scene_as_learned(session, asked, model, camer
 
 def test_before_palettes_are_learned_it_is_the_scene_as_learned(session, asked, learned, camera, tmp_path):
     project = shutil.copytree(learned.project, tmp_path / "geometry only")
-    Project(project).finish("geometry", "again")
+    finish_again(project, "geometry")
     color = arrays_of(show(session, asked | {"project": str(project)}))["color"]
     assert np.array_equal(color, Model.load(project).render(camera).base)
 
