@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -121,12 +120,13 @@ def run_stage(job: Job, stage: str, *inputs: Any) -> Iterator[StageRun | None]:
             yield run
             cost = {"seconds": round(time.perf_counter() - start, 2), "peak_memory": peak_memory_bytes()}
             project.commit(stage, run.folder, own, settings_module.to_dict(job.settings), **cost, **run.summary)
-            checkpoint.delete()
         except BaseException as error:
-            shutil.rmtree(run.folder, ignore_errors=True)
+            project.discard(run.folder)
             if isinstance(error, Diverged):
                 checkpoint.delete()  # resuming would diverge again
             raise
+        project.place_masks()
+        checkpoint.delete()
 
 
 def warn_of_disputes(disputed: Mapping[str, Iterable[str]], emit: Emit) -> None:

@@ -72,7 +72,7 @@ def run(options: SegmentationOptions, emit: Emit, should_stop: Callable[[], bool
             karf.space = field.space
         _write(job, run, karf, field, cached, surface)
         if folder.resolve() != job.project.masks_folder.resolve():
-            job.project.replace_masks(lambda folder: copy_masks(masks, folder))
+            copy_masks(masks, run.output(job.project.path("masks")))
     job.artifact("segmentation", job.project.segmentation_file)
 
 

@@ -35,13 +35,12 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..errors import BadRequest, DataError
 from ..io.containment import check_tree, checked_path, is_link
-from ..io.files import checksum, remove_temporaries, replace, temporary_folder
+from ..io.files import checksum, remove_temporaries, replace
 from ..io.names import check_name
 from .state import SCHEMA, STAGE_ORDER, read_state, without_stage, write_state
 
@@ -87,7 +86,6 @@ class Project:
 
     state_file = _Inside("project.json")
     capture_file = _Output("capture.json")
-    masks_folder = _Inside("masks")
     corrections_folder = _Inside("corrections")
     volumes_file = _Inside("volumes.json")
     geometry_file = _Output("geometry.safetensors")
@@ -116,12 +114,23 @@ class Project:
             return self.path(name)
         return self.path(RESULTS, check_name(folder, self.state_file, "a result"), name)
 
+    @property
+    def masks_folder(self) -> Path:
+        """Path of the masks: `masks`, or for a moment the masks in the result of a segmentation with other masks."""
+        new = self.segmentation_report.parent / "masks"
+        return new if new.is_dir() and new.parent != self.folder else self.path("masks")
+
     def new_result(self, stage: str) -> Path:
         """Make an empty folder for the outputs of a stage, numbered after its earlier ones."""
         numbers = [int(path.name.rpartition("-")[2]) for path in self.path(RESULTS).glob(f"{stage}-*[0-9]")]
         folder = self.path(RESULTS, f"{stage}-{max(numbers, default=0) + 1}")
         folder.mkdir(parents=True)
         return folder
+
+    def discard(self, result: Path) -> None:
+        """Delete a folder of outputs, unless a finished stage has it."""
+        if result.name not in {summary.get("folder") for summary in self.state()["stages"].values()}:
+            shutil.rmtree(result, ignore_errors=True)
 
     def checkpoint_file(self, stage: str) -> Path:
         """Return the path of an interrupted stage's training state."""
@@ -212,7 +221,7 @@ class Project:
 
         Replacing project.json is the only change: after a kill at any moment, the stage is finished or as before.
         """
-        files = {path.name: checksum(path) for path in sorted(result.iterdir())}
+        files = {path.name: checksum(path) for path in sorted(result.iterdir()) if path.is_file()}
         own = {
             "fingerprint": fingerprint,
             "folder": result.name,
@@ -228,21 +237,22 @@ class Project:
         if state.get("settings") != settings:
             write_state(self.state_file, state | {"settings": settings})
 
-    def replace_masks(self, write: Callable[[Path], None]) -> None:
-        """Replace the masks by those that `write` writes into a folder; other masks before become earlier_masks."""
-        temporary = temporary_folder(self.folder)
-        try:
-            write(temporary / "masks")
-            check_tree(self.folder, self.masks_folder)
-            if self.masks_folder.exists():
-                if _checksums(temporary / "masks") == _checksums(self.masks_folder):
-                    return
-                earlier = self.path("earlier_masks")
-                shutil.rmtree(earlier, ignore_errors=True)
-                replace(self.masks_folder, earlier)
-            replace(temporary / "masks", self.masks_folder)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+    def place_masks(self) -> None:
+        """Move new masks of the segmentation to `masks`; other masks before become earlier_masks. Requires the lock.
+
+        A job that was killed between its commit and this leaves it to the next job; see `masks_folder`.
+        """
+        new, masks, earlier = self.masks_folder, self.path("masks"), self.path("earlier_masks")
+        if new == masks:
+            return
+        check_tree(self.folder, masks)
+        if masks.exists() and _checksums(new) == _checksums(masks):
+            shutil.rmtree(new)
+            return
+        if masks.exists():
+            shutil.rmtree(earlier, ignore_errors=True)
+            replace(masks, earlier)
+        replace(new, masks)
 
     def verified(self, path: Path) -> Path:
         """Return the path of a stage's output. Raises DataError if it is missing, or has another checksum than noted."""
@@ -278,11 +288,11 @@ class Project:
 
     def remove_leftovers(self) -> None:
         """Delete temporary files and results that no finished stage has. Requires the lock for writing."""
+        self.place_masks()
         if self.state_file.exists() and time.time() - self.state_file.stat().st_mtime > READING_SECONDS:
-            finished = {summary.get("folder") for summary in self.state()["stages"].values()}
             for folder in self.path(RESULTS).glob("*/"):
-                if folder.name not in finished and not is_link(folder):
-                    shutil.rmtree(folder, ignore_errors=True)
+                if not is_link(folder):
+                    self.discard(folder)
         for folder in (self.folder, self.planes_folder, self.photos_folder):
             remove_temporaries(folder)
         for folder in (self.masks_folder, self.corrections_folder, self.render_cache_folder):

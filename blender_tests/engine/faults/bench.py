@@ -60,7 +60,7 @@ CHANGES = {  # what makes each stage be learned anew; segmentation is given othe
     "splats": ("splats.iterations=15",),
 }
 PASSING = ("project.json", "preview.png", "lock", "lock.json")  # files that are not results of a stage
-PASSING_FOLDERS = ("earlier_masks", "planes", "photos", "jobs", "out", "results")
+PASSING_FOLDERS = ("earlier_masks", "masks", "planes", "photos", "jobs", "out", "results")
 
 
 @dataclass(frozen=True)
@@ -199,13 +199,22 @@ class Bench:
         names = (path.relative_to(self.project) for path in sorted(self.project.rglob("*")) if path.is_file())
         own = [name for name in names if str(name) not in PASSING and name.parts[0] not in PASSING_FOLDERS]
         results = [f"{stage}/{name}" for stage, summary in self._stages().items() for name in summary["files"]]
-        return {str(name): digest(self.path(str(name))) for name in (*own, *results)}
+        found = {str(name): digest(self.path(str(name))) for name in (*own, *results)}
+        masks = Project(self.project).masks_folder if self._is_open() else self.project / "masks"
+        marks = sorted(masks.rglob("*.png")) if masks.is_dir() else []
+        return found | {f"masks/{path.relative_to(masks).as_posix()}": digest(path) for path in marks}
 
     def path(self, name: str) -> Path:
         """Return the path of one of `files`."""
         stage, _, file = name.partition("/")
         is_result = stage in STAGE_ORDER
         return self.project / "results" / self._stages()[stage]["folder"] / file if is_result else self.project / name
+
+    def _is_open(self) -> bool:
+        try:
+            return bool(Project(self.project).state())
+        except KarfError:
+            return False
 
     def _stages(self) -> dict:
         """Summaries of the finished stages, whatever the schema of project.json."""

@@ -232,14 +232,34 @@ def test_a_project_file_that_names_no_folder_of_results_is_refused(project, fold
         project.geometry_file  # noqa: B018
 
 
-def test_masks_that_are_replaced_are_set_aside(project):
-    def write(name):
-        return lambda folder: (folder.mkdir(), (folder / name).write_text(name))
+def segment(project, mask):
+    """Finish the segmentation with a mask of this name."""
+    result = project.new_result("segmentation")
+    (result / "masks").mkdir()
+    (result / "masks" / mask).write_text(mask)
+    (result / "segmentation.json").write_text("{}")
+    project.commit("segmentation", result, "fingerprint", SETTINGS)
 
-    for name in ("first", "second", "second"):
-        project.replace_masks(write(name))
-    assert [path.name for path in project.masks_folder.iterdir()] == ["second"]
-    assert [path.name for path in (project.folder / "earlier_masks").iterdir()] == ["first"]
+
+def names_in(folder):
+    return [path.name for path in folder.iterdir()]
+
+
+def test_masks_that_are_replaced_are_set_aside(project):
+    for mask in ("first", "second", "second"):
+        segment(project, mask)
+        project.place_masks()
+    assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["second"]
+    assert names_in(project.folder / "earlier_masks") == ["first"]
+
+
+def test_masks_belong_to_the_segmentation_at_once_and_the_next_job_puts_them_in_their_place(project):
+    segment(project, "first")
+    project.place_masks()
+    segment(project, "second")  # and the job is killed
+    assert names_in(project.masks_folder) == ["second"] and names_in(project.folder / "masks") == ["first"]
+    project.remove_leftovers()
+    assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["second"]
 
 
 def test_a_damaged_project_file_is_refused_and_one_without_a_checksum_is_believed(project):
