@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from blender_tests.engine.conftest import ROOT
+from karf_engine.project import Project
 
 pytest.importorskip("torch")
 pytest.importorskip("scipy")
@@ -43,4 +44,4 @@ def test_the_snippet_runs_as_printed(wheel, tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1].startswith("(256, 256, 3)")
-    assert (work / "blue_pot.json").exists() and (work / "demo_karf" / "recoloring.safetensors").exists()
+    assert (work / "blue_pot.json").exists() and Project(work / "demo_karf").finished("recoloring")
