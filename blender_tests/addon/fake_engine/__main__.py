@@ -246,7 +246,7 @@ def geometry(project, options):
 def segmentation(project, options):
     names = sorted(folder.name for folder in Path(options["masks"]).iterdir())
     write_json(project.segmentation_report, {"objects": names})
-    project.doubts_file.touch()
+    project.uncertainty_file.touch()
     project.finish("segmentation", "fake", objects=names)
 
 

@@ -66,7 +66,7 @@ def test_png_files_are_what_other_programs_read(addon, tmp_path):
     read = addon.images.read_picture(tmp_path / "gray.png")
     np.testing.assert_allclose(read * 255, picture.repeat(3, axis=-1), atol=1e-4)
     header = addon.engine_api.find_header(tmp_path / "gray.png")
-    assert header.shown == (6, 4)
+    assert header.display_size == (6, 4)
 
 
 def test_own_png_files_are_read_back_and_others_are_left_to_blender(addon, tmp_path):

@@ -47,7 +47,7 @@ def test_damaged_planes_are_not_current(addon, learned):
 @pytest.mark.parametrize("stage", ["geometry", "segmentation"])
 def test_renderings_and_masks_are_shown_until_their_stages_are_learned_anew(bpy, addon, learned, stage):
     project = addon.folders.project_of(learned)
-    project.doubts_file.touch()
+    project.uncertainty_file.touch()
     assert bpy.ops.karf.see_view() == {"FINISHED"}
     set_times(project.folder, EARLIER)
     seen = addon.contents.seen_rendering, addon.contents.seen_masks, addon.contents.seen_doubts

@@ -111,7 +111,7 @@ def test_the_learned_scene_is_shown_once_it_was_rendered(bpy, addon, learned, se
 
 def test_what_is_unsure_of_any_object_is_orange_once_it_was_rendered(bpy, addon, learned, seeing):
     photo = shown(addon, learned)
-    addon.folders.project_of(learned).doubts_file.touch()
+    addon.folders.project_of(learned).uncertainty_file.touch()
     seeing.mode = "UNSURE"
     np.testing.assert_array_equal(shown(addon, learned), photo)
     assert not addon.disk.contents_of(learned).is_doubted
