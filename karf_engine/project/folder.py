@@ -117,12 +117,14 @@ class Project:
     @property
     def masks_folder(self) -> Path:
         """Path of the masks: `masks`, or for a moment the masks in the result of a segmentation with other masks."""
-        new = self.segmentation_report.parent / "masks"
-        return new if new.is_dir() and new.parent != self.folder else self.path("masks")
+        result = self.segmentation_report.parent.relative_to(self.folder)
+        new = self.path(*result.parts, "masks")
+        return new if new.is_dir() else self.path("masks")
 
     def new_result(self, stage: str) -> Path:
         """Make an empty folder for the outputs of a stage, numbered after its earlier ones."""
-        numbers = [int(path.name.rpartition("-")[2]) for path in self.path(RESULTS).glob(f"{stage}-*[0-9]")]
+        names = [path.name.removeprefix(f"{stage}-") for path in self.path(RESULTS).glob(f"{stage}-*")]
+        numbers = [int(name) for name in names if name.isascii() and name.isdecimal()]
         folder = self.path(RESULTS, f"{stage}-{max(numbers, default=0) + 1}")
         folder.mkdir(parents=True)
         return folder
@@ -256,10 +258,10 @@ class Project:
 
     def verified(self, path: Path) -> Path:
         """Return the path of a stage's output. Raises DataError if it is missing, or has another checksum than noted."""
-        stages = self.state()["stages"].items()
-        owner = next((stage for stage, summary in stages if summary.get("folder") == path.parent.name), None)
-        stage = owner or self._stage_of(path.name)
-        if stage is None or (path.exists() and checksum(path) == self.state()["stages"][stage]["files"][path.name]):
+        stages = self.state()["stages"]
+        owners = [name for name in stages if stages[name].get("folder") == path.parent.name]
+        stage = next((name for name in owners if path.name in stages[name].get("files", {})), self._stage_of(path.name))
+        if stage is None or (path.exists() and checksum(path) == stages[stage]["files"][path.name]):
             return path
         raise DataError(
             "{path} is {state}: it is not what the {stage} stage wrote.",

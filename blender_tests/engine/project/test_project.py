@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -243,6 +244,20 @@ def segment(project, mask):
 
 def names_in(folder):
     return [path.name for path in folder.iterdir()]
+
+
+def test_folders_that_another_program_named_like_results_do_no_harm(project):
+    for name in ("geometry-x9", "geometry-²", "geometry-7"):
+        (project.folder / "results" / name).mkdir(parents=True)
+    assert project.new_result("geometry").name == "geometry-8"
+
+
+def test_new_masks_that_are_a_link_out_of_the_project_are_refused(project, tmp_path):
+    segment(project, "first")
+    shutil.rmtree(project.masks_folder)
+    (project.segmentation_report.parent / "masks").symlink_to(tmp_path.parent)
+    with pytest.raises(DataError, match="outside of"):
+        project.place_masks()
 
 
 def test_masks_that_are_replaced_are_set_aside(project):
