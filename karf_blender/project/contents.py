@@ -40,7 +40,7 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
     stages = finished_stages(scene)
     if not scene.karf.project:
         return stages
-    project = folders.project_of(scene)
+    project = Project(folders.project_of(scene).folder, dict(_state(scene)) or None)  # reads project.json once
     results = {"segmentation": project.segmentation_file, "recoloring": project.palette_file}
     again = _state(scene).get("outdated", ())
     # earlier versions of the engine list no outdated stages, but keep their files
