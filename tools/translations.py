@@ -40,7 +40,7 @@ SENTENCES_AT = {
     "warn": (0,),
     "find_scene": (1,),
 }  # which arguments are sentences
-ENGLISH = ("headless", "managed")  # folders whose sentences stay English: for programmers, and of installing
+ENGLISH = ("headless", "installer")  # folders whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 

@@ -18,9 +18,7 @@ import bpy
 from .. import steps
 from ..engine_api import Edit, KarfError, ObjectMatch
 from ..steps import Color
-from ..tasks import runner
-from ..tasks.task import Task
-from .engine import (
+from ..steps.engine import (
     engine_files,
     engine_status,
     examine_engine,
@@ -29,6 +27,8 @@ from .engine import (
     remove_engine,
     repair_engine,
 )
+from ..tasks import runner
+from ..tasks.task import Task
 
 
 def run(step: Any) -> Any:

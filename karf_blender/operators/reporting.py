@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 
 from .. import preferences
-from ..engine import failures, installing, removing
+from ..engine import failures, installing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat
 from ..host.words import translatable, translate_error, translate_report
@@ -102,7 +102,7 @@ def is_free(cls: type) -> bool:
 
 def is_unchanging(cls: type) -> bool:
     """For `poll`: whether the engine is neither being installed nor removed; if it is, the operator says so."""
-    if installing.is_running() or removing.is_running():
+    if installing.is_running():
         cls.poll_message_set("The engine is being installed or removed")
         return False
     return True

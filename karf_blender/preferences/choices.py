@@ -7,7 +7,7 @@ import bpy
 
 from ... import __package__ as extension
 from ..engine import environment
-from ..engine.managed import home
+from ..engine.installer import home
 from ..engine_api import MissingDependency
 
 

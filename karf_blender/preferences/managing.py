@@ -2,9 +2,9 @@
 
 import bpy
 
-from ..engine import installing, removing
-from ..engine.managed.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
-from ..engine.managed.plan import size_text
+from ..engine import installing
+from ..engine.installer.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
+from ..engine.installer.plan import size_text
 from ..engine_api import Cancelled, Message
 from ..host.labels import draw_text
 from . import state
@@ -27,15 +27,12 @@ def draw_engine(layout):
     if installing.is_running():
         draw_progress(layout)
         return
-    if removing.is_running():
-        layout.label(text="Removing the engine ...", icon="SORTTIME")
-        return
     draw_text(layout, sentence(engine), "ERROR" if engine.problem else "CHECKMARK", WIDTH)
     used = state.disk_use()
     if engine.managed.state != NONE:
         size = f", {size_text(used)}" if used else ""
         draw_text(layout, f"{engine.folder}{size}", "BLANK1", WIDTH)
-    error = removing.last_error() or installing.last_error()
+    error = installing.last_error()
     if error and not isinstance(error, Cancelled):  # who has cancelled knows it
         column = layout.column(align=True)
         column.alert = True
@@ -63,6 +60,9 @@ def sentence(engine: Engine) -> str:
 def draw_progress(layout):
     """The installation at work, and its end."""
     progress = installing.progress()
+    if not installing.can_be_cancelled():
+        layout.label(text=progress.title, icon="SORTTIME")
+        return
     row = layout.row(align=True)
     row.progress(factor=progress.fraction, text=progress.title)
     row.operator("karf.cancel_installation", text="", icon="CANCEL")

@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 
 from .. import session
-from ..engine.managed import home
-from ..engine.managed.home import NONE, Status
+from ..engine.installer import home
+from ..engine.installer.home import NONE, Status
 from ..engine_api import MissingDependency
 from ..host import windows
 from . import choices
@@ -43,7 +43,7 @@ class Engine:
     @property
     def is_managed(self) -> bool:
         """Whether the engine runs in the managed environment."""
-        return self.managed.is_usable and self.python == home.Home(self.folder, self.managed.environment).python
+        return self.managed.is_usable and self.python == home.python_of(self.folder / self.managed.environment)
 
 
 @dataclass

@@ -605,7 +605,6 @@ TEXTS = {
     "The engine is being installed or removed": "引擎正在安装或移除",
     "PyTorch for": "PyTorch 用于",
     "Camera poses of photos without them (pycolmap)": "为没有位姿的照片求解相机位姿 (pycolmap)",
-    "Fast learning on the processor (numba)": "在处理器上快速学习 (numba)",
     "Folder of wheels": "wheel 文件夹",
     "Take the packages' files from here, without network": "从这里获取软件包文件，无需网络",
     "Python or uv": "Python 或 uv",

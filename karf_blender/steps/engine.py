@@ -1,0 +1,146 @@
+"""The engine's own environment: what an installation would do, doing it, its state, its end; and its Python, tested."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from .. import engine_api, preferences
+from ..engine import examination, installing
+from ..engine.installer import computer, home, locks, plan
+from ..engine.installer.home import Status
+from ..engine.installer.plan import Choices, Plan
+from ..engine_api import ERROR, BadRequest, Finding, error_from_code
+from ..project import folders
+from ..tasks import queries, runner
+
+
+def plan_engine(
+    build: str = "auto",
+    extras: Sequence[str] = (),
+    folder: str | Path | None = None,
+    wheels: str | Path | None = None,
+    starter: str | Path = "",
+) -> Plan:
+    """Say what `install_engine` would do; changes nothing.
+
+    Args:
+        build: Of torch: `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`.
+        extras: `photos` (pycolmap), or nothing.
+        folder: Where to; default: that of the preferences.
+        wheels: A folder of wheels, in place of the network.
+        starter: A Python, or uv, that makes the environment; default: Blender's own Python, uv, any Python found.
+
+    Returns:
+        The plan; `sentences` for people, `commands(shell)` to do it by hand.
+    """
+    offline = Path(wheels).absolute() if wheels else None
+    return installing.plan(Choices(_place(folder), build, _extras(extras), offline, str(starter)))
+
+
+def install_engine(
+    build: str = "auto",
+    extras: Sequence[str] = (),
+    folder: str | Path | None = None,
+    wheels: str | Path | None = None,
+    starter: str | Path = "",
+) -> Status:
+    """Install the engine, resume an installation that was stopped, or update it; prints the plan and how far it is.
+
+    Arguments are those of `plan_engine`. The network is used only where Blender may (`--online-mode`).
+
+    Returns:
+        What is installed.
+    """
+    planned = plan_engine(build, extras, folder, wheels, starter)
+    for sentence in planned.sentences:
+        print(f"KaRF engine: {sentence}", flush=True)
+    leave_python()
+    installing.wait(planned)
+    return home.status(planned.folder)
+
+
+def engine_status(folder: str | Path | None = None) -> Status:
+    """Return what is installed in a folder; default: that of the preferences."""
+    return home.status(_place(folder))
+
+
+def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = None) -> Status:
+    """Check every file of the environment, and put back what is missing or changed; also finishes or updates it.
+
+    Args:
+        folder: Default: that of the preferences.
+        wheels: A folder of wheels, in place of the network.
+
+    Returns:
+        What is installed.
+    """
+    was = engine_status(folder)
+    if was.state == home.NONE:
+        raise BadRequest(was.sentence, "Use install_engine().")
+    return install_engine(was.build, was.extras, folder, wheels)
+
+
+def remove_engine(folder: str | Path | None = None) -> None:
+    """Delete the environment; refuses a folder that KaRF has not made."""
+    leave_python()
+    home.remove(_place(folder))
+
+
+def engine_files(
+    platform: str = "",
+    python: str = "3.11",
+    build: str = "cpu",
+    extras: Sequence[str] = (),
+    shell: str = "posix",
+) -> tuple[str, str]:
+    """Say what somebody must fetch on another computer for `wheels`.
+
+    Args:
+        platform: `linux-x86_64`, `linux-aarch64`, `windows-x86_64` or `macos-arm64`; default: this one.
+        python: The version of Blender's own Python, or of the starter.
+        build: Of torch.
+        extras: `photos`, or nothing.
+        shell: Of the other computer: `posix`, `powershell` or `cmd`.
+
+    Returns:
+        The text of `karf-wheels.txt`, and the command that reads it and fetches the files into the folder `wheels`.
+    """
+    here = computer.Machine(platform) if platform else computer.detect_machine()
+    lock = locks.read(here.platform, computer.build_for(build, here), python, _extras(extras))
+    return plan.fetching(lock, python, here.platform, shell)
+
+
+def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
+    """Test Engine: ask for packages, device and disk, and try each stage on a tiny scene; prints what was found.
+
+    Args:
+        scene: The one whose project's disk is looked at.
+
+    Returns:
+        The findings; the last one sums up.
+    """
+    folder = folders.likely_project(scene or bpy.context.scene)
+    python, threads = preferences.engine_python(), preferences.current().threads
+    found = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads).findings
+    for finding in found:
+        print(f"KaRF engine: {finding.to_text()}", flush=True)
+    verdict = found[-1]
+    if verdict.status == ERROR:
+        raise error_from_code(verdict.code, verdict.sentence, " ".join(verdict.lines[1:]))
+    return found
+
+
+def leave_python() -> None:
+    """End what waits in the engine's Python, which may be replaced."""
+    queries.stop()
+    runner.release()
+
+
+def _place(folder: str | Path | None) -> Path:
+    return Path(folder).absolute() if folder else preferences.engine_folder()
+
+
+def _extras(names: Sequence[str]) -> tuple[str, ...]:
+    # older scripts name `fast`: numba, which is always there
+    return tuple(name for name in names if name != "fast")
