@@ -20,9 +20,9 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api headless preferences progress session steps",
     "host": "compat labels messages rendering windows words",
-    "engine": "environment examination failures installing probing processes report speed worker",
+    "engine": "examination failures installing probing processes speed worker",
     "engine.installer": "home",
-    "preferences": "color_book managing state",
+    "preferences": "choices color_book managing state",
     "project": "captures contents disk folders moving saving",
     "pictures": "editors images photos sequences settling chips tints",
     "rig": "camera_paths cameras factory frames lens looking placement points reprojection",

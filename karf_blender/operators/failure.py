@@ -4,7 +4,7 @@ from pathlib import Path
 
 import bpy
 
-from ..engine import failures, report
+from ..engine import failures
 from ..engine_api import DataError
 from ..host import windows
 from .reporting import reports_errors, versions
@@ -31,7 +31,7 @@ class KARF_OT_copy_report(FailureStep, bpy.types.Operator):
 
     def execute(self, context):
         progress = context.window_manager.karf_progress
-        context.window_manager.clipboard = report.compose(Path(progress.job), progress.error, versions())
+        context.window_manager.clipboard = failures.compose(Path(progress.job), progress.error, versions())
         self.report({"INFO"}, "The report is on the clipboard")
         return {"FINISHED"}
 

@@ -24,25 +24,20 @@ def finished_in(place):
     return [path for path in place.glob("cache/wheels-*/**/*.http") if path.is_file()]
 
 
-def test_an_installed_engine_is_found_and_shares_its_files_with_the_cache(addon, managed, install, place):
+def test_an_installed_engine_is_found_and_shares_its_files_with_the_cache(
+    addon, chosen, managed, install, place, monkeypatch
+):
     assert managed.home.python_in(place) is None
     status = install()
     assert (status.state, status.build, status.python, status.torch) == ("ready", "cuda", PYTHON, "2.0")
     python = managed.home.python_in(place)
-    assert addon.environment.find_python("", {}, python) == python
+    monkeypatch.delenv("KARF_ENGINE_PYTHON")
+    chosen.engine_folder = str(place)
+    assert addon.preferences.engine_python() == python
     assert subprocess.run([python, "-c", "import torch, cv2, OpenEXR"]).returncode == 0
     # the cache takes no room of its own
     for file in place.glob("cache/archive-v*/*/*/*.py"):
         assert file.stat().st_nlink == 2
-
-
-def test_the_preference_and_the_variable_win_over_the_managed_environment(addon, tmp_path):
-    choose, managed = addon.environment.chosen_python, tmp_path / "managed"
-    preferred, variable = tmp_path / "preferred", tmp_path / "variable"
-    assert choose(str(preferred), {"KARF_ENGINE_PYTHON": str(variable)}, managed) == preferred
-    assert choose("", {"KARF_ENGINE_PYTHON": str(variable)}, managed) == variable
-    assert choose("", {}, managed) == managed
-    assert choose("", {}).parts[-4:-2] == (".venv", "engine")
 
 
 def test_pycolmap_is_installed_where_it_is_ticked_and_numba_always(install, planned, place):

@@ -27,6 +27,6 @@ TABLE = [
 def test_names_and_logins_have_stand_ins(addon, monkeypatch, text, told):
     monkeypatch.setenv("HOME", HOME)
     monkeypatch.setenv("USERPROFILE", HOME)
-    monkeypatch.setattr(addon.report, "_user", lambda: USER)
-    monkeypatch.setattr(addon.report.platform, "node", lambda: COMPUTER)
-    assert addon.report.anonymous(text) == told
+    monkeypatch.setattr(addon.failures, "_user", lambda: USER)
+    monkeypatch.setattr(addon.failures.platform, "node", lambda: COMPUTER)
+    assert addon.failures.anonymous(text) == told
