@@ -1,6 +1,6 @@
 """The object in the scene: made once below the rig, and filled anew where there are other points."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -88,3 +88,9 @@ def _node(item: bpy.types.Object, name: str) -> bpy.types.Node | None:
     modifier = item.modifiers.get(NAME)
     tree = modifier.node_group if modifier is not None and modifier.type == "NODES" else None
     return tree.nodes.get(name) if tree is not None else None
+
+
+def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
+    """Let 3D Views show the colors of meshes as they are, in Solid mode."""
+    for space in spaces:
+        space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "FLAT", "VERTEX"

@@ -272,7 +272,7 @@ TEXTS = {
     "This Blender has no exporter of {suffix} files.": "此 Blender 没有 {suffix} 文件的导出器。",
     "Enable it, or choose another ending.": "请启用它，或选择另一个扩展名。",
     "Live Camera needs a window.": "“实时相机”需要窗口。",
-    "Write a picture instead: headless.preview_camera.": "请改为写入图片：headless.preview_camera。",
+    "Write a picture instead: steps.preview_camera.": "请改为写入图片：steps.preview_camera。",
     # --- the engine's
     "{path} does not exist.": "{path} 不存在。",
     "Give the capture's folder or its camera file.": "请给出拍摄的文件夹或其相机文件。",
