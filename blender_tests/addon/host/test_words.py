@@ -1,6 +1,7 @@
 """Messages are put into the user's language where they are shown."""
 
 import importlib
+from pathlib import Path
 
 import pytest
 
@@ -8,8 +9,9 @@ import pytest
 @pytest.fixture
 def chinese(addon, monkeypatch):
     """The interface in Chinese, as far as the extension's own words go."""
-    tables = importlib.import_module(f"{addon.words.__package__.removesuffix('.host')}.translations").TABLES
-    monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: tables["zh_HANS"].get(text, text))
+    package = importlib.import_module(f"{addon.words.__package__.removesuffix('.host')}.translations")
+    table = package.po_files.read_tables(Path(package.__file__).parent)["zh_HANS"]
+    monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: table.get(("*", text), text))
 
 
 @pytest.fixture
