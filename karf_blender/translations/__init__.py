@@ -5,14 +5,12 @@ from pathlib import Path
 import bpy
 
 from ... import __package__ as extension
+from .. import session
 from .po_files import read_tables
 
 
-def register():
-    """Called when the extension is enabled."""
+@session.setup
+def _translations():
     bpy.app.translations.register(extension, read_tables(Path(__file__).parent))
-
-
-def unregister():
-    """Called when the extension is disabled."""
+    yield
     bpy.app.translations.unregister(extension)
