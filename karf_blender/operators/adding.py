@@ -146,6 +146,3 @@ def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
     for area in context.screen.areas:
         if drawn_over.is_result(context.scene, area.spaces.active):
             yield next(region for region in area.regions if region.type == "WINDOW")
-
-
-CLASSES = (KARF_OT_add_color, KARF_OT_protect_neutrals, KARF_OT_remove_color)

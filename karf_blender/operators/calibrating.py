@@ -129,6 +129,3 @@ def _clicked(context, mouse):
         if image and place and 0 <= min(place) and max(place) <= 1:
             return image.name, place
     return None
-
-
-CLASSES = (KARF_OT_pick_chart, KARF_OT_find_chart, KARF_OT_remove_chart)

@@ -61,6 +61,3 @@ class KARF_OT_import_cameras(bpy.types.Operator):
         view_from_camera(context.area)
         self.report({"INFO"}, translate_report("{name} is the scene's camera", name=camera.name))
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_export_cameras, KARF_OT_import_cameras)

@@ -35,6 +35,3 @@ class KARF_OT_dismiss(bpy.types.Operator):
     def execute(self, context):
         progress.dismiss()
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_cancel, KARF_OT_dismiss)

@@ -325,15 +325,3 @@ class KARF_FH_splat(bpy.types.FileHandler):
     @classmethod
     def poll_drop(cls, context):
         return context.area is not None and context.area.type == "VIEW_3D"
-
-
-CLASSES = (
-    KARF_OT_import_capture,
-    KARF_OT_find_poses,
-    KARF_OT_import_splat,
-    KARF_OT_check_capture,
-    KARF_OT_look_through,
-    KARF_OT_leave_view,
-    KARF_FH_capture,
-    KARF_FH_splat,
-)

@@ -108,6 +108,3 @@ def _items(book: ColorBook | None) -> list[tuple[str, str, str, int, int]]:
     if book is None:
         return []
     return [(str(number), name, "", chips.icon(book[name]), number) for number, name in enumerate(book.names)]
-
-
-CLASSES = (KARF_OT_use_color_name, KARF_OT_find_color_name, KARF_OT_choose_color_book)

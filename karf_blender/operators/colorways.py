@@ -112,6 +112,3 @@ def show_predictions(context, sheet):
             item.wanted, item.reached = prediction.target, prediction.reached
             item.difference, item.reason = prediction.ciede2000, prediction.reason
     shown.active = next((number for number, item in enumerate(shown.colors) if item.reason), 0)
-
-
-CLASSES = (KARF_UL_colorways, KARF_OT_colorways, KARF_OT_render_colorways)

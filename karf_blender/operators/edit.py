@@ -115,13 +115,3 @@ class KARF_FH_edit(bpy.types.FileHandler):
     @classmethod
     def poll_drop(cls, context):
         return context.area is not None and context.area.type == "IMAGE_EDITOR" and len(context.scene.karf.objects) > 0
-
-
-CLASSES = (
-    KARF_OT_becomes,
-    KARF_OT_paint_over,
-    KARF_OT_match_picture,
-    KARF_OT_load_edit,
-    KARF_OT_save_edit,
-    KARF_FH_edit,
-)

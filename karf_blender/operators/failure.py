@@ -50,6 +50,3 @@ class KARF_OT_open_log(FailureStep, bpy.types.Operator):
             raise DataError("The log in {job} is empty, or gone.", "Run the step again.", job=job)
         windows.show_text(LOG_NAME, tail)
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_copy_report, KARF_OT_open_log)

@@ -162,6 +162,3 @@ class KARF_OT_remove_engine(bpy.types.Operator):
 def _whole(path: str) -> Path:
     """The path on disk of one from the file browser."""
     return Path(bpy.path.abspath(path)).absolute()
-
-
-CLASSES = (KARF_OT_install_engine, KARF_OT_cancel_installation, KARF_OT_remove_engine)

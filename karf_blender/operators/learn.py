@@ -130,14 +130,3 @@ class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
     def execute(self, context):
         runner.launch(steps.prepare_views(context.scene, self.views))
         return {"FINISHED"}
-
-
-CLASSES = (
-    KARF_OT_learn_scene,
-    KARF_OT_learn_all,
-    KARF_OT_segment,
-    KARF_OT_extract_palette,
-    KARF_OT_learn_splats,
-    KARF_OT_show_view,
-    KARF_OT_prepare_views,
-)

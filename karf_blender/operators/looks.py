@@ -176,14 +176,3 @@ class KARF_OT_render_looks(PaletteStep, bpy.types.Operator):
             {"INFO"}, translate_report("Pictures go to {path}", path=steps.looks_folder(context.scene, of_camera))
         )
         return {"FINISHED"}
-
-
-CLASSES = (
-    KARF_OT_keep_look,
-    KARF_OT_choose_look,
-    KARF_OT_flip_looks,
-    KARF_OT_rename_look,
-    KARF_OT_remove_look,
-    KARF_OT_move_look,
-    KARF_OT_render_looks,
-)

@@ -44,6 +44,3 @@ def text_of(page: str) -> str:
     """A page as it is read in a Text Editor. Raises OSError where the extension has lost it."""
     lines = (FOLDER / f"{page}.md").read_text(encoding="utf-8").splitlines()
     return "\n".join(MARKUP.sub("", line) for line in lines if not line.startswith(PICTURE))
-
-
-CLASSES = (KARF_OT_open_manual,)

@@ -183,6 +183,3 @@ class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
 
     def abandon(self, context):
         mask_layers.reread(context.scene)
-
-
-CLASSES = (KARF_OT_mark_click, KARF_OT_mark_box, KARF_OT_mark_lasso, KARF_OT_mark_brush)

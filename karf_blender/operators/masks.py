@@ -166,14 +166,3 @@ class KARF_OT_remove_object(ObjectStep, bpy.types.Operator):
     def execute(self, context):
         steps.remove_object(context.scene)
         return {"FINISHED"}
-
-
-CLASSES = (
-    KARF_OT_mark,
-    KARF_OT_go_to_view,
-    KARF_OT_go_to_suggested,
-    KARF_OT_erase_mask,
-    KARF_OT_set_volume,
-    KARF_OT_add_object,
-    KARF_OT_remove_object,
-)

@@ -45,6 +45,3 @@ class KARF_OT_move_project(bpy.types.Operator):
         windows.redraw(*windows.PANEL_AREAS)
         self.report({"INFO"}, translate_report("The project is in {path}", path=place))
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_move_project,)

@@ -46,6 +46,3 @@ def _place_of(scene: bpy.types.Scene, kind: str) -> Path:
         return Path(progress.state().folder)
     is_rendered = kind == "frames" and scene.karf.frames
     return folders.absolute(scene.karf.frames) if is_rendered else folders.out_folder(scene)
-
-
-CLASSES = (KARF_OT_open_folder,)

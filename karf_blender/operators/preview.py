@@ -32,6 +32,3 @@ class KARF_OT_live_camera(bpy.types.Operator):
         else:
             preview.start(context.scene)
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_live_camera,)

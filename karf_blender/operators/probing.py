@@ -85,6 +85,3 @@ class KARF_OT_copy_command(bpy.types.Operator):
 
 def _findings():
     return probing.findings_on(preferences.state.known().python)  # polls never read the disk
-
-
-CLASSES = (KARF_OT_examine_engine, KARF_OT_cancel_examination, KARF_OT_copy_findings, KARF_OT_copy_command)

@@ -247,14 +247,3 @@ class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
         values = {"name": strip.name, "channel": strip.channel, "scene": context.scene.name}
         self.report({"INFO"}, translate_report(sentence, **values))
         return {"FINISHED"}
-
-
-CLASSES = (
-    KARF_OT_render_view,
-    KARF_OT_render_capture,
-    KARF_OT_render_camera,
-    KARF_OT_farm_bundle,
-    KARF_OT_build_compositor,
-    KARF_OT_show_frames,
-    KARF_OT_add_strip,
-)

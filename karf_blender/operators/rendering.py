@@ -42,6 +42,3 @@ class KARF_OT_over_scene(LearnedStep, bpy.types.Operator):
     def execute(self, context):
         steps.put_objects_in(context.scene)
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_rendered_view, KARF_OT_over_scene)

@@ -116,12 +116,3 @@ class KARF_OT_seeing_pie(LookingStep, bpy.types.Operator):
     def execute(self, context):
         bpy.ops.wm.call_menu_pie(name="KARF_MT_seeing_pie")
         return {"FINISHED"}
-
-
-CLASSES = (
-    KARF_OT_show_masks,
-    KARF_OT_see_view,
-    KARF_OT_solo_swatch,
-    KARF_OT_before_after,
-    KARF_OT_seeing_pie,
-)

@@ -86,6 +86,3 @@ def _newly_chosen(context) -> bpy.types.Object | None:
     """The active object, where it is splats that do not follow the swatches yet."""
     item = context.object
     return item if splat_objects.is_splat(item) and item != splat_objects.find(context.scene) else None
-
-
-CLASSES = (KARF_OT_export_splat, KARF_OT_follow_splat)

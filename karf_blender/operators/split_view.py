@@ -89,6 +89,3 @@ class KARF_GGT_wipe(bpy.types.GizmoGroup):
 
     def setup(self, context):
         self.gizmos.new(KARF_GT_wipe.bl_idname)
-
-
-CLASSES = (KARF_OT_drag_wipe, KARF_GT_wipe, KARF_GGT_wipe)

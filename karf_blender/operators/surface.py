@@ -69,6 +69,3 @@ class KARF_OT_export_scene(bpy.types.Operator):
         progress.wrote(path.parent)
         self.report({"INFO"}, translate_report("Wrote {path}", path=path))
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_show_scene, KARF_OT_show_colors, KARF_OT_export_scene)

@@ -169,18 +169,3 @@ class KARF_OT_apply_palette_preset(bpy.types.Operator):
 
     def execute(self, context):
         return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=self.menu_idname)
-
-
-CLASSES = (
-    KARF_OT_reset_swatch,
-    KARF_OT_reset_surface,
-    KARF_OT_copy_swatch,
-    KARF_OT_paste_swatch,
-    KARF_OT_swap_swatches,
-    KARF_OT_link_swatches,
-    KARF_OT_unlink_swatch,
-    KARF_OT_merge_swatch,
-    KARF_OT_split_swatch,
-    KARF_OT_palette_preset,
-    KARF_OT_apply_palette_preset,
-)

@@ -16,6 +16,3 @@ class KARF_OT_open_workspace(bpy.types.Operator):
         opening.open_workspace(context.window)
         opening.set_up(masks.begin_marking, masks.fit_photo)
         return {"FINISHED"}
-
-
-CLASSES = (KARF_OT_open_workspace,)

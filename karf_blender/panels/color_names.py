@@ -84,6 +84,3 @@ class KARF_MT_target_names(bpy.types.Menu):
 
     def draw(self, context):
         draw_names(self.layout, context.karf_object.target, context.karf_object.name, 0)
-
-
-CLASSES = (KARF_MT_swatch_names, KARF_MT_target_names)

@@ -49,6 +49,3 @@ class KARF_MT_look(bpy.types.Menu):
             move.name, move.by = name, by
         layout.separator()
         layout.operator("karf.remove_look", text="Remove", icon="X").name = name
-
-
-CLASSES = (KARF_MT_look,)

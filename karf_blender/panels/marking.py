@@ -62,6 +62,3 @@ def draw_steps(layout, scene):
     for icon, by, marked in (("TRIA_LEFT", -1, False), ("TRIA_RIGHT", 1, False), ("FF", 1, True)):
         button = row.operator("karf.go_to_view", text="", icon=icon)
         button.by, button.marked = by, marked
-
-
-CLASSES = (KARF_UL_objects,)

@@ -113,6 +113,3 @@ class KARF_PT_passes(bpy.types.Panel):
         column = layout.column()
         column.active = layer.use_pass_cryptomatte_object
         column.prop(layer, "pass_cryptomatte_depth", text="Levels")
-
-
-CLASSES = (KARF_PT_passes,)

@@ -95,6 +95,3 @@ def draw_error(box, progress):
         row = box.row(align=True)
         row.operator("karf.copy_report", icon="COPYDOWN")
         row.operator("karf.open_log", icon="TEXT")
-
-
-CLASSES = (KARF_PT_message,)

@@ -232,13 +232,3 @@ def draw_context_menu(menu, context):
     menu.layout.context_pointer_set("karf_object", item)
     menu.layout.context_pointer_set("karf_swatch", swatch)
     menu.layout.menu("KARF_MT_swatch", text="KaRF Swatch")
-
-
-CLASSES = (
-    KARF_MT_swatch,
-    KARF_MT_swap,
-    KARF_MT_link,
-    KARF_MT_merge,
-    KARF_MT_palette,
-    KARF_MT_palette_presets,
-)

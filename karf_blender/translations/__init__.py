@@ -3,6 +3,7 @@
 import bpy
 
 from ... import __package__ as extension
+from .. import session
 from . import sentences, zh_hans
 
 # languages by Blender's own names
@@ -10,15 +11,12 @@ TABLES = {"zh_HANS": zh_hans.TEXTS | sentences.TABLES["zh_HANS"]}
 CONTEXTS = ("*", "Operator")  # in which Blender looks for texts, and for labels of operators
 
 
-def register():
-    """Called when the extension is enabled."""
+@session.setup
+def _words():
     words = {
         language: {(context, text): translated for text, translated in table.items() for context in CONTEXTS}
         for language, table in TABLES.items()
     }
     bpy.app.translations.register(extension, words)
-
-
-def unregister():
-    """Called when the extension is disabled."""
+    yield
     bpy.app.translations.unregister(extension)

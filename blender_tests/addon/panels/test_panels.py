@@ -55,7 +55,7 @@ def test_without_an_engine_the_first_open_step_leads_to_one(bpy, addon, draw, ca
 
 def test_an_installation_shows_in_the_sidebar_too(addon, draw, monkeypatch):
     at_work = SimpleNamespace(progress=SimpleNamespace(fraction=0.4, title="Installing torch"))
-    monkeypatch.setattr(addon.installing._Memory, "installation", at_work)
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "installation", at_work)
     assert "Engine: Installing torch" in draw()
 
 
@@ -174,7 +174,7 @@ def draw_dialog(bpy, addon):
     def draw(name):
         drawn = []
         operator = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=getattr(bpy.ops.karf, name).get_rna_type())
-        kind = next(each for each in addon.render.CLASSES if each.bl_idname == f"karf.{name}")
+        kind = next(each for each in vars(addon.render).values() if getattr(each, "bl_idname", "") == f"karf.{name}")
         bound = {each: getattr(kind, each).__get__(operator) for each in ("draw", "draw_what")}
         vars(operator).update(bound)
         operator.draw(bpy.context)
@@ -325,7 +325,7 @@ def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path
 def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips = addon.chips
     chips.icon((1.0, 0.25, 0.0))
-    pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
+    pixels = addon.session.get(chips._State).icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
 
 
@@ -388,7 +388,7 @@ def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave
 
     wanted = {("karf.before_after", "C", False), ("karf.seeing_pie", "C", True)}
     assert wanted <= keys()
-    addon.seeing.unregister_keys()
+    addon.extension.unregister()
     assert not wanted & keys()
-    addon.seeing.register_keys()
+    addon.extension.register()
     assert wanted <= keys()
