@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import progress, steps
 from ..host.words import translate_report
-from ..surface import placing
+from ..surface import scene_object
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
 
@@ -54,7 +54,7 @@ class KARF_OT_export_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if placing.find(context.scene) is None:
+        if scene_object.find(context.scene) is None:
             cls.poll_message_set("Show the scene in the 3D View first")
             return False
         return True
