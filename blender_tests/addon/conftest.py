@@ -33,7 +33,7 @@ MODULES = {
     "tasks": "ownership queries runner timer",
     "compositor": "group",
     "nodes": "drivers sockets",
-    "surface": "mesh placing splat_objects trees",
+    "surface": "scene_object splat_objects trees",
     "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
