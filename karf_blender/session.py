@@ -36,6 +36,7 @@ class _Session:
     def __init__(self) -> None:
         self.states: dict[type, Any] = {}
         self.timers: set[Timer] = set()
+        self.listeners: list[Callable] = []
         self.installed = ExitStack()
 
 
@@ -66,9 +67,9 @@ def clear(per_file: bool = False) -> None:
     """Close and drop all state; with `per_file`, only what belongs to the file that was open."""
     for kind in tuple(_session.states):
         if not per_file or getattr(kind, "per_file", False):
-            state = _session.states.pop(kind)
-            if hasattr(state, "close"):
-                state.close()
+            if hasattr(kind, "close"):
+                _session.states[kind].close()
+            del _session.states[kind]
 
 
 # --- declarations --------------------------------------------------------------------------------------------------
@@ -82,6 +83,23 @@ def handler(*events: str, phase: Phase = Phase.SHOW) -> Callable[[Callable], Cal
     return declare
 
 
+def listener(event: str) -> Callable[[Callable], Callable]:
+    """Declare a function that is called whenever an event of the extension's own is announced by `notify`."""
+
+    def declare(function: Callable) -> Callable:
+        function.karf_listens = event
+        return function
+
+    return declare
+
+
+def notify(event: str, *values: Any) -> None:
+    """Call all listeners of an event."""
+    for function in _session.listeners:
+        if function.karf_listens == event:
+            function(*values)
+
+
 def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]]:
     """Declare a generator function that installs something, yields once, and removes it again."""
     function.karf_setup = contextmanager(function)
@@ -89,11 +107,12 @@ def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]
 
 
 def start_timer(timer: Timer, seconds: float = 0.0, persistent: bool = False) -> None:
-    """Call a function after some seconds, and then as often as it says; it ends with the session. One that is
-    registered already goes on. In background mode, where timers never fire, this does nothing."""
-    if bpy.app.background or bpy.app.timers.is_registered(timer):
-        return
-    bpy.app.timers.register(timer, first_interval=seconds, persistent=persistent)
+    """Call a function after some seconds, and then as often as it says; it ends with the session.
+
+    Callers make sure that Blender has an interface: in background mode timers never fire.
+    """
+    if not bpy.app.timers.is_registered(timer):
+        bpy.app.timers.register(timer, first_interval=seconds, persistent=persistent)
     _session.timers.add(timer)
 
 
@@ -116,8 +135,10 @@ def register(package: ModuleType) -> None:
             stack.enter_context(function.karf_setup())
         for function in sorted(_functions(modules, "karf_events"), key=lambda each: each.karf_phase):
             for event in function.karf_events:
-                getattr(bpy.app.handlers, event).append(function)
-                stack.callback(getattr(bpy.app.handlers, event).remove, function)
+                called = getattr(bpy.app.handlers, event, [])  # older Blenders lack some, such as exit_pre
+                called.append(function)
+                stack.callback(called.remove, function)
+        _session.listeners = _functions(modules, "karf_listens")
         stack.callback(_end)  # first: what still runs may need all of the above
         _session.installed = stack.pop_all()
 
@@ -127,7 +148,8 @@ def unregister() -> None:
     _session.installed.close()
 
 
-def _end() -> None:
+@handler("exit_pre", phase=Phase.REPORT)
+def _end(*_) -> None:
     # a timer left behind hangs or crashes some Blender versions at exit
     for timer in tuple(_session.timers):
         stop_timer(timer)

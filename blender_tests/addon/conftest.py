@@ -18,7 +18,7 @@ ENGINE_PYTHON = os.environ.get("KARF_ENGINE_PYTHON")  # tests of the extension r
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
-    "": "engine_api headless preferences progress steps",
+    "": "engine_api headless preferences progress session steps",
     "host": "compat labels messages rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
@@ -33,7 +33,7 @@ MODULES = {
     "tasks": "ownership queries runner task timer",
     "compositor": "group",
     "nodes": "drivers sockets",
-    "surface": "mesh placing splat_objects trees",
+    "surface": "scene_object splat_objects trees",
     "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
@@ -59,7 +59,7 @@ def bpy(tmp_path_factory):
 def addon(bpy, monkeypatch):
     """The add-on's modules by name, in an empty file, with the fake engine behind them."""
     bpy.ops.wm.read_homefile(use_empty=True)
-    modules = SimpleNamespace()
+    modules = SimpleNamespace(extension=importlib.import_module(f"{MODULE}.karf_blender"))
     for room, names in MODULES.items():
         package = f"{MODULE}.karf_blender.{room}".rstrip(".")
         for name in names.split():

@@ -52,6 +52,7 @@ ENGINE_ALONE = {
 }
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
+    ("session",),
     ("engine_api", "translations"),
     ("host",),
     ("progress",),

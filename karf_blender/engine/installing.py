@@ -2,9 +2,11 @@
 
 import sys
 import time
+from dataclasses import dataclass
 
 import bpy
 
+from .. import session
 from ..engine_api import BadRequest, KarfError
 from ..host import windows
 from .managed.installation import Installation
@@ -15,11 +17,18 @@ POLL_SECONDS = 0.3
 PRINT_SECONDS = 5.0
 
 
-class _Memory:
+@dataclass
+class _State:
     """The installation at work, and how the last one failed."""
 
     installation: Installation | None = None
     error: KarfError | None = None
+
+    def close(self) -> None:
+        """End the installation and its child."""
+        if self.installation is not None:
+            self.installation.terminate()
+            self.installation = None
 
 
 def plan(choices: Choices) -> Plan:
@@ -33,17 +42,17 @@ def plan(choices: Choices) -> Plan:
 
 def is_running() -> bool:
     """True while an installation is at work."""
-    return _Memory.installation is not None
+    return session.get(_State).installation is not None
 
 
 def progress() -> Progress | None:
     """How far it is; None while none is at work."""
-    return _Memory.installation.progress if _Memory.installation else None
+    return session.get(_State).installation.progress if session.get(_State).installation else None
 
 
 def last_error() -> KarfError | None:
     """How the last one failed or was cancelled; None where it did not."""
-    return _Memory.error
+    return session.get(_State).error
 
 
 def launch(planned: Plan) -> None:
@@ -56,7 +65,7 @@ def launch(planned: Plan) -> None:
         wait(planned)
         return
     _begin(planned)
-    bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+    session.start_timer(_tick, POLL_SECONDS, persistent=True)
 
 
 def wait(planned: Plan) -> None:
@@ -86,29 +95,26 @@ def cancel() -> None:
     Raises:
         BadRequest: None is at work.
     """
-    if _Memory.installation is None:
+    if session.get(_State).installation is None:
         raise BadRequest("No installation is running.", "")
-    _Memory.installation.cancel()
+    session.get(_State).installation.cancel()
 
 
 def _begin(planned: Plan) -> Installation:
-    if _Memory.installation is not None:
+    if session.get(_State).installation is not None:
         raise BadRequest("The engine is being installed already.", "Wait for it, or cancel it.")
-    _Memory.error = None
-    _Memory.installation = Installation(planned)
-    return _Memory.installation
+    session.get(_State).error = None
+    session.get(_State).installation = Installation(planned)
+    return session.get(_State).installation
 
 
 def _end() -> None:
-    """Forget the installation; its child is ended where it still lives."""
-    if _Memory.installation is not None:
-        _Memory.installation.terminate()
-        _Memory.installation = None
+    session.get(_State).close()
 
 
 def _tick() -> float | None:
     """The timer: lets the installation continue, and stops itself when it has ended."""
-    installation = _Memory.installation
+    installation = session.get(_State).installation
     if installation is None:
         return None
     installation.poll()
@@ -118,15 +124,7 @@ def _tick() -> float | None:
     try:
         installation.check()
     except KarfError as error:
-        _Memory.error = error
+        session.get(_State).error = error
     _end()
     windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return None
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    # a timer left behind hangs or crashes some Blender versions at exit
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    _end()

@@ -3,11 +3,12 @@
 What was found belongs to the Python that was asked and to this session.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 
-from .. import engine_api
+from .. import engine_api, session
 from ..engine_api import VERDICT, Finding
 from ..host import windows
 from . import examination
@@ -16,20 +17,27 @@ from .examination import Examination
 POLL_SECONDS = 0.2
 
 
-class _Memory:
+@dataclass
+class _State:
     """The last test, which may be running."""
 
     examination: Examination | None = None
 
+    def close(self) -> None:
+        """End the test, and its child."""
+        if self.examination is not None:
+            self.examination.end()
+            self.examination = None
+
 
 def is_running() -> bool:
     """True while a Python is being asked."""
-    return _Memory.examination is not None and not _Memory.examination.has_ended
+    return session.get(_State).examination is not None and not session.get(_State).examination.has_ended
 
 
 def findings_on(python: Path | None) -> tuple[Finding, ...]:
     """What the last test has found so far, if it was of this Python."""
-    known = _Memory.examination
+    known = session.get(_State).examination
     return known.findings if known is not None and known.python == python else ()
 
 
@@ -48,30 +56,27 @@ def launch(python: Path, folder: Path, threads: int = 0) -> None:
         threads: Of the engine; 0: it chooses.
     """
     if bpy.app.background:
-        _Memory.examination = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads)
+        session.get(_State).examination = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads)
         return
     _begin(python, folder, threads)
-    bpy.app.timers.register(_tick, first_interval=POLL_SECONDS, persistent=True)
+    session.start_timer(_tick, POLL_SECONDS, persistent=True)
 
 
 def cancel() -> None:
     """End the test that is running and forget what was found; no child and no timer is left."""
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    if _Memory.examination is not None:
-        _Memory.examination.end()
-        _Memory.examination = None
+    session.stop_timer(_tick)
+    session.get(_State).close()
 
 
 def _begin(python: Path, folder: Path, threads: int) -> None:
     cancel()
-    _Memory.examination = Examination(python, engine_api.ENGINE_FOLDER, folder, threads)
+    session.get(_State).examination = Examination(python, engine_api.ENGINE_FOLDER, folder, threads)
 
 
 def _tick() -> float | None:
     """The timer: takes in what was found, and stops itself at the end."""
-    before = _Memory.examination.findings
-    has_ended = _Memory.examination.poll()
-    if has_ended or _Memory.examination.findings != before:
+    before = session.get(_State).examination.findings
+    has_ended = session.get(_State).examination.poll()
+    if has_ended or session.get(_State).examination.findings != before:
         windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return None if has_ended else POLL_SECONDS

@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 
+from .. import session
 from ..engine_api import KarfError
 from ..host import windows
 from .managed import home
@@ -14,7 +16,8 @@ SLICE_SECONDS = 0.05  # time for which the interface may stand still
 PAUSE_SECONDS = 0.01
 
 
-class _Memory:
+@dataclass
+class _State:
     """What is being deleted, and how the last time failed."""
 
     work: Iterator[None] | None = None
@@ -23,12 +26,12 @@ class _Memory:
 
 def is_running() -> bool:
     """True while an environment is being deleted."""
-    return _Memory.work is not None
+    return session.get(_State).work is not None
 
 
 def last_error() -> KarfError | None:
     """How the last time failed; None where it did not."""
-    return _Memory.error
+    return session.get(_State).error
 
 
 def launch(folder: Path) -> None:
@@ -41,29 +44,22 @@ def launch(folder: Path) -> None:
         home.remove(folder)
         return
     _begin(folder)
-    bpy.app.timers.register(_tick, persistent=True)
+    session.start_timer(_tick, persistent=True)
 
 
 def _begin(folder: Path) -> None:
-    _Memory.work, _Memory.error = home.removing(folder), None
+    session.get(_State).work, session.get(_State).error = home.removing(folder), None
 
 
 def _tick() -> float | None:
     """The timer: deletes for a moment, and stops itself at the end."""
     until = time.monotonic() + SLICE_SECONDS
     try:
-        for _ in _Memory.work:
+        for _ in session.get(_State).work:
             if time.monotonic() > until:
                 return PAUSE_SECONDS
     except KarfError as error:
-        _Memory.error = error
-    _Memory.work = None
+        session.get(_State).error = error
+    session.get(_State).work = None
     windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return None
-
-
-def unregister():
-    """Called when the extension is disabled: what is left can be removed later."""
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    _Memory.work = None

@@ -17,11 +17,6 @@ EEVEE = "BLENDER_EEVEE" if bpy.app.version >= (5, 0, 0) else "BLENDER_EEVEE_NEXT
 HAS_GLTF_POINTS = bpy.app.version >= (4, 3, 0)
 
 
-def exit_handlers() -> list | None:
-    """The handlers called when Blender quits (5.1 and later), or None; the engine also notices when Blender is gone."""
-    return getattr(bpy.app.handlers, "exit_pre", None)
-
-
 def give_nodes(material: bpy.types.Material) -> None:
     """Let a new material have nodes; since 5.0 all have."""
     if bpy.app.version < (5, 0, 0):

@@ -1,14 +1,16 @@
 """Whether Blender itself renders. Its render thread reads the file and calls handlers: what touches pixels or data
 meanwhile crashes Blender, so nothing of ours does."""
 
+from dataclasses import dataclass
+
 import bpy
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..engine_api import BadRequest
-from . import handlers
 
 
-class _Memory:
+@dataclass
+class _State:
     """Whether a render has begun and not ended."""
 
     begun: bool = False
@@ -16,7 +18,7 @@ class _Memory:
 
 def is_running() -> bool:
     """True from a render's first handler to its last; on any thread."""
-    return _Memory.begun or bpy.app.is_job_running("RENDER")
+    return session.get(_State).begun or bpy.app.is_job_running("RENDER")
 
 
 def refuse() -> None:
@@ -33,29 +35,15 @@ def is_over() -> bool:
     """For timers, which Blender calls beside a render job and never within a render: True if none is running."""
     if bpy.app.is_job_running("RENDER"):
         return False
-    _Memory.begun = False
+    session.get(_State).begun = False
     return True
 
 
-@persistent
+@session.handler("render_init", phase=session.Phase.STATE)
 def _begin(*_):
-    _Memory.begun = True
+    session.get(_State).begun = True
 
 
-@persistent
+@session.handler("render_complete", "render_cancel", "load_post", phase=session.Phase.STATE)
 def _end(*_):
-    _Memory.begun = False
-
-
-HANDLERS = (("render_init", _begin), ("render_complete", _end), ("render_cancel", _end), ("load_post", _end))
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
-    _Memory.begun = False
+    session.get(_State).begun = False

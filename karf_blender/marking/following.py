@@ -1,13 +1,12 @@
 """What marks do when Blender takes steps back, or opens another file."""
 
 import bpy
-from bpy.app.handlers import persistent
 
-from ..host import handlers
+from .. import session
 from . import asking, history, mask_layers
 
 
-@persistent
+@session.handler("undo_post", "redo_post", phase=session.Phase.READ)
 def _after_undo(*_):
     try:
         history.follow()
@@ -18,22 +17,7 @@ def _after_undo(*_):
         asking.follow(scene)
 
 
-@persistent
+@session.handler("load_post", phase=session.Phase.READ)
 def _after_load(*_):
-    history.forget()
-    mask_layers.forget()
-
-
-HANDLERS = (("undo_post", _after_undo), ("redo_post", _after_undo), ("load_post", _after_load))
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
     history.forget()
     mask_layers.forget()

@@ -12,6 +12,7 @@ from typing import Any
 
 import bpy
 
+from .. import session
 from ..engine_api import atomic_write, checked_path
 
 Files = Mapping[Path, bytes | None]  # contents; None: there is no such file
@@ -25,13 +26,14 @@ class Step:
     note: Any = None
 
 
-class _Memory:
+@dataclass
+class _State:
     """All steps of this session by their numbers, what the changed files hold now, and what they held at first."""
 
-    steps: dict[int, Step] = {}
-    now: dict[Path, bytes | None] = {}
-    before: dict[Path, bytes | None] = {}
-    roots: set[Path] = set()
+    steps: dict[int, Step] = field(default_factory=dict)
+    now: dict[Path, bytes | None] = field(default_factory=dict)
+    before: dict[Path, bytes | None] = field(default_factory=dict)
+    roots: set[Path] = field(default_factory=set)
 
 
 def number() -> int:
@@ -41,7 +43,7 @@ def number() -> int:
 
 def note() -> Any:
     """What was noted with the present step."""
-    return _Memory.steps.get(number(), Step()).note
+    return session.get(_State).steps.get(number(), Step()).note
 
 
 def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -> int:
@@ -59,10 +61,10 @@ def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -
     Raises:
         OSError: A file cannot be written; the step is not taken.
     """
-    _Memory.roots.add(root)
+    session.get(_State).roots.add(root)
     _write(files)
-    made = max(_Memory.steps, default=0) + 1
-    _Memory.steps[made] = Step(dict(_Memory.now), note)
+    made = max(session.get(_State).steps, default=0) + 1
+    session.get(_State).steps[made] = Step(dict(session.get(_State).now), note)
     scene.karf.marking.step = made
     return made
 
@@ -73,13 +75,13 @@ def amend(step: int, files: Files) -> bool:
     Raises:
         OSError: A file cannot be written.
     """
-    if step not in _Memory.steps:
+    if step not in session.get(_State).steps:
         return False
     is_now = step == number()
     if is_now:
         _write(files)
-    known = _Memory.steps[step]
-    _Memory.steps[step] = Step({**known.files, **files}, known.note)
+    known = session.get(_State).steps[step]
+    session.get(_State).steps[step] = Step({**known.files, **files}, known.note)
     return is_now
 
 
@@ -89,14 +91,19 @@ def follow() -> None:
     Raises:
         OSError: A file cannot be written.
     """
-    wanted = _Memory.steps.get(number(), Step()).files
-    files = {**_Memory.before, **wanted}
-    _write({path: content for path, content in files.items() if content != _Memory.now.get(path)})
+    wanted = session.get(_State).steps.get(number(), Step()).files
+    files = {**session.get(_State).before, **wanted}
+    _write({path: content for path, content in files.items() if content != session.get(_State).now.get(path)})
 
 
 def forget() -> None:
     """Forget all steps: another file was opened. What lies on the disk stays."""
-    for known in (_Memory.steps, _Memory.now, _Memory.before, _Memory.roots):
+    for known in (
+        session.get(_State).steps,
+        session.get(_State).now,
+        session.get(_State).before,
+        session.get(_State).roots,
+    ):
         known.clear()
     for scene in bpy.data.scenes:
         if scene.karf.marking.step:
@@ -107,18 +114,18 @@ def _write(files: Files) -> None:
     for path in files:
         _check(path)
     for path, content in files.items():
-        if path not in _Memory.before:
-            _Memory.before[path] = path.read_bytes() if path.is_file() else None
+        if path not in session.get(_State).before:
+            session.get(_State).before[path] = path.read_bytes() if path.is_file() else None
         if content is None:
             _remove(path)
         else:
             atomic_write(path, lambda temporary, content=content: temporary.write_bytes(content))
-        _Memory.now[path] = content
+        session.get(_State).now[path] = content
 
 
 def _check(path: Path) -> None:
     """Raise DataError where a link on the way from a root to a file leads out of the root."""
-    root = next((root for root in _Memory.roots if path.is_relative_to(root)), path.parent)
+    root = next((root for root in session.get(_State).roots if path.is_relative_to(root)), path.parent)
     checked_path(root, *path.relative_to(root).parts)
 
 
@@ -126,6 +133,6 @@ def _remove(path: Path) -> None:
     path.unlink(missing_ok=True)
     for parent in path.parents:
         # the engine takes an empty folder for an object without a mask
-        if parent in _Memory.roots or not parent.is_dir() or any(parent.iterdir()):
+        if parent in session.get(_State).roots or not parent.is_dir() or any(parent.iterdir()):
             return
         parent.rmdir()

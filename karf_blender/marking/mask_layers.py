@@ -11,6 +11,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from .. import session
 from ..engine_api import KarfError, View, check_file, masks_of_view
 from ..host import windows
 from ..pictures import images
@@ -59,7 +60,8 @@ class MaskLayers:
         return layers.setdefault(name, Layer(np.zeros(self.size[::-1], np.int8)))
 
 
-class _Memory:
+@dataclass
+class _State:
     """The mask layers of the scene that was marked last, and what they were read for."""
 
     layers: MaskLayers | None = None
@@ -73,7 +75,7 @@ def _key(scene: bpy.types.Scene) -> tuple:
 
 def shown(scene: bpy.types.Scene) -> MaskLayers | None:
     """The mask layers of the scene's active view, where they are open; drawing asks this."""
-    return _Memory.layers if _Memory.key == _key(scene) else None
+    return session.get(_State).layers if session.get(_State).key == _key(scene) else None
 
 
 def open_layers(scene: bpy.types.Scene) -> MaskLayers:
@@ -86,13 +88,13 @@ def open_layers(scene: bpy.types.Scene) -> MaskLayers:
         view = captures.view_of(scene)
         names = [item.folder for item in scene.karf.marking.objects]
         masks, corrections = objects.masks_folder(scene), objects.corrections_folder(scene)
-        _Memory.layers = MaskLayers(
+        session.get(_State).layers = MaskLayers(
             view,
             {name: Layer(_fitted(_read_mask(file), view)) for name, file in _found(masks, names, view)},
             {name: Layer(_fitted(_read_correction(file), view)) for name, file in _found(corrections, names, view)},
         )
-        _Memory.key = _key(scene)
-    return _Memory.layers
+        session.get(_State).key = _key(scene)
+    return session.get(_State).layers
 
 
 def _found(root: Path, names: list[str], view: View) -> list[tuple[str, Path]]:
@@ -188,4 +190,4 @@ def reread(scene: bpy.types.Scene) -> None:
 
 def forget() -> None:
     """Close the mask layers."""
-    _Memory.layers, _Memory.key = None, ()
+    session.get(_State).layers, session.get(_State).key = None, ()

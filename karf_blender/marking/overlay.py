@@ -3,13 +3,14 @@
 Masks are textures that are made anew only where their pixels have changed; drawing only reads.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
+from .. import session
 from ..engine_api import srgb_to_linear
 from . import gestures, mask_layers, objects, photo, proposals
 from .mask_layers import Layer
@@ -67,12 +68,12 @@ class Texture:
     texture: gpu.types.GPUTexture
 
 
-class _Memory:
-    """The drawing callback, and what it keeps on the graphics card."""
+@dataclass
+class _State:
+    """What is kept on the graphics card."""
 
-    handler: object = None
     shader: gpu.types.GPUShader | None = None
-    textures: dict[tuple[str, str], Texture] = {}
+    textures: dict[tuple[str, str], Texture] = field(default_factory=dict)
 
 
 def _draw_overlay() -> None:
@@ -83,8 +84,8 @@ def _draw_overlay() -> None:
         return
     gpu.state.blend_set("ALPHA")
     used = {_draw_layer(context.region, *each) for each in _layers(scene, layers)}
-    for key in _Memory.textures.keys() - used:
-        del _Memory.textures[key]
+    for key in session.get(_State).textures.keys() - used:
+        del session.get(_State).textures[key]
     _draw_clicks(context.region, scene, layers)
     _draw_gesture()
     gpu.state.blend_set("NONE")
@@ -121,18 +122,18 @@ def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, wid
 
 
 def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
-    known = _Memory.textures.get(key)
+    known = session.get(_State).textures.get(key)
     if known is None or known.version != layer.version:
         step = -(-max(layer.pixels.shape) // LONGEST)
         pixels = np.ascontiguousarray(layer.pixels[::-step, ::step] == sign, np.float32)
         data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
         texture = gpu.types.GPUTexture(pixels.shape[::-1], format="R8", data=data)
-        known = _Memory.textures[key] = Texture(layer.version, texture)
+        known = session.get(_State).textures[key] = Texture(layer.version, texture)
     return known.texture
 
 
 def _shader() -> gpu.types.GPUShader:
-    if _Memory.shader is None:
+    if session.get(_State).shader is None:
         between = gpu.types.GPUStageInterfaceInfo("karf_mask")
         between.smooth("VEC2", "place")
         info = gpu.types.GPUShaderCreateInfo()
@@ -146,8 +147,8 @@ def _shader() -> gpu.types.GPUShader:
         info.fragment_out(0, "VEC4", "fragColor")
         info.vertex_source(VERTEX)
         info.fragment_source(FRAGMENT)
-        _Memory.shader = gpu.shader.create_from_info(info)
-    return _Memory.shader
+        session.get(_State).shader = gpu.shader.create_from_info(info)
+    return session.get(_State).shader
 
 
 # --- clicks and gestures -------------------------------------------------------------------------------------------
@@ -203,13 +204,8 @@ def _draw_line(places) -> None:
         batch.draw(shader)
 
 
-def register():
-    """Called when the extension is enabled."""
-    _Memory.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_overlay, (), "WINDOW", "POST_PIXEL")
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    bpy.types.SpaceImageEditor.draw_handler_remove(_Memory.handler, "WINDOW")
-    _Memory.handler = _Memory.shader = None
-    _Memory.textures.clear()
+@session.setup
+def _overlay():
+    handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_overlay, (), "WINDOW", "POST_PIXEL")
+    yield
+    bpy.types.SpaceImageEditor.draw_handler_remove(handler, "WINDOW")

@@ -4,6 +4,7 @@ import bpy
 import gpu
 from gpu_extras.presets import draw_circle_2d
 
+from .. import session
 from ..project import disk
 
 BLENDERS = "builtin.sample"  # the first tool of the Image Editor
@@ -115,14 +116,6 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
             bpy.ops.wm.tool_set_by_id(name=Box.bl_idname, space_type="IMAGE_EDITOR")
 
 
-def register():
-    """Called when the extension is enabled."""
-    after = None
-    for tool in TOOLS:
-        bpy.utils.register_tool(tool, after=after, separator=after is None)
-        after = {tool.bl_idname}
-
-
 def lay_down() -> None:
     """Take up Blender's first tool in the Image Editors that have one of these: Blender would draw its cursor on."""
     for window in bpy.data.window_managers[0].windows:
@@ -135,8 +128,13 @@ def lay_down() -> None:
                     bpy.ops.wm.tool_set_by_id(name=BLENDERS, space_type="IMAGE_EDITOR")
 
 
-def unregister():
-    """Called when the extension is disabled."""
+@session.setup
+def _toolbar():
+    after = None
+    for tool in TOOLS:
+        bpy.utils.register_tool(tool, after=after, separator=after is None)
+        after = {tool.bl_idname}
+    yield
     lay_down()
     for tool in reversed(TOOLS):
         bpy.utils.unregister_tool(tool)

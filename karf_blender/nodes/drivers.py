@@ -7,9 +7,9 @@ value, which is the swatch's as the file was saved.
 from collections.abc import Iterator
 
 import bpy
-from bpy.app.handlers import persistent
 
-from ..host import compat, handlers
+from .. import session
+from ..host import compat
 from .sockets import swatch_socket
 
 # of Blender's simple expressions, which run without the right to run scripts: of a color and what surfaces add to it
@@ -51,23 +51,10 @@ def _targets() -> Iterator[bpy.types.DriverTarget]:
                 yield from (target for variable in curve.driver.variables for target in variable.targets)
 
 
-@persistent
+@session.handler("save_pre")
 def _before_save(*_):
     for target in _targets():
         try:
             target.fallback_value = target.id.path_resolve(target.data_path)
         except (AttributeError, ValueError):  # the scene or the swatch is gone
             continue
-
-
-HANDLERS = (("save_pre", _before_save),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)

@@ -47,7 +47,10 @@ class PaletteMaker:
 
 
 class KARF_OT_learn_all(PaletteMaker, MaskStep, bpy.types.Operator):
-    """Learn the scene, segment the marked objects, extract their palettes, and show the active view: steps 2, 4 and 5 in a row. What is learned already is kept"""
+    bl_description = (
+        "Learn the scene, segment the marked objects, extract their palettes, and show the active view: "
+        "steps 2, 4 and 5 in a row. Finished steps are kept"
+    )
 
     bl_idname = "karf.learn_all"
     bl_label = "Learn All"
@@ -72,7 +75,11 @@ class KARF_OT_segment(MaskStep, bpy.types.Operator):
 
 
 class KARF_OT_extract_palette(PaletteMaker, EngineStep, bpy.types.Operator):
-    """Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with their object and color; edits whose color is no longer there are kept in the project's folder edits"""
+    bl_description = (
+        "Find the swatches of every object and their share in each pixel. Edits, locks and keyframes "
+        "stay with their object and color. Edits whose color no longer exists are kept in the project's "
+        "folder edits"
+    )
 
     bl_idname = "karf.extract_palette"
     bl_label = "Extract Palette"
@@ -85,7 +92,7 @@ class KARF_OT_extract_palette(PaletteMaker, EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_learn_splats(EngineStep, bpy.types.Operator):
-    """Learn the scene as Gaussian splats too: cameras that took no photo then see it sharply, in a fraction of the time"""
+    """Also learn the scene as Gaussian splats: new cameras then render it sharper and much faster"""
 
     bl_idname = "karf.learn_splats"
     bl_label = "Learn Splats"
@@ -98,7 +105,7 @@ class KARF_OT_learn_splats(EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
-    """Show a captured view with the swatches as they stand; the engine prepares it the first time"""
+    """Show a captured view with the current swatches. The engine prepares it the first time"""
 
     bl_idname = "karf.show_view"
     bl_label = "Show View"
@@ -118,26 +125,15 @@ class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
-    """Prepare all captured views, so that each shows at once"""
+    """Prepare all captured views, so that each is shown immediately"""
 
     bl_idname = "karf.prepare_views"
     bl_label = "Prepare All Views"
     after = "recoloring"
 
-    views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
+    views: StringProperty(name="Views", default="all", description="all, train, test, or names separated by commas")
 
     @reports_errors
     def execute(self, context):
         runner.launch(steps.prepare_views(context.scene, self.views))
         return {"FINISHED"}
-
-
-CLASSES = (
-    KARF_OT_learn_scene,
-    KARF_OT_learn_all,
-    KARF_OT_segment,
-    KARF_OT_extract_palette,
-    KARF_OT_learn_splats,
-    KARF_OT_show_view,
-    KARF_OT_prepare_views,
-)

@@ -34,7 +34,7 @@ def draw_look(row, look):
 
 
 class KARF_MT_look(bpy.types.Menu):
-    """What can be done to a look."""
+    """Actions for this look"""
 
     bl_label = "Look"
 
@@ -49,6 +49,3 @@ class KARF_MT_look(bpy.types.Menu):
             move.name, move.by = name, by
         layout.separator()
         layout.operator("karf.remove_look", text="Remove", icon="X").name = name
-
-
-CLASSES = (KARF_MT_look,)

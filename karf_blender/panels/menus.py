@@ -2,17 +2,8 @@
 
 import bpy
 
-
-def register():
-    """Called when the extension is enabled."""
-    bpy.types.TOPBAR_MT_file_import.append(_draw_import)
-    bpy.types.TOPBAR_MT_file_export.append(_draw_export)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    bpy.types.TOPBAR_MT_file_export.remove(_draw_export)
-    bpy.types.TOPBAR_MT_file_import.remove(_draw_import)
+from .. import session
+from . import sidebar, swatching
 
 
 def _draw_import(self, context):
@@ -21,3 +12,18 @@ def _draw_import(self, context):
 
 def _draw_export(self, context):
     self.layout.operator("karf.export_splat", text="Gaussian Splat (KaRF)")
+
+
+@session.setup
+def _menus():
+    added = (
+        (bpy.types.TOPBAR_MT_file_import, _draw_import),
+        (bpy.types.TOPBAR_MT_file_export, _draw_export),
+        (bpy.types.UI_MT_button_context_menu, swatching.draw_context_menu),
+        (bpy.types.TOPBAR_MT_window, sidebar.draw_in_window_menu),
+    )
+    for menu, draw in added:
+        menu.append(draw)
+    yield
+    for menu, draw in added:
+        menu.remove(draw)

@@ -91,7 +91,7 @@ GROUPS = (
 
 
 class KARF_PT_passes(bpy.types.Panel):
-    """What the render engine KaRF writes beside the picture."""
+    """Passes written by the render engine KaRF"""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
@@ -113,6 +113,3 @@ class KARF_PT_passes(bpy.types.Panel):
         column = layout.column()
         column.active = layer.use_pass_cryptomatte_object
         column.prop(layer, "pass_cryptomatte_depth", text="Levels")
-
-
-CLASSES = (KARF_PT_passes,)

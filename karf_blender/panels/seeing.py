@@ -4,6 +4,7 @@ from math import isinf
 
 import bpy
 
+from .. import session
 from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
@@ -75,14 +76,14 @@ def draw_left(layout, item):
     source, target = colors.color_pair(item)
     left = shown.of(item.id_data).left_to_target(item)
     if source == target:
-        layout.label(text="Right: what the left color becomes", icon="BLANK1")
+        layout.label(text="Right: target for the left color", icon="BLANK1")
     elif left is None:
         layout.label(text="", icon="BLANK1")
     elif isinf(left):
-        layout.label(text=translate("{name} has no such color: pick it there", name=item.name), icon="ERROR")
+        layout.label(text=translate("{name} has no such color: pick one on it", name=item.name), icon="ERROR")
     else:
         layout.label(
-            text=translate("What is left is {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
+            text=translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
             icon="CHECKMARK" if left < INVISIBLE else "BLANK1",
         )
 
@@ -95,7 +96,7 @@ def how_visible(difference):
 
 
 class KARF_MT_seeing_pie(bpy.types.Menu):
-    """What is shown of the active view"""
+    """Contents of the Image Editor"""
 
     bl_idname = "KARF_MT_seeing_pie"
     bl_label = "KaRF: Show"
@@ -104,29 +105,17 @@ class KARF_MT_seeing_pie(bpy.types.Menu):
         self.layout.menu_pie().prop(context.window_manager.karf_seeing, "mode", expand=True)
 
 
-class _Memory:
-    """The keys in the add-ons' key map."""
-
-    keys: list = []
-
-
-def register_keys():
+@session.setup
+def _keys():
     """Put the keys into the key map of add-ons; in background mode there is none."""
     keymaps = bpy.context.window_manager.keyconfigs.addon
     if keymaps is None:
+        yield
         return
-    keymap = keymaps.keymaps.new("Image", space_type="IMAGE_EDITOR")
-    pie = keymap.keymap_items.new("karf.seeing_pie", KEY, "PRESS", alt=True)
-    flip = keymap.keymap_items.new("karf.flip_looks", looks.KEY, "PRESS")
-    before_after = keymap.keymap_items.new("karf.before_after", KEY, "PRESS")
-    _Memory.keys = [(keymap, item) for item in (before_after, pie, flip)]
-
-
-def unregister_keys():
-    """Take the keys out again."""
-    for keymap, item in _Memory.keys:
-        keymap.keymap_items.remove(item)
-    _Memory.keys = []
-
-
-CLASSES = (KARF_MT_seeing_pie,)
+    items = keymaps.keymaps.new("Image", space_type="IMAGE_EDITOR").keymap_items
+    pie = items.new("karf.seeing_pie", KEY, "PRESS", alt=True)
+    flip = items.new("karf.flip_looks", looks.KEY, "PRESS")
+    before_after = items.new("karf.before_after", KEY, "PRESS")
+    yield
+    for item in (before_after, pie, flip):
+        items.remove(item)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import bpy
 
+from .. import session
 from ..host import messages, windows
 from ..host.labels import draw_text
 from ..host.words import translatable
@@ -142,12 +143,9 @@ DECIDING = (
 )
 
 
-def register():
-    """Draw both sidebars again when one of them comes or goes."""
+@session.setup
+def _redraw_when_moved():
     for key in DECIDING:
         messages.listen(key, windows.redraw_sidebars)
-
-
-def unregister():
-    """No longer do so."""
+    yield
     messages.forget(windows.redraw_sidebars)

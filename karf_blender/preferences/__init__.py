@@ -4,7 +4,6 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
-from ..engine import installing, probing, removing
 from ..engine_api import Options, bounds_of
 from ..host.labels import draw_text
 from . import color_book, managing, state, testing
@@ -74,18 +73,3 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         if color_book.known().problem:
             draw_text(layout, color_book.known().problem, "ERROR", testing.WIDTH)
         testing.draw_test(layout)
-
-
-def register():
-    """Called when the extension is enabled."""
-    bpy.utils.register_class(KARF_AP_preferences)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    installing.unregister()
-    removing.unregister()
-    state.unregister()
-    color_book.forget()
-    probing.cancel()
-    bpy.utils.unregister_class(KARF_AP_preferences)

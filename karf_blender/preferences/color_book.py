@@ -4,11 +4,13 @@ Whoever watches the disk calls `refresh`, and so does the choice of another file
 timers never fire: there every question looks at the file.
 """
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 import bpy
 
+from .. import session
 from ..engine_api import ColorBook, KarfError, Message, read_color_book
 from . import choices
 
@@ -22,27 +24,28 @@ class Known(NamedTuple):
     problem: Message | str = ""
 
 
-class _Memory:
+@dataclass
+class _State:
     """What was read last, and of which file and time."""
 
     key: tuple[str, int] = ("", 0)
-    known: Known = Known()
+    known: Known = field(default_factory=Known)
 
 
 def known() -> Known:
     """The chosen book as it was read last."""
     if not HAS_TIMER:
         refresh()
-    return _Memory.known
+    return session.get(_State).known
 
 
 def refresh() -> bool:
     """Read the book where another was chosen or its file has changed; True then. Never raises."""
     path = choices.current().color_book
     key = path, _written(path)
-    if key == _Memory.key:
+    if key == session.get(_State).key:
         return False
-    _Memory.key, _Memory.known = key, _read(path)
+    session.get(_State).key, session.get(_State).known = key, _read(path)
     return True
 
 
@@ -60,8 +63,3 @@ def _read(path: str) -> Known:
         return Known(read_color_book(path))
     except KarfError as error:
         return Known(problem=error.message)
-
-
-def forget() -> None:
-    """Called when the extension is disabled."""
-    _Memory.key, _Memory.known = ("", 0), Known()

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import bpy
 
+from .. import session
 from ..engine.managed import home
 from ..engine.managed.home import NONE, Status
 from ..engine_api import MissingDependency
@@ -45,7 +46,8 @@ class Engine:
         return self.managed.is_usable and self.python == home.Home(self.folder, self.managed.environment).python
 
 
-class _Memory:
+@dataclass
+class _State:
     """What was read last; how many bytes the managed environment takes, and the measuring that is at work."""
 
     engine: Engine = Engine()
@@ -57,24 +59,23 @@ def known() -> Engine:
     """What there was of the engine when the disk was read last."""
     if not HAS_TIMER:
         refresh()
-    return _Memory.engine
+    return session.get(_State).engine
 
 
 def disk_use() -> int | None:
     """Bytes that the managed environment takes; None while that is not known."""
-    return None if _Memory.measuring else _Memory.used
+    return None if session.get(_State).measuring else session.get(_State).used
 
 
 def refresh() -> bool:
     """Read the disk; True where something has changed. Never raises."""
-    before, _Memory.engine = _Memory.engine, _read()
-    if before == _Memory.engine:
+    before, session.get(_State).engine = session.get(_State).engine, _read()
+    if before == session.get(_State).engine:
         return False
-    _Memory.used = None
-    if _Memory.engine.managed.is_usable and HAS_TIMER:
-        _Memory.measuring = home.measure(_Memory.engine.folder)
-        if not bpy.app.timers.is_registered(_tick):
-            bpy.app.timers.register(_tick, persistent=True)
+    session.get(_State).used = None
+    if session.get(_State).engine.managed.is_usable and HAS_TIMER:
+        session.get(_State).measuring = home.measure(session.get(_State).engine.folder)
+        session.start_timer(_tick, persistent=True)
     return True
 
 
@@ -92,17 +93,10 @@ def _read() -> Engine:
 
 def _tick() -> float | None:
     """The timer: measures some folders of the environment, which has thousands."""
-    counted = list(islice(_Memory.measuring, SLICE))
+    counted = list(islice(session.get(_State).measuring, SLICE))
     if counted:
-        _Memory.used = counted[-1]
+        session.get(_State).used = counted[-1]
         return SLICE_SECONDS
-    _Memory.measuring = None
+    session.get(_State).measuring = None
     windows.redraw("PREFERENCES")
     return None
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    _Memory.engine, _Memory.used, _Memory.measuring = Engine(), None, None

@@ -4,20 +4,21 @@ A slow timer reads it again, and so do the events that change something: a job's
 undo, load and save. In background mode nothing is drawn and timers never fire: there every question reads the disk.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..engine_api import KarfError
-from ..host import handlers, windows
+from ..host import windows
 from ..preferences import color_book, state
 from . import contents, folders
 
 HAS_TIMER = not bpy.app.background
 REFRESH_SECONDS = 2.0
+READ = "disk_read"  # event, where anything is drawn
 
 
 @dataclass(frozen=True)
@@ -51,17 +52,17 @@ class Contents:
     unsure: tuple[tuple[str, float, bool], ...] = ()
 
 
-class _Memory:
-    """What was read last, each scene's under what it depends on; and what is called when the disk was read."""
+@dataclass
+class _State:
+    """What was read last, each scene's under what it depends on."""
 
-    scenes: Mapping[tuple[str, ...], Contents] = {}
-    listeners: list[Callable[[], None]] = []
+    scenes: Mapping[tuple[str, ...], Contents] = field(default_factory=dict)
 
 
 def contents_of(scene: bpy.types.Scene) -> Contents:
     """What there was of the scene when the disk was read last; nothing where that has not happened yet."""
     _refresh_if_untimed()
-    return _Memory.scenes.get(_key(scene), Contents())
+    return session.get(_State).scenes.get(_key(scene), Contents())
 
 
 def refresh() -> bool:
@@ -72,22 +73,12 @@ def refresh() -> bool:
 
 def _refresh() -> bool:
     """The same, without looking into folders of masks whose times have not changed."""
-    before = _Memory.scenes
-    _Memory.scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
+    before = session.get(_State).scenes
+    session.get(_State).scenes = {_key(scene): _read(scene) for scene in bpy.data.scenes}
     has_new_engine, has_new_book = state.refresh(), color_book.refresh()
-    for listener in _Memory.listeners if HAS_TIMER else ():
-        listener()
-    return has_new_engine or has_new_book or before != _Memory.scenes
-
-
-def listen(listener: Callable[[], None]) -> None:
-    """Have a function called whenever the disk was read, where anything is drawn."""
-    _Memory.listeners.append(listener)
-
-
-def forget(listener: Callable[[], None]) -> None:
-    """No longer call it."""
-    _Memory.listeners.remove(listener)
+    if HAS_TIMER:
+        session.notify(READ)
+    return has_new_engine or has_new_book or before != session.get(_State).scenes
 
 
 def _refresh_if_untimed() -> None:
@@ -127,25 +118,13 @@ def _tick() -> float:
     return REFRESH_SECONDS
 
 
-@persistent
+@session.handler("load_post", "save_post", "undo_post", "redo_post")
 def _after_change(*_):
     refresh()
 
 
-HANDLERS = tuple((name, _after_change) for name in ("load_post", "save_post", "undo_post", "redo_post"))
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
+@session.setup
+def _watch():
     if HAS_TIMER:
-        bpy.app.timers.register(_tick, persistent=True)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    # a timer left behind hangs or crashes some Blender versions at exit
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    handlers.remove(HANDLERS)
-    _Memory.scenes = {}
+        session.start_timer(_tick, persistent=True)
+    yield

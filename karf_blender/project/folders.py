@@ -1,11 +1,13 @@
 """Where files lie: paths as the .blend stores them (relative to it once it is saved) and as the disk knows them."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 
 from ... import __package__ as extension
+from .. import session
 from ..engine_api import BadRequest, Project
 
 PATH_PROPERTIES = ("project", "capture", "masks", "out", "frames", "nerf", "ocio")
@@ -79,7 +81,7 @@ def relocated(path: str, old: Path, new: Path) -> str:
 
 def relocate(old: Path, new: Path) -> None:
     """Let all scenes know a folder, and what is in it, by its new place."""
-    _Memory.is_rebasing = True
+    session.get(_State).is_rebasing = True
     try:
         for scene in bpy.data.scenes:
             for name in PATH_PROPERTIES:
@@ -87,10 +89,11 @@ def relocate(old: Path, new: Path) -> None:
                 if (moved := relocated(path, old, new)) != path:
                     setattr(scene.karf, name, moved)
     finally:
-        _Memory.is_rebasing = False
+        session.get(_State).is_rebasing = False
 
 
-class _Memory:
+@dataclass
+class _State:
     """Whether paths are being rewritten."""
 
     is_rebasing: bool = False
@@ -98,16 +101,16 @@ class _Memory:
 
 def is_rebasing() -> bool:
     """True while paths are rewritten: they name the same places as before."""
-    return _Memory.is_rebasing
+    return session.get(_State).is_rebasing
 
 
 def rebase(source: str, target: str) -> None:
     """Rewrite the relative paths of all scenes from one .blend's place to another's; an empty place: absolute."""
-    _Memory.is_rebasing = True
+    session.get(_State).is_rebasing = True
     try:
         _rebase(source, target)
     finally:
-        _Memory.is_rebasing = False
+        session.get(_State).is_rebasing = False
 
 
 def _rebase(source: str, target: str) -> None:

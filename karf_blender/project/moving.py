@@ -6,23 +6,24 @@ It is copied, the .blend is saved with its new place, and only then the old fold
 import contextlib
 import shutil
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
 from ... import __package__ as extension
+from .. import session
 from ..engine_api import BadRequest, DataError
-from ..host import handlers
 from . import captures, disk, folders
 
 USERS = "used_by.txt"  # in a project of the extension's own folder: the .blend files that were saved with it
 
 
-class _Memory:
+@dataclass
+class _State:
     """Projects that have moved in this session, from where and where to: undo knows their old places."""
 
-    moved: dict[Path, Path] = {}
+    moved: dict[Path, Path] = field(default_factory=dict)
 
 
 def is_hidden(scene: bpy.types.Scene) -> bool:
@@ -56,7 +57,7 @@ def move(scene: bpy.types.Scene) -> Path:
         raise BadRequest("This file was not saved yet.", "Save it first: the project moves beside it.")
     old, new = folders.project_of(scene).folder, place_beside(scene)
     _copy(old, new)
-    _Memory.moved[old] = new
+    session.get(_State).moved[old] = new
     _relocate(old, new)
     captures.forget()
     disk.refresh()
@@ -124,7 +125,7 @@ def _users(project: Path) -> set[str]:
     return {line for line in lines if Path(line).is_file()}
 
 
-@persistent
+@session.handler("save_post")
 def _after_save(*_):
     for scene in bpy.data.scenes if bpy.data.filepath else ():
         if is_hidden(scene) and (folder := folders.project_of(scene).folder).is_dir():
@@ -133,31 +134,12 @@ def _after_save(*_):
                 (folder / USERS).write_text("\n".join(sorted(known)), encoding="utf-8")
 
 
-@persistent
+@session.handler("undo_post", "redo_post", phase=session.Phase.STATE)
 def _after_undo(*_):
-    for old, new in _Memory.moved.items():
+    for old, new in session.get(_State).moved.items():
         _relocate(old, new)
 
 
-@persistent
+@session.handler("load_post", phase=session.Phase.STATE)
 def _after_load(*_):
-    _Memory.moved.clear()
-
-
-HANDLERS = (
-    ("save_post", _after_save),
-    ("undo_post", _after_undo),
-    ("redo_post", _after_undo),
-    ("load_post", _after_load),
-)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
-    _Memory.moved.clear()
+    session.get(_State).moved.clear()

@@ -8,6 +8,3 @@ class KARF_PG_look(bpy.types.PropertyGroup):
     """All swatches as they once stood, under a name."""
 
     edit: StringProperty(description="The JSON of edit.json")
-
-
-CLASSES = (KARF_PG_look,)

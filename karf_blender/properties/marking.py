@@ -51,6 +51,3 @@ class KARF_PG_marking(bpy.types.PropertyGroup):
         update=_switched,
     )
     step: IntProperty(description="The number of the last stroke, which undo takes back")
-
-
-CLASSES = (KARF_PG_marked_object, KARF_PG_marking)

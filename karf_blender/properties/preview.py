@@ -10,6 +10,3 @@ class KARF_PG_preview(bpy.types.PropertyGroup):
     long_side: IntProperty(
         name="Long Side", subtype="PIXEL", default=512, min=96, max=2048, description="Of the followed camera's picture"
     )
-
-
-CLASSES = (KARF_PG_preview,)

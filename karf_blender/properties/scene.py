@@ -220,6 +220,3 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
     match: PointerProperty(type=KARF_PG_match)
     result: PointerProperty(name="Result", type=bpy.types.Image, description="The recolored picture")
     marking: PointerProperty(type=KARF_PG_marking)
-
-
-CLASSES = (KARF_PG_view, KARF_PG_scene)

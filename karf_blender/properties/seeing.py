@@ -62,6 +62,3 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
     outlines: BoolProperty(
         name="Outlines", description="A line round every object", default=True, update=_overlay_changed
     )
-
-
-CLASSES = (KARF_PG_seeing,)

@@ -21,6 +21,3 @@ class KARF_PG_surface(bpy.types.PropertyGroup):
     splat: PointerProperty(
         name="Splat", type=bpy.types.Object, description="The object of splats that has the colors of the swatches"
     )
-
-
-CLASSES = (KARF_PG_surface,)

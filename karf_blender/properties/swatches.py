@@ -201,6 +201,3 @@ class KARF_PG_match(bpy.types.PropertyGroup):
     )
     view: StringProperty(name="View", description="The view that was painted over")
     left: CollectionProperty(type=KARF_PG_left)
-
-
-CLASSES = (KARF_PG_swatch, KARF_PG_object, KARF_PG_left, KARF_PG_match)

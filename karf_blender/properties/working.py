@@ -29,6 +29,3 @@ class KARF_PG_looking(bpy.types.PropertyGroup):
         description="Hide the other cameras and the sparse points while one camera is looked through",
         update=_hiding_switched,
     )
-
-
-CLASSES = (KARF_PG_folding, KARF_PG_looking)

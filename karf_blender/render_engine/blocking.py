@@ -7,25 +7,33 @@ for the next frame of an animation, and ends when none comes for a while.
 import shutil
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
 
-from .. import preferences
+from .. import preferences, session
 from ..engine.failures import disk_errors
 from ..engine.worker import Worker, error_from_event
 from ..engine_api import WARM, Cancelled, KarfError, Request, new_job
 from ..project import folders
-from ..tasks import timer
 
 POLL_SECONDS = 0.005
 IDLE_MINUTES = 1
 
 
-class _Memory:
+@dataclass
+class _State:
     """The worker, if one waits."""
 
     worker: Worker | None = None
+
+    def close(self) -> None:
+        """End the worker, whose folder goes with it."""
+        if self.worker is not None:
+            self.worker.end()
+            shutil.rmtree(self.worker.folder, ignore_errors=True)
+            self.worker = None
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
@@ -72,26 +80,23 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
 
 def stop() -> None:
     """End the worker, whose folder goes with it."""
-    worker, _Memory.worker = _Memory.worker, None
-    if worker is not None:
-        worker.end()
-        shutil.rmtree(worker.folder, ignore_errors=True)
+    session.get(_State).close()
 
 
 def _worker(scene: bpy.types.Scene) -> Worker:
     python, threads = preferences.engine_python(), preferences.current().threads
-    worker = _Memory.worker
+    worker = session.get(_State).worker
     if worker is not None and (not worker.suits(python, threads) or _has_ended(worker)):
         stop()
-    if _Memory.worker is None:
+    if session.get(_State).worker is None:
         project = folders.project_of(scene)
         with disk_errors():
             folder = new_job(project, WARM)
         options = {"idle_minutes": IDLE_MINUTES} | ({"threads": threads} if threads else {})
         worker = Worker()
         worker.begin(python, Request(WARM, project.folder, options), folder, threads)
-        _Memory.worker = worker
-    return _Memory.worker
+        session.get(_State).worker = worker
+    return session.get(_State).worker
 
 
 def _has_ended(worker: Worker) -> bool:
@@ -104,9 +109,6 @@ def _leave(worker: Worker) -> None:
     try:
         worker.check()
     except KarfError:
-        _Memory.worker = None
+        session.get(_State).worker = None
         raise
     stop()
-
-
-timer.at_end(stop)

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 
 import bpy
 
+from .. import session
+
 NAME = "KARF"
 # what KaRF has no use for, of the panels that every engine without its own would show
 LEFT_OUT = {
@@ -15,19 +17,16 @@ LEFT_OUT = {
 }
 
 
-def register():
-    """Show them."""
-    for panel in _panels():
-        panel.COMPAT_ENGINES.add(NAME)
-
-
-def unregister():
-    """Hide them again."""
-    for panel in _panels():
-        panel.COMPAT_ENGINES.discard(NAME)
-
-
 def _panels() -> Iterator[type]:
     for panel in bpy.types.Panel.__subclasses__():
         if "BLENDER_RENDER" in getattr(panel, "COMPAT_ENGINES", ()) and panel.__name__ not in LEFT_OUT:
             yield panel
+
+
+@session.setup
+def _panels_of_blender():
+    for panel in _panels():
+        panel.COMPAT_ENGINES.add(NAME)
+    yield
+    for panel in _panels():
+        panel.COMPAT_ENGINES.discard(NAME)

@@ -8,7 +8,7 @@ from . import compatible, passes, still
 from .viewport import Viewport
 
 
-class KarfRenderEngine(bpy.types.RenderEngine):
+class KARF_RE_engine(bpy.types.RenderEngine):
     """The recolored scene from any camera."""
 
     bl_idname = compatible.NAME

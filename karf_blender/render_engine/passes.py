@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
+from .. import session
 from ..nodes.sockets import swatch_socket
 from ..swatches import colors
 
@@ -89,3 +90,10 @@ def pixels_of(each: Pass, arrays: dict[str, np.ndarray], to_blender: float) -> n
         return np.zeros((height, width, len(each.channels)), np.float32)
     found = array[each.index]
     return found if found.ndim == 3 else found[..., None]
+
+
+@session.setup
+def _layer_properties():
+    bpy.types.ViewLayer.karf = bpy.props.PointerProperty(type=KARF_PG_layer)
+    yield
+    del bpy.types.ViewLayer.karf

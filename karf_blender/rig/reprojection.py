@@ -10,9 +10,9 @@ import blf
 import bpy
 import gpu
 import numpy as np
-from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 
+from .. import session
 from ..engine_api import (
     Capture,
     ErrorSummary,
@@ -52,17 +52,17 @@ class Check:
     batches: list = field(default_factory=list)
 
 
-class _Memory:
-    """The check of the view that was looked through last, and the handlers that draw it."""
+@dataclass
+class _State:
+    """The check of the view that was looked through last."""
 
     check: Check | None = None
-    handlers: tuple = ()
 
 
 # --- numbers -------------------------------------------------------------------------------------------------------
 def remember(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
     """Remember the errors of a view of the scene's capture; captures without points have none."""
-    _Memory.check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
+    session.get(_State).check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
 
 
 def check(path: Path, capture: Capture, name: str) -> Check:
@@ -96,7 +96,7 @@ def _colors(errors: np.ndarray) -> np.ndarray:
 
 def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> Check | None:
     """What is known of a camera of the scene's rig; None where it was not looked through last."""
-    known = _Memory.check
+    known = session.get(_State).check
     if known is None or camera is None or camera.parent is None or camera.parent != scene.karf.rig:
         return None
     is_same = camera.karf_view == known.view and captures.path_of(scene) == known.capture
@@ -116,7 +116,7 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 def forget() -> None:
     """Drop the numbers."""
-    _Memory.check = None
+    session.get(_State).check = None
 
 
 # --- the overlay ---------------------------------------------------------------------------------------------------
@@ -165,7 +165,7 @@ def _draw_numbers() -> None:
     blf.disable(0, blf.SHADOW)
 
 
-@persistent
+@session.handler("load_post", phase=session.Phase.READ)
 def _after_load(*_):
     # the numbers were another file's, and the cameras are not looked through yet
     forget()
@@ -175,20 +175,13 @@ def _after_load(*_):
             scene.karf.show_reprojection = False
 
 
-def register():
-    """Called when the extension is enabled."""
-    add = bpy.types.SpaceView3D.draw_handler_add
-    _Memory.handlers = (
-        add(_draw_points, (), "WINDOW", "POST_VIEW"),
-        add(_draw_numbers, (), "WINDOW", "POST_PIXEL"),
+@session.setup
+def _overlay():
+    space = bpy.types.SpaceView3D
+    handlers = (
+        space.draw_handler_add(_draw_points, (), "WINDOW", "POST_VIEW"),
+        space.draw_handler_add(_draw_numbers, (), "WINDOW", "POST_PIXEL"),
     )
-    bpy.app.handlers.load_post.append(_after_load)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    bpy.app.handlers.load_post.remove(_after_load)
-    for handler in _Memory.handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
-    _Memory.handlers = ()
-    forget()
+    yield
+    for handler in handlers:
+        space.draw_handler_remove(handler, "WINDOW")

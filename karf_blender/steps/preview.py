@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
-from ..host import handlers, rendering, windows
+from ..host import rendering, windows
 from ..host.words import translatable
 from ..pictures import editors, images, settling
 from ..render_engine import camera_pixels
@@ -60,7 +60,8 @@ class _Live:
     is_seen: bool = True
 
 
-class _Memory:
+@dataclass
+class _State:
     """The camera that is followed, if one is."""
 
     live: _Live | None = None
@@ -68,12 +69,12 @@ class _Memory:
 
 def is_live() -> bool:
     """Whether the scene's camera is followed."""
-    return _Memory.live is not None
+    return session.get(_State).live is not None
 
 
 def message() -> str:
     """Why the followed camera has no picture, or an old one; empty where it has one."""
-    live = _Memory.live
+    live = session.get(_State).live
     if live is None:
         return ""
     return live.message if live.is_seen else UNSEEN
@@ -91,14 +92,13 @@ def start(scene: bpy.types.Scene) -> None:
     image = free_camera.image()
     if image is not None:
         editors.reveal(image, is_wanted=True, is_whole=True)
-    _Memory.live = _Live(Owner.of(scene))
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=0.0, persistent=True)
+    session.get(_State).live = _Live(Owner.of(scene))
+    session.start_timer(_tick, persistent=True)
 
 
 def stop() -> None:
     """Follow no camera; its last picture stays."""
-    _Memory.live = None
+    session.get(_State).live = None
     shown.follow_no_camera()
 
 
@@ -142,7 +142,7 @@ def _taken(answer: dict[str, Any]) -> ShownView:
 # --- following -----------------------------------------------------------------------------------------------------
 def _tick() -> float | None:
     """The timer: looks at camera and swatches, and ends itself when no camera is followed."""
-    live = _Memory.live
+    live = session.get(_State).live
     scene = live.owner.find() if live else None
     if scene is None:
         stop()
@@ -194,13 +194,13 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
             KIND,
             _options(scene, camera, side),
             partial(_take, live.asked),
-            lambda error: _say(_Memory.live, error),
+            lambda error: _say(session.get(_State).live, error),
         )
 
 
 def _take(asked: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
     """Show an answer, unless another camera is wanted by now."""
-    view, live = _taken(answer), _Memory.live
+    view, live = _taken(answer), session.get(_State).live
     if live is None or live.asked != asked:
         return
     live.asked, live.view, live.message = None, view, ""
@@ -230,24 +230,7 @@ def _say(live: _Live | None, error: KarfError) -> None:
         live.message, live.asked, live.sides = error.message, None, ()
 
 
-@persistent
+@session.handler("save_pre")
 def _before_save(*_):
     # pixels that are only in memory are not saved
     settling.pack(free_camera.image())
-
-
-HANDLERS = (("save_pre", _before_save),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
-    stop()
-    # a timer left behind hangs or crashes some Blender versions at exit
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)

@@ -5,16 +5,16 @@ colors, the next ones when the last have come.
 """
 
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
-from .. import progress
+from .. import progress, session
 from ..engine_api import BadRequest, KarfError, Message
-from ..host import handlers, rendering, windows
+from ..host import rendering, windows
 from ..project import captures, folders
 from ..render_engine import camera_pixels
 from ..surface import splat_objects
@@ -32,10 +32,11 @@ KIND = "harmonics"
 LOOK_SECONDS = 0.05
 
 
-class _Memory:
+@dataclass
+class _State:
     """What the object of each scene (by `session_uid`) has, or was asked for: see `_wanted`."""
 
-    asked: dict[int, str] = {}
+    asked: dict[int, str] = field(default_factory=dict)
 
 
 # --- files ---------------------------------------------------------------------------------------------------------
@@ -136,7 +137,7 @@ def _look() -> float | None:
     """Called by the timer as long as an object follows."""
     followed = [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
     if runner.is_running():
-        _Memory.asked.clear()  # what a task learns changes the splats, and meanwhile the cores are its own
+        session.get(_State).asked.clear()  # what a task learns changes the splats, and meanwhile the cores are its own
     elif rendering.is_over() and not queries.is_waiting(KIND):
         changed = next((scene for scene in followed if _has_changed(scene)), None)
         if changed is not None:
@@ -147,7 +148,7 @@ def _look() -> float | None:
 def _has_changed(scene: bpy.types.Scene) -> bool:
     item = splat_objects.find(scene)
     is_ready = item is not None and item.mode != "EDIT" and scene.karf.project
-    return bool(is_ready) and _wanted(scene) != _Memory.asked.get(scene.session_uid)
+    return bool(is_ready) and _wanted(scene) != session.get(_State).asked.get(scene.session_uid)
 
 
 def _wanted(scene: bpy.types.Scene) -> str:
@@ -157,7 +158,7 @@ def _wanted(scene: bpy.types.Scene) -> str:
 
 
 def _ask(scene: bpy.types.Scene) -> None:
-    _Memory.asked[scene.session_uid] = _wanted(scene)
+    session.get(_State).asked[scene.session_uid] = _wanted(scene)
     points = splat_objects.points_of(scene.karf.surface.splat)
     queries.send(scene, KIND, {"edit": edits.edit_option(scene), "points": points}, _take)
 
@@ -174,36 +175,22 @@ def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
     harmonics = camera_pixels.arrays_of(answer)["harmonics"]
     item = splat_objects.find(scene)
     if item is None or item.mode == "EDIT":
-        _Memory.asked.pop(scene.session_uid, None)
+        session.get(_State).asked.pop(scene.session_uid, None)
         return
     splat_objects.write(item, harmonics)
     windows.redraw("VIEW_3D")
 
 
-@persistent
+@session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
 def _after_undo(*_):
     # undo may take colors back that came after a swatch had changed
-    _Memory.asked.clear()
+    session.get(_State).asked.clear()
     _start()
 
 
-@persistent
+@session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
     # an object that was saved has the colors of the swatches that were saved: the engine starts when one changes
     followed = [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
-    _Memory.asked = {scene.session_uid: _wanted(scene) for scene in followed}
+    session.get(_State).asked = {scene.session_uid: _wanted(scene) for scene in followed}
     _start()
-
-
-HANDLERS = (("undo_post", _after_undo), ("redo_post", _after_undo), ("load_post", _after_load))
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
-    _Memory.asked.clear()

@@ -9,7 +9,7 @@ import bpy
 from ..engine_api import BadRequest, Message, Palette, Request, extended_palettes, read_points
 from ..host import windows
 from ..project import folders
-from ..surface import export, placing
+from ..surface import export, scene_object
 from ..swatches import colors
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
@@ -71,9 +71,9 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     points = points.with_edges(palettes, {name: own for name, own in colors.edges(scene).items() if name in ours})
     points, palettes = points.with_added(palettes, added), extended_palettes(palettes, added)
     known = following.known_of(scene, palettes)
-    is_first = placing.find(scene) is None
-    karf.surface.item, node = placing.build(
-        placing.find(scene), karf.rig, points, palettes, following.edited(scene, known)
+    is_first = scene_object.find(scene) is None
+    karf.surface.item, node = scene_object.build(
+        scene_object.find(scene), karf.rig, points, palettes, following.edited(scene, known)
     )
     following.follow(scene, node, known)
     following.say_others(scene, palettes, "points")
@@ -110,7 +110,7 @@ def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads")
     Raises:
         BadRequest: There is no such object, or no such kind of file.
     """
-    item = placing.find(scene)
+    item = scene_object.find(scene)
     if item is None:
         raise BadRequest("The scene is not shown in 3D yet.", "Press Show in 3D View first.")
     path = Path(path).absolute()

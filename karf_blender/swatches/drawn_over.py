@@ -10,6 +10,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
+from .. import session
 from ..host import windows
 from ..host.words import translate
 from . import free_camera, shown, views
@@ -22,12 +23,6 @@ TICKS = 4
 UNIT_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
 
 Rectangle = tuple[float, float, float, float]  # left, bottom, right, top, in pixels of the region
-
-
-class _Memory:
-    """The handlers that draw, and where."""
-
-    handlers: tuple = ()
 
 
 def redraw() -> None:
@@ -187,19 +182,12 @@ def _write(text: str, x: float, y: float) -> None:
     blf.disable(0, blf.SHADOW)
 
 
-def register():
-    """Called when the extension is enabled."""
-    _Memory.handlers = (
-        (
-            bpy.types.SpaceImageEditor,
-            bpy.types.SpaceImageEditor.draw_handler_add(_draw_in_image, (), "WINDOW", "POST_PIXEL"),
-        ),
-        (bpy.types.SpaceView3D, bpy.types.SpaceView3D.draw_handler_add(_draw_in_view, (), "WINDOW", "POST_PIXEL")),
-    )
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    for space, handler in _Memory.handlers:
+@session.setup
+def _overlays():
+    handlers = [
+        (space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL"))
+        for space, draw in ((bpy.types.SpaceImageEditor, _draw_in_image), (bpy.types.SpaceView3D, _draw_in_view))
+    ]
+    yield
+    for space, handler in handlers:
         space.draw_handler_remove(handler, "WINDOW")
-    _Memory.handlers = ()

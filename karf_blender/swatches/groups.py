@@ -8,20 +8,21 @@ added color moves its set (see `colors`), which is solved so that its pigment lo
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
-from .. import progress
+from .. import progress, session
 from ..engine_api import MAX_SRGB, AddedColor, BadRequest, KarfError, match_added_color, mean_weights
-from ..host import handlers, rendering
+from ..host import rendering
 from . import colors, keyframes, shown, surfaces
 
 UNREACHED = 0.05  # share of a pigment that added colors reach, up to which it is the learned swatches'
 
 
-class _Memory:
+@dataclass
+class _State:
     """Whether swatches are being set that no others must follow."""
 
     is_still: bool = False
@@ -30,16 +31,16 @@ class _Memory:
 @contextmanager
 def apart() -> Iterator[None]:
     """Set swatches inside this block without any other following."""
-    before, _Memory.is_still = _Memory.is_still, True
+    before, session.get(_State).is_still = session.get(_State).is_still, True
     try:
         yield
     finally:
-        _Memory.is_still = before
+        session.get(_State).is_still = before
 
 
 def follow(swatch: bpy.types.PropertyGroup) -> bool:
     """Let the swatches that move with one take its color; whether that was done, and is not itself such a following."""
-    if _Memory.is_still:
+    if session.get(_State).is_still:
         return False
     with apart():
         for each in together(swatch):
@@ -55,7 +56,7 @@ def follow(swatch: bpy.types.PropertyGroup) -> bool:
 
 def follow_surface(swatch: bpy.types.PropertyGroup) -> bool:
     """Let the swatches that are linked to one take its surface; as `follow`."""
-    if _Memory.is_still:
+    if session.get(_State).is_still:
         return False
     with apart():
         for each in linked(swatch):
@@ -245,7 +246,7 @@ def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], e
 
 
 # --- keyframes -----------------------------------------------------------------------------------------------------
-@persistent
+@session.handler("frame_change_post", phase=session.Phase.SOLVE)
 def _after_frame(scene, *_):
     """Keyframes move one swatch without its update; the others of its group follow here."""
     together = any(swatch.link or swatch.merged for item in scene.karf.objects for swatch in item.swatches)
@@ -259,16 +260,3 @@ def _after_frame(scene, *_):
                 follow(swatch)
             elif curve.tail[1:] in surfaces.NUMBERS:
                 follow_surface(swatch)
-
-
-HANDLERS = (("frame_change_post", _after_frame),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)

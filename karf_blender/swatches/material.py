@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..engine_api import KarfError, Palette, match_dragged, shown_colors
-from ..host import handlers, rendering
+from ..host import rendering
 from . import colors, groups, keyframes, shown
 
 
@@ -80,7 +80,7 @@ def _start(item: bpy.types.PropertyGroup, index: int, before: Sequence[float]) -
     return now
 
 
-@persistent
+@session.handler("frame_change_post", phase=session.Phase.SOLVE)
 def _after_frame(scene, *_):
     """Keyframes move one swatch without its update; the paint of the one that was dragged last follows here."""
     if not scene.karf.material or rendering.is_running():
@@ -90,16 +90,3 @@ def _after_frame(scene, *_):
         item = items.get(curve.object_name)
         if item and isinstance(curve.swatch, int) and curve.tail == ".color" and is_dragged(item, curve.swatch):
             _follow(item, curve.swatch, item.swatches[curve.swatch].last)
-
-
-HANDLERS = (("frame_change_post", _after_frame),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)

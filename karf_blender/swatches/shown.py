@@ -12,10 +12,10 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
-from ..host import handlers, rendering
+from ..host import rendering
 from ..pictures import images, settling
 from ..project import contents, folders
 from . import colors, object_masks, surfaces, views
@@ -64,7 +64,7 @@ class ShownScene:
             _refresh_later()
             return
         self.update_surfaces()
-        if _Registry.open_batches or self.scene.karf.result is None:
+        if session.get(_State).open_batches or self.scene.karf.result is None:
             return
         try:
             self.recolor()
@@ -85,7 +85,7 @@ class ShownScene:
 
     def update_surfaces(self) -> None:
         """Let the swatches be shown with their surfaces as they stand; never raises."""
-        if not _Registry.open_batches:
+        if not session.get(_State).open_batches:
             surfaces.update(self.scene, self.histogram, self.surfaces)
 
     def show_unedited(self) -> bpy.types.Image:
@@ -215,64 +215,67 @@ class ShownScene:
 
 
 # --- all scenes ----------------------------------------------------------------------------------------------------
-class _Registry:
+@dataclass
+class _State:
     """What is shown of each scene (by `session_uid`), and how many `batched` blocks are open."""
 
-    scenes: dict[int, ShownScene] = {}
+    scenes: dict[int, ShownScene] = field(default_factory=dict)
     open_batches: int = 0
 
 
 def of(scene: bpy.types.Scene) -> ShownScene:
     """What is shown of a scene."""
-    known = _Registry.scenes.get(scene.session_uid)
+    known = session.get(_State).scenes.get(scene.session_uid)
     if known is None:
-        known = _Registry.scenes[scene.session_uid] = ShownScene(scene)
+        known = session.get(_State).scenes[scene.session_uid] = ShownScene(scene)
     known.scene = scene
     return known
 
 
 def followed_camera() -> ShownView | None:
     """The planes of the camera that is followed, of whichever scene."""
-    return next((known.camera for known in _Registry.scenes.values() if known.camera is not None), None)
+    return next((known.camera for known in session.get(_State).scenes.values() if known.camera is not None), None)
 
 
 def follow_no_camera() -> None:
     """No camera is followed any more; its last picture stays as it is."""
-    for known in _Registry.scenes.values():
+    for known in session.get(_State).scenes.values():
         known.camera = None
 
 
 def forget(scene: bpy.types.Scene) -> None:
     """Read all of a scene anew at the next question. What its pictures show stays known."""
     known = of(scene)
-    _Registry.scenes[scene.session_uid] = ShownScene(scene, camera=known.camera, stand_in_key=known.stand_in_key)
+    session.get(_State).scenes[scene.session_uid] = ShownScene(
+        scene, camera=known.camera, stand_in_key=known.stand_in_key
+    )
 
 
 def forget_all() -> None:
     """Drop what is in memory of all scenes."""
-    _Registry.scenes.clear()
+    session.get(_State).scenes.clear()
 
 
 @contextmanager
 def batched(scene: bpy.types.Scene) -> Iterator[None]:
     """Change many swatches inside this block and get one new picture at its end."""
-    _Registry.open_batches += 1
+    session.get(_State).open_batches += 1
     try:
         yield
     finally:
-        _Registry.open_batches -= 1
+        session.get(_State).open_batches -= 1
     of(scene).refresh()
 
 
 def is_batched() -> bool:
     """Whether a `batched` block is open: a program sets swatches, no artist drags one."""
-    return _Registry.open_batches > 0
+    return session.get(_State).open_batches > 0
 
 
 def _refresh_changed() -> None:
     """Bring the pictures of all scenes up to date whose values have changed since; drop scenes that are gone."""
-    for uid in _Registry.scenes.keys() - {scene.session_uid for scene in bpy.data.scenes}:
-        del _Registry.scenes[uid]
+    for uid in session.get(_State).scenes.keys() - {scene.session_uid for scene in bpy.data.scenes}:
+        del session.get(_State).scenes[uid]
     for scene in bpy.data.scenes:
         of(scene).update_surfaces()
         if scene.karf.result is not None and colors.fingerprint(scene) != of(scene).values:
@@ -282,7 +285,7 @@ def _refresh_changed() -> None:
 def _refresh_later() -> None:
     # in background mode timers never fire; there a render's last handler follows
     if not bpy.app.background and not bpy.app.timers.is_registered(_catch_up):
-        bpy.app.timers.register(_catch_up, first_interval=RETRY_SECONDS)
+        session.start_timer(_catch_up, RETRY_SECONDS)
 
 
 def _catch_up() -> float | None:
@@ -294,48 +297,23 @@ def _catch_up() -> float | None:
 
 
 # --- handlers ------------------------------------------------------------------------------------------------------
-@persistent
+@session.handler("undo_post", "redo_post")
 def _after_undo(*_):
     # undo takes swatches back, but neither pixels nor update callbacks
     of(bpy.context.scene).refresh()
 
 
-@persistent
+@session.handler("frame_change_post", "depsgraph_update_post", "render_complete", "render_cancel")
 def _after_change(*_):
     # animated and driven swatches change without their update callback; a render job calls this on its own thread
     if not rendering.is_running():
         _refresh_changed()
 
 
-@persistent
+@session.handler("load_post")
 def _after_load(*_):
     forget_all()
     for scene in bpy.data.scenes:
         # a picture that was saved is that of the view that was active then
         of(scene).stand_in_key = views.stand_in_key(scene)
         of(scene).refresh()
-
-
-HANDLERS = (
-    ("undo_post", _after_undo),
-    ("redo_post", _after_undo),
-    ("frame_change_post", _after_change),
-    ("depsgraph_update_post", _after_change),
-    # after a render without a job: in background mode, or by a script. A job's end updates the dependency graph
-    ("render_complete", _after_change),
-    ("render_cancel", _after_change),
-    ("load_post", _after_load),
-)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
-    if bpy.app.timers.is_registered(_catch_up):
-        bpy.app.timers.unregister(_catch_up)
-    forget_all()

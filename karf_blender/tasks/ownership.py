@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..project import folders
 
 
-class _Session:
+@dataclass
+class _State:
     """Counts the files that were opened; a path does not distinguish a file from itself opened again, nor new files."""
 
     file: int = 0
@@ -26,12 +27,12 @@ class Owner:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "Owner":
-        return cls(_Session.file, scene.session_uid, _project_of(scene))
+        return cls(session.get(_State).file, scene.session_uid, _project_of(scene))
 
     @property
     def is_file_open(self) -> bool:
         """True while no other file was opened."""
-        return self.file == _Session.file
+        return self.file == session.get(_State).file
 
     def find(self) -> bpy.types.Scene | None:
         """The scene, if it is still there and works on the same project."""
@@ -51,16 +52,6 @@ def _project_of(scene: bpy.types.Scene) -> Path | None:
     return folders.project_of(scene).folder if scene.karf.project else None
 
 
-@persistent
+@session.handler("load_post", phase=session.Phase.STATE)
 def _after_load(*_):
-    _Session.file += 1
-
-
-def register():
-    """Called when the extension is enabled."""
-    bpy.app.handlers.load_post.append(_after_load)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    bpy.app.handlers.load_post.remove(_after_load)
+    session.get(_State).file += 1

@@ -12,7 +12,7 @@ from typing import Any
 
 import bpy
 
-from .. import preferences, progress
+from .. import preferences, progress, session
 from ..engine.failures import disk_error, disk_errors
 from ..engine.worker import Worker, error_from_event
 from ..engine_api import WARM, Event, KarfError, Request, new_job
@@ -39,10 +39,18 @@ class _Query:
     is_second: bool = False
 
 
-class _Memory:
+@dataclass
+class _State:
     """The worker that answers, if one does."""
 
     worker: Worker | None = None
+
+    def close(self) -> None:
+        """End the worker, whose folder goes with it."""
+        if self.worker is not None:
+            self.worker.end()
+            shutil.rmtree(self.worker.folder, ignore_errors=True)
+            self.worker = None
 
 
 def send(
@@ -88,16 +96,13 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 def is_waiting(kind: str) -> bool:
     """Whether a query of this kind has no answer yet."""
-    worker = _Memory.worker
+    worker = session.get(_State).worker
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 
 
 def stop() -> None:
     """End the worker, whose folder goes with it; of what was asked nothing more is heard."""
-    worker, _Memory.worker = _Memory.worker, None
-    if worker is not None:
-        worker.end()
-        shutil.rmtree(worker.folder, ignore_errors=True)
+    session.get(_State).close()
 
 
 def _begin(scene: bpy.types.Scene, kind: str, options: dict, on_answer: OnAnswer, on_error: OnError) -> None:
@@ -116,24 +121,24 @@ def _worker(scene: bpy.types.Scene) -> Worker:
     """The worker that answers, as the preferences want it; a fresh one where there is none."""
     python, threads = preferences.engine_python(), preferences.current().threads
     _take_replies()  # it may have ended since somebody waited last
-    if _Memory.worker is not None and not _Memory.worker.suits(python, threads):
+    if session.get(_State).worker is not None and not session.get(_State).worker.suits(python, threads):
         stop()
-    if _Memory.worker is None:
+    if session.get(_State).worker is None:
         project = folders.project_of(scene)
         with disk_errors():
             folder = new_job(project, WARM)
         worker = Worker()
         worker.begin(python, Request(WARM, project.folder, {"threads": threads} if threads else {}), folder, threads)
-        _Memory.worker = worker
-    return _Memory.worker
+        session.get(_State).worker = worker
+    return session.get(_State).worker
 
 
 def _take_replies() -> None:
     """Hand out what was answered, and take leave of a worker that has ended."""
-    worker = _Memory.worker
+    worker = session.get(_State).worker
     for query, event in worker.replies() if worker else ():
         _hand_out(query, event)
-    if worker is not None and worker.ended and worker is _Memory.worker:
+    if worker is not None and worker.ended and worker is session.get(_State).worker:
         _leave(worker)
 
 
@@ -156,7 +161,7 @@ def _leave(worker: Worker) -> None:
     try:
         worker.check()
     except KarfError as error:
-        _Memory.worker, failure = None, error
+        session.get(_State).worker, failure = None, error
     else:
         stop()
         failure = None
@@ -186,7 +191,4 @@ def _poll() -> float | None:
     """Called by the timer as long as somebody waits for an answer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
-    return POLL_SECONDS if _Memory.worker is not None and _Memory.worker.unanswered else None
-
-
-timer.at_end(stop)
+    return POLL_SECONDS if session.get(_State).worker is not None and session.get(_State).worker.unanswered else None

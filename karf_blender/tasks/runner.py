@@ -6,12 +6,12 @@ the cores it is given. Its worker is kept for a moment, for the next job.
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
-from bpy.app.handlers import persistent
 
-from .. import engine_api, preferences, progress
+from .. import engine_api, preferences, progress, session
 from ..engine.failures import disk_errors, log_tail
 from ..engine.worker import Worker
 from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request, new_job
@@ -25,6 +25,7 @@ from .task import Task
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
 KEEP_SECONDS = 60.0  # that the worker waits for the next job; half of it counts on it
+STATUS_CHANGED, JOB_DONE = "status_changed", "job_done"  # events: of the running task; with its request and seconds
 REPORTED = ("internal", "dependency")  # codes of errors that the log explains
 
 
@@ -46,7 +47,7 @@ class _Running:
         self._began = time.monotonic()
         with disk_errors():
             folder = new_job(Project(request.project), request.stage)
-        _worker.begin(self._python, request, folder, self._threads)
+        _worker().begin(self._python, request, folder, self._threads)
 
     def advance(self) -> bool:
         """Let Blender do what follows an ended job, and begin the next.
@@ -57,13 +58,12 @@ class _Running:
         Raises:
             KarfError: The job failed, or what follows it.
         """
-        if not _worker.ended:
+        if not _worker().ended:
             return False
-        _worker.check()
-        for timekeeper in _timekeepers:
-            timekeeper(_worker.request, time.monotonic() - self._began)
+        _worker().check()
+        session.notify(JOB_DONE, _worker().request, time.monotonic() - self._began)
         with disk_errors():
-            self.task.after(_worker.request)
+            self.task.after(_worker().request)
         self._done += 1
         if self._done == len(self.task.requests):
             return True
@@ -73,30 +73,25 @@ class _Running:
         return False
 
 
-_running: list[_Running] = []
-_worker = Worker(KEEP_SECONDS)
-_listeners: list[Callable[[], None]] = []
-_timekeepers: list[Callable[[Request, float], None]] = []
+@dataclass
+class _State:
+    """The task at work, if one is, and the worker that it runs in."""
+
+    running: list[_Running] = field(default_factory=list)
+    worker: Worker = field(default_factory=lambda: Worker(KEEP_SECONDS))
+
+    def close(self) -> None:
+        """End both."""
+        _end()
+        self.worker.end()
 
 
-def listen(listener: Callable[[], None]) -> None:
-    """Have a function called whenever the status of the running task alongside the interface has changed."""
-    _listeners.append(listener)
+def _worker() -> Worker:
+    return session.get(_State).worker
 
 
-def forget(listener: Callable[[], None]) -> None:
-    """No longer call it."""
-    _listeners.remove(listener)
-
-
-def keep_time(timekeeper: Callable[[Request, float], None]) -> None:
-    """Have a function called with every job that is done and the seconds that it took."""
-    _timekeepers.append(timekeeper)
-
-
-def forget_time(timekeeper: Callable[[Request, float], None]) -> None:
-    """No longer call it."""
-    _timekeepers.remove(timekeeper)
+def _running() -> list[_Running]:
+    return session.get(_State).running
 
 
 def _draw_all() -> None:
@@ -105,20 +100,19 @@ def _draw_all() -> None:
 
 def _redraw(draw: Callable[[], None]) -> None:
     draw()
-    for listener in _listeners:
-        listener()
+    session.notify(STATUS_CHANGED)
 
 
 def is_running() -> bool:
     """True while a task is at work."""
-    return bool(_running)
+    return bool(_running())
 
 
 def current_request(scene: bpy.types.Scene) -> Request | None:
     """What the engine is doing for the scene's project; None where it does nothing for it."""
-    if not _running or not scene.karf.project:
+    if not _running() or not scene.karf.project:
         return None
-    request = _worker.request
+    request = _worker().request
     return request if request.project == folders.project_of(scene).folder else None
 
 
@@ -146,8 +140,8 @@ def wait(task: Task) -> None:
     try:
         done = False
         while not done:
-            stage = _worker.request.stage
-            for event in _worker.poll():
+            stage = _worker().request.stage
+            for event in _worker().poll():
                 _show(running, event)
                 if event.kind != "progress" or time.monotonic() > quiet_until:
                     quiet_until = time.monotonic() + PRINT_SECONDS
@@ -169,34 +163,34 @@ def cancel() -> None:
     Raises:
         BadRequest: None runs.
     """
-    if not _running:
+    if not _running():
         raise BadRequest("No KaRF job is running.", "")
-    _worker.cancel()
-    _running[0].is_stopping = True
+    _worker().cancel()
+    _running()[0].is_stopping = True
     progress.state().text = "Stopping"
 
 
 def release() -> None:
     """End the worker where it only waits for a next job: its Python may be replaced."""
-    if not _running:
-        _worker.end()
+    if not _running():
+        _worker().end()
 
 
 def _begin(task: Task) -> _Running:
-    if _running:
-        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_running[0].task.title)
+    if _running():
+        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_running()[0].task.title)
     running = _Running(task, preferences.engine_python(), preferences.current().threads)
-    _running.append(running)
+    _running().append(running)
     progress.begin(task.label)
     return running
 
 
 def _end() -> None:
     """Forget the running task; its job is ended where it is still at work."""
-    while _running:
-        _running.pop()
-        if not _worker.ended:
-            _worker.end()
+    while _running():
+        _running().pop()
+        if not _worker().ended:
+            _worker().end()
         progress.state().running = False
         disk.refresh()
 
@@ -208,19 +202,19 @@ def _finish(error: KarfError | None) -> None:
     elif error is not None:
         progress.fail(error)
         if error.code in REPORTED:
-            state.job = str(_worker.folder)
-            print(f"The end of {_worker.folder / engine_api.LOG_FILE}:\n{log_tail(_worker.folder)}", flush=True)
+            state.job = str(_worker().folder)
+            print(f"The end of {_worker().folder / engine_api.LOG_FILE}:\n{log_tail(_worker().folder)}", flush=True)
     else:
         state.text = "done"
 
 
 def _poll() -> float | None:
     """Called by the timer as long as a task runs: shows what it has reported."""
-    if not _running:
+    if not _running():
         return None
-    running = _running[0]
+    running = _running()[0]
     try:
-        events = _worker.poll()
+        events = _worker().poll()
         for event in events:
             if not running.is_stopping:
                 _show(running, event)
@@ -251,32 +245,14 @@ def _show(running: _Running, event: Event) -> None:
     """Show an event in the panel, a preview in an Image Editor."""
     course, task = running.course, running.task
     if course is not None and event.kind == "progress":
-        course.take(event, _worker.request.stage, time.monotonic())
+        course.take(event, _worker().request.stage, time.monotonic())
     progress.show_event(task.label, event, course and (course.share(), course.left()))
     if event.kind == "preview" and task.is_file_open and not rendering.is_running():
         editors.show_preview(Path(event["path"]))
 
 
-def _stop() -> None:
-    _end()
-    _worker.end()
-
-
-@persistent
+@session.handler("load_post", phase=session.Phase.STATE)
 def _after_load(*_):
     # a file saved during a job remembers its progress; the job is not in the file
     progress.state().running = is_running()
     progress.dismiss()
-
-
-def register():
-    """Called when the extension is enabled."""
-    bpy.app.handlers.load_post.append(_after_load)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    bpy.app.handlers.load_post.remove(_after_load)
-
-
-timer.at_end(_stop)

@@ -1,25 +1,28 @@
 """At the first save of a file whose project lies in the extension's own folder: shall it move beside the file?"""
 
-import bpy
-from bpy.app.handlers import persistent
+from dataclasses import dataclass, field
 
-from ..host import handlers, windows
+import bpy
+
+from .. import session
+from ..host import windows
 from ..project import disk, moving
 
 ASK_SECONDS = 0.1  # after a save, until Blender takes questions again
 
 
-class _Memory:
+@dataclass
+class _State:
     """The projects that were asked about in this session."""
 
-    asked: set[str] = set()
+    asked: set[str] = field(default_factory=set)
 
 
 def window_to_ask() -> bpy.types.Window | None:
     """A window whose scene has a project that nobody was asked about yet, and nobody wants to leave where it is."""
     for window in bpy.data.window_managers[0].windows:
         karf = window.scene.karf
-        if moving.is_hidden(window.scene) and not karf.stays_hidden and karf.project not in _Memory.asked:
+        if moving.is_hidden(window.scene) and not karf.stays_hidden and karf.project not in session.get(_State).asked:
             return window
     return None
 
@@ -34,28 +37,11 @@ def _ask() -> None:
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=window, area=area, region=region):
         if bpy.ops.karf.move_project.poll():
-            _Memory.asked.add(window.scene.karf.project)
+            session.get(_State).asked.add(window.scene.karf.project)
             bpy.ops.karf.move_project("INVOKE_DEFAULT")
 
 
-@persistent
+@session.handler("save_post")
 def _after_save(*_):
     if not bpy.app.background and bpy.data.filepath and not bpy.app.timers.is_registered(_ask):
-        bpy.app.timers.register(_ask, first_interval=ASK_SECONDS)
-
-
-HANDLERS = (("save_post", _after_save),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    handlers.remove(HANDLERS)
-    # a timer left behind hangs or crashes some Blender versions at exit
-    if bpy.app.timers.is_registered(_ask):
-        bpy.app.timers.unregister(_ask)
-    _Memory.asked.clear()
+        session.start_timer(_ask, ASK_SECONDS)

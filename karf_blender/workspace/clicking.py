@@ -5,6 +5,7 @@ The message bus reports the user's clicks alone: undo brings the active view bac
 
 import bpy
 
+from .. import session
 from ..host import messages, rendering, windows
 
 
@@ -28,11 +29,8 @@ def _clicked() -> None:
     choose_clicked(window.scene, window.view_layer)
 
 
-def register():
-    """Called when the extension is enabled."""
+@session.setup
+def _listen():
     messages.listen((bpy.types.LayerObjects, "active"), _clicked)
-
-
-def unregister():
-    """Called when the extension is disabled."""
+    yield
     messages.forget(_clicked)

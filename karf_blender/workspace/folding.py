@@ -4,10 +4,12 @@ What the user folds or opens by hand stays so until the next step is done. The s
 disk was read; what is open belongs to the session.
 """
 
-import bpy
-from bpy.app.handlers import persistent
+from dataclasses import dataclass, field
 
-from ..host import handlers, windows
+import bpy
+
+from .. import session
+from ..host import windows
 from ..project import disk
 from . import states
 from .states import DONE, RUNNING, STALE, STEPS
@@ -16,11 +18,12 @@ from .states import DONE, RUNNING, STALE, STEPS
 FOLDERS = ("import", "learn", "segment", "palette")
 
 
-class _Memory:
+@dataclass
+class _State:
     """The scene that was looked at last, and how its steps stood."""
 
     scene: int | None = None
-    kinds: dict[str, str] = {}
+    kinds: dict[str, str] = field(default_factory=dict)
 
 
 def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
@@ -46,38 +49,23 @@ def _next(kinds: dict[str, str]) -> tuple[str, ...]:
     return ("learn", "mark") if first == "learn" and kinds["mark"] != DONE else (first,)
 
 
+@session.listener(disk.READ)
 def update() -> None:
     """Fold and open the panels of the main window's scene where its steps have changed."""
     scene = bpy.data.window_managers[0].windows[0].scene
     kinds = {step: states.state_of(scene, step).kind for step in STEPS}
     if RUNNING in kinds.values():  # how it stands is known when it has ended
         return
-    before = _Memory.kinds if scene.session_uid == _Memory.scene else {}
+    before = session.get(_State).kinds if scene.session_uid == session.get(_State).scene else {}
     if kinds == before:
         return
-    _Memory.scene, _Memory.kinds = scene.session_uid, kinds
+    session.get(_State).scene, session.get(_State).kinds = scene.session_uid, kinds
     folding = bpy.data.window_managers[0].karf_folding
     for step, is_open in opened(before, kinds).items():
         setattr(folding, f"show_{step}", is_open)
     windows.redraw(*windows.PANEL_AREAS)
 
 
-@persistent
+@session.handler("load_pre")
 def _forget(*_):
-    _Memory.scene, _Memory.kinds = None, {}
-
-
-HANDLERS = (("load_pre", _forget),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
-    disk.listen(update)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    disk.forget(update)
-    handlers.remove(HANDLERS)
-    _forget()
+    session.get(_State).scene, session.get(_State).kinds = None, {}

@@ -4,10 +4,12 @@ It comes from a file that `tools/window/make_workspace.py` has made.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 
+from .. import session
 from ..host import windows
 
 FILE = Path(__file__).with_name("workspace.blend")
@@ -16,7 +18,8 @@ LATER, TRIES = 0.2, 20  # seconds between two looks, and how many: a sidebar kno
 ASIDE = "UI"
 
 
-class _Memory:
+@dataclass
+class _State:
     """How often it is still looked whether the sidebars are drawn, and what is done then."""
 
     tries: int = 0
@@ -38,36 +41,25 @@ def set_up(*then: Callable[[bpy.types.Window], None]) -> None:
     Args:
         then: Called with each of these windows, one after the other, when what the one before has changed is drawn.
     """
-    _Memory.tries, _Memory.then = TRIES, then
+    session.get(_State).tries, session.get(_State).then = TRIES, then
     if not bpy.app.background and not bpy.app.timers.is_registered(_show_tabs):
-        bpy.app.timers.register(_show_tabs, first_interval=LATER)
+        session.start_timer(_show_tabs, LATER)
 
 
 def _show_tabs() -> float | None:
-    _Memory.tries -= 1
+    session.get(_State).tries -= 1
     shown = [window for window in bpy.data.window_managers[0].windows if window.workspace.name == NAME]
     areas = [area for window in shown for area in window.screen.areas if area.type in windows.PANEL_AREAS]
     sidebars = [region for area in areas for region in area.regions if region.type == ASIDE]
     if not sidebars:  # the window is not there yet
-        return LATER if _Memory.tries else None
+        return LATER if session.get(_State).tries else None
     try:
         for region in sidebars:
             region.active_panel_category = TAB
             region.tag_redraw()
     except (AttributeError, TypeError):  # it has no tabs yet
-        return LATER if _Memory.tries else None
-    for window in shown if _Memory.then else ():
-        _Memory.then[0](window)
-    _Memory.then = _Memory.then[1:]
-    return LATER if _Memory.then else None
-
-
-def register():
-    """Called when the extension is enabled."""
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    # a timer left behind hangs or crashes some Blender versions at exit
-    if bpy.app.timers.is_registered(_show_tabs):
-        bpy.app.timers.unregister(_show_tabs)
+        return LATER if session.get(_State).tries else None
+    for window in shown if session.get(_State).then else ():
+        session.get(_State).then[0](window)
+    session.get(_State).then = session.get(_State).then[1:]
+    return LATER if session.get(_State).then else None

@@ -1,10 +1,10 @@
 """Image Editors show the picture of their window's scene: when a file is opened, and when another scene is chosen."""
 
 import bpy
-from bpy.app.handlers import persistent
 
+from .. import session
 from ..engine_api import KarfError
-from ..host import handlers, messages, rendering
+from ..host import messages, rendering
 from ..pictures import editors
 from ..project import contents
 from ..swatches import shown
@@ -46,21 +46,13 @@ def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
     return [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
 
 
-@persistent
+@session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
     show_again()
 
 
-HANDLERS = (("load_post", _after_load),)
-
-
-def register():
-    """Called when the extension is enabled."""
-    handlers.add(HANDLERS)
+@session.setup
+def _listen():
     messages.listen((bpy.types.Window, "scene"), show_own)
-
-
-def unregister():
-    """Called when the extension is disabled."""
+    yield
     messages.forget(show_own)
-    handlers.remove(HANDLERS)

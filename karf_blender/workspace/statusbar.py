@@ -2,6 +2,7 @@
 
 import bpy
 
+from .. import session
 from ..host.words import translate
 from ..tasks import runner
 
@@ -24,6 +25,7 @@ def draw_progress(row, state):
     row.operator("karf.cancel", text="", icon="CANCEL")
 
 
+@session.listener(runner.STATUS_CHANGED)
 def redraw() -> None:
     """Draw the status bars again. They are not areas that Python knows: setting their text is what redraws them.
 
@@ -45,15 +47,10 @@ def _header() -> type:
     return header
 
 
-def register():
-    """Called when the extension is enabled."""
+@session.setup
+def _in_status_bar():
     header = _header()
     header.append(draw)
     header._draw_orig = header.draw
-    runner.listen(redraw)
-
-
-def unregister():
-    """Called when the extension is disabled."""
-    runner.forget(redraw)
+    yield
     _header().remove(draw)

@@ -123,9 +123,13 @@ def test_the_dialog_offers_what_there_is_for_the_system(addon, system, builds):
 
 def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch):
     api = addon.engine_api
-    monkeypatch.setattr(addon.installing._Memory, "error", api.DataError("The disk is full.", "Free some space."))
+    monkeypatch.setattr(
+        addon.session.get(addon.installing._State), "error", api.DataError("The disk is full.", "Free some space.")
+    )
     assert "The disk is full. Free some space." in drawn_preferences(bpy, chosen)
-    monkeypatch.setattr(addon.installing._Memory, "error", api.Cancelled("The installation was cancelled."))
+    monkeypatch.setattr(
+        addon.session.get(addon.installing._State), "error", api.Cancelled("The installation was cancelled.")
+    )
     assert "cancelled" not in drawn_preferences(bpy, chosen)
 
 
@@ -179,7 +183,7 @@ def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, mo
         cancel=lambda: cancelled.append(True),
     )
     assert not bpy.ops.karf.cancel_installation.poll()
-    monkeypatch.setattr(addon.installing._Memory, "installation", at_work)
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "installation", at_work)
     drawn = drawn_preferences(bpy, chosen)
     assert "Installing torch, 151 of 351 MB" in drawn and "karf.cancel_installation" in drawn
     for name in ("install_engine", "remove_engine", "examine_engine"):
@@ -216,4 +220,4 @@ def test_a_folder_of_others_is_not_removed(bpy, addon, chosen, tmp_path):
     addon.removing._begin(tmp_path)
     run_to_end(addon.removing._tick)
     assert "was not made by KaRF" in drawn_preferences(bpy, chosen) and (tmp_path / "film.blend").exists()
-    addon.removing._Memory.error = None
+    addon.session.get(addon.removing._State).error = None

@@ -84,7 +84,7 @@ def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amis
 
 def test_a_test_that_hangs_is_cancelled(bpy, addon, chosen, tmp_path):
     addon.probing._begin(sleeper(tmp_path), tmp_path, 0)
-    process = addon.probing._Memory.examination._process
+    process = addon.session.get(addon.probing._State).examination._process
     assert addon.probing._tick() == addon.probing.POLL_SECONDS
     assert bpy.ops.karf.cancel_examination() == {"FINISHED"}
     assert process.poll() is not None and not addon.probing.is_running()
@@ -92,10 +92,10 @@ def test_a_test_that_hangs_is_cancelled(bpy, addon, chosen, tmp_path):
 
 def test_disabling_the_extension_ends_the_test_and_its_timer(bpy, addon, chosen, tmp_path):
     addon.probing._begin(sleeper(tmp_path), tmp_path, 0)
-    process = addon.probing._Memory.examination._process
-    bpy.app.timers.register(addon.probing._tick, first_interval=60, persistent=True)
-    addon.preferences.unregister()
-    addon.preferences.register()
+    process = addon.session.get(addon.probing._State).examination._process
+    addon.session.start_timer(addon.probing._tick, 60, persistent=True)
+    addon.extension.unregister()
+    addon.extension.register()
     assert process.poll() is not None and not bpy.app.timers.is_registered(addon.probing._tick)
 
 

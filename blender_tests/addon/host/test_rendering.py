@@ -101,12 +101,10 @@ def test_a_cancelled_render_leaves_the_picture_following(bpy, addon, film):
 def test_disabling_in_the_middle_leaves_no_handler_and_no_timer(bpy, addon, film, while_rendering):
     names = [name for name in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, name), list)]
     before = {name: len(getattr(bpy.app.handlers, name)) for name in names}
-    addon.shown.unregister()
-    addon.rendering.unregister()
+    addon.extension.unregister()
     after = {name: len(getattr(bpy.app.handlers, name)) for name in names}
     ours = [h for name in names for h in getattr(bpy.app.handlers, name) if h.__module__ == addon.shown.__name__]
-    addon.rendering.register()
-    addon.shown.register()
+    addon.extension.register()
     assert not ours and after != before
     assert {name: len(getattr(bpy.app.handlers, name)) for name in names} == before
     assert not bpy.app.timers.is_registered(addon.shown._catch_up)

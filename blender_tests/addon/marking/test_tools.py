@@ -21,9 +21,9 @@ def in_toolbar(bpy, addon):
 
 def test_the_tools_come_and_go_with_the_extension(addon, in_toolbar):
     assert in_toolbar() == NAMES
-    addon.tools.unregister()
+    addon.extension.unregister()
     assert in_toolbar() == []
-    addon.tools.register()
+    addon.extension.register()
     assert in_toolbar() == NAMES
 
 
@@ -35,9 +35,9 @@ def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_i
         addon.tools.take_up(bpy.context, area)
     taken = window.workspace.tools.from_space_image_mode("VIEW")
     assert taken.idname == "karf.mark_box"
-    addon.tools.unregister()
+    addon.extension.unregister()
     assert window.workspace.tools.from_space_image_mode("VIEW").idname == addon.tools.BLENDERS
-    addon.tools.register()
+    addon.extension.register()
 
 
 def test_every_key_of_the_tools_calls_an_operator_that_there_is(bpy, addon):

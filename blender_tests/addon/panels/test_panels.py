@@ -55,7 +55,7 @@ def test_without_an_engine_the_first_open_step_leads_to_one(bpy, addon, draw, ca
 
 def test_an_installation_shows_in_the_sidebar_too(addon, draw, monkeypatch):
     at_work = SimpleNamespace(progress=SimpleNamespace(fraction=0.4, title="Installing torch"))
-    monkeypatch.setattr(addon.installing._Memory, "installation", at_work)
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "installation", at_work)
     assert "Engine: Installing torch" in draw()
 
 
@@ -76,11 +76,11 @@ def test_the_view_to_mark_next_and_what_is_unsure_are_in_the_panel(addon, learne
     project.finish("segmentation", "s")
     addon.engine_api.write_json(project.segmentation_report, report)
     shown = draw()
-    assert "Mark next: photo_2" in shown and "Any view helps about as much" not in shown
-    assert "pot: 25 % unsure, where no mark shows it" in " ".join(shown)  # in lines of the panel's width
+    assert "Mark next: photo_2" in shown and "All views would help about equally" not in shown
+    assert "pot: 25 % unsure, not visible in any marked view" in " ".join(shown)  # in lines of the panel's width
     addon.engine_api.write_json(project.segmentation_report, report | {"any_view_helps": True})
     shown = draw()
-    assert "Mark next: photo_2" in shown and "Any view helps about as much" in shown
+    assert "Mark next: photo_2" in shown and "All views would help about equally" in shown
 
 
 def test_the_button_of_splat_objects_is_there_where_one_is_active_or_follows(bpy, addon, learned, draw):
@@ -150,7 +150,7 @@ def test_errors_of_sparse_points_are_shown_where_there_are_points(
     bpy, addon, capture_folder, tmp_path, draw, monkeypatch
 ):
     addon.headless.import_capture(capture_folder, tmp_path / "project")
-    assert "No sparse points to check cameras by" in draw()
+    assert "There are no sparse points to check the cameras with" in draw()
     bpy.context.scene.karf.n_points = 7
     assert {"show_reprojection", "Look through a view to see its errors"} <= set(draw())
     known = SimpleNamespace(summary=addon.engine_api.ErrorSummary(7, 0.5, 2.25))
@@ -174,7 +174,7 @@ def draw_dialog(bpy, addon):
     def draw(name):
         drawn = []
         operator = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=getattr(bpy.ops.karf, name).get_rna_type())
-        kind = next(each for each in addon.render.CLASSES if each.bl_idname == f"karf.{name}")
+        kind = next(each for each in vars(addon.render).values() if getattr(each, "bl_idname", "") == f"karf.{name}")
         bound = {each: getattr(kind, each).__get__(operator) for each in ("draw", "draw_what")}
         vars(operator).update(bound)
         operator.draw(bpy.context)
@@ -325,7 +325,7 @@ def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path
 def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips = addon.chips
     chips.icon((1.0, 0.25, 0.0))
-    pixels = chips._Chips.icons["#ff4000"].icon_pixels_float[:]
+    pixels = addon.session.get(chips._State).icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
 
 
@@ -344,9 +344,9 @@ def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
     left = addon.shown.of(learned).left_to_target(pot)
-    assert f"What is left is visible ({left:.1f})" in draw()
+    assert f"Remaining difference: visible ({left:.1f})" in draw()
     bpy.ops.karf.becomes(object_name="pot")
-    assert "What is left is invisible" in " ".join(draw())
+    assert "Remaining difference: invisible" in " ".join(draw())
 
 
 def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, monkeypatch):
@@ -362,7 +362,7 @@ def test_the_words_of_the_field_are_under_advanced(bpy, addon, learned, draw, mo
     for button, name in (("karf.import_capture", "photo_space"), ("karf.learn_all", "nerf")):
         after = drawn.index(button)
         assert after < drawn.index("Advanced", after) < drawn.index(name)
-    assert "pot: what is left is visible side by side (2.0, was 9.0)" in drawn
+    assert "pot: the remaining difference is visible side by side (2.0, was 9.0)" in drawn
     assert "CIEDE2000" not in " ".join(drawn)
     monkeypatch.setattr(Layout, "panel", lambda self, *_, **__: (self.row(), None))  # folded, as they are at first
     drawn = draw()
@@ -377,7 +377,7 @@ def test_apply_stays_in_its_place_whatever_the_colors_are(bpy, addon, learned, d
         pot.source, pot.target = source, target
         places.add(draw().index("karf.becomes"))
     assert len(places) == 1
-    assert "pot has no such color: pick it there" in draw()
+    assert "pot has no such color: pick one on it" in draw()
 
 
 def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave_with_the_extension(bpy, addon):
@@ -388,7 +388,7 @@ def test_the_keys_of_before_and_after_are_in_the_image_editors_key_map_and_leave
 
     wanted = {("karf.before_after", "C", False), ("karf.seeing_pie", "C", True)}
     assert wanted <= keys()
-    addon.seeing.unregister_keys()
+    addon.extension.unregister()
     assert not wanted & keys()
-    addon.seeing.register_keys()
+    addon.extension.register()
     assert wanted <= keys()

@@ -190,9 +190,11 @@ def test_in_background_mode_every_question_reads_the_disk(bpy, addon, learned):
 
 
 def test_disabling_the_extension_leaves_no_timer_and_no_handler(bpy, addon):
-    bpy.app.timers.register(addon.disk._tick, first_interval=60, persistent=True)
-    before = [len(getattr(bpy.app.handlers, name)) for name, _ in addon.disk.HANDLERS]
-    addon.disk.unregister()
-    assert not bpy.app.timers.is_registered(addon.disk._tick)
-    assert [len(getattr(bpy.app.handlers, name)) for name, _ in addon.disk.HANDLERS] == [n - 1 for n in before]
-    addon.disk.register()
+    addon.session.start_timer(addon.disk._tick, 60, persistent=True)
+    events = addon.disk._after_change.karf_events
+    addon.extension.unregister()
+    left = [event for event in events if addon.disk._after_change in getattr(bpy.app.handlers, event)]
+    is_timed = bpy.app.timers.is_registered(addon.disk._tick)
+    addon.extension.register()
+    assert not left and not is_timed
+    assert all(addon.disk._after_change in getattr(bpy.app.handlers, event) for event in events)

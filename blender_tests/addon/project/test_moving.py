@@ -102,9 +102,9 @@ def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved,
     saved.karf.stays_hidden = True
     assert asking.window_to_ask() is None and bpy.ops.karf.move_project.poll()
     saved.karf.stays_hidden = False
-    asking._Memory.asked.add(saved.karf.project)
+    addon.session.get(asking._State).asked.add(saved.karf.project)
     assert asking.window_to_ask() is None
-    asking._Memory.asked.clear()
+    addon.session.get(asking._State).asked.clear()
     bpy.ops.karf.move_project()
     assert asking.window_to_ask() is None and not bpy.ops.karf.move_project.poll()
 

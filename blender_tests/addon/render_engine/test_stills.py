@@ -163,7 +163,7 @@ def test_a_cancelled_render_ends_the_worker(addon, scene, monkeypatch):
     depsgraph = scene.view_layers[0].depsgraph
     with pytest.raises(addon.engine_api.Cancelled):
         addon.still.render(engine, depsgraph)
-    assert addon.blocking._Memory.worker is None
+    assert addon.session.get(addon.blocking._State).worker is None
 
 
 @pytest.mark.parametrize(
@@ -196,8 +196,8 @@ def test_blenders_panels_are_there_while_the_extension_is_enabled(bpy, addon):
         }
 
     assert {"RENDER_PT_format", "RENDER_PT_output", "DATA_PT_lens", "KARF_PT_passes"} <= known()
-    addon.compatible.unregister()
+    addon.extension.unregister()
     try:
         assert known() == {"KARF_PT_passes"}
     finally:
-        addon.compatible.register()
+        addon.extension.register()

@@ -138,10 +138,3 @@ def test_a_capture_without_points_says_so(addon, scene, capture_folder, tmp_path
 def test_a_model_chosen_by_a_file_in_it_is_the_capture_of_its_folder(addon, scene, colmap_folder, tmp_path):
     addon.headless.import_capture(colmap_folder / "sparse" / "0" / "images.txt", tmp_path / "project")
     assert addon.folders.absolute(scene.karf.capture) == colmap_folder
-
-
-def test_drawing_goes_and_comes_with_the_extension(addon):
-    added = addon.reprojection._Memory.handlers
-    addon.reprojection.unregister()
-    assert len(added) == 2 and addon.reprojection._Memory.handlers == ()
-    addon.reprojection.register()

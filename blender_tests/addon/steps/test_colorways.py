@@ -73,8 +73,8 @@ def test_the_dialog_lists_every_color_with_its_difference_and_the_reason(bpy, ad
     drawn = []
     dialog = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=bpy.ops.karf.render_colorways.get_rna_type())
     operators.KARF_OT_render_colorways.draw(dialog, bpy.context)
-    assert "3 colors, 1 of them cannot be reached. Numbers: difference from the wanted, 1 is just visible" in drawn
-    assert any(text.startswith("Cannot be reached, because no sRGB picture") for text in drawn)
+    assert "3 colors, 1 out of reach. Numbers: difference from the wanted color; 1 is just visible" in drawn
+    assert any(text.startswith("Out of reach: no sRGB picture") for text in drawn)
 
 
 def test_colorways_wait_for_palettes(bpy, addon, learned):

@@ -19,7 +19,7 @@ def scene_of_splats(addon, learned):
 @pytest.fixture
 def beside(bpy, addon, scene_of_splats, monkeypatch):
     """The scene as beside the interface. `settle()` is Blender's timer, until nothing is to be done any more."""
-    pretend_window(bpy, monkeypatch, addon.splats, addon.queries, addon.timer)
+    pretend_window(bpy, monkeypatch, addon.splats, addon.queries, addon.session)
     asked = []
     send = addon.queries.send
     monkeypatch.setattr(addon.queries, "send", lambda *arguments: (asked.append(arguments[2]), send(*arguments)))
@@ -35,7 +35,7 @@ def beside(bpy, addon, scene_of_splats, monkeypatch):
         return asked[before:]
 
     yield SimpleNamespace(settle=settle, asked=asked, karf=scene_of_splats.karf)
-    addon.timer._polls.clear()
+    addon.session.get(addon.timer._State).polls.clear()
 
 
 def set_pot(addon, color):

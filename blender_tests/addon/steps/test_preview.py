@@ -18,7 +18,7 @@ def live(bpy, addon, learned, monkeypatch):
     learned.render.resolution_x, learned.render.resolution_y = 300, 150
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     bpy.context.window_manager.karf_preview.long_side = LONG_SIDE
-    pretend_window(bpy, monkeypatch, addon.preview, addon.queries, addon.timer)
+    pretend_window(bpy, monkeypatch, addon.preview, addon.queries, addon.session)
     sides = []
     take = addon.preview._take
 
@@ -80,7 +80,7 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     before = picture(bpy, addon)
     live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.2 + 0.4, 0.1)
     addon.preview._tick()
-    assert addon.queries._Memory.worker is None
+    assert addon.session.get(addon.queries._State).worker is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 

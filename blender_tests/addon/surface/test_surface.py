@@ -126,29 +126,29 @@ def test_the_radius_scales_faces_round_their_centers(bpy, addon, points, shown):
         return np.array([face.area for face in data.polygons]) ** 0.5, np.array([f.center for f in data.polygons])
 
     before, centers = sides()
-    addon.placing.radius_node(shown).outputs[0].default_value = 2
+    addon.scene_object.radius_node(shown).outputs[0].default_value = 2
     after, same = sides()
     np.testing.assert_allclose(after, 2 * before, rtol=1e-3)
     np.testing.assert_allclose(same, centers, atol=1e-5)
 
 
 def test_made_again_it_is_the_same_object_and_the_radius_stays(bpy, addon, learned, points, points_file, shown):
-    addon.placing.radius_node(shown).outputs[0].default_value = 1.5
+    addon.scene_object.radius_node(shown).outputs[0].default_value = 1.5
     shown.location.x, shown.hide_render = 3, True
     meshes, groups, objects = len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)
     again = addon.headless.show_scene(points=points_file)
     assert again == shown and again.location.x == 3 and again.hide_render
     assert (len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)) == (meshes, groups, objects)
-    assert addon.placing.radius_node(again).outputs[0].default_value == 1.5
+    assert addon.scene_object.radius_node(again).outputs[0].default_value == 1.5
     set_edit(addon)
     assert np.abs(colors_of(bpy, again) - recolored(points)).max() < 0.51 / 255
 
 
 def test_deleted_it_is_made_anew(bpy, addon, learned, points_file, shown):
     bpy.data.objects.remove(shown)
-    assert addon.placing.find(learned) is None
+    assert addon.scene_object.find(learned) is None
     made = addon.headless.show_scene(points=points_file)
-    assert addon.placing.find(learned) == made
+    assert addon.scene_object.find(learned) == made
 
 
 OPENED_BY_ANOTHER = """
@@ -251,7 +251,7 @@ def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, t
 
 def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
     names = ["鍋" * 60 + end for end in "ab"]
-    attributes = {addon.mesh.weight_attribute(name, 1) for name in names}
+    attributes = {addon.trees.weight_attribute(name, 1) for name in names}
     data = bpy.data.meshes.new("long")
     assert {data.attributes.new(name, "FLOAT", "FACE").name for name in attributes} == attributes
     assert len(attributes) == 2

@@ -130,7 +130,7 @@ def test_all_sidebars_show_what_was_done_to_looks(bpy, addon, two, monkeypatch):
 def test_leaving_a_changed_look_says_that_undo_brings_it_back(bpy, addon, two, capfd):
     addon.headless.set_swatch("pot", 1, RED)
     bpy.ops.karf.flip_looks()
-    assert "B had changed since it was kept: undo brings that back" in capfd.readouterr().out
+    assert "B had changed since you kept it: undo restores the changes" in capfd.readouterr().out
 
 
 def test_looks_are_renamed_moved_and_removed(bpy, addon, two):

@@ -283,7 +283,10 @@ def test_a_scene_read_anew_leaves_what_others_have_in_memory(addon, two_scenes):
 def test_what_a_removed_scene_has_shown_leaves_memory(bpy, addon, two_scenes):
     first, second = two_scenes
     uid = second.session_uid
-    assert uid in addon.shown._Registry.scenes
+    assert uid in addon.session.get(addon.shown._State).scenes
     bpy.data.scenes.remove(second)
     first.frame_set(first.frame_current)
-    assert uid not in addon.shown._Registry.scenes and first.session_uid in addon.shown._Registry.scenes
+    assert (
+        uid not in addon.session.get(addon.shown._State).scenes
+        and first.session_uid in addon.session.get(addon.shown._State).scenes
+    )

@@ -29,7 +29,7 @@ def beside(bpy, addon, monkeypatch):
         "is_registered": staticmethod(lambda tick: tick in started),
         "register": staticmethod(lambda tick, **how: started.append(tick)),
     })})  # fmt: skip
-    for module in (addon.queries, addon.timer):
+    for module in (addon.queries, addon.session):
         monkeypatch.setattr(module, "bpy", type("Bpy", (), {"app": app, "types": bpy.types}))
     return started
 
@@ -172,7 +172,7 @@ def test_other_threads_in_the_preferences_start_another_worker(addon, project_sc
 
 def test_disabling_the_extension_ends_the_worker(addon, project_scene):
     query(addon, project_scene)
-    worker = addon.queries._Memory.worker
-    addon.timer.unregister()
-    addon.timer.register()
+    worker = addon.session.get(addon.queries._State).worker
+    addon.extension.unregister()
+    addon.extension.register()
     assert worker.ended and worker._process.poll() is not None

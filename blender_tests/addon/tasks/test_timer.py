@@ -6,8 +6,8 @@ import pytest
 @pytest.fixture
 def timer(addon):
     yield addon.timer
-    addon.timer.unregister()
-    addon.timer.register()
+    addon.extension.unregister()
+    addon.extension.register()
 
 
 def counted(*seconds):

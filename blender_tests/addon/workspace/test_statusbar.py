@@ -11,12 +11,12 @@ def drawn(bpy, addon):
 
 def test_what_an_installation_puts_back_draws_the_job_too(bpy, addon, drawn):
     workspace, header = bpy.data.workspaces[0], bpy.types.STATUSBAR_HT_header
-    addon.statusbar.unregister()
+    addon.extension.unregister()
     header.draw = header.draw._draw_funcs[0]  # nothing was ever added in this session
     if hasattr(header, "_draw_orig"):
         del header._draw_orig
     workspace.status_text_set("Installing")  # as the operator does that then enables the extension
-    addon.statusbar.register()
+    addon.extension.register()
     workspace.status_text_set(None)
     assert drawn() == 1
 
@@ -24,10 +24,10 @@ def test_what_an_installation_puts_back_draws_the_job_too(bpy, addon, drawn):
 def test_a_tool_with_its_own_status_is_followed_by_the_job_again(bpy, addon, drawn):
     workspace = bpy.data.workspaces[0]
     workspace.status_text_set(lambda header, context: None)
-    addon.statusbar.unregister()
-    addon.statusbar.register()
+    addon.extension.unregister()
+    addon.extension.register()
     workspace.status_text_set(None)
     assert drawn() == 1
-    addon.statusbar.unregister()
+    addon.extension.unregister()
     assert drawn() == 0
-    addon.statusbar.register()
+    addon.extension.register()

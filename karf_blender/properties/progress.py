@@ -37,6 +37,3 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     job: StringProperty(description="Folder of the failed job, where its log tells more of why")
     hint: StringProperty()
     folder: StringProperty(description="Where files were written last")
-
-
-CLASSES = (KARF_PG_color, KARF_PG_colorways, KARF_PG_progress)
