@@ -16,7 +16,7 @@ from ..timers import run_to_end
 def begin(addon, scene, behave, after=lambda request: None):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
     addon.runner._begin(addon.runner.Task("Trial", (request,), after))
-    return addon.runner._worker()
+    return addon.runner._jobs().worker
 
 
 def drawn_status(bpy, addon):
@@ -173,4 +173,4 @@ def test_what_the_engine_has_started_ends_with_it(addon, tmp_path, monkeypatch):
 
 def test_cancel_says_that_the_step_resumes(bpy, addon):
     description = bpy.ops.karf.cancel.get_rna_type().description
-    assert "resumes where it stood" in description
+    assert "again to resume" in description
