@@ -38,7 +38,7 @@ def _gltf(data: bpy.types.Mesh, path: str) -> None:
 
 def _usd(data: bpy.types.Mesh, path: str) -> None:
     if not data.polygons:
-        raise BadRequest("Points alone are shown by no program that reads USD.", "Choose quads, or write a PLY file.")
+        raise BadRequest("No program that reads USD shows single points.", "Choose quads, or write a PLY file.")
     data.materials.clear()
     data.attributes[mesh.COLOR].name = USD_COLOR
     bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)
@@ -69,12 +69,12 @@ def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: st
     write = WRITERS.get(path.suffix.lower())
     if write is None:
         raise BadRequest(
-            "{path} has an ending that is not known.", "Give one of {endings}.", path=path, endings=", ".join(WRITERS)
+            "{path} has an unknown file extension.", "Use one of {endings}.", path=path, endings=", ".join(WRITERS)
         )
     if not _has_exporter(path):
         raise BadRequest(
-            "This Blender has no exporter of {suffix} files.",
-            "Enable it, or choose another ending.",
+            "This Blender has no exporter for {suffix} files.",
+            "Enable it, or choose another file extension.",
             suffix=path.suffix,
         )
     shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
