@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import progress, steps
 from ..host.words import translate_report
-from ..surface import placing
+from ..surface import scene_object
 from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
 
@@ -37,7 +37,7 @@ class KARF_OT_show_colors(bpy.types.Operator):
 
     def execute(self, context):
         areas = [area for area in context.screen.areas if area.type == "VIEW_3D"]
-        steps.show_colors(area.spaces.active for area in areas)
+        scene_object.show_colors(area.spaces.active for area in areas)
         return {"FINISHED"}
 
 
@@ -54,7 +54,7 @@ class KARF_OT_export_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if placing.find(context.scene) is None:
+        if scene_object.find(context.scene) is None:
             cls.poll_message_set("Show the scene in the 3D View first")
             return False
         return True

@@ -12,27 +12,22 @@ from ..pictures import images
 from ..project import captures, folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import following, requests, sequences
 from .edit import save_edit
 
 
-def build_compositor(
-    scene: bpy.types.Scene, view: str = "", layers: str | Path | None = None, driven: bool = False
-) -> Task | bpy.types.Node:
+def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Recolor a view by nodes in the scene's compositor, with a color socket for each swatch.
 
     Args:
         scene: The scene.
         view: Name of a captured view, whose layers the engine writes; default: the active one.
-        layers: A layered picture that the engine has written already, of any camera; then no view is rendered.
         driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
 
     Returns:
-        The group's node: at once where layers are given, else as the task's result.
+        The task; its result is the group's node.
     """
-    if layers is not None:
-        return place_layers(scene, Path(layers).absolute(), driven)
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
     finish = partial(_place, out / "layers" / f"{view}.exr", driven)
@@ -57,13 +52,8 @@ def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | 
     return placing.find(scene, view or scene.karf.active_view)
 
 
-def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bpy.types.Node:
-    """Recolor a layered picture by nodes in the scene's compositor, with the scene's swatches where it has them.
-
-    Args:
-        scene: The scene.
-        path: What `render --layers` has written.
-        driven: Whether the nodes follow the scene's swatches from now on.
+def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False) -> bpy.types.Node:
+    """Recolor a layered picture that the engine has written (`render --layers`), of any camera, as `build_compositor` does.
 
     Returns:
         The group's node.
@@ -71,6 +61,7 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
     Raises:
         DataError: The file is not a layered picture.
     """
+    path = Path(path).absolute()
     objects = read_layer_names(path)
     known = following.known_of(scene, objects)
     node = placing.build(

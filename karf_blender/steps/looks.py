@@ -7,7 +7,7 @@ import bpy
 from ..engine_api import BadRequest, write_edit, write_json
 from ..project import folders
 from ..swatches import looks
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from .cameras import export_cameras
 from .colorways import colorways
 from .render import camera_folder

@@ -87,7 +87,7 @@ def start(scene: bpy.types.Scene) -> None:
         BadRequest: There is no window, or no camera.
     """
     if bpy.app.background:
-        raise BadRequest("Live Camera needs a window.", "Write a picture instead: headless.preview_camera.")
+        raise BadRequest("Live Camera needs a window.", "Write a picture instead: steps.preview_camera.")
     camera_of(scene, None)
     image = free_camera.image()
     if image is not None:

@@ -15,7 +15,7 @@ from ..project import contents, folders
 from ..render_engine import camera_pixels
 from ..swatches import palettes, shown
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from ..workspace import estimates
 
 # the engine's names of what Blender's output panel calls file format and color depth

@@ -15,7 +15,7 @@ from ..project import contents, folders
 from ..swatches import drawn_over, shown
 from ..tasks import queries
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests
 
 MARK = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `contents.seen_folder`

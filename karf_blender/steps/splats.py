@@ -21,7 +21,7 @@ from ..surface import splat_objects
 from ..swatches import edits
 from ..tasks import queries, runner, timer
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
 

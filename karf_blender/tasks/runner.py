@@ -1,4 +1,4 @@
-"""Runs tasks (one engine job, or several in a row): alongside the user interface, or blocking in a script.
+"""Tasks: engine jobs in a row, run alongside the user interface or blocking in a script.
 
 In background mode a task blocks, prints its progress and raises its error. One task runs at a time: the engine uses all
 the cores it is given. Its worker is kept for a moment, for the next job.
@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -20,13 +21,51 @@ from ..pictures import editors
 from ..project import disk, folders
 from . import timer
 from .course import Course
-from .task import Task
+from .ownership import Owner
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
 KEEP_SECONDS = 60.0  # that the worker waits for the next job; half of it counts on it
 STATUS_CHANGED, JOB_DONE = "status_changed", "job_done"  # events: of the running task; with its request and seconds
 REPORTED = ("internal", "dependency")  # codes of errors that the log explains
+
+
+@dataclass(frozen=True)
+class Task:
+    """Jobs of one project to run in a row, and what Blender does after each of them."""
+
+    title: str
+    requests: tuple[Request, ...]  # none: all is done already
+    after: Callable[[Request], None]  # called with each job's request when it is done
+    owner: Owner | None = None  # who began it
+    seconds: tuple[float, ...] = ()  # that each job is expected to take, where they are several
+    result: Callable[[], Any] = lambda: None  # what `wait` returns
+
+    def wait(self) -> Any:
+        """Run the jobs, printing their progress, and block until all is done.
+
+        Returns:
+            The result.
+
+        Raises:
+            KarfError: A job cannot start, or it fails.
+        """
+        if self.requests:
+            wait(self)
+        return self.result()
+
+    @property
+    def is_file_open(self) -> bool:
+        """True while the file is open that began the task."""
+        return self.owner is None or self.owner.is_file_open
+
+    @property
+    def label(self) -> str:
+        """The title, with the scene's name where the file has several, or that it is another file's."""
+        if not self.is_file_open:
+            return f"{self.title} (of another file)"
+        scene = self.owner.find() if self.owner and len(bpy.data.scenes) > 1 else None
+        return f"{self.title} ({scene.name})" if scene else self.title
 
 
 class _Running:

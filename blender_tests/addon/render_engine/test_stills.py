@@ -50,7 +50,7 @@ def options_are(addon, monkeypatch, **more):
 
 
 def test_the_picture_has_the_swatches_colors_and_stands_upright(addon, scene, render):
-    addon.headless.set_swatch("pot", 1, (0.2, 0.4, 0.8))
+    addon.steps.set_swatch(scene, "pot", 1, (0.2, 0.4, 0.8))
     combined = render()["Combined"]
     rows = np.linspace(1, 0.5, HEIGHT)[:, None] * np.array([0.2, 0.4, 0.8])
     np.testing.assert_allclose(combined[:, 0, :3], addon.engine_api.srgb_to_linear(rows), atol=1e-4)
