@@ -46,7 +46,7 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
         answer = _answer(_worker(scene), kind, options, is_cancelled)
         if answer is not None:
             return answer
-    raise KarfError("The engine ended before it answered.", "Try again.")
+    raise KarfError("The engine exited before it answered.", "Try again.")
 
 
 def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:

@@ -150,7 +150,7 @@ def _leave(worker: Worker) -> None:
         if failure is None and not query.is_second:
             _send_again(query)
         else:
-            query.on_error(failure or KarfError("The engine ended before it answered.", "Try again."))
+            query.on_error(failure or KarfError("The engine exited before it answered.", "Try again."))
 
 
 def _send_again(query: _Query) -> None:

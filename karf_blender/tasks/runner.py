@@ -261,7 +261,9 @@ def _poll() -> float | None:
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
         _finish(
-            failure if is_ours else KarfError("Internal error: {error!r}.", "The console shows where.", error=failure)
+            failure
+            if is_ours
+            else KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
         )
         _end()
         _redraw(is_whole=True)
