@@ -31,7 +31,7 @@ def disk_error(error: OSError) -> DataError:
     """Return what the operating system refuses as a sentence that names the file."""
     return DataError(
         f"{error.filename or 'The disk'}: {error.strerror or error}.",
-        "Is there space, is the drive connected, and may you write there? Else choose another folder.",
+        "Check free space, the drive's connection and your write permission, or choose another folder.",
     )
 
 

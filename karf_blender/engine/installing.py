@@ -124,7 +124,7 @@ def cancel() -> None:
 
 def _check_free() -> None:
     if is_running():
-        raise BadRequest("The engine is being installed already.", "Wait for it, or cancel it.")
+        raise BadRequest("The engine is already being installed.", "Wait for it, or cancel it.")
 
 
 def _begin(work: Installation | Removal) -> Installation | Removal:

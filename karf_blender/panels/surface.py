@@ -1,6 +1,6 @@
 """The learned scene in the 3D View."""
 
-from ..surface import placing
+from ..surface import scene_object
 
 
 def draw_surface(layout, karf):
@@ -8,10 +8,10 @@ def draw_surface(layout, karf):
     row = layout.row(align=True)
     row.operator("karf.show_scene", icon="OUTLINER_OB_POINTCLOUD")
     row.prop(karf.surface, "count", text="")
-    item = placing.find(karf.id_data)
+    item = scene_object.find(karf.id_data)
     if item is None:
         return
-    radius = placing.radius_node(item)
+    radius = scene_object.radius_node(item)
     if radius is not None:
         layout.prop(radius.outputs[0], "default_value", text="Radius")
     row = layout.row(align=True)

@@ -1,6 +1,6 @@
-"""What the scene's object shows, recolored, as a file of another program: by Blender's own exporters."""
+"""The scene's object as a file for other programs, written by Blender's own exporters."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,10 +10,40 @@ import numpy as np
 from ..engine_api import BadRequest
 from ..host import compat
 from ..nodes import shadeless
-from . import mesh
+from . import trees
 
-SHAPES = ("quads", "points")
-USD_COLOR = "displayColor"  # the attribute that the format's viewers show
+USD_COLOR = "displayColor"  # the attribute that USD viewers display
+
+
+def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: str) -> None:
+    """Write the scene's object as displayed, in its place in Blender's world.
+
+    Args:
+        scene: The scene; its selection stays the same.
+        item: The object.
+        path: The file; its ending chooses the format.
+        shape: `quads`, as displayed, or `points`, one vertex for each quad.
+
+    Raises:
+        BadRequest: The format is not known, or this Blender or the format cannot write that shape.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        raise BadRequest(
+            "{path} has an unknown file extension.", "Use one of {endings}.", path=path, endings=", ".join(WRITERS)
+        )
+    write, operators, operator = WRITERS[suffix]
+    if operator not in dir(operators):  # some Blenders are built without USD, and glTF is an add-on
+        raise BadRequest(
+            "This Blender has no exporter for {suffix} files.",
+            "Enable it, or choose another file extension.",
+            suffix=path.suffix,
+        )
+    displayed = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    data = _quads(displayed) if shape == "quads" else _points(displayed)
+    with _selected(scene, data, f"{item.name} export") as copy:
+        copy.matrix_world = item.matrix_world
+        write(data, str(path))
 
 
 def _ply(data: bpy.types.Mesh, path: str) -> None:
@@ -23,7 +53,7 @@ def _ply(data: bpy.types.Mesh, path: str) -> None:
 def _gltf(data: bpy.types.Mesh, path: str) -> None:
     if not data.polygons and not compat.HAS_GLTF_POINTS:
         raise BadRequest("This Blender cannot write points to glTF.", "Choose quads, or write a PLY file.")
-    # the exporter takes a background for a material without light, and an emission for white light
+    # the exporter writes a Background shader as an unlit material, and an Emission as white light
     unlit = shadeless.background("KaRF unlit")
     data.materials.clear()
     data.materials.append(unlit)
@@ -38,92 +68,51 @@ def _gltf(data: bpy.types.Mesh, path: str) -> None:
 
 def _usd(data: bpy.types.Mesh, path: str) -> None:
     if not data.polygons:
-        raise BadRequest("Points alone are shown by no program that reads USD.", "Choose quads, or write a PLY file.")
+        raise BadRequest("No program that reads USD shows single points.", "Choose quads, or write a PLY file.")
     data.materials.clear()
-    data.attributes[mesh.COLOR].name = USD_COLOR
+    data.attributes[trees.COLOR].name = USD_COLOR
     bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)
 
 
-WRITERS: dict[str, Callable[[bpy.types.Mesh, str], None]] = {
-    ".ply": _ply,
-    ".glb": _gltf,
-    ".gltf": _gltf,
-    ".usd": _usd,
-    ".usda": _usd,
-    ".usdc": _usd,
+# by ending: the function that writes the file, and the operator that it calls
+WRITERS = {
+    ".ply": (_ply, bpy.ops.wm, "ply_export"),
+    **dict.fromkeys((".glb", ".gltf"), (_gltf, bpy.ops.export_scene, "gltf")),
+    **dict.fromkeys((".usd", ".usda", ".usdc"), (_usd, bpy.ops.wm, "usd_export")),
 }
 
 
-def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: str) -> None:
-    """Write what an object of `placing` shows now, where it is in Blender's world.
-
-    Args:
-        scene: The scene; its selection stays as it was.
-        item: The object.
-        path: The file, whose ending says which kind.
-        shape: `quads`, as Blender shows it, or `points`, a vertex each.
-
-    Raises:
-        BadRequest: No such kind of file is written, not of points, or not by this Blender.
-    """
-    write = WRITERS.get(path.suffix.lower())
-    if write is None:
-        raise BadRequest(
-            "{path} has an ending that is not known.", "Give one of {endings}.", path=path, endings=", ".join(WRITERS)
-        )
-    if not _has_exporter(path):
-        raise BadRequest(
-            "This Blender has no exporter of {suffix} files.",
-            "Enable it, or choose another ending.",
-            suffix=path.suffix,
-        )
-    shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    data = _quads(shown) if shape == "quads" else _points(shown)
-    with _selected(scene, data, item) as copy:
-        copy.matrix_world = item.matrix_world
-        write(data, str(path))
-
-
-def _has_exporter(path: Path) -> bool:
-    """Whether this Blender writes such files: some are built without USD, and glTF is an add-on."""
-    if path.suffix.lower().startswith(".usd"):
-        return "usd_export" in dir(bpy.ops.wm)
-    return not path.suffix.lower().startswith(".gl") or "gltf" in dir(bpy.ops.export_scene)
-
-
-def _quads(shown: bpy.types.Object) -> bpy.types.Mesh:
-    """The faces with their colors alone."""
-    data = bpy.data.meshes.new_from_object(shown)
+def _quads(displayed: bpy.types.Object) -> bpy.types.Mesh:
+    """Return the faces with their colors, without the attributes that recoloring needs."""
+    data = bpy.data.meshes.new_from_object(displayed)
     names = [each.name for each in data.attributes if each.domain == "FACE" and not each.is_required]
     for name in names:
         data.attributes.remove(data.attributes[name])
     return data
 
 
-def _points(shown: bpy.types.Object) -> bpy.types.Mesh:
-    """A vertex with its color for each face."""
-    source = shown.data
+def _points(displayed: bpy.types.Object) -> bpy.types.Mesh:
+    """Return one colored vertex for each face."""
+    source = displayed.data
     n = len(source.polygons)
-    places, colors = np.empty(3 * n, np.float32), np.empty(16 * n, np.float32)
-    source.attributes[mesh.CENTER].data.foreach_get("vector", places)
-    source.attributes[mesh.COLOR].data.foreach_get("color_srgb", colors)
+    positions, colors = np.empty(3 * n, np.float32), np.empty(16 * n, np.float32)
+    source.attributes[trees.CENTER].data.foreach_get("vector", positions)
+    source.attributes[trees.COLOR].data.foreach_get("color_srgb", colors)
     data = bpy.data.meshes.new("points")
     data.vertices.add(n)
-    data.vertices.foreach_set("co", places)
-    attribute = data.attributes.new(mesh.COLOR, "BYTE_COLOR", "POINT")
+    data.vertices.foreach_set("co", positions)
+    attribute = data.attributes.new(trees.COLOR, "BYTE_COLOR", "POINT")
     attribute.data.foreach_set("color_srgb", colors.reshape(n, 4, 4)[:, 0].ravel())
     data.attributes.active_color = attribute
     return data
 
 
 @contextmanager
-def _selected(
-    scene: bpy.types.Scene, data: bpy.types.Mesh, named_after: bpy.types.Object
-) -> Iterator[bpy.types.Object]:
-    """An object of this mesh, which alone is selected; afterwards both are gone, and the selection is what it was."""
+def _selected(scene: bpy.types.Scene, data: bpy.types.Mesh, name: str) -> Iterator[bpy.types.Object]:
+    """Select a temporary object of this mesh alone; remove both afterwards and restore the selection."""
     layer = bpy.context.view_layer
     active, selected = layer.objects.active, list(bpy.context.selected_objects)
-    copy = bpy.data.objects.new(f"{named_after.name} export", data)
+    copy = bpy.data.objects.new(name, data)
     scene.collection.objects.link(copy)
     try:
         for each in selected:
@@ -132,7 +121,7 @@ def _selected(
         layer.objects.active = copy
         yield copy
     finally:
-        bpy.data.meshes.remove(data)  # and with it the object
+        bpy.data.meshes.remove(data)  # removes the object too
         for each in selected:
             each.select_set(True)
         layer.objects.active = active

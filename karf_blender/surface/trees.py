@@ -1,7 +1,7 @@
-"""Geometry nodes that recolor the faces of a scene's mesh, of Blender's own nodes alone: one color socket a swatch.
+"""Geometry nodes that recolor the faces of the scene's mesh, with one color socket for each swatch.
 
-They compute what the engine does, in display sRGB: base + sum of weight x (color - learned color), clipped. Sockets and
-what is stored are scene-linear, as all colors of Blender. What is the same for a face is computed once for it.
+They compute the same as the engine, in display sRGB: base + sum of weight x (color - learned color), clipped. Sockets
+and stored colors are scene-linear, like all colors in Blender. Only Blender's own nodes are used.
 """
 
 from collections.abc import Sequence
@@ -9,22 +9,32 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine_api import Palette
-from ..nodes.sockets import scene_linear, swatch_socket
-from . import mesh
+from ..nodes.sockets import scene_linear, short, swatch_socket
 
+# attributes of the mesh: of faces the learned sRGB color, center and normal; of corners the displayed color
+BASE, CENTER, NORMAL = "base", "center", "normal"
+COLOR = "Color"  # Blender's name for a mesh's first color attribute; Cycles shows `color` black
 RECOLOR, RADIUS = "Recolor", "Radius"  # names of nodes
 COLUMN, ROW = 180.0, 160.0  # distances between nodes, in units of the node editor
 # of the piecewise curves of sRGB (IEC 61966-2-1): (threshold, slope below; above: scale x + shift, exponent, gain, lift)
 TO_LINEAR = ("KaRF to linear", 0.04045, 1 / 12.92, 1 / 1.055, 0.055 / 1.055, 2.4, 1.0, 0.0)
 TO_DISPLAY = ("KaRF to display", 0.0031308, 12.92, 1.0, 0.0, 1 / 2.4, 1.055, -0.055)
 
+Place = tuple[float, float]  # column and row in the node editor
+
+
+def weight_attribute(name: str, index: int) -> str:
+    """Return the name of the attribute with the palette weight of an object's swatch."""
+    return f"{probability_attribute(name)}/{index}"
+
+
+def probability_attribute(name: str) -> str:
+    """Return the name of the attribute with an object's probability."""
+    return f"karf/{short(name)}"
+
 
 def fill(tree: bpy.types.NodeTree, palettes: Sequence[Palette]) -> bpy.types.Node:
-    """Make an empty or older tree the one that shows these objects; what its radius was it stays.
-
-    Returns:
-        The node with the swatches' sockets.
-    """
+    """Fill a new or older tree for these palettes, keep its radius, and return the node with the swatches' sockets."""
     old = tree.nodes.get(RADIUS)
     radius = 1.0 if old is None else old.outputs[0].default_value
     tree.nodes.clear()
@@ -39,7 +49,7 @@ def fill(tree: bpy.types.NodeTree, palettes: Sequence[Palette]) -> bpy.types.Nod
     recolor.node_tree, recolor.width = _recoloring(f"{tree.name} colors", palettes), 200
     store = _new(tree, "GeometryNodeStoreNamedAttribute", (6, 0))
     store.data_type, store.domain = "BYTE_COLOR", "CORNER"
-    store.inputs["Name"].default_value = mesh.COLOR
+    store.inputs["Name"].default_value = COLOR
     tree.links.new(sized, store.inputs["Geometry"])
     tree.links.new(recolor.outputs[0], _enabled(store.inputs, "Value"))
     tree.links.new(store.outputs[0], _new(tree, "NodeGroupOutput", (7, 0)).inputs[0])
@@ -47,61 +57,55 @@ def fill(tree: bpy.types.NodeTree, palettes: Sequence[Palette]) -> bpy.types.Nod
 
 
 def _resized(tree: bpy.types.NodeTree, geometry: bpy.types.NodeSocket, radius: float) -> bpy.types.NodeSocket:
-    """The faces scaled round their centers; at 1, which costs nothing, as they are."""
+    """Scale faces around their centers; a radius of 1 passes them through, which costs nothing."""
     factor = _new(tree, "ShaderNodeValue", (0, 1))
     factor.name = factor.label = RADIUS
     factor.outputs[0].default_value = radius
-    position, center = (
-        _new(tree, "GeometryNodeInputPosition", (0, 2)),
-        _named(tree, mesh.CENTER, "FLOAT_VECTOR", (0, 3)),
-    )
-    arm = _vector(tree, "SUBTRACT", (position.outputs[0], center), (1, 2))
-    placed = _vector(tree, "MULTIPLY_ADD", (arm, factor.outputs[0], center), (2, 2))
+    position = _new(tree, "GeometryNodeInputPosition", (0, 2)).outputs[0]
+    center = _named(tree, CENTER, "FLOAT_VECTOR", (0, 3))
+    arm = _vector(tree, "SUBTRACT", (position, center), (1, 2))
     moved = _new(tree, "GeometryNodeSetPosition", (3, 1))
     tree.links.new(geometry, moved.inputs["Geometry"])
-    tree.links.new(placed, moved.inputs["Position"])
+    tree.links.new(_vector(tree, "MULTIPLY_ADD", (arm, factor.outputs[0], center), (2, 2)), moved.inputs["Position"])
     differs = _new(tree, "FunctionNodeCompare", (3, 2))
     differs.data_type, differs.operation = "FLOAT", "NOT_EQUAL"
     differs.inputs["B"].default_value = 1.0
     tree.links.new(factor.outputs[0], differs.inputs["A"])
     choice = _new(tree, "GeometryNodeSwitch", (4, 0))
     choice.input_type = "GEOMETRY"
-    tree.links.new(differs.outputs[0], _enabled(choice.inputs, "Switch"))
-    tree.links.new(geometry, _enabled(choice.inputs, "False"))
-    tree.links.new(moved.outputs[0], _enabled(choice.inputs, "True"))
+    for name, value in (("Switch", differs.outputs[0]), ("False", geometry), ("True", moved.outputs[0])):
+        tree.links.new(value, _enabled(choice.inputs, name))
     return _enabled(choice.outputs, "Output")
 
 
 def _recoloring(name: str, palettes: Sequence[Palette]) -> bpy.types.NodeTree:
-    """The group that gives each face its color."""
+    """Make the group that computes the color of each face."""
     tree = bpy.data.node_groups.get(name) or bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.nodes.clear()
     tree.interface.clear()
     tree.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    source, total = _new(tree, "NodeGroupInput", (0, 0)), _named(tree, BASE, "FLOAT_VECTOR", (3, 0))
     swatches = [(each, index) for each in palettes for index in range(1, len(each.colors))]
-    for each, index in swatches:
-        socket = tree.interface.new_socket(
-            swatch_socket(each.name, index), in_out="INPUT", socket_type="NodeSocketColor"
-        )
-        socket.default_value = scene_linear(each.colors[index])
-    source, total = _new(tree, "NodeGroupInput", (0, 0)), _named(tree, mesh.BASE, "FLOAT_VECTOR", (3, 0))
     for number, (each, index) in enumerate(swatches, 1):
-        shown = _converted(tree, source.outputs[number - 1], TO_DISPLAY, (1, number))
-        change = _vector(tree, "SUBTRACT", (shown, tuple(map(float, each.colors[index]))), (2, number))
-        weight = _named(tree, mesh.weight_attribute(each.name, index), "FLOAT", (3, number))
+        name = swatch_socket(each.name, index)
+        socket = tree.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketColor")
+        socket.default_value = scene_linear(each.colors[index])
+        color = _converted(tree, source.outputs[number - 1], TO_DISPLAY, (1, number))
+        change = _vector(tree, "SUBTRACT", (color, tuple(map(float, each.colors[index]))), (2, number))
+        weight = _named(tree, weight_attribute(each.name, index), "FLOAT", (3, number))
         total = _vector(tree, "MULTIPLY_ADD", (change, weight, total), (3 + number, 0))
-    total = _vector(tree, "MAXIMUM", (total, (0.0,) * 3), (4 + len(swatches), 0))
-    total = _vector(tree, "MINIMUM", (total, (1.0,) * 3), (5 + len(swatches), 0))
-    linear = _converted(tree, total, TO_LINEAR, (6 + len(swatches), 0))
-    faces = _new(tree, "GeometryNodeFieldOnDomain", (7 + len(swatches), 0))
+    column = 4 + len(swatches)
+    total = _vector(tree, "MAXIMUM", (total, (0.0,) * 3), (column, 0))
+    total = _vector(tree, "MINIMUM", (total, (1.0,) * 3), (column + 1, 0))
+    faces = _new(tree, "GeometryNodeFieldOnDomain", (column + 3, 0))  # one computation for all corners of a face
     faces.domain, faces.data_type = "FACE", "FLOAT_VECTOR"
-    tree.links.new(linear, _enabled(faces.inputs, "Value"))
-    target = _new(tree, "NodeGroupOutput", (8 + len(swatches), 0))
+    tree.links.new(_converted(tree, total, TO_LINEAR, (column + 2, 0)), _enabled(faces.inputs, "Value"))
+    target = _new(tree, "NodeGroupOutput", (column + 4, 0))
     tree.links.new(_enabled(faces.outputs, "Value"), target.inputs[0])
     return tree
 
 
-def _converted(tree, color: bpy.types.NodeSocket, curve: tuple, place) -> bpy.types.NodeSocket:
+def _converted(tree, color: bpy.types.NodeSocket, curve: tuple, place: Place) -> bpy.types.NodeSocket:
     node = _new(tree, "GeometryNodeGroup", place)
     node.node_tree = _curve(*curve)
     tree.links.new(color, node.inputs[0])
@@ -109,18 +113,18 @@ def _converted(tree, color: bpy.types.NodeSocket, curve: tuple, place) -> bpy.ty
 
 
 def _curve(name: str, threshold: float, slope: float, *above: float) -> bpy.types.NodeTree:
-    """A group that applies a curve to each channel; all that need it share it."""
+    """Return the shared group that applies a curve to each channel."""
     tree = bpy.data.node_groups.get(name)
     if tree is not None:
         return tree
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Color", in_out=direction, socket_type="NodeSocketVector")
-    apart, joined = _new(tree, "ShaderNodeSeparateXYZ", (1, 0)), _new(tree, "ShaderNodeCombineXYZ", (6, 0))
-    tree.links.new(_new(tree, "NodeGroupInput", (0, 0)).outputs[0], apart.inputs[0])
+    channels, joined = _new(tree, "ShaderNodeSeparateXYZ", (1, 0)), _new(tree, "ShaderNodeCombineXYZ", (6, 0))
+    tree.links.new(_new(tree, "NodeGroupInput", (0, 0)).outputs[0], channels.inputs[0])
     tree.links.new(joined.outputs[0], _new(tree, "NodeGroupOutput", (7, 0)).inputs[0])
     scale, shift, exponent, gain, lift = above
-    for row, (value, result) in enumerate(zip(apart.outputs, joined.inputs, strict=True)):
+    for row, (value, result) in enumerate(zip(channels.outputs, joined.inputs, strict=True)):
         high = _number(tree, "MULTIPLY_ADD", (value, scale, shift), (2, 3 * row))
         high = _number(tree, "POWER", (high, exponent), (3, 3 * row))
         high = _number(tree, "MULTIPLY_ADD", (high, gain, lift), (4, 3 * row))
@@ -131,22 +135,18 @@ def _curve(name: str, threshold: float, slope: float, *above: float) -> bpy.type
     return tree
 
 
-def _named(tree, name: str, kind: str, place) -> bpy.types.NodeSocket:
+def _named(tree, name: str, kind: str, place: Place) -> bpy.types.NodeSocket:
     node = _new(tree, "GeometryNodeInputNamedAttribute", place)
     node.data_type = kind
     node.inputs["Name"].default_value = name
     return _enabled(node.outputs, "Attribute")
 
 
-def _vector(tree, operation: str, values, place) -> bpy.types.NodeSocket:
-    return _computed(tree, "ShaderNodeVectorMath", operation, values, place)
+def _vector(tree, operation: str, values, place: Place) -> bpy.types.NodeSocket:
+    return _number(tree, operation, values, place, "ShaderNodeVectorMath")
 
 
-def _number(tree, operation: str, values, place) -> bpy.types.NodeSocket:
-    return _computed(tree, "ShaderNodeMath", operation, values, place)
-
-
-def _computed(tree, kind: str, operation: str, values, place) -> bpy.types.NodeSocket:
+def _number(tree, operation: str, values, place: Place, kind: str = "ShaderNodeMath") -> bpy.types.NodeSocket:
     node = _new(tree, kind, place)
     node.operation = operation
     for socket, value in zip(node.inputs, values, strict=False):
@@ -158,11 +158,11 @@ def _computed(tree, kind: str, operation: str, values, place) -> bpy.types.NodeS
 
 
 def _enabled(sockets, name: str) -> bpy.types.NodeSocket:
-    """The socket of a node by this name: some nodes have one for each type, of which one is at work."""
+    """Return the enabled socket of a name: some nodes have one for each data type."""
     return next(socket for socket in sockets if socket.name == name and socket.enabled)
 
 
-def _new(tree, kind: str, place: tuple[int, int]) -> bpy.types.Node:
+def _new(tree, kind: str, place: Place) -> bpy.types.Node:
     node = tree.nodes.new(kind)
     node.location = (place[0] * COLUMN, -place[1] * ROW)
     return node
