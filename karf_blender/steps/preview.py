@@ -25,7 +25,7 @@ from ..swatches import colors, free_camera, shown, views
 from ..swatches.views import ShownView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
-from .cameras import camera_of
+from .render import camera_of
 
 UNSEEN = translatable("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
 KIND = "preview"
