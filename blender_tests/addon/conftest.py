@@ -30,13 +30,13 @@ MODULES = {
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",
     "steps": "masks preview splats",
-    "tasks": "ownership queries runner timer",
+    "tasks": "ownership queries runner",
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
     "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
-    "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
+    "workspace": "clicking estimates folding opening own_pictures states statusbar",
 }
 _exit_code = None
 _has_blender = False

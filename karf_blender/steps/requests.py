@@ -37,8 +37,8 @@ def import_results(owner: Owner, request: Request) -> None:
     if not scenes:
         progress.warn(
             Message(
-                "The scene that asked for this is gone or has another project. The result is in {project}; choose "
-                "that as the project to bring it in.",
+                "The scene that requested this is gone or has another project. The result is in {project}: "
+                "choose that project to load it.",
                 project=request.project,
             )
         )
@@ -80,7 +80,7 @@ def presenting(present: Callable[[bpy.types.Scene], None], where: Message, writt
         scene = owner.find()
         if scene is None:
             progress.warn(
-                Message("The scene that asked for this is gone or has another project. {result}", result=where)
+                Message("The scene that requested this is gone or has another project. {result}", result=where)
             )
         else:
             present(scene)

@@ -42,7 +42,7 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
 
     def present(found: bpy.types.Scene) -> None:
         node = place_layers(found, path, driven)
-        progress.warn(Message("The compositor recolors {path} by the node {name}.", path=path, name=node.name))
+        progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
     job = requests.layers(scene, view, out, edit)
@@ -63,7 +63,7 @@ def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False)
     if space and not images.knows_space(space):  # it takes their picture for another one
         progress.warn(
             Message(
-                "Blender knows no color space {name}: choose the one of {path} at its image node.",
+                "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
                 name=space,
                 path=path,
             )
@@ -81,12 +81,14 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not placing.is_rendered(node):
         progress.warn(
-            Message("The compositor's output has other nodes: link {name} where you want it.", name=node.name)
+            Message(
+                "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
+            )
         )
     if size != rendered:
         progress.warn(
             Message(
-                "The layers have {width} x {height} pixels, the scene renders {own_width} x {own_height}.",
+                "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
                 width=size[0],
                 height=size[1],
                 own_width=rendered[0],
@@ -196,8 +198,8 @@ def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: s
     if others:
         progress.warn(
             Message(
-                "The swatches of {names} are of other palettes than the {what}: the sockets begin as learned. "
-                "Choose the project anew in step 1 to bring its palettes, then build again.",
+                "The swatches of {names} belong to other palettes than the {what}: the sockets start with the "
+                "learned colors. Choose the project again in step 1 to load its palettes, then build again.",
                 names=", ".join(others),
                 what=what,
             )
@@ -207,7 +209,7 @@ def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: s
     if fewer:
         progress.warn(
             Message(
-                "Colors that were added to {names} are not in the {what}: build again to have them there.",
+                "The {what} lacks colors that were added to {names}: build again to include them.",
                 names=", ".join(fewer),
                 what=what,
             )

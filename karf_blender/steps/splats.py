@@ -19,7 +19,7 @@ from ..project import captures, folders
 from ..render_engine import camera_pixels
 from ..surface import splat_objects
 from ..swatches import edits
-from ..tasks import queries, runner, timer
+from ..tasks import queries, runner
 from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
@@ -64,7 +64,7 @@ def export_splat(
     requests.check_rig(scene)
     karf, path = scene.karf, Path(path).absolute()
     if axes not in AXES:
-        raise BadRequest("There are no axes {axes}.", "Use one of: {known}.", axes=axes, known=", ".join(AXES))
+        raise BadRequest("Unknown axes {axes}.", "Use one of: {known}.", axes=axes, known=", ".join(AXES))
     options = {"out": str(path), "objects": list(objects), "solid": solid, "attributes": attributes}
     if axes == "auto":
         axes = "blender" if captures.of(scene).splats is None else "capture"
@@ -97,12 +97,12 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     """
     if not splat_objects.is_splat(item):
         raise BadRequest(
-            "{name} is no object of splats.",
-            "Choose one that Blender or 3DGS Render has imported from a .ply.",
+            "{name} is not a splat object.",
+            "Choose one imported by Blender or 3DGS Render from a .ply.",
             name=item.name,
         )
     if item.mode == "EDIT":
-        raise BadRequest("{name} is in Edit Mode.", "Leave it first.", name=item.name)
+        raise BadRequest("{name} is in Edit Mode.", "Leave Edit Mode first.", name=item.name)
     scene.karf.surface.splat = item
     _ask(scene)
     _start()
@@ -115,7 +115,7 @@ def unfollow_splat(scene: bpy.types.Scene) -> None:
 
 def _start() -> None:
     if not bpy.app.background:
-        timer.start(_look)
+        session.start_timer(_look, persistent=True)
 
 
 def _look() -> float | None:

@@ -33,7 +33,7 @@ def look_through(scene: bpy.types.Scene, name: str = "") -> None:
 def leave_view(scene: bpy.types.Scene) -> None:
     """Give the scene its own camera and picture back."""
     if not scene.karf.looking.is_on:
-        raise BadRequest("The scene {name!r} looks through no captured view.", "", name=scene.name)
+        raise BadRequest("The scene {name!r} is not looking through a captured view.", "", name=scene.name)
     looking.leave(scene)
 
 
@@ -109,7 +109,7 @@ def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[s
 def see_view(scene: bpy.types.Scene) -> Task:
     """Render what is learned of the active view, and the masks of its objects."""
     folder = _rendered_folder(scene)
-    where = Message("How the engine sees the view is in {folder}.", folder=str(folder))
+    where = Message("The engine's renders of the view are in {folder}.", folder=str(folder))
     return requests.task(
         scene, "Look at View", requests.seen(scene, folder), finish=requests.presenting(_reveal, where)
     )
