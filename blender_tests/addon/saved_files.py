@@ -37,7 +37,7 @@ def everything_stored(group):
 def palettes_shown(bpy, addon, folder):
     """The palette of each object as the picture shows it, and all else of an edit file."""
     path = Path(folder) / "shown.json"
-    addon.headless.save_edit(path)
+    addon.steps.save_edit(bpy.context.scene, path)
     return json.loads(path.read_text())
 
 

@@ -69,7 +69,7 @@ def _edit(bpy, addon):
     pot.show_surface = pot.show_edge = lid.is_metal = True
     green = pot.swatches[3]
     green.saturation, green.brightness, green.gloss = 0.6, 0.3, 0.5
-    addon.headless.add_color("lid", lid.swatches[1].learned, (0.3, 0.5, 0.4), reach=0.8, protect=0.1)
+    addon.steps.add_color(scene, "lid", lid.swatches[1].learned, (0.3, 0.5, 0.4), reach=0.8, protect=0.1)
     pot.choke, pot.feather = 0.5, 1.5
     # animated
     for frame, color, gloss in ((1, (0.2, 0.4, 0.7), 0.5), (11, (0.5, 0.2, 0.6), 1.5)):
