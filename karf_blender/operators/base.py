@@ -14,7 +14,6 @@ from ..host import compat, windows
 from ..host.words import translatable, translate_error, translate_report
 from ..project import disk
 from ..tasks import runner
-from ..tasks.task import Task
 
 Need = Callable[[bpy.types.Context], str]  # returns why an operator cannot run, "" if it can
 
@@ -83,7 +82,7 @@ def reports_errors(method: Callable) -> Callable:
 class StepOperator:
     """Mix-in of operators that check what they `need` and then run their `step`.
 
-    A step may return a task, which is launched, or a sentence, which is reported.
+    A step may return a task, which is launched if it has requests, or a sentence, which is reported.
     """
 
     needs: tuple[Need, ...] = ()
@@ -95,10 +94,10 @@ class StepOperator:
     @reports_errors
     def execute(self, context):
         result = self.step(context)
-        if isinstance(result, Task):
-            runner.launch(result)
-        elif result:
+        if isinstance(result, str):
             self.report({"INFO"}, result)
+        elif result and result.requests:
+            runner.launch(result)
         windows.redraw_sidebars()  # those of other editors too
         return {"FINISHED"}
 

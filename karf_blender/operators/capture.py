@@ -11,7 +11,7 @@ from ..engine_api import CAPTURE_MARKS
 from ..host.words import translate_report
 from ..rig.cameras import Options
 from ..steps import masks
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from ..workspace import estimates, opening
 from .base import IDLE, PROJECT, OpenFileOperator, StepOperator, file_filter
 from .cameras import view_from_camera

@@ -6,8 +6,6 @@ from bpy.props import StringProperty
 from .. import steps
 from ..pictures import editors
 from ..swatches import palettes
-from ..tasks import runner
-from ..tasks.task import Task
 from .base import (
     GEOMETRY,
     IDLE,
@@ -107,12 +105,11 @@ class KARF_OT_show_view(StepOperator, bpy.types.Operator):
     view: StringProperty(name="View", description="Empty: the active view", options={"SKIP_SAVE"})
 
     def step(self, context):
-        shown = steps.show_view(context.scene, self.view)
-        if isinstance(shown, Task):
-            runner.launch(shown)
+        task = steps.show_view(context.scene, self.view)
         result = context.scene.karf.result
         if context.area and context.area.type == "IMAGE_EDITOR" and result is not None:
             editors.show(context.area, result)
+        return task
 
 
 class KARF_OT_prepare_views(StepOperator, bpy.types.Operator):

@@ -44,7 +44,7 @@ class KARF_OT_show_colors(StepOperator, bpy.types.Operator):
     bl_label = "Flat Colors"
 
     def step(self, context):
-        steps.show_colors(area.spaces.active for area in context.screen.areas if area.type == "VIEW_3D")
+        scene_object.show_colors(area.spaces.active for area in context.screen.areas if area.type == "VIEW_3D")
 
 
 class KARF_OT_export_scene(SaveFileOperator, bpy.types.Operator):
