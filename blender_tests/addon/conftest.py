@@ -34,7 +34,7 @@ MODULES = {
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
-    "operators": "colorways manual render",
+    "operators": "colorways project render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar",
 }
