@@ -19,7 +19,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api preferences progress session steps",
-    "host": "compat labels messages rendering windows words",
+    "host": "compat labels rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "color_book managing state",
@@ -30,7 +30,7 @@ MODULES = {
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",
     "steps": "masks preview splats",
-    "tasks": "ownership queries runner timer",
+    "tasks": "ownership queries runner",
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",

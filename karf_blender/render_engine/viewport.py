@@ -11,11 +11,12 @@ import numpy as np
 from gpu_extras.presets import draw_texture_2d
 from mathutils import Matrix
 
+from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_linear
 from ..host import windows
 from ..host.words import translate_error
 from ..rig import frames, lens
-from ..tasks import queries, runner, timer
+from ..tasks import queries, runner
 from . import camera_pixels
 
 MOVING_SECONDS = 0.04  # that a picture may take while something moves
@@ -78,7 +79,7 @@ class Viewport:
         elif now - self._wanted_since >= STILL_SECONDS:
             side = full
         else:
-            timer.start(_redraw_once_still)
+            session.start_timer(_redraw_once_still, persistent=True)
             return
         self._asked = wanted, side
         query = options | {"camera": camera_to_json(camera.reduced(side))}

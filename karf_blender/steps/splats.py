@@ -19,7 +19,7 @@ from ..project import captures, folders
 from ..render_engine import camera_pixels
 from ..surface import splat_objects
 from ..swatches import edits
-from ..tasks import queries, runner, timer
+from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from ..tasks.runner import Task
 from . import requests
@@ -130,7 +130,7 @@ def unfollow_splat(scene: bpy.types.Scene) -> None:
 
 def _start() -> None:
     if not bpy.app.background:
-        timer.start(_look)
+        session.start_timer(_look, persistent=True)
 
 
 def _look() -> float | None:

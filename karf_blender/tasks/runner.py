@@ -19,8 +19,7 @@ from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Reque
 from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
-from . import timer
-from .course import Course
+from .overall_progress import OverallProgress
 from .ownership import Owner
 
 POLL_SECONDS = 0.2
@@ -68,25 +67,19 @@ class Task:
         return f"{self.title} ({scene.name})" if scene else self.title
 
 
-class _Running:
+class RunningTask:
     """A task at work: how many of its jobs are done, and whether it was asked to stop."""
 
-    is_stopping = False
-
-    def __init__(self, task: Task, python: Path, threads: int) -> None:
-        self.task = task
-        self._done = 0
-        self._python = python
-        self._threads = threads
-        self.course = Course(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
+    def __init__(self, task: Task, worker: Worker) -> None:
+        """Begin its first job."""
+        self.task, self.is_stopping = task, False
+        self.overall = OverallProgress(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
+        self._worker, self._n_done = worker, 0
         self._begin_next()
 
     def _begin_next(self) -> None:
-        request = self.task.requests[self._done]
         self._began = time.monotonic()
-        with disk_errors():
-            folder = new_job(Project(request.project), request.stage)
-        _worker().begin(self._python, request, folder, self._threads)
+        begin_job(self._worker, self.task.requests[self._n_done])
 
     def advance(self) -> bool:
         """Let Blender do what follows an ended job, and begin the next.
@@ -97,59 +90,71 @@ class _Running:
         Raises:
             KarfError: The job failed, or what follows it.
         """
-        if not _worker().ended:
+        if not self._worker.ended:
             return False
-        _worker().check()
-        session.notify(JOB_DONE, _worker().request, time.monotonic() - self._began)
+        self._worker.check()
+        session.notify(JOB_DONE, self._worker.request, time.monotonic() - self._began)
         with disk_errors():
-            self.task.after(_worker().request)
-        self._done += 1
-        if self._done == len(self.task.requests):
+            self.task.after(self._worker.request)
+        self._n_done += 1
+        if self._n_done == len(self.task.requests):
             return True
-        if self.course is not None:
-            self.course.begin_next(time.monotonic())
+        if self.overall is not None:
+            self.overall.begin_next(time.monotonic())
         self._begin_next()
         return False
 
 
 @dataclass
-class _State:
+class Runner:
     """The task at work, if one is, and the worker that it runs in."""
 
-    running: list[_Running] = field(default_factory=list)
+    running: RunningTask | None = None
     worker: Worker = field(default_factory=lambda: Worker(KEEP_SECONDS))
 
+    def end_task(self) -> None:
+        """Forget the running task; its job is ended where it is still at work."""
+        if self.running is not None:
+            self.running = None
+            if not self.worker.ended:
+                self.worker.end()
+            progress.state().running = False
+            disk.refresh()
+
     def close(self) -> None:
-        """End both."""
-        _end()
+        """End the task and the worker."""
+        self.end_task()
         self.worker.end()
 
 
 def _worker() -> Worker:
-    return session.get(_State).worker
+    return session.get(Runner).worker
 
 
-def _running() -> list[_Running]:
-    return session.get(_State).running
+def _running() -> RunningTask | None:
+    return session.get(Runner).running
 
 
-def _draw_all() -> None:
-    windows.redraw(*windows.PANEL_AREAS)
+def begin_job(worker: Worker, request: Request) -> None:
+    """Begin a job in a folder of its own, with the Python and the threads of the preferences.
 
-
-def _redraw(draw: Callable[[], None]) -> None:
-    draw()
-    session.notify(STATUS_CHANGED)
+    Raises:
+        KarfError: It cannot start.
+    """
+    python, threads = preferences.engine_python(), preferences.current().threads
+    with disk_errors():
+        folder = new_job(Project(request.project), request.stage)
+    worker.begin(python, request, folder, threads)
 
 
 def is_running() -> bool:
     """True while a task is at work."""
-    return bool(_running())
+    return _running() is not None
 
 
 def current_request(scene: bpy.types.Scene) -> Request | None:
     """What the engine is doing for the scene's project; None where it does nothing for it."""
-    if not _running() or not scene.karf.project:
+    if not is_running() or not scene.karf.project:
         return None
     request = _worker().request
     return request if request.project == folders.project_of(scene).folder else None
@@ -165,7 +170,7 @@ def launch(task: Task) -> None:
         wait(task)
         return
     _begin(task)
-    timer.start(_poll)
+    session.start_timer(_poll, persistent=True)
 
 
 def wait(task: Task) -> None:
@@ -192,8 +197,7 @@ def wait(task: Task) -> None:
         _finish(error)
         raise
     finally:
-        # also where the user interrupts with Ctrl-C
-        _end()
+        session.get(Runner).end_task()  # also where the user interrupts with Ctrl-C
 
 
 def cancel() -> None:
@@ -202,56 +206,48 @@ def cancel() -> None:
     Raises:
         BadRequest: None runs.
     """
-    if not _running():
+    if not is_running():
         raise BadRequest("No KaRF job is running.", "")
     _worker().cancel()
-    _running()[0].is_stopping = True
+    _running().is_stopping = True
     progress.state().text = "Stopping"
 
 
 def release() -> None:
     """End the worker where it only waits for a next job: its Python may be replaced."""
-    if not _running():
+    if not is_running():
         _worker().end()
 
 
-def _begin(task: Task) -> _Running:
-    if _running():
-        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_running()[0].task.title)
-    running = _Running(task, preferences.engine_python(), preferences.current().threads)
-    _running().append(running)
+def _begin(task: Task) -> RunningTask:
+    runner = session.get(Runner)
+    if runner.running is not None:
+        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=runner.running.task.title)
+    runner.running = RunningTask(task, runner.worker)
     progress.begin(task.label)
-    return running
-
-
-def _end() -> None:
-    """Forget the running task; its job is ended where it is still at work."""
-    while _running():
-        _running().pop()
-        if not _worker().ended:
-            _worker().end()
-        progress.state().running = False
-        disk.refresh()
+    return runner.running
 
 
 def _finish(error: KarfError | None) -> None:
-    state = progress.state()
+    """Say how the task has ended, and forget it."""
+    state, folder = progress.state(), _worker().folder
     if isinstance(error, Cancelled):
         state.text = "cancelled"
     elif error is not None:
         progress.fail(error)
         if error.code in REPORTED:
-            state.job = str(_worker().folder)
-            print(f"The end of {_worker().folder / engine_api.LOG_FILE}:\n{log_tail(_worker().folder)}", flush=True)
+            state.job = str(folder)
+            print(f"The end of {folder / engine_api.LOG_FILE}:\n{log_tail(folder)}", flush=True)
     else:
         state.text = "done"
+    session.get(Runner).end_task()
 
 
 def _poll() -> float | None:
     """Called by the timer as long as a task runs: shows what it has reported."""
-    if not _running():
+    running = _running()
+    if running is None:
         return None
-    running = _running()[0]
     try:
         events = _worker().poll()
         for event in events:
@@ -264,28 +260,30 @@ def _poll() -> float | None:
         _finish(
             failure if is_ours else KarfError("Internal error: {error!r}.", "The console shows where.", error=failure)
         )
-        _end()
-        _redraw(_draw_all)
+        windows.redraw(*windows.PANEL_AREAS)
+        session.notify(STATUS_CHANGED)
         if not is_ours:
             raise
         return None
     if done:
         _finish(None)
-        _end()
         # what the task brought into the scene is a step of its own to undo
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
+        windows.redraw(*windows.PANEL_AREAS)
+    elif events:
+        windows.redraw_sidebars()
     if events or done:
-        _redraw(_draw_all if done else windows.redraw_sidebars)
+        session.notify(STATUS_CHANGED)
     return None if done else POLL_SECONDS
 
 
-def _show(running: _Running, event: Event) -> None:
+def _show(running: RunningTask, event: Event) -> None:
     """Show an event in the panel, a preview in an Image Editor."""
-    course, task = running.course, running.task
-    if course is not None and event.kind == "progress":
-        course.take(event, _worker().request.stage, time.monotonic())
-    progress.show_event(task.label, event, course and (course.share(), course.left()))
+    overall, task = running.overall, running.task
+    if overall is not None and event.kind == "progress":
+        overall.take(event, _worker().request.stage, time.monotonic())
+    progress.show_event(task.label, event, overall and (overall.share(), overall.left()))
     if event.kind == "preview" and task.is_file_open and not rendering.is_running():
         editors.show_preview(Path(event["path"]))
 

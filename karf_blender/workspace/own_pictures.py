@@ -4,7 +4,7 @@ import bpy
 
 from .. import session
 from ..engine_api import KarfError
-from ..host import messages, rendering
+from ..host import rendering
 from ..pictures import editors
 from ..project import contents
 from ..swatches import shown
@@ -32,6 +32,7 @@ def make(scene: bpy.types.Scene) -> None:
         print(f"KaRF: {error}")
 
 
+@session.subscribe((bpy.types.Window, "scene"))
 def show_own() -> None:
     """Let each Image Editor show the picture of its window's scene, and never another's beside that one's swatches."""
     for window in bpy.data.window_managers[0].windows:
@@ -49,10 +50,3 @@ def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
 @session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
     show_again()
-
-
-@session.setup
-def _listen():
-    messages.listen((bpy.types.Window, "scene"), show_own)
-    yield
-    messages.forget(show_own)

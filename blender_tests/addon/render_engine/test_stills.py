@@ -163,7 +163,7 @@ def test_a_cancelled_render_ends_the_worker(addon, scene, monkeypatch):
     depsgraph = scene.view_layers[0].depsgraph
     with pytest.raises(addon.engine_api.Cancelled):
         addon.still.render(engine, depsgraph)
-    assert addon.session.get(addon.blocking._State).worker is None
+    assert addon.session.get(addon.blocking.RenderWorker).worker is None
 
 
 @pytest.mark.parametrize(

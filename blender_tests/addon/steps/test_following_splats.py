@@ -35,7 +35,6 @@ def beside(bpy, addon, scene_of_splats, monkeypatch):
         return asked[before:]
 
     yield SimpleNamespace(settle=settle, asked=asked, karf=scene_of_splats.karf)
-    addon.session.get(addon.timer._State).polls.clear()
 
 
 def set_pot(bpy, addon, color):

@@ -80,7 +80,7 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     before = picture(bpy, addon)
     live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.2 + 0.4, 0.1)
     addon.preview._tick()
-    assert addon.session.get(addon.queries._State).worker is None
+    assert addon.session.get(addon.queries.QueryWorker).worker is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 
