@@ -106,7 +106,7 @@ def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]
 
 
 # --- timers --------------------------------------------------------------------------------------------------------
-def start_timer(timer: Timer, seconds: float = 0.0, persistent: bool = False) -> None:
+def start_timer(timer: Timer, seconds: float = 0.02, persistent: bool = False) -> None:
     """Call a function after some seconds, and then as often as it says, unless it is called already.
 
     It ends with the session and, unless `persistent`, when another file is opened. In background mode timers never fire:

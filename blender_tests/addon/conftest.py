@@ -36,7 +36,7 @@ MODULES = {
     "surface": "scene_object splat_objects trees",
     "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
-    "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
+    "workspace": "clicking estimates folding opening own_pictures states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -14,13 +14,13 @@ from .. import session
 from ..engine.worker import Worker, error_from_event
 from ..engine_api import Cancelled, KarfError
 from ..project import folders
-from ..tasks.queries import QueryWorker
+from ..tasks.workers import WarmWorker
 
 POLL_SECONDS = 0.005
 
 
-class RenderWorker(QueryWorker):
-    """The worker that answers renders, if there is one."""
+class RenderWorker(WarmWorker):
+    """The worker that stills are asked of."""
 
     idle_minutes = 1
 
@@ -46,7 +46,7 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
         answer = _answer(_worker(scene), kind, options, is_cancelled)
         if answer is not None:
             return answer
-    raise KarfError("The engine ended before it answered.", "Try again.")
+    raise KarfError("The engine exited before it answered.", "Try again.")
 
 
 def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:
@@ -73,7 +73,9 @@ def stop() -> None:
 
 
 def _worker(scene: bpy.types.Scene) -> Worker:
-    known = session.get(RenderWorker)
-    if known.worker is not None:
-        known.worker.poll()  # it may have ended meanwhile
-    return known.start(scene)
+    kept = session.get(RenderWorker)
+    if kept.worker is not None:
+        kept.worker.poll()
+        if kept.worker.ended:
+            kept.close()
+    return kept.start(scene)

@@ -184,7 +184,7 @@ def _task_of_new_capture(
         if found is None:
             progress.warn(
                 Message(
-                    "The scene that asked for a capture is gone or has another project: import {out} yourself.",
+                    "The scene that requested the capture is gone or has another project: import {out} by hand.",
                     out=out,
                 )
             )

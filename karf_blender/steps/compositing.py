@@ -44,7 +44,7 @@ def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:
     scene = requests.find_scene(owner, Message("The layers are in {path}.", path=path))
     if scene is not None:
         node = place_layers(scene, path, driven)
-        progress.warn(Message("The compositor recolors {path} by the node {name}.", path=path, name=node.name))
+        progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
 
 
 def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | None:
@@ -81,7 +81,9 @@ def _say_space(scene: bpy.types.Scene, path: Path) -> None:
     if name and not images.knows_space(name):
         progress.warn(
             Message(
-                "Blender knows no color space {name}: choose the one of {path} at its image node.", name=name, path=path
+                "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
+                name=name,
+                path=path,
             )
         )
 
@@ -92,12 +94,14 @@ def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[i
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not placing.is_rendered(node):
         progress.warn(
-            Message("The compositor's output has other nodes: link {name} where you want it.", name=node.name)
+            Message(
+                "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
+            )
         )
     if size != rendered:
         progress.warn(
             Message(
-                "The layers have {width} x {height} pixels, the scene renders {own_width} x {own_height}.",
+                "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
                 width=size[0],
                 height=size[1],
                 own_width=rendered[0],

@@ -95,7 +95,7 @@ def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
 
 def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dict]:
     if folder is None and not scene.karf.masks:
-        raise BadRequest("No masks are chosen.", "Give a folder with <object>/<photo name>.png, or paint one.")
+        raise BadRequest("No masks were chosen.", "Choose a folder with <object>/<photo name>.png, or paint a mask.")
     folder = folder or folders.absolute(scene.karf.masks)
     scene.karf.masks = folders.stored(folder)
     return "segmentation", {"masks": str(folder)}

@@ -50,7 +50,7 @@ def flip_looks(scene: bpy.types.Scene) -> str:
     none."""
     name = looks.other(scene)
     if not name:
-        raise BadRequest("There is no other look.", "Keep two looks to flip between them.")
+        raise BadRequest("There is no other look.", "Keep two looks to switch between them.")
     looks.choose(scene, name)
     return name
 

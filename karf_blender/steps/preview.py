@@ -27,7 +27,7 @@ from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .cameras import camera_of
 
-UNSEEN = translatable("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
+UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
 LOOK_SECONDS = 0.03

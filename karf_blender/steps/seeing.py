@@ -66,7 +66,7 @@ def _fresh_folder(scene: bpy.types.Scene) -> Path:
 
 def _present(owner: Owner, request: Request) -> None:
     scene = requests.find_scene(
-        owner, Message("How the engine sees the view is in {folder}.", folder=request.options["out"])
+        owner, Message("The engine's renders of the view are in {folder}.", folder=request.options["out"])
     )
     if scene is not None:
         _reveal(scene)

@@ -1,4 +1,4 @@
-"""Who began a job. Its end belongs to that file, scene and project, even if others are open or renamed by then."""
+"""Who began a job. Its end belongs to that file, scene and project, even if others are open or they are renamed by then."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,17 +11,17 @@ from ..project import folders
 
 
 class OpenFile:
-    """The open file: another object after each load, as a path tells apart neither new files nor one opened again."""
+    """The file that is open: another one, or the same opened again, has another object."""
 
     per_file = True
 
 
 @dataclass(frozen=True)
 class Owner:
-    """A scene of the file that was open, and the project folder that it worked on, if any."""
+    """A scene, by `session_uid`, of the file that was open, and the project folder that it worked on, if any."""
 
     file: OpenFile
-    scene: int  # its `session_uid`
+    scene: int
     project: Path | None
 
     @classmethod

@@ -1,10 +1,9 @@
-"""Queries of a worker of their own: started on demand, polled by a timer, ended when idle or with the extension.
+"""Queries of a worker of their own: started on demand, polled by the timer, ended when idle or with the extension.
 
 It answers beside a running task: it only reads, and loads again what a task has learned. Where it crashes, those who
 wait are told, and the next query starts a fresh one. In background mode a query blocks.
 """
 
-import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,14 +11,14 @@ from typing import Any
 
 import bpy
 
-from .. import preferences, progress, session
+from .. import progress, session
 from ..engine.failures import disk_error
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import WARM, Event, KarfError, Request
+from ..engine_api import Event, KarfError
 from ..host import rendering, windows
 from ..project import folders
 from .ownership import Owner
-from .runner import begin_job
+from .workers import WarmWorker
 
 POLL_SECONDS = 0.02
 
@@ -39,47 +38,12 @@ class _Query:
     is_second: bool = False
 
 
-class QueryWorker:
-    """The worker that answers queries, if there is one."""
+class QueryWorker(WarmWorker):
+    """The worker of the interface's queries."""
 
-    idle_minutes: int | None = None  # after which it ends; None: as long as the engine chooses
 
-    def __init__(self) -> None:
-        self.worker: Worker | None = None
-
-    def start(self, scene: bpy.types.Scene) -> Worker:
-        """Return the worker, a fresh one where there is none, it has ended, or the preferences have changed."""
-        python, threads = preferences.engine_python(), preferences.current().threads
-        if self.worker is not None and (self.worker.ended or not self.worker.suits(python, threads)):
-            self.close()
-        if self.worker is None:
-            options = {"threads": threads} if threads else {}
-            if self.idle_minutes is not None:
-                options["idle_minutes"] = self.idle_minutes
-            worker = Worker()
-            begin_job(worker, Request(WARM, folders.project_of(scene).folder, options))
-            self.worker = worker
-        return self.worker
-
-    def leave(self) -> None:
-        """Let go of a worker that has ended; where it failed its folder is kept, for the log.
-
-        Raises:
-            KarfError: It failed.
-        """
-        try:
-            self.worker.check()
-        except KarfError:
-            self.worker = None
-            raise
-        self.close()
-
-    def close(self) -> None:
-        """End the worker and delete its folder."""
-        if self.worker is not None:
-            self.worker.end()
-            shutil.rmtree(self.worker.folder, ignore_errors=True)
-            self.worker = None
+def _current() -> Worker | None:
+    return session.get(QueryWorker).worker
 
 
 def send(
@@ -125,20 +89,19 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 def is_waiting(kind: str) -> bool:
     """Whether a query of this kind has no answer yet."""
-    worker = session.get(QueryWorker).worker
+    worker = _current()
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 
 
 def stop() -> None:
-    """End the worker, whose folder goes with it; unanswered queries are dropped silently."""
+    """End the worker, whose folder goes with it; of what was asked nothing more is heard."""
     session.get(QueryWorker).close()
 
 
 def _begin(scene: bpy.types.Scene, kind: str, options: dict, on_answer: OnAnswer, on_error: OnError) -> None:
     options = {"project": str(folders.project_of(scene).folder), **options}
-    _take_replies()  # the worker may have ended since somebody waited last
     query = _Query(Owner.of(scene), kind, options, on_answer, on_error)
-    session.get(QueryWorker).start(scene).query(kind, options, query)
+    _worker(scene).query(kind, options, query)
 
 
 def _wait(kind: str) -> None:
@@ -147,12 +110,18 @@ def _wait(kind: str) -> None:
         _take_replies()
 
 
+def _worker(scene: bpy.types.Scene) -> Worker:
+    """The worker that answers, as the preferences want it; a fresh one where there is none."""
+    _take_replies()  # it may have ended since somebody waited last
+    return session.get(QueryWorker).start(scene)
+
+
 def _take_replies() -> None:
-    """Hand out what was answered, and let go of a worker that has ended."""
-    worker = session.get(QueryWorker).worker
+    """Hand out what was answered, and take leave of a worker that has ended."""
+    worker = _current()
     for query, event in worker.replies() if worker else ():
         _hand_out(query, event)
-    if worker is not None and worker.ended and worker is session.get(QueryWorker).worker:
+    if worker is not None and worker.ended and worker is _current():
         _leave(worker)
 
 
@@ -171,18 +140,24 @@ def _hand_out(query: _Query, event: Event) -> None:
 
 
 def _leave(worker: Worker) -> None:
-    """Tell those who wait that the worker has ended, or ask a fresh one: this one may have been idle just too long."""
+    """Tell those who wait that the worker has ended."""
     failure = None
     try:
         session.get(QueryWorker).leave()
     except KarfError as error:
         failure = error
     for query in list(worker.unanswered.values()):
-        if failure is not None or query.is_second:
-            query.on_error(failure or KarfError("The engine ended before it answered.", "Try again."))
-        elif (scene := query.owner.find()) is not None:
-            fresh = session.get(QueryWorker).start(scene)
-            fresh.query(query.kind, query.options, replace(query, is_second=True))
+        if failure is None and not query.is_second:
+            _send_again(query)
+        else:
+            query.on_error(failure or KarfError("The engine exited before it answered.", "Try again."))
+
+
+def _send_again(query: _Query) -> None:
+    """Send a query to a fresh worker: the other one had just ended for want of queries."""
+    scene = query.owner.find()
+    if scene is not None:
+        _worker(scene).query(query.kind, query.options, replace(query, is_second=True))
 
 
 def _fail(error: KarfError) -> None:
@@ -197,5 +172,5 @@ def _poll() -> float | None:
     """Called by the timer as long as somebody waits for an answer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
-    worker = session.get(QueryWorker).worker
+    worker = _current()
     return POLL_SECONDS if worker is not None and worker.unanswered else None

@@ -12,15 +12,16 @@ from typing import Any
 
 import bpy
 
-from .. import engine_api, preferences, progress, session
+from .. import engine_api, progress, session
 from ..engine.failures import disk_errors, log_tail
 from ..engine.worker import Worker
-from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request, new_job
+from ..engine_api import BadRequest, Cancelled, Event, KarfError, Request
 from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
 from .overall_progress import OverallProgress
 from .ownership import Owner
+from .workers import begin_job
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
@@ -135,18 +136,6 @@ def _running() -> RunningTask | None:
     return session.get(Runner).running
 
 
-def begin_job(worker: Worker, request: Request) -> None:
-    """Begin a job in a folder of its own, with the Python and the threads of the preferences.
-
-    Raises:
-        KarfError: It cannot start.
-    """
-    python, threads = preferences.engine_python(), preferences.current().threads
-    with disk_errors():
-        folder = new_job(Project(request.project), request.stage)
-    worker.begin(python, request, folder, threads)
-
-
 def is_running() -> bool:
     """True while a task is at work."""
     return _running() is not None
@@ -258,7 +247,9 @@ def _poll() -> float | None:
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
         _finish(
-            failure if is_ours else KarfError("Internal error: {error!r}.", "The console shows where.", error=failure)
+            failure
+            if is_ours
+            else KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
         )
         windows.redraw(*windows.PANEL_AREAS)
         session.notify(STATUS_CHANGED)

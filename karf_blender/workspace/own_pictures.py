@@ -1,4 +1,4 @@
-"""Image Editors show the picture of their window's scene: when a file is opened, and when another scene is chosen."""
+"""Image Editors show the picture of their window's scene: when a file or another scene is opened, and after undo."""
 
 import bpy
 
@@ -7,7 +7,8 @@ from ..engine_api import KarfError
 from ..host import rendering
 from ..pictures import editors
 from ..project import contents
-from ..swatches import shown
+from ..swatches import palettes, shown
+from ..tasks import runner
 
 
 def show_again() -> None:
@@ -49,4 +50,15 @@ def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
 
 @session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
+    show_again()
+
+
+@session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
+def _after_undo(*_):
+    # undo takes the scene back, but not what jobs have learned: the palettes on the disk are the scene's again
+    if rendering.is_running() or runner.is_running():  # which brings what it learns when it ends
+        return
+    for scene in bpy.data.scenes:
+        palettes.import_learned(scene)
+        make(scene)
     show_again()

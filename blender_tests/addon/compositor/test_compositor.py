@@ -101,7 +101,7 @@ def test_layers_in_another_color_space_recompose_the_same_picture(
 def test_a_space_that_blender_does_not_know_is_said(bpy, addon, scene, compositor, layers_file):
     scene.karf.layer_space = "studio log"
     addon.steps.place_layers(scene, layers_file)
-    assert "Blender knows no color space studio log" in addon.progress.state().warnings
+    assert "Blender does not know the color space studio log" in addon.progress.state().warnings
 
 
 def test_the_engine_is_asked_for_the_chosen_spaces(bpy, addon, learned, tmp_path):
@@ -206,11 +206,11 @@ def test_what_others_have_linked_stays(bpy, addon, learned, compositor, layers_f
 
 
 def test_what_makes_the_rendered_picture_another_is_said(bpy, addon, learned, built):
-    assert not addon.progress.state().warnings.count("pixels, the scene renders")
+    assert not addon.progress.state().warnings.count("pixels, but the scene renders")
     learned.render.resolution_x, learned.view_settings.view_transform = 80, "AgX"
     addon.steps.build_compositor(learned).wait()
     warnings = addon.progress.state().warnings
-    assert "The layers have 40 x 30 pixels, the scene renders 80 x 30." in warnings
+    assert "The layers have 40 x 30 pixels, but the scene renders 80 x 30." in warnings
     assert "The view transform AgX changes colors" in warnings
 
 
@@ -241,7 +241,7 @@ def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned
     driven = {curve.data_path for curve in node.id_data.animation_data.drivers}
     numbers = {socket.name: number for number, socket in enumerate(node.inputs)}
     assert driven == {f'nodes["{node.name}"].inputs[{numbers[name]}].default_value' for name in ("lid 1", "lid 2")}
-    assert "The swatches of pot are of other palettes" in addon.progress.state().warnings
+    assert "The swatches of pot belong to other palettes" in addon.progress.state().warnings
 
 
 def test_a_picture_without_layers_is_refused(bpy, addon, learned, tmp_path):

@@ -344,7 +344,7 @@ def test_a_removed_object_takes_its_masks_along_and_undo_brings_them_back(bpy, a
 def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wanted(bpy, addon, marked):
     seen = [addon.steps.go_to_view(marked, 1) for _ in range(3)]
     assert seen == ["photo_1", "photo_2", "photo_0"]
-    with pytest.raises(addon.engine_api.BadRequest, match="No view has a mark"):
+    with pytest.raises(addon.engine_api.BadRequest, match="is not marked in any view"):
         addon.steps.go_to_view(marked, 1, marked=True)
     marked.karf.active_view = "photo_2"
     addon.steps.mark_stroke(marked, [(5, 5)], 3)

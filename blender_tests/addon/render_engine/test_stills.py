@@ -168,7 +168,7 @@ def test_a_cancelled_render_ends_the_worker(addon, scene, monkeypatch):
 
 @pytest.mark.parametrize(
     ("behave", "sentence"),
-    [("refuse", "photo_7.png is missing"), ("crash", "crashed"), ("idle", "ended before it answered")],
+    [("refuse", "photo_7.png is missing"), ("crash", "crashed"), ("idle", "exited before it answered")],
 )
 def test_what_the_engine_cannot_do_is_said(addon, scene, render, monkeypatch, behave, sentence):
     options_are(addon, monkeypatch, behave=behave)

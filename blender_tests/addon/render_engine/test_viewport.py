@@ -13,7 +13,7 @@ def view(bpy, addon, learned, monkeypatch):
     """A 3D View of the captured cameras: `draw()` is what Blender's redraw asks for, `long_sides` what was asked."""
     clock = SimpleNamespace(now=100.0)
     monkeypatch.setattr(addon.viewport.time, "monotonic", lambda: clock.now)
-    monkeypatch.setattr(addon.session, "start_timer", lambda *_, **__: None)
+    monkeypatch.setattr(addon.session, "start_timer", lambda poll: None)
     camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     depsgraph = bpy.context.view_layer.depsgraph
     data = SimpleNamespace(

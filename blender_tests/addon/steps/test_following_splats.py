@@ -170,7 +170,7 @@ def test_a_refusal_is_said_once_and_the_next_change_is_asked_for(bpy, addon, bes
     monkeypatch.setattr(addon.splat_objects, "points_of", lambda item: points_of(item) | {"count": 3})
     addon.steps.follow_splat(bpy.context.scene, item)
     assert beside.settle() == []
-    assert f"has {N} points where 3 splats have colors" in addon.progress.state().error
+    assert f"has {N} points, but there are colors for 3 splats" in addon.progress.state().error
     monkeypatch.setattr(addon.splat_objects, "points_of", points_of)
     set_pot(bpy, addon, (0.1, 0.2, 0.9))
     beside.settle()
@@ -230,7 +230,7 @@ def test_the_button_needs_splats_and_palettes(bpy, addon, learned):
 
 
 def test_other_objects_are_refused(bpy, addon, scene_of_splats):
-    with pytest.raises(addon.steps.KarfError, match="is no object of splats"):
+    with pytest.raises(addon.steps.KarfError, match="is not a splat object"):
         addon.steps.follow_splat(scene_of_splats, scene_of_splats.karf.rig)
     item = make(bpy, "kiri", 4)
     bpy.ops.object.mode_set(mode="EDIT")

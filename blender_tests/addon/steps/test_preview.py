@@ -91,7 +91,7 @@ def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_wh
     for _ in range(5):
         addon.preview._tick()
     assert not addon.queries.is_waiting("preview")
-    assert "No Image Editor shows the picture KaRF camera" in addon.preview.message()
+    assert "The picture KaRF camera is only rendered while an Image Editor shows it" in addon.preview.message()
     live.editor.image = bpy.data.images["KaRF camera"]
     assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
     assert addon.preview.message() == ""

@@ -184,7 +184,7 @@ def test_other_palettes_than_the_scenes_are_said_and_left_as_learned(bpy, addon,
     learned.karf.objects["pot"].swatches[1].learned = (0.5, 0.5, 0.5)
     shown = addon.steps.place_points(learned, points_file)
     set_edit(bpy, addon)
-    assert "The swatches of pot are of other palettes than the points" in addon.progress.state().warnings
+    assert "The swatches of pot belong to other palettes than the points" in addon.progress.state().warnings
     assert np.abs(colors_of(bpy, shown) - recolored(points)).max() > 0.1
 
 
@@ -243,9 +243,9 @@ def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, t
     with pytest.raises(addon.engine_api.BadRequest, match="not shown in 3D yet"):
         addon.steps.export_scene(learned, tmp_path / "a.ply")
     addon.steps.place_points(learned, points_file)
-    with pytest.raises(addon.engine_api.BadRequest, match="ending that is not known"):
+    with pytest.raises(addon.engine_api.BadRequest, match="unknown file extension"):
         addon.steps.export_scene(learned, tmp_path / "a.obj")
-    with pytest.raises(addon.engine_api.BadRequest, match="Points alone"):
+    with pytest.raises(addon.engine_api.BadRequest, match="shows single points"):
         addon.steps.export_scene(learned, tmp_path / "a.usdc", "points")
 
 

@@ -81,7 +81,7 @@ def test_the_color_at_a_place_is_that_of_the_object_as_learned(addon, pots):
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.2, 0.5)), RED, atol=1e-3)
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.8, 0.5)), YELLOW, atol=1e-3)
     for name, place in (("lid", (0.2, 0.5)), ("pot", (-1, -1)), ("pot", (0.5, 1.2))):
-        with pytest.raises(addon.engine_api.BadRequest, match="is not there"):
+        with pytest.raises(addon.engine_api.BadRequest, match="is not at this place"):
             addon.steps.color_at(pots, name, place)
 
 
@@ -178,9 +178,9 @@ def test_a_match_leaves_it_and_sees_it(addon, pots):
 
 def test_a_learned_swatch_is_merged_and_not_removed_and_an_added_one_removed_and_not_merged(addon, pots):
     number = addon.steps.add_color(pots, "pot", YELLOW)
-    with pytest.raises(addon.engine_api.BadRequest, match="was learned"):
+    with pytest.raises(addon.engine_api.BadRequest, match="is a learned color"):
         addon.steps.remove_color(pots, "pot", 1)
-    with pytest.raises(addon.engine_api.BadRequest, match="was added"):
+    with pytest.raises(addon.engine_api.BadRequest, match="is an added color"):
         addon.steps.merge_swatch(pots, "pot", number)
     with pytest.raises(addon.engine_api.BadRequest, match="cannot be merged"):
         addon.steps.merge_swatch(pots, "pot", 1, number)

@@ -146,7 +146,9 @@ def test_looks_are_renamed_moved_and_removed(bpy, addon, two):
     assert not bpy.ops.karf.flip_looks.poll() or two.karf.look != "A"
 
 
-@pytest.mark.parametrize(("new", "sentence"), [("", "empty"), ("a", "share a folder"), ("A", "share a folder")])
+@pytest.mark.parametrize(
+    ("new", "sentence"), [("", "empty"), ("a", "use the same folder"), ("A", "use the same folder")]
+)
 def test_a_name_must_be_a_folder_of_its_own(bpy, two, new, sentence):
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.karf.rename_look(name="B", new=new)
@@ -207,7 +209,7 @@ def test_without_objects_there_are_no_looks(addon, two):
 def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two, text):
     before = all_colors(addon, two)
     two.karf.looks["A"].edit = text
-    with pytest.raises(RuntimeError, match="The look 'A' is no edit"):
+    with pytest.raises(RuntimeError, match="The look 'A' is not a valid edit"):
         bpy.ops.karf.choose_look(name="A")
     assert all_colors(addon, two) == before
 

@@ -36,7 +36,7 @@ def test_what_is_painted_over_the_view_is_matched(bpy, addon, learned, painted):
     assert bpy.ops.karf.paint_over() == {"FINISHED"}
     image = learned.karf.match.picture
     np.testing.assert_array_equal(addon.images.pixels(image)[..., :3], pixels(addon, learned))
-    with pytest.raises(RuntimeError, match="as they are"):
+    with pytest.raises(RuntimeError, match="unchanged"):
         bpy.ops.karf.match_picture()
     buffer = addon.images.blank(*image.size)
     addon.images.upright(buffer)[:] = painted
@@ -57,7 +57,7 @@ def test_a_picture_may_have_any_size_but_no_other_shape(addon, learned, painted,
     (found,) = addon.steps.match_picture(learned, tmp_path / "large.png")
     assert found.after < 0.3 * found.before
     addon.images.write_png(tmp_path / "wide.png", painted[:8])
-    with pytest.raises(addon.engine_api.BadRequest, match=r"'wide\.png' has 24 x 8 pixels, the view 24 x 16"):
+    with pytest.raises(addon.engine_api.BadRequest, match=r"'wide\.png' has 24 x 8 pixels, but the view has 24 x 16"):
         addon.steps.match_picture(learned, tmp_path / "wide.png")
 
 

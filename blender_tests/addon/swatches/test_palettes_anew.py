@@ -128,7 +128,7 @@ def test_edits_that_cannot_be_kept_are_not_replaced(bpy, addon, learned):
     addon.steps.set_swatch(learned, "pot", 1, BLUE)
     project = addon.folders.project_of(learned)
     (project.folder / "edits").write_text("in the way")
-    with pytest.raises(addon.engine_api.DataError, match="could not be kept"):
+    with pytest.raises(addon.engine_api.DataError, match="could not be saved"):
         addon.palettes.load_palettes(learned, palettes(addon, lid=LID))
     assert color_of(learned, "pot", 1) == BLUE
 
@@ -170,5 +170,5 @@ def test_a_damaged_palette_leaves_the_swatches_and_warns_once(bpy, addon, learne
 
 
 def test_the_button_says_what_becomes_of_edits(bpy, addon):
-    tooltip = bpy.types.KARF_OT_extract_palette.__doc__
+    tooltip = bpy.ops.karf.extract_palette.get_rna_type().description
     assert "given up" not in tooltip and "kept" in tooltip

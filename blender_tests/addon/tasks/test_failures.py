@@ -107,7 +107,7 @@ def test_a_project_that_is_taken_away_under_a_job_is_said(bpy, addon, project_sc
     assert addon.runner._poll() is not None
     worker.end()
     run_to_end(addon.runner._poll)
-    assert "was taken away while" in bpy.context.window_manager.karf_progress.error
+    assert "was removed while" in bpy.context.window_manager.karf_progress.error
 
 
 def test_a_log_that_is_gone_hides_no_sentence(addon, project_scene):
@@ -173,4 +173,4 @@ def test_what_the_engine_has_started_ends_with_it(addon, tmp_path, monkeypatch):
 
 def test_cancel_says_that_the_step_resumes(bpy, addon):
     description = bpy.ops.karf.cancel.get_rna_type().description
-    assert "resumes where it stood" in description
+    assert "Run the step again to resume it" in description

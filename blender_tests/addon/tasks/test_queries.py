@@ -72,7 +72,7 @@ def test_after_a_crash_those_who_wait_are_told_and_the_next_query_starts_a_fresh
 
 
 def test_a_worker_that_had_just_ended_for_want_of_queries_is_followed_by_another(addon, project_scene):
-    with pytest.raises(addon.engine_api.KarfError, match="ended before it answered"):  # the second one does the same
+    with pytest.raises(addon.engine_api.KarfError, match="exited before it answered"):  # the second one does the same
         query(addon, project_scene, behave="idle")
     assert query(addon, project_scene)["pid"]
 

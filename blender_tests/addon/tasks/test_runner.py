@@ -103,7 +103,7 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(b
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "deaf"))
-    addon.session.start_timer(runner._poll, 60, persistent=True)
+    addon.session.start_timer(runner._poll)
     worker = runner._worker()
     addon.extension.unregister()
     addon.extension.register()

@@ -58,8 +58,8 @@ def test_so_does_a_correction_or_a_volume(addon, project_scene, masks, mark):
 def test_a_stage_that_ran_anew_makes_the_later_ones_stale(addon, project_scene, masks):
     addon.steps.learn_scene(project_scene).wait()
     assert kinds(addon, project_scene)["segment"] == kinds(addon, project_scene)["palette"] == "stale"
-    assert "learned anew" in addon.states.state_of(project_scene, "segment").reason
-    assert "segmented anew" in addon.states.state_of(project_scene, "palette").reason
+    assert "learned again" in addon.states.state_of(project_scene, "segment").reason
+    assert "segmented again" in addon.states.state_of(project_scene, "palette").reason
 
 
 def test_another_preset_than_was_learned_with_says_so(addon, learned, monkeypatch):
