@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from .. import steps
+from .. import session, steps
 from ..engine_api import BadRequest
 from ..host.words import translate_report
 from ..marking import gestures, mask_layers, objects, photo, raster, tools
@@ -195,7 +195,7 @@ class DragTool(MarkingTool):
 
     def begin(self, context, event):
         context.workspace.status_text_set(self.hint)
-        Gesture.places = [(event.mouse_region_x, event.mouse_region_y)]
+        session.get(Gesture).places = [(event.mouse_region_x, event.mouse_region_y)]
         self.start(context, event)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -221,7 +221,7 @@ class DragTool(MarkingTool):
 
     def leave(self, context) -> None:
         context.workspace.status_text_set(None)
-        self.drawn, Gesture.places = Gesture.places, []
+        self.drawn, session.get(Gesture).places = session.get(Gesture).places, []
         context.area.tag_redraw()
 
     def start(self, context, event) -> None:
@@ -246,8 +246,8 @@ class KARF_OT_mark_box(DragTool, bpy.types.Operator):
     hint = "Release: mark the object in the box    Esc, right button: cancel"
 
     def move(self, context, event):
-        (x0, y0), x1, y1 = Gesture.places[0], event.mouse_region_x, event.mouse_region_y
-        Gesture.places = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+        (x0, y0), x1, y1 = session.get(Gesture).places[0], event.mouse_region_x, event.mouse_region_y
+        session.get(Gesture).places = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
 
     def finish(self, context, event):
         if self.is_slip():
@@ -265,7 +265,7 @@ class KARF_OT_mark_lasso(DragTool, bpy.types.Operator):
     hint = "Release: close the line    Esc, right button: cancel"
 
     def move(self, context, event):
-        Gesture.places.append((event.mouse_region_x, event.mouse_region_y))
+        session.get(Gesture).places.append((event.mouse_region_x, event.mouse_region_y))
 
     def finish(self, context, event):
         if self.is_slip():
@@ -283,7 +283,7 @@ class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
 
     def start(self, context, event):
         scene = context.scene
-        Gesture.places = []  # the mask itself shows the stroke
+        session.get(Gesture).places = []  # the mask itself shows the stroke
         self.layer, self.value = masks.layer_to_mark(scene), masks.value_of(scene, self.does)
         size = mask_layers.open_layers(scene).size
         self.radius = gestures.photo_length(context.region, size, scene.karf.marking.brush)
