@@ -33,7 +33,7 @@ msgstr ""
 """
 MARKS = ("translatable", "translate", "translate_report")
 KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
-POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
+POSITIONS = {"poll_message_set": 0, "need": 0, "_stage": 1, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
 ERRORS = (

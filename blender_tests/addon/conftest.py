@@ -19,7 +19,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api preferences progress session steps",
-    "host": "compat labels messages rendering windows words",
+    "host": "compat labels rendering windows words",
     "engine": "examination failures installing probing processes speed worker",
     "engine.installer": "home",
     "preferences": "choices color_book managing state",
@@ -34,7 +34,7 @@ MODULES = {
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
-    "operators": "colorways manual render",
+    "operators": "colorways project render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar",
 }

@@ -1,14 +1,17 @@
 """The box or lasso being drawn, and the mouse's place on the photo."""
 
+from dataclasses import dataclass, field
+
 import bpy
 
 from .raster import Place
 
 
+@dataclass
 class Gesture:
     """What is being drawn: places in pixels of the region. The overlay draws it."""
 
-    places: list[tuple[int, int]] = []
+    places: list[tuple[int, int]] = field(default_factory=list)
 
 
 def photo_place(region: bpy.types.Region, size: tuple[int, int], place: tuple[int, int]) -> Place:

@@ -188,8 +188,9 @@ def _draw(kind: str, places: np.ndarray, color) -> None:
 
 
 def _draw_gesture() -> None:
-    if len(gestures.Gesture.places) > 1:
-        _draw_line(gestures.Gesture.places)
+    places = session.get(gestures.Gesture).places
+    if len(places) > 1:
+        _draw_line(places)
 
 
 def _draw_line(places) -> None:

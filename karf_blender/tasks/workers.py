@@ -1,21 +1,32 @@
-"""A worker that answers queries: started on demand, and kept for the next one."""
+"""Starting workers: for jobs, and for queries, whose worker is started on demand and kept for the next one."""
 
 import shutil
-from typing import ClassVar
 
 import bpy
 
 from .. import preferences
 from ..engine.failures import disk_errors
 from ..engine.worker import Worker
-from ..engine_api import WARM, KarfError, Request, new_job
+from ..engine_api import WARM, KarfError, Project, Request, new_job
 from ..project import folders
+
+
+def begin_job(worker: Worker, request: Request) -> None:
+    """Begin a job in a folder of its own, with the Python and the threads of the preferences.
+
+    Raises:
+        KarfError: It cannot start.
+    """
+    python, threads = preferences.engine_python(), preferences.current().threads
+    with disk_errors():
+        folder = new_job(Project(request.project), request.stage)
+    worker.begin(python, request, folder, threads)
 
 
 class WarmWorker:
     """Holds the worker; the session keeps one for the interface, and one for the render thread."""
 
-    options: ClassVar[dict[str, int]] = {}  # of the engine's command `warm`
+    idle_minutes: int | None = None  # after which it ends; None: as the engine chooses
 
     def __init__(self) -> None:
         self.worker: Worker | None = None
@@ -30,12 +41,10 @@ class WarmWorker:
         if self.worker is not None and not self.worker.suits(python, threads):
             self.close()
         if self.worker is None:
-            project = folders.project_of(scene)
-            with disk_errors():
-                folder = new_job(project, WARM)
-            options = self.options | ({"threads": threads} if threads else {})
+            options = {"threads": threads, "idle_minutes": self.idle_minutes}
+            options = {name: value for name, value in options.items() if value}
             worker = Worker()
-            worker.begin(python, Request(WARM, project.folder, options), folder, threads)
+            begin_job(worker, Request(WARM, folders.project_of(scene).folder, options))
             self.worker = worker
         return self.worker
 

@@ -1,6 +1,6 @@
 """How far a task of several jobs is: one bar for all of them, and the time that is left.
 
-What jobs are expected to take is known before; how fast they turn out to be corrects what is expected of the others. No bpy.
+The expected seconds of each job are known before; how long jobs really take corrects them for the others. No bpy.
 """
 
 from collections.abc import Sequence
@@ -12,16 +12,11 @@ TRUST = 2.0  # how much of its own count of the time left is believed, per share
 CACHED = 0.3  # share of what was expected of a job below which its work was done before
 
 
-class Course:
-    """Follows the events of a task's jobs."""
+class OverallProgress:
+    """Follows the events of a task's jobs. All times are in seconds of one clock."""
 
     def __init__(self, expected: Sequence[float], now: float) -> None:
-        """Begin with the first job.
-
-        Args:
-            expected: Seconds of each job.
-            now: Seconds of any clock; those of the other calls are of the same one.
-        """
+        """Begin with the first job, whose expected seconds are the first of `expected`."""
         self._expected = tuple(expected)
         self._number = 0
         self._start = self._began = self._seen = now

@@ -77,8 +77,8 @@ def replayed(course):
 
 @pytest.fixture
 def course(addon):
-    module = importlib.import_module(f"{addon.runner.__package__}.course")
-    return lambda **seconds: module.Course(tuple((EXPECTED | seconds).values()), 0.0)
+    module = importlib.import_module(f"{addon.runner.__package__}.overall_progress")
+    return lambda **seconds: module.OverallProgress(tuple((EXPECTED | seconds).values()), 0.0)
 
 
 def test_the_bar_never_goes_back_and_ends_full(course):
