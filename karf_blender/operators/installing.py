@@ -45,7 +45,7 @@ class KARF_OT_install_engine(bpy.types.Operator):
     )
     photos: BoolProperty(
         name="Find camera poses of photos (pycolmap)",
-        description="pycolmap: camera poses of photos that have none",
+        description="Install pycolmap, which finds the camera poses of photos",
         options={"SKIP_SAVE"},
     )
     folder: StringProperty(
