@@ -25,7 +25,7 @@ MODULES = {
     "preferences": "color_book managing state",
     "project": "captures contents disk folders moving saving",
     "pictures": "editors images photos sequences settling chips tints",
-    "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
+    "rig": "cameras frames lens looking points reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",

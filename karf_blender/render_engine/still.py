@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import BadRequest, Camera
-from ..rig import frames
+from ..rig import lens
 from ..swatches import shown, surfaces
 from . import blocking, camera_pixels, passes
 from .passes import Pass
@@ -25,14 +25,14 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         raise BadRequest(
             "The scene {name!r} has no camera.", "Add one, or choose one in its properties.", name=scene.name
         )
-    camera = _bordered(scene, frames.pinhole_in(depsgraph, scene, scene.camera))
+    camera = _bordered(scene, lens.pinhole_in(depsgraph, scene, scene.camera))
     wanted = list(passes.beside_combined(scene, layer))
     edited = partial(surfaces.solved, histogram_of=shown.of(scene).histogram)
     options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | _asked_for(scene, layer, wanted)
     engine.update_stats("", "KaRF")
     answer = blocking.ask(scene, camera_pixels.KIND, options, engine.test_break)
     arrays = camera_pixels.arrays_of(answer)
-    to_blender = frames.to_capture(depsgraph, scene).inverted().to_scale().x
+    to_blender = lens.to_capture(depsgraph, scene).inverted().to_scale().x
     result = engine.begin_result(0, 0, camera.width, camera.height, layer=layer.name)
     rendered = result.layers[0].passes
     _put(rendered[passes.COMBINED], camera_pixels.combined(arrays))

@@ -14,7 +14,7 @@ from mathutils import Matrix
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_linear
 from ..host import windows
 from ..host.words import translate_error
-from ..rig import frames, lens
+from ..rig import lens
 from ..tasks import queries, runner, timer
 from . import camera_pixels
 
@@ -109,7 +109,7 @@ def _pinhole(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Came
     region, view = context.region, context.region_data
     if not view.is_perspective:
         raise BadRequest("An orthographic view cannot be rendered.", "Look in perspective: View > Perspective.")
-    to_capture = frames.to_capture(depsgraph, depsgraph.scene)
+    to_capture = lens.to_capture(depsgraph, depsgraph.scene)
     pose = lens.rigid(np.array(to_capture @ view.view_matrix.inverted()), "3D View")
     return lens.pinhole_of(np.array(Matrix(view.window_matrix)), region.width, region.height, pose)
 

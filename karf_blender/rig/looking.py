@@ -1,18 +1,18 @@
-"""Looking through a captured camera: what Blender keeps in the scene for that is put back when the view is left.
+"""Viewing through a captured camera, which needs the scene's camera and its picture size and pixel aspect.
 
-A photo fits its camera only where the scene's picture has its size and pixel aspect, and the camera is the scene's.
+The scene stores what it had before, and gets it back on leaving.
 """
 
 import bpy
 
 from ..engine_api import View
-from . import cameras
+from . import cameras, lens
 
 PICTURE = ("resolution_x", "resolution_y", "resolution_percentage", "pixel_aspect_x", "pixel_aspect_y")
 
 
 def look_through(scene: bpy.types.Scene, view: View) -> None:
-    """Make a view's camera the scene's, with its photo's picture; what the scene had before is remembered once.
+    """Make a view's camera the scene's, with its photo's picture; remember once what the scene had before.
 
     Raises:
         BadRequest: The camera was deleted.
@@ -21,13 +21,13 @@ def look_through(scene: bpy.types.Scene, view: View) -> None:
     if not looking.is_on:
         looking.is_on, looking.camera, looking.before = True, scene.camera, _picture(scene)
     scene.camera = camera
-    cameras.set_picture(scene, view.camera)
+    lens.set_picture(scene, view.camera)
     looking.during = _picture(scene)
     hide_others(scene)
 
 
 def leave(scene: bpy.types.Scene) -> None:
-    """Put camera and picture back as they were; what was changed since by hand stays as it is."""
+    """Restore camera and picture, except for what the user has changed since."""
     looking = scene.karf.looking
     if scene.camera is not None and scene.camera.karf_view:
         scene.camera = looking.camera
@@ -39,10 +39,7 @@ def leave(scene: bpy.types.Scene) -> None:
 
 
 def hide_others(scene: bpy.types.Scene) -> None:
-    """Hide the rig's other cameras and its points where that is wished while looking through one, else show them.
-
-    What the user has hidden stays so.
-    """
+    """Hide the rig's other cameras and its points while viewing, if the user wants that; else show what this has hidden."""
     looking, layer = scene.karf.looking, scene.view_layers[0]
     for item in scene.karf.rig.children if scene.karf.rig else ():
         if item.name not in layer.objects:

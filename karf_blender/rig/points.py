@@ -1,6 +1,6 @@
-"""The sparse points of a capture as a mesh of vertices, shown as small colored balls by Geometry Nodes.
+"""The sparse points of a capture as a mesh of vertices, displayed as small colored balls by Geometry Nodes.
 
-Vertices alone have no color in the viewport; balls have, in Solid mode (Color: Attribute) and with their material.
+Vertices alone have no color in the viewport; balls do, in Solid mode (Color: Attribute) and with their material.
 """
 
 import bpy
@@ -13,14 +13,9 @@ NAME = "KaRF points"
 
 
 def build(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.types.Object:
-    """The points as an object below `parent`, with the attributes `color` (sRGB bytes) and `error` (pixels).
+    """Make an object that is not rendered, with the attributes `color` (sRGB bytes) and `error` (pixels).
 
-    It is not rendered.
-
-    Args:
-        points: The capture's.
-        parent: The rig's Empty.
-        radius: Of the balls, in the parent's units.
+    The radius of the balls is in units of the parent, the rig's Empty.
     """
     mesh = bpy.data.meshes.new(NAME)
     mesh.vertices.add(len(points))
@@ -38,7 +33,7 @@ def build(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.
 
 
 def _balls(radius: float) -> bpy.types.NodeTree:
-    """A node group that puts an octahedron on every vertex."""
+    """Make a node group that puts an octahedron on every vertex."""
     group = bpy.data.node_groups.new(NAME, "GeometryNodeTree")
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
@@ -57,7 +52,7 @@ def _balls(radius: float) -> bpy.types.NodeTree:
     link(ball.outputs["Mesh"], instances.inputs["Instance"])
     link(instances.outputs["Instances"], realized.inputs["Geometry"])
     link(realized.outputs["Geometry"], joined.inputs["Geometry"])
-    # only the vertices themselves know which attribute is the active color; then they go, for they are drawn black
+    # only the vertices know which attribute is the active color; join them, then delete them: Blender draws them black
     link(entry.outputs["Geometry"], joined.inputs["Geometry"])
     link(joined.outputs["Geometry"], cleared.inputs["Geometry"])
     link(neighbors.outputs["Face Count"], is_bare.inputs[0])

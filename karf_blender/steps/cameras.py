@@ -6,8 +6,7 @@ from pathlib import Path
 import bpy
 
 from ..engine_api import BadRequest, open_capture, write_cameras
-from ..rig import camera_paths
-from ..rig.frames import frames_of
+from ..rig.frames import build_animation, frames_of
 
 
 def export_cameras(
@@ -41,7 +40,7 @@ def export_cameras(
 def import_cameras(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
     """Make one animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
     path = Path(path).absolute()
-    return camera_paths.build(open_capture(path, photos=False).views, path.stem, scene)
+    return build_animation(open_capture(path, photos=False).views, path.stem, scene)
 
 
 def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.types.Object:

@@ -11,7 +11,7 @@ import bpy
 from .. import progress
 from ..engine_api import Capture, DataError, KarfError, Message, Project, Request, hold_out, open_capture
 from ..project import captures, folders
-from ..rig import cameras, factory
+from ..rig import cameras
 from ..swatches import palettes, shown
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
@@ -59,10 +59,7 @@ def import_capture(
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
-    cube = factory.find_cube(scene)
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, replace(rig, **options))
-    if cube is not None:  # it would stand amid what was captured
-        factory.remove(cube)
     with shown.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())

@@ -37,7 +37,7 @@ def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
     """
     looking.look_through(scene, view)
     reprojection.remember(scene, capture, view.name)
-    cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
+    cameras.add_undistorted_background(scene, view, folders.project_of(scene).photos_folder)
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:

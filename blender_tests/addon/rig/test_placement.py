@@ -34,20 +34,20 @@ def arc(degrees, world):
 @pytest.mark.parametrize("world", [np.eye(3), TILTED, np.diag([1.0, -1.0, -1.0])])
 @pytest.mark.parametrize("degrees", [70, 360])
 def test_up_is_found_from_photos_that_are_all_taken_from_above(addon, world, degrees):
-    up = addon.placement.up_of(capture_of(arc(degrees, world)))
+    up = addon.cameras.up_of(capture_of(arc(degrees, world)))
     assert np.degrees(np.arccos(up @ world @ (0, 0, 1))) < 4
 
 
 def test_photos_side_by_side_are_upright_as_they_were_held(addon):
     up = np.array([0.0, -1.0, 0.0])
     poses = [looking(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
-    np.testing.assert_allclose(addon.placement.up_of(capture_of(poses)), up, atol=1e-6)
+    np.testing.assert_allclose(addon.cameras.up_of(capture_of(poses)), up, atol=1e-6)
 
 
 def test_upright_turns_up_to_z_and_size_spreads_the_cameras(addon):
     capture = capture_of(arc(360, TILTED))
-    matrix = addon.placement.matrix_of(capture, "upright", 12.0)
-    scale = 12.0 / addon.placement.extent(capture)
+    matrix = addon.cameras.world_matrix(capture, "upright", 12.0)
+    scale = 12.0 / addon.cameras.extent_of(capture)
     np.testing.assert_allclose(matrix[:3, :3] @ TILTED @ (0, 0, 1), [0, 0, scale], atol=2e-3)
     np.testing.assert_allclose(matrix[:3, :3].T @ matrix[:3, :3], scale**2 * np.eye(3), atol=1e-9)
 
@@ -55,13 +55,13 @@ def test_upright_turns_up_to_z_and_size_spreads_the_cameras(addon):
 def test_automatic_is_upright_only_where_the_files_axes_say_nothing(addon):
     poses = arc(360, TILTED)
     for name in ("colmap", "llff"):
-        assert not np.allclose(addon.placement.matrix_of(capture_of(poses, name), "auto", 0.0), np.eye(4))
+        assert not np.allclose(addon.cameras.world_matrix(capture_of(poses, name), "auto", 0.0), np.eye(4))
     for name in ("transforms", "nerf-synthetic"):
-        np.testing.assert_array_equal(addon.placement.matrix_of(capture_of(poses, name), "auto", 0.0), np.eye(4))
+        np.testing.assert_array_equal(addon.cameras.world_matrix(capture_of(poses, name), "auto", 0.0), np.eye(4))
     imported = capture_of(poses, "transforms", splats="garden.ply")  # whose world is that of another program
-    assert not np.allclose(addon.placement.matrix_of(imported, "auto", 0.0), np.eye(4))
-    np.testing.assert_array_equal(addon.placement.matrix_of(capture_of(poses), "file", 0.0), np.eye(4))
+    assert not np.allclose(addon.cameras.world_matrix(imported, "auto", 0.0), np.eye(4))
+    np.testing.assert_array_equal(addon.cameras.world_matrix(capture_of(poses), "file", 0.0), np.eye(4))
 
 
 def test_one_camera_has_an_extent(addon):
-    assert addon.placement.extent(capture_of([np.eye(4)])) == 1.0
+    assert addon.cameras.extent_of(capture_of([np.eye(4)])) == 1.0

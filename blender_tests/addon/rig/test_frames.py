@@ -74,7 +74,7 @@ def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(bpy, addon, sc
 def test_exported_cameras_project_as_the_blender_camera_does(addon, scene, film, tmp_path):
     path = addon.headless.export_cameras(tmp_path / "cameras.json", frames=[5])
     scene.frame_set(5)
-    assert_alike(cameras_in(addon, path), [addon.frames.pinhole(scene, film)])
+    assert_alike(cameras_in(addon, path), [addon.lens.pinhole(scene, film)])
 
 
 def test_cameras_without_frame_numbers_follow_one_another(addon, scene, tmp_path):
