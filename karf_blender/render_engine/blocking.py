@@ -1,7 +1,7 @@
-"""The worker that stills are asked of: from the render thread, which waits for each picture and hears of a cancel.
+"""Blocking queries from the render thread, which waits for each picture and can cancel it.
 
-It is another one than that of the interface's queries, which the timer polls on the main thread meanwhile. It is kept
-for the next frame of an animation, and ends when none comes for a while.
+They use a separate worker, as the timer polls the interface's worker on the main thread meanwhile. It stays for
+the next frame of an animation, and ends when none comes for a while.
 """
 
 import shutil
@@ -24,12 +24,10 @@ IDLE_MINUTES = 1
 
 @dataclass
 class _State:
-    """The worker, if one waits."""
-
     worker: Worker | None = None
 
     def close(self) -> None:
-        """End the worker, whose folder goes with it."""
+        """End the worker and remove its folder."""
         if self.worker is not None:
             self.worker.end()
             shutil.rmtree(self.worker.folder, ignore_errors=True)
@@ -37,31 +35,36 @@ class _State:
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
-    """Send a query, and wait for its answer.
+    """Send a query, one of the engine's `queries.QUERIES`, and wait for its answer.
 
     Args:
-        scene: One with a project, which the option `project` names if it is not given.
-        kind: One of the engine's `queries.QUERIES`.
+        scene: Its project is the default of the option `project`.
+        kind: The query.
         options: JSON values, paths absolute.
-        is_cancelled: Asked while waiting.
+        is_cancelled: Called while waiting.
 
     Returns:
-        The answer's values; files that these name are the caller's to delete.
+        The answer's values; the caller deletes files that they name.
 
     Raises:
-        Cancelled: It was cancelled, which ends the worker: what it is at would take on.
-        KarfError: There is no answer.
+        Cancelled: `is_cancelled` returned True; the worker has ended, as it would finish the query.
+        KarfError: The engine does not answer.
     """
     options = {"project": str(folders.project_of(scene).folder), **options}
-    for _ in range(2):  # the worker may end for want of queries just when one comes
+    for _ in range(2):  # an idle worker may end just before the query
         answer = _answer(_worker(scene), kind, options, is_cancelled)
         if answer is not None:
             return answer
     raise KarfError("The engine ended before it answered.", "Try again.")
 
 
+def stop() -> None:
+    """End the worker and remove its folder."""
+    session.get(_State).close()
+
+
 def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:
-    """The answer's values; None where the worker has ended in peace before."""
+    """Return the answer's values; None if the worker has ended without a failure before."""
     worker.query(kind, options, kind)
     while True:
         for _, event in worker.replies():
@@ -70,7 +73,12 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
             if event.kind == "refused":
                 raise error_from_event(event)
         if worker.ended:
-            _leave(worker)
+            try:
+                worker.check()
+            except KarfError:
+                session.get(_State).worker = None  # its folder stays: the error names its log
+                raise
+            stop()
             return None
         if is_cancelled():
             stop()
@@ -78,37 +86,19 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
         time.sleep(POLL_SECONDS)
 
 
-def stop() -> None:
-    """End the worker, whose folder goes with it."""
-    session.get(_State).close()
-
-
 def _worker(scene: bpy.types.Scene) -> Worker:
+    state = session.get(_State)
     python, threads = preferences.engine_python(), preferences.current().threads
-    worker = session.get(_State).worker
-    if worker is not None and (not worker.suits(python, threads) or _has_ended(worker)):
-        stop()
-    if session.get(_State).worker is None:
+    if state.worker is not None:
+        state.worker.poll()
+        if state.worker.ended or not state.worker.suits(python, threads):
+            stop()
+    if state.worker is None:
         project = folders.project_of(scene)
         with disk_errors():
             folder = new_job(project, WARM)
         options = {"idle_minutes": IDLE_MINUTES} | ({"threads": threads} if threads else {})
         worker = Worker()
         worker.begin(python, Request(WARM, project.folder, options), folder, threads)
-        session.get(_State).worker = worker
-    return session.get(_State).worker
-
-
-def _has_ended(worker: Worker) -> bool:
-    worker.poll()
-    return worker.ended
-
-
-def _leave(worker: Worker) -> None:
-    """Take leave of a worker that has ended; the folder of one that failed is kept for its log, which the error names."""
-    try:
-        worker.check()
-    except KarfError:
-        session.get(_State).worker = None
-        raise
-    stop()
+        state.worker = worker
+    return state.worker

@@ -7,7 +7,7 @@ import bpy
 from ..compositor import over_scene
 from ..engine_api import BadRequest
 from ..host import compat
-from ..render_engine.compatible import NAME
+from ..render_engine.engine import NAME
 from . import sequences
 
 COPIED = (
