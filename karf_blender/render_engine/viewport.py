@@ -29,7 +29,7 @@ class Viewport:
     """The requested and the displayed picture of one 3D View."""
 
     def __init__(self) -> None:
-        self.message = ""  # the reason why there is no picture
+        self.message = ""  # the reason for a missing picture
         self._wanted = ""
         self._wanted_since = 0.0
         self._asked: tuple[str, int] | None = None  # and not answered yet
