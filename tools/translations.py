@@ -1,25 +1,36 @@
-"""List what the extension shows and no language has yet: `python -m tools.translations`.
+"""List what the extension displays and no language translates yet: `python -m tools.translations [--add LANGUAGE]`.
 
 Texts are found in the sources: labels and tooltips of classes, names and descriptions of properties, enum items, texts
-of layouts, and what is marked by `host/words.py`. A text with values in it that is not put together there cannot be
-translated, and is listed too. Errors and warnings are templates beside their values; a translation of one that neither
-the extension nor the engine says any more is listed as well.
+of layouts, and what is marked by `host/words.py`. A text with values formatted into it cannot be translated, and is
+listed too. Errors and warnings are templates beside their values; a translation of a text that neither the extension
+nor the engine has any more is listed as well.
+
+`--add` appends an empty entry for every missing text to the language's file; a new language gets a new file.
 """
 
 from __future__ import annotations
 
+import argparse
 import ast
+import json
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib import util
 from pathlib import Path
+from types import ModuleType
 
 from karf_engine.errors import PLACE
+from karf_engine.project.settings import PRESETS
 
 ROOT = Path(__file__).resolve().parents[1] / "karf_blender"
 ENGINE = ROOT.with_name("karf_engine")
 TABLES = ROOT / "translations"
-SENTENCES = TABLES / "sentences"
+HEADER = """msgid ""
+msgstr ""
+"Language: {language}\\n"
+"Content-Type: text/plain; charset=UTF-8\\n"
+"""
 MARKS = ("translatable", "translate", "translate_report")
 KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
 POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
@@ -40,63 +51,102 @@ SENTENCES_AT = {
     "warn": (0,),
     "find_scene": (1,),
 }  # which arguments are sentences
-ENGLISH = ("headless", "managed")  # folders whose sentences stay English: for programmers, and of installing
+ENGLISH = ("steps/engine.py", "managed/*.py")  # files whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 
 def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--add", metavar="LANGUAGE", help="as Blender names it, such as ja_JP")
+    language = parser.parse_args().add
+    if language:
+        print(f"{add_missing(language, TABLES / f'{language}.po')} entries were added.")
+        return 0
     faults = [f"{where}: {text!r} has values: give them beside it" for where, text in untranslatable()]
     for language in languages():
-        faults += [f"{language}: {text!r} is missing" for text in missing(language)]
-        faults += [f"{language}: {text!r} is said nowhere" for text in stale(language)]
-    print("\n".join(faults) or "All that is shown is translated.")
+        faults += [f"{language}: {text!r} is missing ({where})" for text, where in missing(language).items()]
+        faults += [f"{language}: {text!r} is displayed nowhere" for text in stale(language)]
+    print("\n".join(faults) or "All texts are translated.")
     return 1 if faults else 0
 
 
 def languages() -> list[str]:
-    """Those that have a table."""
-    return sorted(path.stem for path in TABLES.glob("*.py") if path.stem != "__init__")
+    """Return the languages that have a file."""
+    return sorted(path.stem for path in TABLES.glob("*.po"))
 
 
-def missing(language: str) -> list[str]:
-    """The texts that the table of a language lacks."""
-    return sorted((texts() | sentences(ROOT)) - table(language).keys())
+def add_missing(language: str, path: Path) -> int:
+    """Append an empty entry for each text that a file lacks; return how many were added."""
+    content = path.read_text(encoding="utf-8") if path.exists() else HEADER.format(language=language)
+    known = read_po(path) if path.exists() else {}
+    added = {text: where for text, where in all_texts().items() if ("", text) not in known}
+    entries = (
+        f'\n#: {where}\nmsgid {json.dumps(text, ensure_ascii=False)}\nmsgstr ""\n' for text, where in added.items()
+    )
+    path.write_text(content + "".join(entries), encoding="utf-8")
+    return len(added)
+
+
+def missing(language: str) -> dict[str, str]:
+    """Return the texts that a language does not translate, and where they are."""
+    translated = {text for (_, text), translation in table(language).items() if translation}
+    return {text: where for text, where in all_texts().items() if text not in translated}
 
 
 def stale(language: str) -> list[str]:
-    """The sentences in the table of a language that nobody says."""
-    return sorted(_read(SENTENCES / f"{language}.py").keys() - (sentences(ROOT) | sentences(ENGINE)))
+    """Return the texts in a language's file that are nowhere in the sources."""
+    used = all_texts().keys() | sentences(ENGINE).keys() | _all_literals()
+    return sorted({text for _, text in table(language)} - used)
 
 
-def table(language: str) -> dict[str, str]:
-    """A language's table, read without Blender."""
-    return _read(TABLES / f"{language}.py") | _read(SENTENCES / f"{language}.py")
+def table(language: str) -> dict[tuple[str, str], str]:
+    """Return a language's translations by context and text, read without Blender."""
+    return read_po(TABLES / f"{language}.po")
 
 
-def _read(path: Path) -> dict[str, str]:
-    spec = util.spec_from_file_location(path.stem, path)
+def read_po(path: Path) -> dict[tuple[str, str], str]:
+    """Return the translations of a .po file, as the extension reads them."""
+    return po_files().read_po(path)
+
+
+@cache
+def po_files() -> ModuleType:
+    """Return the extension's reader of .po files, whose package cannot be imported without Blender."""
+    spec = util.spec_from_file_location("po_files", TABLES / "po_files.py")
     module = util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.TEXTS
+    return module
 
 
-def texts() -> set[str]:
-    """All texts that are shown; what has no letters needs no translation."""
-    found = {text for _, node in _shown_nodes() for text in _literals(node)}
-    return {text for text in found if any(map(str.isalpha, text)) and text not in UNTRANSLATED and " " != text}
+def all_texts() -> dict[str, str]:
+    """Return all texts that a language has to translate, and where they are."""
+    return texts() | sentences(ROOT)
 
 
-def sentences(package: Path) -> set[str]:
-    """The keys of errors and warnings in the sources of a package."""
-    literals = (node for _, node in _sentence_nodes(package) if isinstance(node, ast.Constant))
-    keys = {PLACE.sub(r"{\1}", str(node.value)) for node in literals}
-    return {key for key in keys if any(map(str.isalpha, PLACE.sub("", key)))}
+def texts() -> dict[str, str]:
+    """Return the texts of the interface that have letters, and where they are."""
+    found = {name.capitalize(): "karf_blender/properties/scene.py" for name in PRESETS}
+    found |= {text: where for where, node in _shown_nodes() for text in _literals(node)}
+    return {text: where for text, where in found.items() if any(map(str.isalpha, text)) and text not in UNTRANSLATED}
+
+
+def sentences(package: Path) -> dict[str, str]:
+    """Return the keys of errors and warnings in the sources of a package, and where they are."""
+    literals = ((where, node.value) for where, node in _sentence_nodes(package) if isinstance(node, ast.Constant))
+    keys = {PLACE.sub(r"{\1}", str(text)): where for where, text in literals}
+    return {key: where for key, where in keys.items() if any(map(str.isalpha, PLACE.sub("", key)))}
+
+
+def _all_literals() -> set[str]:
+    """Return all strings in the extension's sources: some texts are put in tables that are displayed elsewhere."""
+    nodes = (node for path in ROOT.rglob("*.py") for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    return {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
 
 
 def _sentence_nodes(package: Path) -> Iterator[tuple[str, ast.AST]]:
     """Places and expressions of the sentences of errors and warnings."""
     for path in sorted(package.rglob("*.py")):
-        if set(ENGLISH) & set(path.parts):
+        if any(map(path.match, ENGLISH)):
             continue
         calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
         for call in calls:
@@ -136,7 +186,7 @@ def _alternatives(node: ast.AST) -> Iterator[ast.AST]:
 
 def _shown_nodes() -> Iterator[tuple[str, ast.AST]]:
     for path in sorted(ROOT.rglob("*.py")):
-        if "headless" in path.parts or TABLES in path.parents:
+        if path.match("steps/engine.py") or TABLES in path.parents:
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             yield from ((f"{path.relative_to(ROOT.parent)}:{each.lineno}", each) for each in _of(node))

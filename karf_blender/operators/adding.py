@@ -16,14 +16,14 @@ from .swatches import OneSwatch
 
 
 class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
-    """Pick a color of the object in the picture: it becomes one more swatch, which changes only what has this pigment"""
+    """Pick one of the object's colors in the picture as another swatch, which changes only this pigment"""
 
     bl_idname = "karf.add_color"
     bl_label = "Add Color"
     bl_options = {"REGISTER", "UNDO"}
 
     object_name: StringProperty(name="Object")
-    picked: srgb("Picked", 0.5, description="A color of the object, as the photos show it", options={"SKIP_SAVE"})
+    picked: srgb("Picked", 0.5, description="A color of the object, as it appears in the photos", options={"SKIP_SAVE"})
     reach: pigment_reach(options={"SKIP_SAVE"})
     protect: protected_neutrals(options={"SKIP_SAVE"})
 
@@ -39,7 +39,9 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
         _Loupe.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_loupe, (), "WINDOW", "POST_PIXEL")
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(
-            translate_report("Click on {name} in the picture to add its color there.  Esc: none", name=self.object_name)
+            translate_report(
+                "Click on {name} in the picture to add the color there.  Esc: cancel", name=self.object_name
+            )
         )
         return {"RUNNING_MODAL"}
 
@@ -77,12 +79,12 @@ class KARF_OT_add_color(PreparedStep, bpy.types.Operator):
         added = context.scene.karf.objects[self.object_name].swatches[number]
         self.reach, self.protect = added.reach, added.protect  # what was proposed is where changing it begins
         windows.redraw(*windows.PANEL_AREAS)
-        self.report({"INFO"}, translate_report("Added as swatch {number}: change its color", number=number))
+        self.report({"INFO"}, translate_report("Swatch {number} was added: change its color", number=number))
         return {"FINISHED"}
 
 
 class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
-    """Change this swatch's own pigment alone: letters, bands, a print. Silver, foil, paper and gloss stay as they are"""
+    """Change only this swatch's pigment: lettering, bands, a print. Silver, foil, paper and gloss stay as they are"""
 
     bl_idname = "karf.protect_neutrals"
     bl_label = "Protect Neutrals"
@@ -92,12 +94,12 @@ class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
         number = steps.protect_neutrals(context.scene, self.object_name, self.index)
         windows.redraw(*windows.PANEL_AREAS)
         if number != self.index:
-            self.report({"INFO"}, translate_report("Swatch {number} now changes this pigment", number=number))
+            self.report({"INFO"}, translate_report("Swatch {number} now changes only this pigment", number=number))
         return {"FINISHED"}
 
 
 class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
-    """Take this added color away: its pigment follows the other swatches again"""
+    """Remove this added color. Its pigment follows the other swatches again"""
 
     bl_idname = "karf.remove_color"
     bl_label = "Remove"

@@ -12,15 +12,17 @@ from ..swatches import drawn_over
 from .reporting import SwatchStep, reports_errors
 
 CORNERS = (
-    translatable("Click the outer corner of the brown patch.  Esc: none"),
-    translatable("Click the outer corner of the bluish green patch, at the end of the brown one's row.  Esc: none"),
-    translatable("Click the outer corner of the black patch.  Esc: none"),
-    translatable("Click the outer corner of the white patch.  Esc: none"),
+    translatable("Click the outer corner of the brown patch.  Esc: cancel"),
+    translatable(
+        "Click the outer corner of the bluish green patch, at the other end of the brown patch's row.  Esc: cancel"
+    ),
+    translatable("Click the outer corner of the black patch.  Esc: cancel"),
+    translatable("Click the outer corner of the white patch.  Esc: cancel"),
 )
 
 
 class KARF_OT_pick_chart(SwatchStep, bpy.types.Operator):
-    """Click the corners of a color chart (24 patches) in an Image Editor: names of colors are then those under daylight"""
+    """Click the corners of a 24-patch color chart, so that color names and numbers refer to daylight"""
 
     bl_idname = "karf.pick_chart"
     bl_label = "Pick Color Chart"
@@ -78,14 +80,14 @@ class KARF_OT_pick_chart(SwatchStep, bpy.types.Operator):
         self.report(
             {"INFO"},
             translate_report(
-                "The chart's patches are off by CIEDE2000 {left} in the mean", left=f"{fit.mean_residual:.1f}"
+                "The chart's patches differ by CIEDE2000 {left} on average", left=f"{fit.mean_residual:.1f}"
             ),
         )
         return {"FINISHED"}
 
 
 class KARF_OT_find_chart(SwatchStep, bpy.types.Operator):
-    """Let the engine look for a color chart (24 patches) in the photo that the Image Editor shows: names of colors are then those under daylight"""
+    """Search the displayed photo for a 24-patch color chart, so that color names and numbers refer to daylight"""
 
     bl_idname = "karf.find_chart"
     bl_label = "Find Color Chart"
@@ -97,7 +99,7 @@ class KARF_OT_find_chart(SwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_remove_chart(SwatchStep, bpy.types.Operator):
-    """Forget the color chart: names and numbers of colors are what photos show, or those of the gray card"""
+    """Remove the color chart. Color names and numbers refer to the photos again, or to the gray card"""
 
     bl_idname = "karf.remove_chart"
     bl_label = "Remove Color Chart"

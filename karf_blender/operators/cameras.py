@@ -12,7 +12,7 @@ from .reporting import reports_errors
 
 
 class KARF_OT_export_cameras(bpy.types.Operator):
-    """Write the scene's camera, frame by frame over the scene's range, as a transforms.json relative to the rig"""
+    """Write the scene's camera at every frame of the scene to a transforms.json, relative to the rig"""
 
     bl_idname = "karf.export_cameras"
     bl_label = "Export Cameras"
@@ -42,7 +42,7 @@ class KARF_OT_export_cameras(bpy.types.Operator):
 
 
 class KARF_OT_import_cameras(bpy.types.Operator):
-    """Make one animated camera of the cameras in a transforms.json, a frame each"""
+    """Create one animated camera from the cameras in a transforms.json, one frame for each"""
 
     bl_idname = "karf.import_cameras"
     bl_label = "Import Cameras"
@@ -59,5 +59,5 @@ class KARF_OT_import_cameras(bpy.types.Operator):
     def execute(self, context):
         camera = steps.import_cameras(context.scene, Path(bpy.path.abspath(self.filepath)))
         view_from_camera(context.area)
-        self.report({"INFO"}, translate_report("{name} is the scene's camera", name=camera.name))
+        self.report({"INFO"}, translate_report("{name} is now the scene's camera", name=camera.name))
         return {"FINISHED"}

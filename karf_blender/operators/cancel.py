@@ -8,7 +8,7 @@ from .reporting import reports_errors
 
 
 class KARF_OT_cancel(bpy.types.Operator):
-    """Stop the running job at its next safe point; running the step again resumes where it stood"""
+    """Stop the running job at its next safe point. Run the step again to resume it"""
 
     bl_idname = "karf.cancel"
     bl_label = "Cancel"

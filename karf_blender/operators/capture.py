@@ -12,18 +12,18 @@ from ..host.words import translate_report
 from ..rig.cameras import Options
 from ..steps import masks
 from ..tasks import runner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from ..workspace import estimates, opening
 from .reporting import has_project, is_free, reports_errors
 
 ORIENTATION_ITEMS = [
-    ("AUTO", "Automatic", "Upright where the capture's world is arbitrary (COLMAP, LLFF), else as in the file"),
+    ("AUTO", "Automatic", "Upright where the capture's axes are arbitrary (COLMAP, LLFF), otherwise as in the file"),
     ("FILE", "As in File", "Keep the capture's own axes"),
-    ("UPRIGHT", "Upright", "Turn what the cameras have above them upwards"),
+    ("UPRIGHT", "Upright", "Rotate the capture so that the cameras' average up direction points up"),
 ]
 SPLATS = "*.ply;*.spz;*.splat;*.sog;*.glb;*.gltf;*.usd;*.usda;*.usdc;*.usdz"
 UP_ITEMS = [
-    ("AUTO", "Automatic", "Across the largest flat parts, or where COLMAP has it"),
+    ("AUTO", "Automatic", "Choose the axis that runs across the largest flat surfaces, or COLMAP's"),
     *((name, name, f"The file's {name} axis points up") for name in ("X", "Y", "Z", "-X", "-Y", "-Z")),
 ]
 VIDEOS = "*.mp4;*.mov;*.m4v;*.avi;*.mkv;*.webm"
@@ -60,17 +60,17 @@ class RigOptions:
         name="Size",
         min=0.0,
         subtype="DISTANCE",
-        description="Scale the rig so that its cameras are spread over this length; 0: as in the file",
+        description="Scale the rig so that its cameras span this length. 0: as in the file",
     )
-    points: BoolProperty(name="Sparse Points", default=True, description="Show the points that the photos share")
-    photos: BoolProperty(name="Photos", default=True, description="Show the photos behind the cameras")
+    points: BoolProperty(name="Sparse Points", default=True, description="Show the sparse points shared by the photos")
+    photos: BoolProperty(name="Photos", default=True, description="Show each photo behind its camera")
     camera_size: FloatProperty(
         name="Camera Size",
         default=2.5,
         min=0.01,
         soft_max=20.0,
         subtype="PERCENTAGE",
-        description="Drawn size of the cameras, of the length that they are spread over",
+        description="Display size of the cameras, relative to the length they span",
     )
 
     def draw_options(self) -> None:
@@ -88,7 +88,7 @@ class RigOptions:
 
 
 class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
-    """Make a camera for every photo of a capture (its folder or camera file): transforms.json, COLMAP or LLFF"""
+    """Create a camera for every photo of a capture, from its folder or camera file: transforms.json, COLMAP, LLFF"""
 
     bl_idname = "karf.import_capture"
     bl_label = "Import Capture"
@@ -103,8 +103,8 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         default=0,
         min=0,
         soft_max=16,
-        description="Keep every so many-th photo out of learning, to measure quality with; 0: learn from all. Where the "
-        "capture declares its test photos, those are kept out; a marked photo is learned from in any case",
+        description="Keep every Nth photo out of learning, to measure quality with them. 0: learn from all. Where "
+        "the capture declares test photos, those are kept out. Marked photos are always learned from",
         options={"SKIP_SAVE"},
     )
     filter_glob: StringProperty(default="*.json;*.npy;*.bin;*.txt", options={"HIDDEN"})
@@ -138,13 +138,14 @@ class KARF_OT_import_capture(RigOptions, bpy.types.Operator):
         estimates.measure_once()
         opening.set_up(masks.begin_marking, masks.fit_photo)
         self.report(
-            {"INFO"}, translate_report("{count} cameras from {path}", count=len(capture.views), path=capture.source)
+            {"INFO"},
+            translate_report("Imported {count} cameras from {path}", count=len(capture.views), path=capture.source),
         )
         return {"FINISHED"}
 
 
 class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
-    """Find the camera poses of a folder of photos, or of a video, and import the capture that they make"""
+    """Find the camera poses of a folder of photos or a video, and import the result as a capture"""
 
     bl_idname = "karf.find_poses"
     bl_label = "Find Camera Poses"
@@ -175,7 +176,7 @@ class KARF_OT_find_poses(RigOptions, bpy.types.Operator):
 
 
 class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
-    """Import Gaussian splats that another program has learned, to mark and recolor objects in them"""
+    """Import Gaussian splats learned by another program, to mark and recolor objects in them"""
 
     bl_idname = "karf.import_splat"
     bl_label = "Import Splat"
@@ -186,13 +187,14 @@ class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
     learned_from: StringProperty(
         name="Photos",
         subtype="DIR_PATH",
-        description="Capture that it was learned from, with the same poses; empty: views are rendered around the splats",
+        description="Capture that the splats were learned from, with the same poses. Empty: render views around the "
+        "splats",
         options={"SKIP_SAVE"},
     )
     cameras: StringProperty(
         name="Cameras",
         subtype="FILE_PATH",
-        description="Without photos: a transforms.json of exported cameras, whose views come first",
+        description="Without photos: a transforms.json of exported cameras to render first",
         options={"SKIP_SAVE"},
     )
     views: IntProperty(
@@ -200,12 +202,12 @@ class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
         default=steps.SPLAT_VIEWS,
         min=0,
         soft_max=100,
-        description="Without photos: how many are rendered",
+        description="Without photos: number of views to render",
     )
-    up: EnumProperty(name="Up", items=UP_ITEMS, description="Without photos: which axis of the file points up")
+    up: EnumProperty(name="Up", items=UP_ITEMS, description="Without photos: axis of the file that points up")
     antialiased: BoolProperty(
         name="Antialiased",
-        description="They were learned with antialiasing (Mip-Splatting), and the file does not say so",
+        description="The splats were learned with antialiasing (Mip-Splatting), but the file does not say so",
     )
 
     @classmethod
@@ -241,7 +243,7 @@ class KARF_OT_import_splat(RigOptions, bpy.types.Operator):
 
 
 class KARF_OT_check_capture(bpy.types.Operator):
-    """Look for blurred photos, drifting exposure, holes and poor poses before anything is learned, and show where more photos would help"""
+    """Check for blurred photos, drifting exposure, gaps and bad poses, and show where more photos would help"""
 
     bl_idname = "karf.check_capture"
     bl_label = "Check Capture"
@@ -257,7 +259,7 @@ class KARF_OT_check_capture(bpy.types.Operator):
 
 
 class KARF_OT_look_through(bpy.types.Operator):
-    """Look through the active view's camera, with its photo's size as the scene's until the view is left"""
+    """Look through the active view's camera. The scene has the photo's resolution until you leave the view"""
 
     bl_idname = "karf.look_through"
     bl_label = "Look Through"
@@ -277,7 +279,7 @@ class KARF_OT_look_through(bpy.types.Operator):
 
 
 class KARF_OT_leave_view(bpy.types.Operator):
-    """Give the scene the camera and the picture size back that it had before a captured camera was looked through"""
+    """Restore the camera and resolution that the scene had before you looked through a captured camera"""
 
     bl_idname = "karf.leave_view"
     bl_label = "Leave View"
@@ -286,7 +288,7 @@ class KARF_OT_leave_view(bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         if not context.scene.karf.looking.is_on:
-            cls.poll_message_set("No captured camera is looked through")
+            cls.poll_message_set("You are not looking through a captured camera")
             return False
         return True
 
@@ -299,7 +301,7 @@ class KARF_OT_leave_view(bpy.types.Operator):
 
 
 class KARF_FH_capture(bpy.types.FileHandler):
-    """Camera files may be dropped on the 3D View; what else ends so is refused with a sentence when it is read."""
+    """Import camera files dropped on the 3D View. Other files with these extensions are refused with a message"""
 
     # folders cannot: Blender asks no handler about a path without an ending
     bl_idname = "KARF_FH_capture"
@@ -315,7 +317,7 @@ class KARF_FH_capture(bpy.types.FileHandler):
 
 
 class KARF_FH_splat(bpy.types.FileHandler):
-    """Splats may be dropped on the 3D View; a .ply that holds none is refused with a sentence when it is read."""
+    """Import splats dropped on the 3D View. A .ply without splats is refused with a message"""
 
     bl_idname = "KARF_FH_splat"
     bl_label = "KaRF splat"

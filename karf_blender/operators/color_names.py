@@ -20,7 +20,7 @@ class OneColor(SwatchStep):
     bl_options = {"REGISTER", "UNDO"}
 
     object_name: StringProperty(name="Object")
-    index: IntProperty(name="Swatch", min=0, description="From 1; 0: the target color", options={"SKIP_SAVE"})
+    index: IntProperty(name="Swatch", min=0, description="Counted from 1. 0: the target color", options={"SKIP_SAVE"})
 
     def use(self, context, name):
         """Set the color."""
@@ -29,7 +29,7 @@ class OneColor(SwatchStep):
             self.report(
                 {"WARNING"},
                 translate_report(
-                    "No picture can show {name}: the nearest color differs from it by CIEDE2000 {left}",
+                    "{name} is outside sRGB: the nearest color differs from it by CIEDE2000 {left}",
                     name=name,
                     left=f"{left:.1f}",
                 ),
@@ -38,7 +38,7 @@ class OneColor(SwatchStep):
 
 
 class KARF_OT_use_color_name(OneColor, bpy.types.Operator):
-    """Take the color of this name"""
+    """Use the color with this name"""
 
     bl_idname = "karf.use_color_name"
     bl_label = "Use Color Name"
@@ -51,7 +51,7 @@ class KARF_OT_use_color_name(OneColor, bpy.types.Operator):
 
 
 class KARF_OT_find_color_name(OneColor, bpy.types.Operator):
-    """Search the color book, and take the color of a name"""
+    """Search the color book for a name and use its color"""
 
     bl_idname = "karf.find_color_name"
     bl_label = "Find Color Name"
@@ -69,7 +69,7 @@ class KARF_OT_find_color_name(OneColor, bpy.types.Operator):
 
 
 class KARF_OT_choose_color_book(bpy.types.Operator):
-    """Choose a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. It is kept in the preferences"""
+    """Choose a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. The preferences keep it"""
 
     bl_idname = "karf.choose_color_book"
     bl_label = "Color Book"

@@ -41,7 +41,7 @@ def split(layout, factor):
 
 
 class KARF_OT_colorways(PaletteStep, bpy.types.Operator):
-    """Choose a sheet of colorways (CSV or JSON), see what each color will be, and recolor all views by each"""
+    """Choose a sheet of colorways (CSV or JSON), preview its colors, and recolor all views with each colorway"""
 
     bl_idname = "karf.colorways"
     bl_label = "Colorways"
@@ -60,14 +60,16 @@ class KARF_OT_colorways(PaletteStep, bpy.types.Operator):
 
 
 class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
-    """Recolor views by each colorway of a sheet"""
+    """Recolor views with each colorway of a sheet"""
 
     bl_idname = "karf.render_colorways"
     bl_label = "Render Colorways"
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
     views: StringProperty(
-        name="Views", default="all", description="all, train, test, names with commas, or the path of a camera file"
+        name="Views",
+        default="all",
+        description="all, train, test, names separated by commas, or the path of a camera file",
     )
 
     def invoke(self, context, event):
@@ -79,7 +81,7 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
         count = len(shown.colors)
         layout.label(
             text=translate(
-                "{count} colors, {missed} of them cannot be reached. Numbers: difference from the wanted, 1 is just visible",
+                "{count} colors, {missed} out of reach. Numbers: difference from the wanted color; 1 is just visible",
                 count=count,
                 missed=missed,
             )
@@ -87,7 +89,7 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
         rows = min(ROWS, len(shown.colors))
         layout.template_list(KARF_UL_colorways.__name__, "", shown, "colors", shown, "active", rows=rows)
         if shown.active < len(shown.colors) and (reason := shown.colors[shown.active].reason):
-            layout.label(text=translate("Cannot be reached, because {reason}", reason=reason), icon="ERROR")
+            layout.label(text=translate("Out of reach: {reason}", reason=reason), icon="ERROR")
         layout.prop(self, "views")
 
     @reports_errors
@@ -95,7 +97,7 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
         sheet = Path(bpy.path.abspath(self.filepath))
         runner.launch(steps.colorways(context.scene, sheet, self.views))
         self.report(
-            {"INFO"}, translate_report("Pictures go to {path}", path=steps.colorways_folder(context.scene, sheet))
+            {"INFO"}, translate_report("Pictures will be in {path}", path=steps.colorways_folder(context.scene, sheet))
         )
         return {"FINISHED"}
 

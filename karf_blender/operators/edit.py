@@ -13,7 +13,7 @@ from .reporting import PreparedStep, ProjectSwatchStep, SwatchStep, reports_erro
 
 
 class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
-    """Set the object's swatches so that its source color becomes the target color; locked ones stay"""
+    """Set the object's swatches so that the source color becomes the target color. Locked swatches stay"""
 
     bl_idname = "karf.becomes"
     bl_label = "Becomes"
@@ -30,7 +30,7 @@ class KARF_OT_becomes(ProjectSwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_paint_over(PreparedStep, bpy.types.Operator):
-    """Paint on a copy of the active view in the Image Editor, to match the swatches to it"""
+    """Paint on a copy of the active view in the Image Editor, then match the swatches to it"""
 
     bl_idname = "karf.paint_over"
     bl_label = "Paint Over"
@@ -44,7 +44,7 @@ class KARF_OT_paint_over(PreparedStep, bpy.types.Operator):
 
 
 class KARF_OT_match_picture(PreparedStep, bpy.types.Operator):
-    """Set the swatches so that the active view looks as this picture of it does; locked ones stay"""
+    """Set the swatches so that the active view matches this edited picture of it. Locked swatches stay"""
 
     bl_idname = "karf.match_picture"
     bl_label = "Match Picture"
@@ -57,12 +57,12 @@ class KARF_OT_match_picture(PreparedStep, bpy.types.Operator):
         file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
         found = steps.match_picture(context.scene, file)
         left = ", ".join(f"{each.name} {each.before:.1f} before, {each.after:.1f} now" for each in found)
-        self.report({"INFO"}, translate_report("Difference to the picture: {left}", left=left))
+        self.report({"INFO"}, translate_report("Remaining difference from the picture: {left}", left=left))
         return {"FINISHED"}
 
 
 class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
-    """Set the swatches to those of an edit file, or of a palette of GIMP (.gpl) or Adobe (.ase)"""
+    """Set the swatches from an edit file, or from a palette of GIMP (.gpl) or Adobe (.ase)"""
 
     bl_idname = "karf.load_edit"
     bl_label = "Load Edit"
@@ -84,7 +84,7 @@ class KARF_OT_load_edit(SwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
-    """Write the swatches to an edit file, for other scenes and scripts, or as a palette (.gpl, .ase)"""
+    """Write the swatches to an edit file for other scenes and scripts, or to a palette (.gpl, .ase)"""
 
     bl_idname = "karf.save_edit"
     bl_label = "Save Edit"
@@ -105,7 +105,7 @@ class KARF_OT_save_edit(SwatchStep, bpy.types.Operator):
 
 
 class KARF_FH_edit(bpy.types.FileHandler):
-    """Edit files may be dropped on the recolored picture."""
+    """Load edit files dropped on the recolored picture"""
 
     bl_idname = "KARF_FH_edit"
     bl_label = "KaRF edit"

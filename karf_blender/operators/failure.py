@@ -24,7 +24,7 @@ class FailureStep:
 
 
 class KARF_OT_copy_report(FailureStep, bpy.types.Operator):
-    """Copy versions, how the job ended and the end of its log, to send to a developer; your names are left out"""
+    """Copy versions, the job's outcome and the end of its log, to send to a developer. Your names are left out"""
 
     bl_idname = "karf.copy_report"
     bl_label = "Copy Report"
@@ -37,7 +37,7 @@ class KARF_OT_copy_report(FailureStep, bpy.types.Operator):
 
 
 class KARF_OT_open_log(FailureStep, bpy.types.Operator):
-    """Show the end of the failed job's log in a Text Editor"""
+    """Open the end of the failed job's log in a Text Editor"""
 
     bl_idname = "karf.open_log"
     bl_label = "Open Log"
@@ -47,6 +47,6 @@ class KARF_OT_open_log(FailureStep, bpy.types.Operator):
         job = Path(context.window_manager.karf_progress.job)
         tail = failures.log_tail(job)
         if not tail:
-            raise DataError("The log in {job} is empty, or gone.", "Run the step again.", job=job)
+            raise DataError("The log in {job} is empty or missing.", "Run the step again.", job=job)
         windows.show_text(LOG_NAME, tail)
         return {"FINISHED"}

@@ -33,8 +33,10 @@ def _leave_python() -> None:
 
 
 class KARF_OT_install_engine(bpy.types.Operator):
-    """Make an environment of its own for the engine; a dialog says what will be fetched, from where and where to, and \
-asks. What is there already is checked, finished, repaired or updated"""
+    bl_description = (
+        "Create a separate environment for the engine. A dialog first lists the downloads, their source "
+        "and their folder. An existing environment is checked, completed, repaired or updated"
+    )
 
     bl_idname = "karf.install_engine"
     bl_label = "Install Engine"
@@ -43,25 +45,27 @@ asks. What is there already is checked, finished, repaired or updated"""
         name="PyTorch for", items=[(name, *BUILDS[name]) for name in machine.BUILDS], options={"SKIP_SAVE"}
     )
     photos: BoolProperty(
-        name="Camera poses of photos without them (pycolmap)", description=recipes.EXTRAS["photos"],
+        name="Find camera poses of photos (pycolmap)", description=recipes.EXTRAS["photos"],
         options={"SKIP_SAVE"},
     )  # fmt: skip
     fast: BoolProperty(
-        name="Fast learning on the processor (numba)", description=recipes.EXTRAS["fast"],
+        name="Learn faster on the CPU (numba)", description=recipes.EXTRAS["fast"],
         default="fast" in recipes.USUAL, options={"SKIP_SAVE"},
     )  # fmt: skip
     folder: StringProperty(
         name="Folder",
         subtype="DIR_PATH",
-        description="Where to; a folder of its own, new or empty",
+        description="Folder to install to, new or empty",
         options={"SKIP_SAVE"},
     )
     wheels: StringProperty(
-        name="Folder of wheels", subtype="DIR_PATH", description="Take the packages' files from here, without network"
+        name="Folder of wheels",
+        subtype="DIR_PATH",
+        description="Install from package files in this folder, without network",
     )
     starter: StringProperty(
         name="Python or uv", subtype="FILE_PATH",
-        description="A Python, or uv, that makes the environment; empty: Blender's own Python, uv, or any that is found",
+        description="Python or uv that creates the environment. Empty: Blender's Python, uv, or any other one found",
     )  # fmt: skip
 
     @classmethod
@@ -97,7 +101,7 @@ asks. What is there already is checked, finished, repaired or updated"""
         for sentence in self.plan.sentences:
             draw_text(box, sentence, "DOT", LETTERS)
         row = layout.row(align=True)
-        row.label(text="The same by hand:")
+        row.label(text="To do the same by hand:")
         for shell in shells.SHELLS:
             copy = row.operator("karf.copy_command", text=SHELLS[shell], icon="COPYDOWN")
             copy.command = self.plan.commands(shell)
@@ -121,7 +125,7 @@ asks. What is there already is checked, finished, repaired or updated"""
 
 
 class KARF_OT_cancel_installation(bpy.types.Operator):
-    """Stop installing; what was fetched is kept"""
+    """Stop installing. Downloaded files are kept"""
 
     bl_idname = "karf.cancel_installation"
     bl_label = "Cancel Installation"
@@ -137,7 +141,7 @@ class KARF_OT_cancel_installation(bpy.types.Operator):
 
 
 class KARF_OT_remove_engine(bpy.types.Operator):
-    """Delete the engine's environment and all that was fetched for it; projects stay"""
+    """Delete the engine's environment and everything downloaded for it. Projects stay"""
 
     bl_idname = "karf.remove_engine"
     bl_label = "Remove Engine"

@@ -7,7 +7,6 @@ from .. import steps
 from ..pictures import editors
 from ..swatches import palettes
 from ..tasks import runner
-from ..tasks.task import Task
 from .reporting import EngineStep, ProjectSwatchStep, reports_errors
 
 
@@ -47,7 +46,10 @@ class PaletteMaker:
 
 
 class KARF_OT_learn_all(PaletteMaker, MaskStep, bpy.types.Operator):
-    """Learn the scene, segment the marked objects, extract their palettes, and show the active view: steps 2, 4 and 5 in a row. What is learned already is kept"""
+    bl_description = (
+        "Learn the scene, segment the marked objects, extract their palettes, and show the active view: "
+        "steps 2, 4 and 5 in a row. Finished steps are kept"
+    )
 
     bl_idname = "karf.learn_all"
     bl_label = "Learn All"
@@ -72,7 +74,11 @@ class KARF_OT_segment(MaskStep, bpy.types.Operator):
 
 
 class KARF_OT_extract_palette(PaletteMaker, EngineStep, bpy.types.Operator):
-    """Find the swatches of every object and learn what each pixel takes from them. Edits, locks and keyframes stay with their object and color; edits whose color is no longer there are kept in the project's folder edits"""
+    bl_description = (
+        "Find the swatches of every object and their share in each pixel. Edits, locks and keyframes "
+        "stay with their object and color. Edits whose color no longer exists are kept in the project's "
+        "folder edits"
+    )
 
     bl_idname = "karf.extract_palette"
     bl_label = "Extract Palette"
@@ -85,7 +91,7 @@ class KARF_OT_extract_palette(PaletteMaker, EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_learn_splats(EngineStep, bpy.types.Operator):
-    """Learn the scene as Gaussian splats too: cameras that took no photo then see it sharply, in a fraction of the time"""
+    """Also learn the scene as Gaussian splats: new cameras then render it sharper and much faster"""
 
     bl_idname = "karf.learn_splats"
     bl_label = "Learn Splats"
@@ -98,7 +104,7 @@ class KARF_OT_learn_splats(EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
-    """Show a captured view with the swatches as they stand; the engine prepares it the first time"""
+    """Show a captured view with the current swatches. The engine prepares it the first time"""
 
     bl_idname = "karf.show_view"
     bl_label = "Show View"
@@ -108,9 +114,9 @@ class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        shown = steps.show_view(context.scene, self.view)
-        if isinstance(shown, Task):
-            runner.launch(shown)
+        task = steps.show_view(context.scene, self.view)
+        if task.requests:
+            runner.launch(task)
         result = context.scene.karf.result
         if context.area and context.area.type == "IMAGE_EDITOR" and result is not None:
             editors.show(context.area, result)
@@ -118,13 +124,13 @@ class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_prepare_views(EngineStep, bpy.types.Operator):
-    """Prepare all captured views, so that each shows at once"""
+    """Prepare all captured views, so that each is shown immediately"""
 
     bl_idname = "karf.prepare_views"
     bl_label = "Prepare All Views"
     after = "recoloring"
 
-    views: StringProperty(name="Views", default="all", description="all, train, test or names with commas")
+    views: StringProperty(name="Views", default="all", description="all, train, test, or names separated by commas")
 
     @reports_errors
     def execute(self, context):

@@ -11,8 +11,8 @@ from ..tasks import runner
 from .reporting import PaletteStep, SwatchStep, reports_errors
 
 WHAT_ITEMS = [
-    ("CAPTURE", "Captured Views", "The photos, each recolored by every look"),
-    ("CAMERA", "Camera's Frames", "What the scene's camera sees in the scene's frames, by every look"),
+    ("CAPTURE", "Captured Views", "Recolor each photo with every look"),
+    ("CAMERA", "Camera's Frames", "Render the scene's camera at every frame with every look"),
 ]
 
 
@@ -37,7 +37,7 @@ class OneLook(LookStep):
 
 
 class KARF_OT_keep_look(OneLook, bpy.types.Operator):
-    """Keep all swatches as they stand as a look of this file, or in the place of one, to come back to them by a click"""
+    """Keep the current swatches as a look of this file, or replace a look. A click brings them back"""
 
     bl_idname = "karf.keep_look"
     bl_label = "Keep Look"
@@ -48,7 +48,7 @@ class KARF_OT_keep_look(OneLook, bpy.types.Operator):
 
 
 class KARF_OT_choose_look(OneLook, bpy.types.Operator):
-    """Set all swatches to this look, locked ones too"""
+    """Set all swatches to this look, including locked ones"""
 
     bl_idname = "karf.choose_look"
     bl_label = "Choose Look"
@@ -60,7 +60,7 @@ class KARF_OT_choose_look(OneLook, bpy.types.Operator):
 
 
 class KARF_OT_flip_looks(LookStep, bpy.types.Operator):
-    """Flip back to the look that was in use before, and forth again"""
+    """Switch between this look and the one used before"""
 
     bl_idname = "karf.flip_looks"
     bl_label = "Flip Looks"
@@ -70,7 +70,7 @@ class KARF_OT_flip_looks(LookStep, bpy.types.Operator):
         if not super().poll(context):
             return False
         if not looks.other(context.scene):
-            cls.poll_message_set("Keep two looks to flip between them")
+            cls.poll_message_set("Keep two looks to switch between them")
             return False
         return True
 
@@ -90,11 +90,11 @@ def what_is_left_behind(scene):
     """A sentence where the swatches were not kept as they stand; undo brings them back."""
     if not looks.is_changed(scene):
         return ""
-    return translate_report("{name} had changed since it was kept: undo brings that back", name=scene.karf.look)
+    return translate_report("{name} had changed since you kept it: undo restores the changes", name=scene.karf.look)
 
 
 class KARF_OT_rename_look(OneLook, bpy.types.Operator):
-    """Give this look another name"""
+    """Rename this look"""
 
     bl_idname = "karf.rename_look"
     bl_label = "Rename Look"
@@ -113,7 +113,7 @@ class KARF_OT_rename_look(OneLook, bpy.types.Operator):
 
 
 class KARF_OT_remove_look(OneLook, bpy.types.Operator):
-    """Remove this look; swatches stay as they are"""
+    """Remove this look. The swatches stay as they are"""
 
     bl_idname = "karf.remove_look"
     bl_label = "Remove Look"
@@ -128,21 +128,23 @@ class KARF_OT_move_look(OneLook, bpy.types.Operator):
     bl_idname = "karf.move_look"
     bl_label = "Move Look"
 
-    by: IntProperty(name="By", default=1, description="Places down the list", options={"SKIP_SAVE"})
+    by: IntProperty(name="By", default=1, description="Number of places down the list", options={"SKIP_SAVE"})
 
     def act(self, scene):
         steps.move_look(scene, self.name, self.by)
 
 
 class KARF_OT_render_looks(PaletteStep, bpy.types.Operator):
-    """Recolor views by each look that was kept, a folder for each"""
+    """Recolor views with each look, in a folder of its name"""
 
     bl_idname = "karf.render_looks"
     bl_label = "Render Looks"
 
     what: EnumProperty(name="Render", items=WHAT_ITEMS)
     views: StringProperty(
-        name="Views", default="all", description="all, train, test, names with commas, or the path of a camera file"
+        name="Views",
+        default="all",
+        description="all, train, test, names separated by commas, or the path of a camera file",
     )
 
     @classmethod
@@ -173,6 +175,6 @@ class KARF_OT_render_looks(PaletteStep, bpy.types.Operator):
         of_camera = self.what == "CAMERA"
         runner.launch(steps.render_looks(context.scene, self.views, of_camera))
         self.report(
-            {"INFO"}, translate_report("Pictures go to {path}", path=steps.looks_folder(context.scene, of_camera))
+            {"INFO"}, translate_report("Pictures will be in {path}", path=steps.looks_folder(context.scene, of_camera))
         )
         return {"FINISHED"}

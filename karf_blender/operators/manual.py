@@ -15,19 +15,19 @@ PICTURE = "!["  # how a line begins that is a picture, of which there are none h
 MARKUP = re.compile(r"\*\*|(?<=\])\([^)]*\)")  # of bold words, and where links lead
 PAGE_ITEMS = [
     ("learn", "Import and Learn", "From photos to a learned scene"),
-    ("mark", "Mark", "Where the objects are in a few photos"),
-    ("correct", "Correct", "Where the masks are wrong"),
-    ("recolor", "Recolor", "Swatches, and all that changes a color"),
-    ("render", "Render", "Recolored photos, and what other cameras see"),
+    ("mark", "Mark", "Show where the objects are in a few photos"),
+    ("correct", "Correct", "Correct wrong masks"),
+    ("recolor", "Recolor", "Swatches and other ways to change a color"),
+    ("render", "Render", "Render recolored photos and views of other cameras"),
     ("colorways", "Colorways and Looks", "Many variants"),
-    ("composite", "Composite", "Nodes that recolor without the extension"),
+    ("composite", "Composite", "Recolor with nodes, without the extension"),
     ("show_in_3d", "Show in 3D", "The scene as an object"),
-    ("splats", "Splats", "From and to other programs"),
+    ("splats", "Splats", "Exchange splats with other programs"),
 ]
 
 
 class KARF_OT_open_manual(bpy.types.Operator):
-    """Read in a Text Editor how this is done, and what each control does"""
+    """Open this step's manual page in a Text Editor"""
 
     bl_idname = "karf.open_manual"
     bl_label = "Open Manual"

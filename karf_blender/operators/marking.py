@@ -11,9 +11,9 @@ from ..steps import masks
 from .reporting import has_project, reports_errors
 
 DOES_ITEMS = [
-    ("ADD", "Add", "This is the object"),
-    ("TAKE", "Take Away", "This is not the object"),
-    ("CLEAR", "Clear", "Of a correction: say nothing here; of a mask: as Take Away"),
+    ("ADD", "Add", "Mark as part of the object"),
+    ("TAKE", "Take Away", "Mark as outside the object"),
+    ("CLEAR", "Clear", "Clear a correction here. In a mask: same as Take Away"),
 ]
 LEAST = 3  # pixels of the screen below which a box or lasso is a slip of the mouse
 
@@ -49,7 +49,7 @@ class MarkingTool:
 
 
 class KARF_OT_mark_click(MarkingTool, bpy.types.Operator):
-    """Click on the object: the engine finds it, and later clicks refine. Ctrl or Alt: this is not the object"""
+    """Click on the object: the engine finds its outline. Click again to refine it. Ctrl or Alt: exclude this part"""
 
     bl_idname = "karf.mark_click"
     bl_label = "Mark: Click"
@@ -120,7 +120,7 @@ class DragTool(MarkingTool):
 
 
 class KARF_OT_mark_box(DragTool, bpy.types.Operator):
-    """Drag a box around the object: the engine finds it there. Ctrl: all in the box is not the object"""
+    """Drag a box around the object: the engine finds it there. Ctrl: exclude everything in the box"""
 
     bl_idname = "karf.mark_box"
     bl_label = "Mark: Box"
@@ -139,7 +139,7 @@ class KARF_OT_mark_box(DragTool, bpy.types.Operator):
 
 
 class KARF_OT_mark_lasso(DragTool, bpy.types.Operator):
-    """Draw around the object. Ctrl: what is surrounded is not the object"""
+    """Draw around the object. Ctrl: exclude the enclosed area"""
 
     bl_idname = "karf.mark_lasso"
     bl_label = "Mark: Lasso"
@@ -156,7 +156,7 @@ class KARF_OT_mark_lasso(DragTool, bpy.types.Operator):
 
 
 class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
-    """Paint over the object. Ctrl: erase, or say that this is not the object; Shift: leave a correction unsaid again"""
+    """Paint over the object. Ctrl: erase, or exclude this part. Shift: clear a correction"""
 
     bl_idname = "karf.mark_brush"
     bl_label = "Mark: Brush"

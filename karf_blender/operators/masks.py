@@ -36,7 +36,7 @@ class ObjectStep(MarkingStep):
 
 
 class KARF_OT_mark(MarkingStep, bpy.types.Operator):
-    """Show the active view's photo in the Image Editors and take up a tool to mark it: click, box, lasso or brush"""
+    """Show the active view's photo in the Image Editors and select a tool to mark it: click, box, lasso or brush"""
 
     bl_idname = "karf.mark"
     bl_label = "Mark in Photo"
@@ -49,20 +49,20 @@ class KARF_OT_mark(MarkingStep, bpy.types.Operator):
         disk.refresh()
         shown = photo.areas(context.scene)
         if not shown and not bpy.app.background:
-            self.report({"WARNING"}, "Open an Image Editor: the photo is marked there")
+            self.report({"WARNING"}, "Open an Image Editor to mark the photo")
         for area in shown:
             tools.take_up(context, area)
         return {"FINISHED"}
 
 
 class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
-    """Make the next or the previous view the active one"""
+    """Make the next or previous view active"""
 
     bl_idname = "karf.go_to_view"
     bl_label = "Next View"
 
-    by: IntProperty(name="By", default=1, description="1: the next view; -1: the one before")
-    marked: BoolProperty(name="Marked", description="Only views in which the object is marked")
+    by: IntProperty(name="By", default=1, description="1: next view; -1: previous view")
+    marked: BoolProperty(name="Marked", description="Only visit views where the object is marked")
 
     @classmethod
     def description(cls, context, properties):
@@ -78,7 +78,7 @@ class KARF_OT_go_to_view(MarkingStep, bpy.types.Operator):
 
 
 class KARF_OT_go_to_suggested(MarkingStep, bpy.types.Operator):
-    """Go to the view whose mark would decide most, as the last segmentation found it; again: to the next best"""
+    """Go to the view where a mark would help most, according to the last segmentation. Press again for the next best"""
 
     bl_idname = "karf.go_to_suggested"
     bl_label = "Suggested View"
@@ -94,7 +94,7 @@ class KARF_OT_go_to_suggested(MarkingStep, bpy.types.Operator):
 
 
 class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
-    """Erase the object's mask in the active view, or all that corrects it there"""
+    """Erase the object's mask, or its corrections, in the active view"""
 
     bl_idname = "karf.erase_mask"
     bl_label = "Erase Mask"
@@ -106,7 +106,7 @@ class KARF_OT_erase_mask(ObjectStep, bpy.types.Operator):
 
 
 class KARF_OT_set_volume(ObjectStep, bpy.types.Operator):
-    """Let the object to mark be inside or outside of the active mesh, or of the active Empty's box, as it stands now"""
+    """Restrict the object to the inside or the outside of the active mesh or Empty's box, where it is now"""
 
     bl_idname = "karf.set_volume"
     bl_label = "Volume"
@@ -128,13 +128,14 @@ class KARF_OT_set_volume(ObjectStep, bpy.types.Operator):
         count = steps.set_volume(context.scene, shape, self.kind)
         name = objects.active(context.scene).folder
         self.report(
-            {"INFO"}, translate_report("Volumes of {name}: {count}. Segment heeds them", name=name, count=count)
+            {"INFO"},
+            translate_report("Volumes of {name}: {count}. Segment takes them into account", name=name, count=count),
         )
         return {"FINISHED"}
 
 
 class KARF_OT_add_object(MarkingStep, bpy.types.Operator):
-    """Add an object to mark; double-click its name to change it"""
+    """Add an object to mark. Double-click its name to rename it"""
 
     bl_idname = "karf.add_object"
     bl_label = "Add Object"
@@ -149,7 +150,7 @@ class KARF_OT_add_object(MarkingStep, bpy.types.Operator):
 
 
 class KARF_OT_remove_object(ObjectStep, bpy.types.Operator):
-    """Remove the object with all its masks and corrections; undo brings them back"""
+    """Remove the object with all its masks and corrections. Undo restores them"""
 
     bl_idname = "karf.remove_object"
     bl_label = "Remove Object"

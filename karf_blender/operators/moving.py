@@ -10,7 +10,7 @@ from .reporting import has_project, is_free, reports_errors
 
 
 class KARF_OT_move_project(bpy.types.Operator):
-    """Move the project out of the extension's own folder, beside the .blend, so that both can be shared; the file is saved"""
+    """Move the project from the extension's folder to the .blend's, to share both together. Saves the file"""
 
     bl_idname = "karf.move_project"
     bl_label = "Move Project Beside File"
@@ -20,7 +20,9 @@ class KARF_OT_move_project(bpy.types.Operator):
         if not is_free(cls) or not has_project(cls, context):
             return False
         if not bpy.data.filepath or not moving.is_hidden(context.scene):
-            cls.poll_message_set("Save the file first" if not bpy.data.filepath else "The project is the file's own")
+            cls.poll_message_set(
+                "Save the file first" if not bpy.data.filepath else ("The project is beside the file already")
+            )
             return False
         return True
 
@@ -31,8 +33,8 @@ class KARF_OT_move_project(bpy.types.Operator):
 
     def draw(self, context):
         column = self.layout.column(align=True)
-        column.label(text="What is learned lies in the extension's own folder.")
-        column.label(text="Beside the file it goes along when that is shared or kept.")
+        column.label(text="The project is in the extension's own folder.")
+        column.label(text="Beside the file, it is shared and backed up with it.")
         column.label(text=self.place, icon="FILE_FOLDER")
 
     def cancel(self, context):

@@ -11,15 +11,15 @@ from ..project import folders
 from .reporting import has_project, reports_errors
 
 FOLDER_ITEMS = [
-    ("project", "Project", "All that is learned"),
-    ("out", "Output", "Where pictures go"),
-    ("frames", "Frames", "What was rendered last"),
-    ("written", "Written", "Where files were written last"),
+    ("project", "Project", "Everything learned"),
+    ("out", "Output", "Folder for rendered pictures"),
+    ("frames", "Frames", "Last rendered pictures"),
+    ("written", "Written", "Folder of the last written files"),
 ]
 
 
 class KARF_OT_open_folder(bpy.types.Operator):
-    """Open this folder in the system's file manager"""
+    """Open this folder in the file manager"""
 
     bl_idname = "karf.open_folder"
     bl_label = "Open Folder"
@@ -34,7 +34,7 @@ class KARF_OT_open_folder(bpy.types.Operator):
     def execute(self, context):
         folder = _place_of(context.scene, self.folder)
         if not folder.is_dir():
-            raise BadRequest("{path} is not there yet.", "Render something first.", path=folder)
+            raise BadRequest("{path} does not exist yet.", "Render something first.", path=folder)
         bpy.ops.wm.path_open(filepath=str(folder))
         return {"FINISHED"}
 

@@ -8,7 +8,7 @@ from .reporting import reports_errors
 
 
 class KARF_OT_live_camera(bpy.types.Operator):
-    """Show what the scene's camera sees in the Image Editor, coarse while it moves, fine when it stands still; swatches change it at once"""
+    """Render the scene's camera with the swatches live in the Image Editor, coarse while it moves, fine at rest"""
 
     bl_idname = "karf.live_camera"
     bl_label = "Live Camera"

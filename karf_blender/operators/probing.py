@@ -11,7 +11,7 @@ from .reporting import is_unchanging, reports_errors, versions
 
 
 class KARF_OT_examine_engine(bpy.types.Operator):
-    """Ask the engine's Python for its packages, its device and its disk, and try each stage on a tiny scene"""
+    """Check the engine's Python packages, device and disk space, and run each stage on a tiny scene"""
 
     bl_idname = "karf.examine_engine"
     bl_label = "Test Engine"
@@ -40,7 +40,7 @@ class KARF_OT_examine_engine(bpy.types.Operator):
 
 
 class KARF_OT_cancel_examination(bpy.types.Operator):
-    """Stop asking the engine's Python"""
+    """Stop the test"""
 
     bl_idname = "karf.cancel_examination"
     bl_label = "Cancel Test"
@@ -51,7 +51,7 @@ class KARF_OT_cancel_examination(bpy.types.Operator):
 
 
 class KARF_OT_copy_findings(bpy.types.Operator):
-    """Copy versions and all that the test has found, to send to a developer; your names are left out"""
+    """Copy versions and all test results, to send to a developer. Your names are left out"""
 
     bl_idname = "karf.copy_findings"
     bl_label = "Copy Report"
@@ -70,7 +70,7 @@ class KARF_OT_copy_findings(bpy.types.Operator):
 
 
 class KARF_OT_copy_command(bpy.types.Operator):
-    """Copy this command, to paste it into a terminal"""
+    """Copy this command to paste it into a terminal"""
 
     bl_idname = "karf.copy_command"
     bl_label = "Copy Command"

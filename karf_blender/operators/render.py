@@ -14,8 +14,8 @@ from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
 WIDTH = 420  # width of the dialogs, in pixels at an interface scale of 1
 SPLIT_ITEMS = [
     ("ALL", "All", "All captured views"),
-    ("TRAIN", "Learned From", "The views that the scene was learned from"),
-    ("TEST", "Kept for Testing", "The views that were kept out of learning"),
+    ("TRAIN", "Learned From", "Views used for learning the scene"),
+    ("TEST", "Kept for Testing", "Views kept out of learning"),
 ]
 
 
@@ -43,7 +43,7 @@ def draw_size(layout, karf):
 
 
 class KARF_OT_render_view(RenderDialog, ProjectSwatchStep, bpy.types.Operator):
-    """Recolor the active view's photo at its own size; without the engine, write the preview that is shown"""
+    """Recolor the active view's photo at full size. Without the engine, write the displayed preview"""
 
     bl_idname = "karf.render_view"
     bl_label = "Render This View"
@@ -60,26 +60,28 @@ class KARF_OT_render_view(RenderDialog, ProjectSwatchStep, bpy.types.Operator):
             runner.launch(steps.render_view(context.scene))
             self.report(
                 {"INFO"},
-                translate_report("The picture goes to {path}", path=folders.out_folder(context.scene) / "recolor"),
+                translate_report("The picture will be in {path}", path=folders.out_folder(context.scene) / "recolor"),
             )
         else:
             self.report(
                 {"WARNING"},
                 translate_report(
-                    "Without the engine the preview was written: {path}", path=steps.save_shown(context.scene)
+                    "Without the engine, only the preview was written: {path}", path=steps.save_shown(context.scene)
                 ),
             )
         return {"FINISHED"}
 
 
 class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
-    """Recolor the capture's photos with the swatches as they stand"""
+    """Recolor the capture's photos with the current swatches"""
 
     bl_idname = "karf.render_capture"
     bl_label = "Render Captured Views"
 
     split: EnumProperty(name="Views", items=SPLIT_ITEMS)
-    views: StringProperty(name="Names", description="Of single views, with commas; empty: all of those above")
+    views: StringProperty(
+        name="Names", description="Names of views, separated by commas. Empty: all views chosen above"
+    )
 
     def draw_what(self, layout, context):
         layout.prop(self, "split")
@@ -90,7 +92,7 @@ class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
     def execute(self, context):
         runner.launch(steps.render_captured(context.scene, self.views or self.split.lower()))
         self.report(
-            {"INFO"}, translate_report("Pictures go to {path}", path=folders.out_folder(context.scene) / "recolor")
+            {"INFO"}, translate_report("Pictures will be in {path}", path=folders.out_folder(context.scene) / "recolor")
         )
         return {"FINISHED"}
 
@@ -143,7 +145,7 @@ def draw_format(layout, karf):
 
 
 class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
-    """Recolor what the scene's camera sees, for every frame of the scene; swatches may be keyframed"""
+    """Render the recolored scene from the scene's camera at every frame. Swatches may be keyframed"""
 
     bl_idname = "karf.render_camera"
     bl_label = "Render Camera's Frames"
@@ -152,19 +154,23 @@ class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         runner.launch(steps.render_sequence(scene, scene.camera, self.frames(scene)))
-        self.report({"INFO"}, translate_report("Pictures go to {path}", path=steps.camera_folder(scene) / "recolor"))
+        self.report(
+            {"INFO"}, translate_report("Pictures will be in {path}", path=steps.camera_folder(scene) / "recolor")
+        )
         return {"FINISHED"}
 
 
 class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
-    """Write the scene's frames as a job for a render farm: a folder with all it needs, by Open Job Description"""
+    """Write the scene's frames as a render farm job: a self-contained folder in Open Job Description format"""
 
     bl_idname = "karf.farm_bundle"
     bl_label = "Farm Job"
 
-    directory: StringProperty(name="Folder", subtype="DIR_PATH", description="New or empty; default: in the output")
+    directory: StringProperty(
+        name="Folder", subtype="DIR_PATH", description="New or empty folder. Default: in the output folder"
+    )
     per_task: IntProperty(
-        name="Frames a Task", description="How many frames a task renders", **bounds_of(FarmOptions, "per_task")
+        name="Frames per Task", description="Number of frames that a task renders", **bounds_of(FarmOptions, "per_task")
     )
 
     def draw_what(self, layout, context):
@@ -183,25 +189,23 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
 
 
 class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
-    """Recolor the active view by nodes in the compositor, with a color socket for each swatch"""
+    """Recolor the active view with compositor nodes that have a color socket for each swatch"""
 
     bl_idname = "karf.build_compositor"
     bl_label = "Build Compositor"
 
-    view: StringProperty(name="View", description="Name of a captured view; empty: the active one")
+    view: StringProperty(name="View", description="Name of a captured view. Empty: the active view")
     driven: BoolProperty(
         name="Follow Swatches",
-        description="The sockets follow the swatches; else they begin with them, and are set by hand",
+        description="Sockets follow the swatches. Otherwise they start with the swatches' colors and are set by hand",
         options={"SKIP_SAVE"},
     )
 
     @classmethod
     def description(cls, context, properties):
         if properties.driven:
-            return translatable(
-                "Recolor the active view by nodes in the compositor, with sockets that follow the swatches"
-            )
-        return translatable("Recolor the active view by nodes in the compositor, with sockets that are set by hand")
+            return translatable("Recolor the active view with compositor nodes whose sockets follow the swatches")
+        return translatable("Recolor the active view with compositor nodes whose sockets are set by hand")
 
     @reports_errors
     def execute(self, context):
@@ -221,7 +225,7 @@ class FramesStep:
 
 
 class KARF_OT_show_frames(FramesStep, bpy.types.Operator):
-    """Show the frames that were rendered last in the Image Editor"""
+    """Show the last rendered frames in the Image Editor"""
 
     bl_idname = "karf.show_frames"
     bl_label = "Show Frames"
@@ -229,12 +233,12 @@ class KARF_OT_show_frames(FramesStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         image = steps.show_frames(context.scene)
-        self.report({"INFO"}, translate_report("{name} is in the Image Editors", name=image.name))
+        self.report({"INFO"}, translate_report("{name} is open in the Image Editors", name=image.name))
         return {"FINISHED"}
 
 
 class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
-    """Put the frames that were rendered last into the video sequencer, as one strip"""
+    """Add the last rendered frames to the video sequencer as one strip"""
 
     bl_idname = "karf.add_strip"
     bl_label = "Add Strip"

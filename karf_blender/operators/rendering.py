@@ -19,7 +19,7 @@ class LearnedStep:
 
 
 class KARF_OT_rendered_view(LearnedStep, bpy.types.Operator):
-    """Show the recolored scene in the 3D Views from wherever one looks, and let F12 render it: render engine KaRF"""
+    """Show the recolored scene from any angle in the 3D Views, and render it with F12: render engine KaRF"""
 
     bl_idname = "karf.rendered_view"
     bl_label = "Rendered View"
@@ -32,7 +32,7 @@ class KARF_OT_rendered_view(LearnedStep, bpy.types.Operator):
 
 
 class KARF_OT_over_scene(LearnedStep, bpy.types.Operator):
-    """Let renders show the objects of this file within the captured scene, each hidden where the other is nearer"""
+    """Composite this file's objects into renders of the captured scene, with correct occlusion"""
 
     bl_idname = "karf.over_scene"
     bl_label = "Over Scene"

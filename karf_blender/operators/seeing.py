@@ -11,7 +11,7 @@ from .reporting import EngineStep, SwatchStep, has_project, has_stage, reports_e
 
 
 class KARF_OT_show_masks(bpy.types.Operator):
-    """Show or hide the objects' masks over the active view, each in its color; the engine makes them the first time"""
+    """Show or hide the objects' masks over the active view, in their colors. The engine computes them once"""
 
     bl_idname = "karf.show_masks"
     bl_label = "Show Masks"
@@ -32,7 +32,7 @@ class KARF_OT_show_masks(bpy.types.Operator):
 
 
 class KARF_OT_see_view(EngineStep, bpy.types.Operator):
-    """Render what the engine has learned, from the active view's camera"""
+    """Render the learned scene from the active view's camera"""
 
     bl_idname = "karf.see_view"
     bl_label = "Render Learned"
@@ -45,13 +45,15 @@ class KARF_OT_see_view(EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_solo_swatch(SwatchStep, bpy.types.Operator):
-    """Show where this swatch is used, white where all of a pixel is its, or the object alone; again: back to the picture"""
+    """Show where this swatch is used (white: the whole pixel), or only the object. Press again for the picture"""
 
     bl_idname = "karf.solo_swatch"
     bl_label = "Show Weights"
 
     object_name: StringProperty(name="Object")
-    index: IntProperty(name="Swatch", default=1, min=0, description="From 1; 0: the object, with all else dimmed")
+    index: IntProperty(
+        name="Swatch", default=1, min=0, description="Counted from 1. 0: the object, with everything else dimmed"
+    )
 
     @reports_errors
     def execute(self, context):
@@ -79,7 +81,7 @@ class LookingStep:
 
 
 class KARF_OT_before_after(LookingStep, bpy.types.Operator):
-    """Switch between the edited picture and the original; a key that is held down shows the original until it is let go"""
+    """Switch between the edited and the original picture. Hold the key to show the original until you release it"""
 
     bl_idname = "karf.before_after"
     bl_label = "Before / After"
@@ -108,7 +110,7 @@ class KARF_OT_before_after(LookingStep, bpy.types.Operator):
 
 
 class KARF_OT_seeing_pie(LookingStep, bpy.types.Operator):
-    """Choose what is shown of the active view"""
+    """Choose what the Image Editor shows of the active view"""
 
     bl_idname = "karf.seeing_pie"
     bl_label = "Show"

@@ -9,15 +9,15 @@ from ..tasks import runner
 from .reporting import EngineStep, has_palette, has_project, has_stage, reports_errors
 
 AXES_ITEMS = [
-    ("auto", "Automatic", "As splats were imported; of a scene that was learned here, as Blender shows it"),
-    ("capture", "As Imported", "The capture's own world"),
-    ("blender", "Z Up", "Where and as large as Blender shows it; kinds of files that say what is up get it"),
-    ("viewers", "Y Down", "As Blender shows it, turned as most viewers of splats expect a .ply"),
+    ("auto", "Automatic", "Imported splats: as in their file. Scenes learned here: as displayed in Blender"),
+    ("capture", "As Imported", "World coordinates of the capture"),
+    ("blender", "Z Up", "Position and size as displayed in Blender, with the up axis in formats that define it"),
+    ("viewers", "Y Down", "As displayed in Blender, rotated as most splat viewers expect a .ply"),
 ]
 
 
 class KARF_OT_export_splat(EngineStep, bpy.types.Operator):
-    """Write the scene as Gaussian splats with the swatches as they stand: PLY, SPZ, glTF or USD, by the file's ending"""
+    """Write the scene as Gaussian splats with the current swatches: PLY, SPZ, glTF or USD, by file extension"""
 
     bl_idname = "karf.export_splat"
     bl_label = "Export Splat"
@@ -28,12 +28,10 @@ class KARF_OT_export_splat(EngineStep, bpy.types.Operator):
     filter_glob: StringProperty(default="*.ply;*.spz;*.glb;*.gltf;*.usd;*.usda;*.usdc", options={"HIDDEN"})
     check_existing: BoolProperty(default=True, options={"HIDDEN"})
     axes: EnumProperty(name="Axes", items=AXES_ITEMS)
-    object_name: StringProperty(name="Object", description="Cut out this object; empty: the whole scene")
-    solid: BoolProperty(
-        name="Without Background", description="Leave out the shell that shows what is behind the scene"
-    )
+    object_name: StringProperty(name="Object", description="Only export this object. Empty: the whole scene")
+    solid: BoolProperty(name="Without Background", description="Leave out the shell of distant background")
     attributes: BoolProperty(
-        name="Attributes", description="Add each Gaussian's object, probability and palette weights to a .ply"
+        name="Attributes", description="Store each Gaussian's object, probability and palette weights in a .ply"
     )
 
     def invoke(self, context, event):
@@ -56,7 +54,10 @@ class KARF_OT_export_splat(EngineStep, bpy.types.Operator):
 
 
 class KARF_OT_follow_splat(bpy.types.Operator):
-    """Give the active object, Gaussian splats that Blender or 3DGS Render has imported, the colors of the swatches, now and whenever they change. Pressed again, it keeps those that it has"""
+    bl_description = (
+        "Color the active object with the swatches, now and whenever they change. It must be Gaussian "
+        "splats imported by Blender or 3DGS Render. Press again to keep its current colors"
+    )
 
     bl_idname = "karf.follow_splat"
     bl_label = "Splat Follows Swatches"
@@ -68,7 +69,7 @@ class KARF_OT_follow_splat(bpy.types.Operator):
             is_known = has_project(cls, context) and has_stage(cls, context, "splats")
             return is_known and has_palette(cls, context)
         if splat_objects.find(context.scene) is None:
-            cls.poll_message_set("Choose an object of splats that Blender or 3DGS Render has imported")
+            cls.poll_message_set("Choose Gaussian splats imported by Blender or 3DGS Render")
             return False
         return True
 

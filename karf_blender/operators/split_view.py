@@ -8,7 +8,7 @@ REACH = 8  # pixels from the line within which the mouse takes it
 
 
 class KARF_OT_drag_wipe(bpy.types.Operator):
-    """Move the line between the original and the picture with the mouse; a click leaves it there, Esc takes it away"""
+    """Move the line between original and recolored picture with the mouse. Click: keep it there; Esc: remove it"""
 
     bl_idname = "karf.drag_wipe"
     bl_label = "Drag Wipe"
@@ -75,7 +75,7 @@ class KARF_GT_wipe(bpy.types.Gizmo):
 
 
 class KARF_GGT_wipe(bpy.types.GizmoGroup):
-    """The line, where the Image Editor shows the picture with a wipe."""
+    """Split line between the original and the recolored picture"""
 
     bl_idname = "KARF_GGT_wipe"
     bl_label = "KaRF Wipe"

@@ -12,13 +12,13 @@ from ..tasks import runner
 from .reporting import PaletteStep, reports_errors
 
 SHAPE_ITEMS = [
-    ("quads", "Quads", "Small faces, which every viewer of meshes shows"),
-    ("points", "Points", "One vertex each, for programs that know point clouds"),
+    ("quads", "Quads", "Small faces, displayed by every mesh viewer"),
+    ("points", "Points", "One vertex per point, for point cloud programs"),
 ]
 
 
 class KARF_OT_show_scene(PaletteStep, bpy.types.Operator):
-    """Show the learned scene as an object whose colors follow the swatches. One that is there already is replaced"""
+    """Show the learned scene as an object whose colors follow the swatches. Replaces the existing one"""
 
     bl_idname = "karf.show_scene"
     bl_label = "Show in 3D View"
@@ -30,19 +30,19 @@ class KARF_OT_show_scene(PaletteStep, bpy.types.Operator):
 
 
 class KARF_OT_show_colors(bpy.types.Operator):
-    """Let the 3D Views show colors as they are: Solid mode, flat light, color attributes"""
+    """Show true colors in the 3D Views: Solid mode, flat light, color attributes"""
 
     bl_idname = "karf.show_colors"
     bl_label = "Flat Colors"
 
     def execute(self, context):
         areas = [area for area in context.screen.areas if area.type == "VIEW_3D"]
-        steps.show_colors(area.spaces.active for area in areas)
+        scene_object.show_colors(area.spaces.active for area in areas)
         return {"FINISHED"}
 
 
 class KARF_OT_export_scene(bpy.types.Operator):
-    """Write the scene in 3D with its colors as they are now: PLY, glTF (.glb, .gltf) or USD, by the file's ending"""
+    """Write the scene in 3D with its current colors: PLY, glTF (.glb, .gltf) or USD, by file extension"""
 
     bl_idname = "karf.export_scene"
     bl_label = "Export Scene"

@@ -24,7 +24,7 @@ class OneOrAll(SwatchStep):
     bl_options = {"REGISTER", "UNDO"}
 
     object_name: StringProperty(name="Object")
-    index: IntProperty(name="Swatch", default=0, min=0, description="From 1; 0: all", options={"SKIP_SAVE"})
+    index: IntProperty(name="Swatch", default=0, min=0, description="Counted from 1. 0: all", options={"SKIP_SAVE"})
 
 
 class TwoSwatches(OneSwatch):
@@ -35,7 +35,7 @@ class TwoSwatches(OneSwatch):
 
 
 class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
-    """Give a swatch, or all of an object, the learned color and surface back; locked ones stay"""
+    """Reset a swatch, or all of an object's swatches, to the learned color and surface. Locked swatches stay"""
 
     bl_idname = "karf.reset_swatch"
     bl_label = "Reset Swatch"
@@ -47,7 +47,7 @@ class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
 
 
 class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
-    """Give a swatch, or all of an object, saturation, brightness and gloss as in the photos back; locked ones stay"""
+    """Reset saturation, brightness and gloss of a swatch, or of all of an object's swatches. Locked swatches stay"""
 
     bl_idname = "karf.reset_surface"
     bl_label = "Reset Surface"
@@ -59,7 +59,7 @@ class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
 
 
 class KARF_OT_copy_swatch(OneOrAll, bpy.types.Operator):
-    """Copy a swatch's color, or all of an object, to the clipboard as #rrggbb, for any program"""
+    """Copy a swatch's color, or all of an object's, to the clipboard as #rrggbb"""
 
     bl_idname = "karf.copy_swatch"
     bl_label = "Copy"
@@ -72,7 +72,7 @@ class KARF_OT_copy_swatch(OneOrAll, bpy.types.Operator):
 
 
 class KARF_OT_paste_swatch(OneOrAll, bpy.types.Operator):
-    """Set a swatch, or those of an object in their order, to the colors in the clipboard; locked ones stay"""
+    """Set a swatch, or an object's swatches in order, to the colors in the clipboard. Locked swatches stay"""
 
     bl_idname = "karf.paste_swatch"
     bl_label = "Paste"
@@ -96,7 +96,7 @@ class KARF_OT_swap_swatches(TwoSwatches, bpy.types.Operator):
 
 
 class KARF_OT_link_swatches(TwoSwatches, bpy.types.Operator):
-    """Give this swatch the other one's color, and let both have one color from now on"""
+    """Give this swatch the other one's color, and keep both the same from now on"""
 
     bl_idname = "karf.link_swatches"
     bl_label = "Link"
@@ -108,7 +108,7 @@ class KARF_OT_link_swatches(TwoSwatches, bpy.types.Operator):
 
 
 class KARF_OT_unlink_swatch(OneSwatch, bpy.types.Operator):
-    """Let this swatch move by itself again; its color stays"""
+    """Unlink this swatch from the others. Its color stays"""
 
     bl_idname = "karf.unlink_swatch"
     bl_label = "Unlink"
@@ -120,12 +120,14 @@ class KARF_OT_unlink_swatch(OneSwatch, bpy.types.Operator):
 
 
 class KARF_OT_merge_swatch(OneSwatch, bpy.types.Operator):
-    """Let another swatch of the object move this one's paint along with its own; this one is no longer shown"""
+    """Merge this swatch into another one of the object, which then changes both. This swatch is hidden"""
 
     bl_idname = "karf.merge_swatch"
     bl_label = "Merge"
 
-    into: IntProperty(name="Into", default=0, min=0, description="From 1; 0: the one of the nearest learned color")
+    into: IntProperty(
+        name="Into", default=0, min=0, description="Counted from 1. 0: the swatch with the nearest learned color"
+    )
 
     @reports_errors
     def execute(self, context):
@@ -134,7 +136,7 @@ class KARF_OT_merge_swatch(OneSwatch, bpy.types.Operator):
 
 
 class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
-    """Show the swatches again that were merged into this one; each moves by itself, colors stay"""
+    """Separate the swatches that were merged into this one. Their colors stay"""
 
     bl_idname = "karf.split_swatch"
     bl_label = "Split"
@@ -146,7 +148,7 @@ class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
 
 
 class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
-    """Keep an object's palette as a preset, for any object of any file, or remove one"""
+    """Keep an object's palette as a preset for any object in any file, or remove a preset"""
 
     bl_idname = "karf.palette_preset"
     bl_label = "Add Palette Preset"
@@ -158,7 +160,7 @@ class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
 
 
 class KARF_OT_apply_palette_preset(bpy.types.Operator):
-    """Set the object's swatches in their order to this palette; locked ones stay"""
+    """Set the object's swatches in order to this palette. Locked swatches stay"""
 
     bl_idname = "karf.apply_palette_preset"
     bl_label = "Apply Palette Preset"

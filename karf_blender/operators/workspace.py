@@ -7,7 +7,10 @@ from ..workspace import opening
 
 
 class KARF_OT_open_workspace(bpy.types.Operator):
-    """Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. It is added to the file the first time. What is imported is ready to mark there"""
+    bl_description = (
+        "Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. "
+        "It is added to the file the first time. An imported capture is ready to mark there"
+    )
 
     bl_idname = "karf.open_workspace"
     bl_label = "KaRF Workspace"

@@ -47,14 +47,14 @@ def draw_light(layout, scene):
     layout.operator("karf.find_chart", icon="VIEWZOOM")
     layout.operator("karf.pick_chart", icon="EYEDROPPER")
     if queries.is_waiting("chart"):
-        layout.label(text="The engine is at work", icon="SORTTIME")
+        layout.label(text="The engine is working", icon="SORTTIME")
     if reference.has_chart(scene):
-        text = translate("Color chart: {number} left of CIEDE2000", number=f"{scene.karf.chart_left:.1f}")
+        text = translate("Color chart: CIEDE2000 {number} remaining", number=f"{scene.karf.chart_left:.1f}")
         layout.operator("karf.remove_chart", text=text, icon="X")
         return
     layout.prop(scene.karf, "card")
     if any(scene.karf.card) and reference.light(scene) is None:
-        layout.label(text="The card is too dark or too bright there", icon="ERROR")
+        layout.label(text="The card is too dark or too bright at this point", icon="ERROR")
 
 
 def _lab_text(lab):
@@ -67,7 +67,7 @@ def _lch_text(lab):
 
 
 class KARF_MT_swatch_names(bpy.types.Menu):
-    """A swatch's color in numbers, and the names of the color book next to it"""
+    """The swatch's color in numbers, and the nearest names in the color book"""
 
     bl_label = "Numbers and Names"
 
@@ -78,7 +78,7 @@ class KARF_MT_swatch_names(bpy.types.Menu):
 
 
 class KARF_MT_target_names(bpy.types.Menu):
-    """What the left color becomes in numbers, and the names of the color book next to it"""
+    """The target color in numbers, and the nearest names in the color book"""
 
     bl_label = "Numbers and Names of the Target"
 

@@ -22,11 +22,9 @@ def draw_edit(layout, context):
     is_prepared = disk.contents_of(context.scene).is_prepared
     row.operator("karf.show_view", text="Show" if is_prepared else "Prepare", icon="IMAGE_DATA")
     if not is_prepared:
-        draw_text(
-            layout, translate("{view} is not prepared: Prepare shows it recolored", view=karf.active_view), "INFO"
-        )
+        draw_text(layout, translate("Press Prepare to show {view} recolored", view=karf.active_view), "INFO")
     if not any(area.type == "IMAGE_EDITOR" for area in context.screen.areas):
-        layout.label(text="Open an Image Editor to see it", icon="INFO")
+        layout.label(text="Open an Image Editor to see the picture", icon="INFO")
     draw_seeing(layout, context)
     layout.prop(karf, "material", icon="MATERIAL")
     for name in object_masks.in_order(context.scene, karf.objects.keys()):
@@ -59,7 +57,7 @@ def draw_match(layout, karf):
     for left in match.left:
         layout.label(
             text=translate(
-                "{name}: what is left is {how} ({left}, was {before})",
+                "{name}: the remaining difference is {how} ({left}, was {before})",
                 name=left.name,
                 how=how_visible(left.left),
                 before=f"{left.before:.1f}",

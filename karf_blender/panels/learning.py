@@ -54,7 +54,7 @@ def draw_advice(layout, karf):
     """What the engine says of the capture, and the way to ask it."""
     layout.operator("karf.check_capture", icon="VIEWZOOM")
     if queries.is_waiting("inspect"):
-        layout.label(text="The engine is at work", icon="SORTTIME")
+        layout.label(text="The engine is working", icon="SORTTIME")
         return
     sentence, *findings = karf.advice.splitlines() or [""]
     draw_text(layout, sentence, "ERROR" if karf.is_poor else "INFO")
@@ -65,14 +65,14 @@ def draw_advice(layout, karf):
 def draw_reprojection(layout, scene):
     """The sparse points, and how far they are from where the photo that is looked through shows them."""
     if not scene.karf.n_points:
-        layout.label(text="No sparse points to check cameras by")
+        layout.label(text="There are no sparse points to check the cameras with")
         return
     layout.prop(scene.karf, "show_reprojection")
     known = reprojection.of_camera(scene, scene.camera)
     if known is None:
         layout.label(text="Look through a view to see its errors")
     elif not known.summary.count:
-        layout.label(text="No point is known to be in this photo")
+        layout.label(text="This photo shows no known point")
     else:
         draw_text(layout, str(known.summary), "BLANK1")
 
@@ -135,9 +135,11 @@ def draw_unsure(layout, context, known):
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
-            draw_text(layout, translate("{name}: {share} % unsure, where no mark shows it", **shown), "QUESTION")
+            draw_text(
+                layout, translate("{name}: {share} % unsure, not visible in any marked view", **shown), "QUESTION"
+            )
         else:
-            draw_text(layout, translate("{name}: {share} % unsure, where marks and colors differ", **shown), "QUESTION")
+            draw_text(layout, translate("{name}: {share} % unsure, marks and colors disagree", **shown), "QUESTION")
     if not context.scene.karf.objects:  # then step 6 has it
         layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
         draw_lacking(layout, context)

@@ -34,7 +34,7 @@ def draw_look(row, look):
 
 
 class KARF_MT_look(bpy.types.Menu):
-    """What can be done to a look."""
+    """Actions for this look"""
 
     bl_label = "Look"
 

@@ -33,19 +33,19 @@ def draw_masks(layout, context):
     column.operator("karf.remove_object", text="", icon="REMOVE")
     draw_steps(layout, scene)
     layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
-    layout.label(text="Ctrl: this is not the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
+    layout.label(text="Ctrl: exclude from the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
     layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
     if "segmentation" in disk.contents_of(scene).stages:
         layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
         layout.operator("karf.go_to_suggested", text=next_to_mark(scene), icon="LIGHT")
         if disk.contents_of(scene).any_view_helps:
-            layout.label(text="Any view helps about as much", icon="BLANK1")
+            layout.label(text="All views would help about equally", icon="BLANK1")
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
-        draw_text(layout, "Without the engine a box is a rectangle, and clicks do nothing.", "INFO")
+        draw_text(layout, "Without the engine, a box marks a rectangle and clicks do nothing.", "INFO")
     if queries.is_waiting("propose") or queries.is_waiting("correct"):
-        layout.label(text="The engine is at work", icon="SORTTIME")
+        layout.label(text="The engine is working", icon="SORTTIME")
     layout.prop(scene.karf, "masks")
 
 

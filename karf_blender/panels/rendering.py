@@ -91,7 +91,7 @@ GROUPS = (
 
 
 class KARF_PT_passes(bpy.types.Panel):
-    """What the render engine KaRF writes beside the picture."""
+    """Passes written by the render engine KaRF"""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"

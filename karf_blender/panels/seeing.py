@@ -76,14 +76,14 @@ def draw_left(layout, item):
     source, target = colors.color_pair(item)
     left = shown.of(item.id_data).left_to_target(item)
     if source == target:
-        layout.label(text="Right: what the left color becomes", icon="BLANK1")
+        layout.label(text="Right: target for the left color", icon="BLANK1")
     elif left is None:
         layout.label(text="", icon="BLANK1")
     elif isinf(left):
-        layout.label(text=translate("{name} has no such color: pick it there", name=item.name), icon="ERROR")
+        layout.label(text=translate("{name} has no such color: pick one on it", name=item.name), icon="ERROR")
     else:
         layout.label(
-            text=translate("What is left is {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
+            text=translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
             icon="CHECKMARK" if left < INVISIBLE else "BLANK1",
         )
 
@@ -96,7 +96,7 @@ def how_visible(difference):
 
 
 class KARF_MT_seeing_pie(bpy.types.Menu):
-    """What is shown of the active view"""
+    """Contents of the Image Editor"""
 
     bl_idname = "KARF_MT_seeing_pie"
     bl_label = "KaRF: Show"

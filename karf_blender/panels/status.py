@@ -57,7 +57,7 @@ def row_title(context):
 
 
 class KARF_PT_message(bpy.types.Panel):
-    """All that the last job has said, and what to do where it failed or the project is gone"""
+    """All messages of the last job, and what to do if it failed or the project is missing"""
 
     bl_space_type = "VIEW_3D"
     bl_region_type = "HEADER"  # it opens from the status, and is nowhere else
@@ -81,7 +81,7 @@ def draw_missing(layout, scene):
     box = layout.box()
     box.label(text="The project folder is missing", icon="ERROR")
     draw_text(box, str(missing), "BLANK1", WIDTH)
-    draw_text(box, "Bring it back, choose where it is now, or import the capture again.", "BLANK1", WIDTH)
+    draw_text(box, "Restore it, choose its new place, or import the capture again.", "BLANK1", WIDTH)
     box.prop(scene.karf, "project")
 
 

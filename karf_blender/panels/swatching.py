@@ -121,7 +121,7 @@ def act(layout, name, context, **options):
 
 
 class KARF_MT_swatch(bpy.types.Menu):
-    """What can be done to a swatch."""
+    """Actions for this swatch"""
 
     bl_label = "Swatch"
 
@@ -152,7 +152,7 @@ class KARF_MT_swatch(bpy.types.Menu):
 
 
 class KARF_MT_swap(bpy.types.Menu):
-    """Swatches to exchange colors with."""
+    """Swatches to exchange colors with"""
 
     bl_label = "Swap With"
 
@@ -161,7 +161,7 @@ class KARF_MT_swap(bpy.types.Menu):
 
 
 class KARF_MT_link(bpy.types.Menu):
-    """Swatches to have one color with."""
+    """Swatches to link colors with"""
 
     bl_label = "Link With"
 
@@ -180,7 +180,7 @@ def draw_others(layout, context, operator):
 
 
 class KARF_MT_merge(bpy.types.Menu):
-    """Swatches of the object that may move this one too."""
+    """Swatches of the object to merge this one into"""
 
     bl_label = "Merge Into"
 
@@ -195,7 +195,7 @@ class KARF_MT_merge(bpy.types.Menu):
 
 
 class KARF_MT_palette(bpy.types.Menu):
-    """What can be done to an object's palette."""
+    """Actions for this object's palette"""
 
     bl_label = "Palette"
 
@@ -208,7 +208,7 @@ class KARF_MT_palette(bpy.types.Menu):
 
 
 class KARF_MT_palette_presets(bpy.types.Menu):
-    """Palettes that were kept, for any object."""
+    """Palette presets for any object"""
 
     bl_label = "Palette Presets"
     preset_subdir = "karf/palettes"

@@ -1,37 +1,28 @@
 """Blocking queries from the render thread, which waits for each picture and can cancel it.
 
-They use a separate worker, as the timer polls the interface's worker on the main thread meanwhile. It stays for
-the next frame of an animation, and ends when none comes for a while.
+They use a separate worker, as the timer polls the interface's worker on the main thread meanwhile. It stays for the
+next frame of an animation, and ends when none comes for a while.
 """
 
-import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 
-from .. import preferences, session
-from ..engine.failures import disk_errors
-from ..engine.worker import Worker, error_from_event
-from ..engine_api import WARM, Cancelled, KarfError, Request, new_job
+from .. import session
+from ..engine.worker import error_from_event
+from ..engine_api import Cancelled, KarfError
 from ..project import folders
+from ..tasks.warm_worker import WarmWorker
 
 POLL_SECONDS = 0.005
-IDLE_MINUTES = 1
 
 
-@dataclass
-class _State:
-    worker: Worker | None = None
+class RenderWorker(WarmWorker):
+    """The worker of the render thread."""
 
-    def close(self) -> None:
-        """End the worker and remove its folder."""
-        if self.worker is not None:
-            self.worker.end()
-            shutil.rmtree(self.worker.folder, ignore_errors=True)
-            self.worker = None
+    options: ClassVar = {"idle_minutes": 1}
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
@@ -52,19 +43,27 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
     """
     options = {"project": str(folders.project_of(scene).folder), **options}
     for _ in range(2):  # an idle worker may end just before the query
-        answer = _answer(_worker(scene), kind, options, is_cancelled)
+        answer = _answer(scene, kind, options, is_cancelled)
         if answer is not None:
             return answer
-    raise KarfError("The engine ended before it answered.", "Try again.")
+    raise KarfError("The engine exited before it answered.", "Try again.")
 
 
 def stop() -> None:
     """End the worker and remove its folder."""
-    session.get(_State).close()
+    session.get(RenderWorker).close()
 
 
-def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:
+def _answer(
+    scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]
+) -> dict[str, Any] | None:
     """Return the answer's values; None if the worker has ended without a failure before."""
+    kept = session.get(RenderWorker)
+    if kept.worker is not None:
+        kept.worker.poll()
+        if kept.worker.ended:
+            kept.close()
+    worker = kept.start(scene)
     worker.query(kind, options, kind)
     while True:
         for _, event in worker.replies():
@@ -73,32 +72,9 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
             if event.kind == "refused":
                 raise error_from_event(event)
         if worker.ended:
-            try:
-                worker.check()
-            except KarfError:
-                session.get(_State).worker = None  # its folder stays: the error names its log
-                raise
-            stop()
+            kept.leave()
             return None
         if is_cancelled():
             stop()
             raise Cancelled("The render was cancelled.")
         time.sleep(POLL_SECONDS)
-
-
-def _worker(scene: bpy.types.Scene) -> Worker:
-    state = session.get(_State)
-    python, threads = preferences.engine_python(), preferences.current().threads
-    if state.worker is not None:
-        state.worker.poll()
-        if state.worker.ended or not state.worker.suits(python, threads):
-            stop()
-    if state.worker is None:
-        project = folders.project_of(scene)
-        with disk_errors():
-            folder = new_job(project, WARM)
-        options = {"idle_minutes": IDLE_MINUTES} | ({"threads": threads} if threads else {})
-        worker = Worker()
-        worker.begin(python, Request(WARM, project.folder, options), folder, threads)
-        state.worker = worker
-    return state.worker

@@ -20,7 +20,7 @@ LEFT_OUT = {
 
 
 class KARF_RE_engine(bpy.types.RenderEngine):
-    """The recolored scene from any camera."""
+    """Render the recolored scene from any camera"""
 
     bl_idname = NAME
     bl_label = "KaRF"

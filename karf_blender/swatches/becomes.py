@@ -59,7 +59,7 @@ def apply(
     if not colors.is_shown(visible, seen.counts, source):
         raise BadRequest(
             "{name} shows no color like {color}.",
-            "Pick the left color on the object, in the picture as it is.",
+            "Pick the left color on the object in the displayed picture.",
             name=name,
             color=rgb_to_hex(source),
         )

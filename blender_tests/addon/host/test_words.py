@@ -1,6 +1,7 @@
 """Messages are put into the user's language where they are shown."""
 
 import importlib
+from pathlib import Path
 
 import pytest
 
@@ -8,8 +9,9 @@ import pytest
 @pytest.fixture
 def chinese(addon, monkeypatch):
     """The interface in Chinese, as far as the extension's own words go."""
-    tables = importlib.import_module(f"{addon.words.__package__.removesuffix('.host')}.translations").TABLES
-    monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: tables["zh_HANS"].get(text, text))
+    package = importlib.import_module(f"{addon.words.__package__.removesuffix('.host')}.translations")
+    table = package.po_files.read_tables(Path(package.__file__).parent)["zh_HANS"]
+    monkeypatch.setattr(addon.words, "pgettext_iface", lambda text: table.get(("*", text), text))
 
 
 @pytest.fixture
@@ -28,7 +30,7 @@ def test_a_message_is_translated_round_its_values(addon, chinese, make):
 
 def test_a_message_in_a_message_is_translated_too(addon, chinese, make):
     inner = make("The pictures are in {folder}.", folder="/film")
-    outer = make("The scene that asked for this is gone or has another project. {result}", result=inner)
+    outer = make("The scene that requested this is gone or has another project. {result}", result=inner)
     assert addon.words.translate_message(outer).endswith(addon.words.translate_message(inner))
     assert addon.words.translate_message(inner) != inner
 
@@ -76,7 +78,7 @@ def test_the_panel_shows_why_a_job_failed_in_the_language_of_the_interface(addon
             self.lines.append(text)
 
     column = Column()
-    reason = addon.engine_api.Message("The log in {job} is empty, or gone.", job="geometry")
+    reason = addon.engine_api.Message("The log in {job} is empty or missing.", job="geometry")
     addon.labels.draw_text(column, reason, "ERROR", 80)
     addon.labels.draw_text(column, "Try again.", "ERROR", 80)
     assert column.lines == ["geometry 中的日志为空或已不在。", "请重试。"]

@@ -50,6 +50,11 @@ def test_the_package_holds_what_blenders_own_tool_packs(blenders_tool, package, 
     assert contents(package) == contents(tmp_path / package.name)
 
 
+def test_the_package_has_the_translations(package):
+    name = "karf_blender/translations/zh_HANS.po"
+    assert contents(package)[name] == (ROOT / name).read_bytes()
+
+
 def test_every_kind_of_pattern_means_what_it_means_to_blenders_tool(blenders_tool, tmp_path):
     from tools.release.packing import packed_files
 

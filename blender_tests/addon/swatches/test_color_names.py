@@ -152,6 +152,6 @@ def test_a_card_that_tells_nothing_is_said_and_changes_nothing(bpy, addon, learn
     learned.karf.card = (1, 1, 1)
     found = []
     addon.color_names.draw_light(Layout(bpy, found), learned)
-    assert found[-2:] == ["card", "The card is too dark or too bright there"]
+    assert found[-2:] == ["card", "The card is too dark or too bright at this point"]
     bpy.ops.karf.use_color_name(object_name="pot", index=1, color_name="Sky")
     assert addon.engine_api.rgb_to_hex(np.array(swatch(learned).color)) == "#3a7fb0"
