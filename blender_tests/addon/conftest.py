@@ -27,7 +27,7 @@ MODULES = {
     "pictures": "editors images photos sequences settling chips tints",
     "rig": "cameras frames lens looking points reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
-    "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
+    "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "blocking camera_pixels still viewport",
     "steps": "masks preview splats",
     "tasks": "ownership queries runner",

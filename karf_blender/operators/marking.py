@@ -3,9 +3,8 @@
 import bpy
 from bpy.props import EnumProperty
 
-from .. import steps
-from ..marking import gestures, mask_layers, photo, raster
-from ..marking.gestures import Gesture
+from .. import session, steps
+from ..marking import mask_layers, photo, raster
 from ..pictures import editors
 from ..steps import masks
 from .reporting import has_project, reports_errors
@@ -37,7 +36,7 @@ class MarkingTool:
         """The mouse button was pressed."""
         if context.region.type != "WINDOW":
             return {"PASS_THROUGH"}
-        if not photo.is_shown(context.scene, context.space_data) or mask_layers.shown(context.scene) is None:
+        if not photo.is_displayed(context.scene, context.space_data) or mask_layers.opened(context.scene) is None:
             editors.show(context.area, steps.show_photo(context.scene))
             return {"FINISHED"}
         return self.begin(context, event)
@@ -45,7 +44,7 @@ class MarkingTool:
     def place(self, context, event) -> raster.Place:
         """Where the mouse is in the photo."""
         size = mask_layers.open_layers(context.scene).size
-        return gestures.photo_place(context.region, size, (event.mouse_region_x, event.mouse_region_y))
+        return photo.photo_place(context.region, size, (event.mouse_region_x, event.mouse_region_y))
 
 
 class KARF_OT_mark_click(MarkingTool, bpy.types.Operator):
@@ -69,7 +68,7 @@ class DragTool(MarkingTool):
 
     def begin(self, context, event):
         context.workspace.status_text_set(self.hint)
-        Gesture.places = [(event.mouse_region_x, event.mouse_region_y)]
+        session.get(photo.Gesture).places = [(event.mouse_region_x, event.mouse_region_y)]
         self.start(context, event)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -100,7 +99,7 @@ class DragTool(MarkingTool):
     def leave(self, context) -> None:
         """The drag is over: its hint goes; `drawn` is where it was."""
         context.workspace.status_text_set(None)
-        self.drawn, Gesture.places = Gesture.places, []
+        self.drawn, session.get(photo.Gesture).places = session.get(photo.Gesture).places, []
         context.area.tag_redraw()
 
     def start(self, context, event) -> None:
@@ -112,7 +111,7 @@ class DragTool(MarkingTool):
     def on_photo(self, context) -> list[raster.Place]:
         """The drag's places in the photo."""
         size = mask_layers.open_layers(context.scene).size
-        return [gestures.photo_place(context.region, size, place) for place in self.drawn]
+        return [photo.photo_place(context.region, size, place) for place in self.drawn]
 
     def is_slip(self) -> bool:
         """Whether the mouse was hardly moved."""
@@ -127,8 +126,8 @@ class KARF_OT_mark_box(DragTool, bpy.types.Operator):
     hint = "Release: mark the object in the box    Esc, right button: cancel"
 
     def move(self, context, event):
-        (x0, y0), x1, y1 = Gesture.places[0], event.mouse_region_x, event.mouse_region_y
-        Gesture.places = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+        (x0, y0), x1, y1 = session.get(photo.Gesture).places[0], event.mouse_region_x, event.mouse_region_y
+        session.get(photo.Gesture).places = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
 
     def finish(self, context, event):
         if self.is_slip():
@@ -146,7 +145,7 @@ class KARF_OT_mark_lasso(DragTool, bpy.types.Operator):
     hint = "Release: close the line    Esc, right button: cancel"
 
     def move(self, context, event):
-        Gesture.places.append((event.mouse_region_x, event.mouse_region_y))
+        session.get(photo.Gesture).places.append((event.mouse_region_x, event.mouse_region_y))
 
     def finish(self, context, event):
         if self.is_slip():
@@ -164,10 +163,10 @@ class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
 
     def start(self, context, event):
         scene = context.scene
-        Gesture.places = []  # the mask itself shows the stroke
+        session.get(photo.Gesture).places = []  # the mask itself shows the stroke
         self.layer, self.value = masks.layer_to_mark(scene), masks.value_of(scene, self.does)
         size = mask_layers.open_layers(scene).size
-        self.radius = gestures.photo_length(context.region, size, scene.karf.marking.brush)
+        self.radius = photo.photo_length(context.region, size, scene.karf.marking.brush)
         self.last = self.place(context, event)
         self.move(context, event)
 

@@ -145,7 +145,7 @@ class KARF_OT_add_object(MarkingStep, bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         steps.add_object(context.scene, self.name)
-        mask_layers.follow(context.scene)
+        mask_layers.redraw()
         return {"FINISHED"}
 
 

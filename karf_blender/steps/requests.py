@@ -9,7 +9,7 @@ import bpy
 
 from .. import preferences, progress
 from ..engine_api import Message, Project, Request, read_palettes
-from ..marking import asking
+from ..marking import photo
 from ..pictures import editors
 from ..project import contents, folders
 from ..render_engine import camera_pixels
@@ -54,7 +54,7 @@ def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
         KarfError: It cannot be recolored.
     """
     editors.reveal(shown.of(scene).recolor(), is_wanted, is_whole=True)
-    asking.leave_photo(scene)
+    photo.leave(scene)
 
 
 def task(

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 
 from ..engine_api import Message, Request
-from ..marking import asking
+from ..marking import photo
 from ..pictures import editors
 from ..project import contents, folders
 from ..swatches import drawn_over, shown
@@ -77,5 +77,5 @@ def _reveal(scene: bpy.types.Scene) -> None:
     known = shown.of(scene)
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
-    asking.leave_photo(scene)
+    photo.leave(scene)
     drawn_over.redraw()
