@@ -19,10 +19,10 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api preferences progress session steps",
-    "host": "compat labels messages rendering windows words",
-    "engine": "environment examination failures installing probing processes removing report speed worker",
-    "engine.managed": "home",
-    "preferences": "color_book managing state",
+    "host": "compat labels rendering windows words",
+    "engine": "examination failures installing probing processes speed worker",
+    "engine.installer": "home",
+    "preferences": "choices color_book managing state",
     "project": "captures contents disk folders moving saving",
     "pictures": "editors images photos sequences settling chips tints",
     "rig": "cameras frames lens looking points reprojection",
@@ -34,7 +34,7 @@ MODULES = {
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
-    "operators": "colorways manual render",
+    "operators": "colorways project render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates folding opening own_pictures states statusbar",
 }

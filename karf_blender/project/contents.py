@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -14,11 +15,19 @@ from typing import Any
 
 import bpy
 
+from .. import session
 from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, result_fingerprint
 from . import folders
 
 GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
 LOOK_SECONDS = 30.0  # after which masks that others have overwritten in place are noticed
+
+
+@dataclass
+class MaskFolders:
+    """What folders of masks held when they were listed last, each with what the listing depends on."""
+
+    listings: dict[Path, tuple[tuple[int, int], tuple[int, float, tuple[Path, ...]]]] = field(default_factory=dict)
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
@@ -68,14 +77,17 @@ def _folders_in(root: Path) -> list[Path]:
 def _marks_below(folder: Path) -> tuple[int, float]:
     """The number of PNG files below a folder, and when one of them or a folder was written last, in seconds."""
     look = int(time.monotonic() // LOOK_SECONDS)
-    count, written, folders = _marks_in(folder, folder.stat().st_mtime_ns, look)
+    key = folder.stat().st_mtime_ns, look  # it is listed again when it has another time, or after a while
+    listings = session.get(MaskFolders).listings
+    if folder not in listings or listings[folder][0] != key:
+        listings[folder] = key, _list_marks(folder, key[0])
+    count, written, folders = listings[folder][1]
     below = [_marks_below(each) for each in folders]
     return count + sum(own for own, _ in below), max([written, *(own for _, own in below)])
 
 
-@lru_cache(maxsize=4096)
-def _marks_in(folder: Path, written_ns: int, look: int) -> tuple[int, float, tuple[Path, ...]]:
-    """The same of a folder alone, and the folders in it; kept until it has another time, or for a while."""
+def _list_marks(folder: Path, written_ns: int) -> tuple[int, float, tuple[Path, ...]]:
+    """The same of a folder alone, and the folders in it."""
     count, written, folders = 0, written_ns / 1e9, []
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -90,7 +102,7 @@ def _marks_in(folder: Path, written_ns: int, look: int) -> tuple[int, float, tup
 
 def forget_marks() -> None:
     """Look into all folders of masks at the next question."""
-    _marks_in.cache_clear()
+    session.get(MaskFolders).listings.clear()
 
 
 def _written(path: Path) -> float:

@@ -6,7 +6,7 @@ next frame of an animation, and ends when none comes for a while.
 
 import time
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
 
@@ -14,7 +14,7 @@ from .. import session
 from ..engine.worker import error_from_event
 from ..engine_api import Cancelled, KarfError
 from ..project import folders
-from ..tasks.warm_worker import WarmWorker
+from ..tasks.workers import WarmWorker
 
 POLL_SECONDS = 0.005
 
@@ -22,7 +22,7 @@ POLL_SECONDS = 0.005
 class RenderWorker(WarmWorker):
     """The worker of the render thread."""
 
-    options: ClassVar = {"idle_minutes": 1}
+    idle_minutes = 1
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
