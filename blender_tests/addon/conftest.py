@@ -25,7 +25,7 @@ MODULES = {
     "preferences": "choices color_book managing state",
     "project": "captures contents disk folders moving saving",
     "pictures": "editors images photos sequences settling chips tints",
-    "rig": "cameras frames lens looking points reprojection",
+    "rig": "cameras frames lens reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "blocking camera_pixels still viewport",

@@ -11,14 +11,17 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..engine_api import BadRequest, Capture, DataError, View
+from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
+from ..nodes import shadeless
 from ..pictures import photos
-from . import lens, points
+from . import lens
 
+POINTS_NAME = "KaRF points"
 POINT_SIZE = 0.002  # radius of a sparse point, in units of the rig's extent
 CLIP_START, CLIP_END = 0.001, 1000.0
 ARBITRARY_WORLDS = ("llff", "colmap")  # formats without a known up axis
 UP_WEIGHT = 0.01  # weight of the cameras' up axes, which decide if their right axes do not
+PICTURE = ("resolution_x", "resolution_y", "resolution_percentage", "pixel_aspect_x", "pixel_aspect_y")
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options 
         for view in capture.views:
             made.append(_camera(view, empty, size, options))
         if options.points and capture.points is not None:
-            made.append(points.build(capture.points, empty, POINT_SIZE * extent))
+            made.append(build_points(capture.points, empty, POINT_SIZE * extent))
     except Exception:
         for item in made:
             bpy.data.objects.remove(item)
@@ -134,6 +137,106 @@ def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path)
     is_wanted = data.show_background_images and not data.background_images
     if is_wanted and view.image is not None and view.image.exists():
         _set_background(data, photos.straightened(view, folder))
+
+
+# --- viewing through a camera --------------------------------------------------------------------------------------
+def look_through(scene: bpy.types.Scene, view: View) -> None:
+    """Make a view's camera the scene's, with its photo's picture; remember once what the scene had before.
+
+    Raises:
+        BadRequest: The camera was deleted.
+    """
+    looking, camera = scene.karf.looking, camera_of(scene, view.name)
+    if not looking.is_on:
+        looking.is_on, looking.camera, looking.before = True, scene.camera, _picture(scene)
+    scene.camera = camera
+    lens.set_picture(scene, view.camera)
+    looking.during = _picture(scene)
+    hide_others(scene)
+
+
+def leave(scene: bpy.types.Scene) -> None:
+    """Restore camera and picture, except for what the user has changed since."""
+    looking = scene.karf.looking
+    if scene.camera is not None and scene.camera.karf_view:
+        scene.camera = looking.camera
+    if _picture(scene) == list(looking.during):
+        for name, value in zip(PICTURE, looking.before, strict=True):
+            setattr(scene.render, name, type(getattr(scene.render, name))(value))
+    looking.is_on = False
+    hide_others(scene)
+
+
+def hide_others(scene: bpy.types.Scene) -> None:
+    """Hide the rig's other cameras and its points while viewing, if the user wants that; else show what this has hidden."""
+    looking, layer = scene.karf.looking, scene.view_layers[0]
+    for item in scene.karf.rig.children if scene.karf.rig else ():
+        if item.name not in layer.objects:
+            continue
+        is_unwanted = looking.is_on and looking.hides_others and item != scene.camera
+        if is_unwanted and not item.hide_get(view_layer=layer):
+            item.karf_hidden = True
+            item.hide_set(True, view_layer=layer)
+        elif item.karf_hidden and not is_unwanted:
+            item.karf_hidden = False
+            item.hide_set(False, view_layer=layer)
+
+
+def _picture(scene: bpy.types.Scene) -> list[float]:
+    return [float(getattr(scene.render, name)) for name in PICTURE]
+
+
+# --- sparse points -------------------------------------------------------------------------------------------------
+def build_points(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.types.Object:
+    """Make vertices with the attributes `color` (sRGB bytes) and `error` (pixels), displayed as balls, not rendered.
+
+    Vertices alone have no color in the viewport; balls do, in Solid mode (Color: Attribute) and with their material.
+    """
+    mesh = bpy.data.meshes.new(POINTS_NAME)
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.positions.astype(np.float32).ravel())
+    colors = np.ones((len(points), 4), np.float32)
+    colors[:, :3] = points.colors / np.float32(255)
+    mesh.attributes.new("color", "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
+    mesh.attributes.new("error", "FLOAT", "POINT").data.foreach_set("value", points.errors.astype(np.float32))
+    mesh.update()
+    item = bpy.data.objects.new(POINTS_NAME, mesh)
+    item.modifiers.new("Balls", "NODES").node_group = _balls(radius)
+    item.parent = parent
+    item.hide_render = True
+    return item
+
+
+def _balls(radius: float) -> bpy.types.NodeTree:
+    """Make a node group that puts an octahedron on every vertex."""
+    group = bpy.data.node_groups.new(POINTS_NAME, "GeometryNodeTree")
+    group.is_modifier = True
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Radius", in_out="INPUT", socket_type="NodeSocketFloat").default_value = radius
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    add, link = group.nodes.new, group.links.new
+    entry, ball, instances = add("NodeGroupInput"), add("GeometryNodeMeshUVSphere"), add("GeometryNodeInstanceOnPoints")
+    realized, joined = add("GeometryNodeRealizeInstances"), add("GeometryNodeJoinGeometry")
+    neighbors, is_bare = add("GeometryNodeInputMeshVertexNeighbors"), add("FunctionNodeBooleanMath")
+    cleared, painted = add("GeometryNodeDeleteGeometry"), add("GeometryNodeSetMaterial")
+    is_bare.operation = "NOT"
+    ball.inputs["Segments"].default_value, ball.inputs["Rings"].default_value = 4, 2
+    painted.inputs["Material"].default_value = shadeless.material(POINTS_NAME, "color")
+    link(entry.outputs["Radius"], ball.inputs["Radius"])
+    link(entry.outputs["Geometry"], instances.inputs["Points"])
+    link(ball.outputs["Mesh"], instances.inputs["Instance"])
+    link(instances.outputs["Instances"], realized.inputs["Geometry"])
+    link(realized.outputs["Geometry"], joined.inputs["Geometry"])
+    # only the vertices know which attribute is the active color; join them, then delete them: Blender draws them black
+    link(entry.outputs["Geometry"], joined.inputs["Geometry"])
+    link(joined.outputs["Geometry"], cleared.inputs["Geometry"])
+    link(neighbors.outputs["Face Count"], is_bare.inputs[0])
+    link(is_bare.outputs["Boolean"], cleared.inputs["Selection"])
+    link(cleared.outputs["Geometry"], painted.inputs["Geometry"])
+    link(painted.outputs["Geometry"], add("NodeGroupOutput").inputs["Geometry"])
+    for column, node in enumerate(group.nodes):
+        node.location.x = 180 * column
+    return group
 
 
 # --- the capture's world in Blender's ------------------------------------------------------------------------------

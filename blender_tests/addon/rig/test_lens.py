@@ -57,7 +57,7 @@ def rigged(addon, scene, camera, tmp_path):
     api = addon.engine_api
     capture = api.Capture(tmp_path, "test", (api.View("one", "one", camera, None, "train"),))
     scene.karf.rig = addon.cameras.build(capture, "Rig", scene)
-    addon.looking.look_through(scene, capture.views[0])
+    addon.cameras.look_through(scene, capture.views[0])
     return scene
 
 
