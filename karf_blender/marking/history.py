@@ -48,9 +48,7 @@ def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -
     """Write files below a root folder as a new step of the scene, and return its number.
 
     Folders below the root that become empty are removed.
-
-    Raises:
-        OSError: A file cannot be written; the step is not made.
+    Raises OSError, and makes no step, if a file cannot be written.
     """
     state = session.get(_State)
     state.roots.add(root)
@@ -64,8 +62,7 @@ def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -
 def amend(step: int, files: Files) -> bool:
     """Add files to their step later; write them and return True if it is the current one.
 
-    Raises:
-        OSError: A file cannot be written.
+    Raises OSError if a file cannot be written.
     """
     known = session.get(_State).steps.get(step)
     if known is None:
@@ -78,11 +75,7 @@ def amend(step: int, files: Files) -> bool:
 
 
 def follow() -> None:
-    """Write the files of the current step after undo or redo.
-
-    Raises:
-        OSError: A file cannot be written.
-    """
+    """Write the files of the current step after undo or redo. Raises OSError if a file cannot be written."""
     state = session.get(_State)
     files = {**state.before, **state.steps.get(number(), Step()).files}
     _write({path: content for path, content in files.items() if content != state.now.get(path)})

@@ -70,8 +70,7 @@ def opened(scene: bpy.types.Scene) -> MaskLayers | None:
 def open_layers(scene: bpy.types.Scene) -> MaskLayers:
     """Return the mask layers of the scene's active view, read if they are not open.
 
-    Raises:
-        KarfError: The view does not exist, or a mask cannot be read.
+    Raises KarfError if a mask cannot be read.
     """
     state = session.get(_State)
     if opened(scene) is None:
@@ -109,8 +108,7 @@ def redraw() -> None:
 def save(scene: bpy.types.Scene, name: str, is_correction: bool) -> None:
     """Write an object's open mask or correction as a step that undo takes back.
 
-    Raises:
-        OSError: The file cannot be written.
+    Raises OSError if it cannot be written.
     """
     layers = open_layers(scene)
     pixels = layers.layer(name, is_correction).pixels

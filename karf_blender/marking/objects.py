@@ -29,8 +29,7 @@ BACKGROUND = "background"  # the engine's name for what no mask covers
 def masks_folder(scene: bpy.types.Scene) -> Path:
     """Return the chosen folder with one folder of masks for each object, else the project's; it may not exist yet.
 
-    Raises:
-        KarfError: The scene has no project, or the folder is a link that leads out of it.
+    Raises KarfError without a project, or if a link leads out of it.
     """
     if not scene.karf.masks:
         return folders.project_of(scene).masks_folder
@@ -112,8 +111,7 @@ def usable_name(name: str, others: list[str]) -> str:
 def rename(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> None:
     """Move an object's files after a change of its name in the list, and make the name a usable one.
 
-    Raises:
-        OSError: A file cannot be moved.
+    Raises OSError if a file cannot be moved.
     """
     others = [other.folder for other in scene.karf.marking.objects if other != item]
     name, old = usable_name(item.name, others), item.folder
@@ -129,8 +127,7 @@ def rename(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> None:
 def remove(scene: bpy.types.Scene) -> None:
     """Remove the active object from the list, and its masks and corrections from the disk.
 
-    Raises:
-        OSError: A file cannot be removed.
+    Raises OSError if a file cannot be removed.
     """
     marking, item = scene.karf.marking, active(scene)
     for root in (masks_folder(scene), corrections_folder(scene)):

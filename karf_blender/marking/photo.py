@@ -38,8 +38,7 @@ def areas(scene: bpy.types.Scene) -> list[bpy.types.Area]:
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
     """Display the active view's original photo with its masks, also in the Image Editors that are free.
 
-    Raises:
-        KarfError: The view has no photo, it or a mask cannot be read, or Blender is rendering.
+    Raises KarfError if the photo or a mask cannot be read, or Blender is rendering.
     """
     image = _load(scene)
     editors.reveal(image, is_wanted=True)
@@ -123,8 +122,7 @@ def photo_length(region: bpy.types.Region, size: tuple[int, int], length: float)
 def correct(scene: bpy.types.Scene) -> None:
     """Request the masks of the active view with all corrections, if *Correct* is on.
 
-    Raises:
-        KarfError: The engine cannot be started.
+    Raises KarfError if the engine cannot be started.
     """
     can_answer = "segmentation" in disk.contents_of(scene).stages and not state.known().problem
     if scene.karf.marking.correct and can_answer:

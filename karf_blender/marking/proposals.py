@@ -68,8 +68,7 @@ def _begin(scene: bpy.types.Scene, name: str, is_object: bool) -> Proposal:
 def propose(scene: bpy.types.Scene, proposal: Proposal) -> None:
     """Request the mask of a proposal, as a step that undo takes back; the mask is written when it comes.
 
-    Raises:
-        KarfError: The engine cannot be started.
+    Raises KarfError if the engine cannot be started.
     """
     step = history.record(scene, objects.masks_folder(scene), {}, proposal)
     mask_layers.redraw()

@@ -110,11 +110,7 @@ def _untouched_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
 
 
 def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
-    """Return the rig's camera of a captured view.
-
-    Raises:
-        BadRequest: It was deleted.
-    """
+    """Return the rig's camera of a captured view. Raises BadRequest if it was deleted."""
     rig = scene.karf.rig
     for camera in rig.children if rig else ():
         if camera.karf_view == view:
@@ -130,8 +126,7 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
 def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
     """Put the undistorted photo, kept in a folder, behind a view's camera if it should have one and has none yet.
 
-    Raises:
-        DataError: The photo cannot be read.
+    Raises DataError if it cannot be read.
     """
     data = camera_of(scene, view.name).data
     is_wanted = data.show_background_images and not data.background_images
@@ -143,8 +138,7 @@ def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path)
 def look_through(scene: bpy.types.Scene, view: View) -> None:
     """Make a view's camera the scene's, with its photo's picture; remember once what the scene had before.
 
-    Raises:
-        BadRequest: The camera was deleted.
+    Raises BadRequest if the camera was deleted.
     """
     looking, camera = scene.karf.looking, camera_of(scene, view.name)
     if not looking.is_on:

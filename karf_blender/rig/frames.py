@@ -17,9 +17,7 @@ def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterabl
     """Yield a camera at each frame as a view frame_0001, ... without a photo.
 
     The scene is at that frame meanwhile, and back at its current frame at the end.
-
-    Raises:
-        BadRequest: It is not a perspective camera, or Blender is rendering.
+    Raises BadRequest if it is not a perspective camera, or Blender is rendering.
     """
     rendering.refuse()
     current = scene.frame_current
@@ -49,9 +47,7 @@ def build_animation(views: Sequence[View], name: str, scene: bpy.types.Scene) ->
     """Make one camera below the scene's rig with keyframes for every view; the scene gets its picture and frame range.
 
     Frames are the numbers at the ends of the views' names if all differ, else they are counted from the scene's first.
-
-    Raises:
-        BadRequest: The views need different pixel aspects, which Blender keeps per scene.
+    Raises BadRequest if pixel aspects differ.
     """
     cameras = _at_one_size(views)
     ends = [view.name[len(view.name.rstrip("0123456789")) :] for view in views]

@@ -36,8 +36,7 @@ def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
 def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
     """Return a camera in the capture's world, at the scene's current frame and render size.
 
-    Raises:
-        BadRequest: It is not a perspective camera, or it is mirrored or unevenly scaled.
+    Raises BadRequest if it is not a perspective camera, or is mirrored or unevenly scaled.
     """
     layer = scene.view_layers[0]  # the context's graph may be another scene's
     layer.update()
@@ -76,8 +75,7 @@ def pinhole_of(projection: np.ndarray, width: int, height: int, camera_to_world:
 def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
     """Return the pose [4, 4] float64 of a camera without its scale.
 
-    Raises:
-        BadRequest: The matrix [4, 4] of the camera of this name is sheared or mirrored.
+    Raises BadRequest if the matrix [4, 4] is sheared or mirrored.
     """
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:

@@ -58,11 +58,7 @@ def remember(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
 
 
 def check(path: Path, capture: Capture, name: str) -> Check:
-    """Return the errors in one view of the capture at a path.
-
-    Raises:
-        DataError: The capture has no points or no such view.
-    """
+    """Return the errors in one view of the capture at a path. Raises DataError if the capture has no points."""
     view = capture.view(name)
     number, camera = capture.views.index(view), view.camera
     observed, projected = reprojection_errors(capture, number)

@@ -1,4 +1,4 @@
-"""How a capture's world stands in Blender's: upright, at a size."""
+"""Viewing through a captured camera, and how a capture's world is placed in Blender's: upright, at a size."""
 
 from types import SimpleNamespace
 
@@ -8,7 +8,60 @@ import pytest
 TILTED = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float) @ np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
 
 
-def looking(position, target, up):
+# --- viewing through a camera: only what nobody has changed since is put back --------------------------------------
+@pytest.fixture
+def shot(bpy, addon, scene, capture_folder, tmp_path):
+    """A scene with a camera and a render size of its own, and a capture, looked through."""
+    scene.camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
+    scene.collection.objects.link(scene.camera)
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y = 1998, 1080, 1.5
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
+    return scene
+
+
+def picture(scene):
+    return scene.camera.name, scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y
+
+
+def test_leaving_gives_the_scene_its_camera_and_picture_back(bpy, shot):
+    assert picture(shot)[:3] == ("photo_0", 24, 16)
+    bpy.ops.karf.look_through(view="photo_2")
+    bpy.ops.karf.leave_view()
+    assert picture(shot) == ("Mine", 1998, 1080, 1.5)
+    assert not bpy.ops.karf.leave_view.poll()
+
+
+def test_what_was_chosen_meanwhile_stays(bpy, shot):
+    shot.camera, shot.render.resolution_x = bpy.data.objects["Mine"], 640
+    bpy.ops.karf.leave_view()
+    assert picture(shot)[:3] == ("Mine", 640, 16)
+
+
+def test_the_others_hide_while_one_is_looked_through(bpy, shot):
+    rig = {item.name: item for item in shot.karf.rig.children}
+    rig["photo_1"].hide_set(True)
+    shot.karf.looking.hides_others = True
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_0"]
+    bpy.ops.karf.look_through(view="photo_2")
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_2"]
+    bpy.ops.karf.leave_view()
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_0", "photo_2"]  # photo_1 was the user's wish
+
+
+def test_a_camera_that_is_clicked_becomes_the_active_view(bpy, addon, shot, monkeypatch):
+    layer = bpy.context.view_layer
+    for name, view in (("photo_1", "photo_1"), ("Mine", "photo_1"), ("photo_2", "photo_2")):
+        layer.objects.active = bpy.data.objects[name]
+        addon.clicking.choose_clicked(shot, layer)
+        assert shot.karf.active_view == view
+    monkeypatch.setattr(addon.clicking, "_is_looking_through", lambda: True)
+    layer.objects.active = bpy.data.objects["photo_1"]
+    addon.clicking.choose_clicked(shot, layer)
+    assert shot.karf.active_view == "photo_2"
+
+
+# --- placement -----------------------------------------------------------------------------------------------------
+def pose_of(position, target, up):
     """The pose of a camera that looks at a target, its right axis level."""
     pose = np.eye(4)
     back = (position - target) / np.linalg.norm(position - target)
@@ -28,7 +81,7 @@ def arc(degrees, world):
     """Cameras on part of a circle, all tilted down, in a world that is turned by the rotation `world`."""
     angles = np.radians(np.linspace(0, degrees, 20))
     level = np.stack([3 * np.cos(angles), 3 * np.sin(angles), np.full(20, 2.0)], -1)
-    return [looking(world @ place, np.zeros(3), world @ (0, 0, 1)) for place in level]
+    return [pose_of(world @ place, np.zeros(3), world @ (0, 0, 1)) for place in level]
 
 
 @pytest.mark.parametrize("world", [np.eye(3), TILTED, np.diag([1.0, -1.0, -1.0])])
@@ -40,7 +93,7 @@ def test_up_is_found_from_photos_that_are_all_taken_from_above(addon, world, deg
 
 def test_photos_side_by_side_are_upright_as_they_were_held(addon):
     up = np.array([0.0, -1.0, 0.0])
-    poses = [looking(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    poses = [pose_of(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
     np.testing.assert_allclose(addon.cameras.up_of(capture_of(poses)), up, atol=1e-6)
 
 
