@@ -23,8 +23,8 @@ MODULES = {
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
     "preferences": "color_book managing state",
-    "project": "captures contents disk folders moving saving",
-    "pictures": "editors images photos sequences settling chips tints",
+    "project": "captures contents disk folders moving",
+    "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
@@ -36,7 +36,7 @@ MODULES = {
     "surface": "scene_object splat_objects trees",
     "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
-    "workspace": "clicking estimates folding opening own_pictures states statusbar",
+    "workspace": "clicking estimates opening own_pictures states statusbar",
 }
 _exit_code = None
 _has_blender = False
