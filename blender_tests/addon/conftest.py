@@ -20,9 +20,9 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api preferences progress session steps",
     "host": "compat labels rendering windows words",
-    "engine": "environment examination failures installing probing processes removing report speed worker",
-    "engine.managed": "home",
-    "preferences": "color_book managing state",
+    "engine": "examination failures installing probing processes speed worker",
+    "engine.installer": "home",
+    "preferences": "choices color_book managing state",
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
@@ -34,7 +34,7 @@ MODULES = {
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
-    "operators": "colorways manual render",
+    "operators": "colorways project render",
     "panels": "color_names learning seeing sidebar status swatching",
     "workspace": "clicking estimates opening own_pictures states statusbar",
 }

@@ -25,7 +25,7 @@ from ..swatches import colors, free_camera, shown, views
 from ..swatches.views import ShownView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
-from .cameras import camera_of
+from .render import camera_of
 
 UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"

@@ -261,7 +261,7 @@ def test_every_step_opens_its_page_of_the_manual(bpy, addon):
 
 def test_the_manual_has_all_pages_of_tasks(bpy, addon):
     pages = bpy.ops.karf.open_manual.get_rna_type().properties["page"].enum_items.keys()
-    assert sorted(pages) == sorted(file.stem for file in addon.manual.FOLDER.glob("*.md"))
+    assert sorted(pages) == sorted(file.stem for file in addon.project.MANUAL.glob("*.md"))
 
 
 def test_both_editors_have_the_panel(bpy, addon):
