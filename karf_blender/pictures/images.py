@@ -89,14 +89,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
-    """A picture file's own numbers, transparency put on white.
-
-    Args:
-        path: The file.
-        long_side: Reduce the picture's longer side to at most this many pixels.
-
-    Returns:
-        [H, W, 3] float32 in [0, 1], first row at the top.
+    """A picture file's own numbers [H, W, 3] float32, transparency put on white; at most `long_side` pixels long.
 
     Raises:
         DataError: The file is unreadable.
