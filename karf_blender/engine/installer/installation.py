@@ -25,7 +25,7 @@ from .plan import Plan, Step
 KILL_SECONDS = 5.0
 LOOK_SECONDS = 2.0  # interval between two looks into the cache
 FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
-TORCH_NAMES = {"mps": "cpu"}  # builds of torch that torch itself calls otherwise
+REPORTED_AS = {"mps": "cpu"}  # builds of torch that torch itself calls otherwise
 NETWORK = (  # phrases of network errors, the most specific first
     "temporary failure in name resolution",
     "failed to lookup address",
@@ -151,7 +151,7 @@ class Installation:
     def _check_build(self, tested: dict[str, Any]) -> None:
         """Raise BadRequest where uv's backend has brought another build of torch than was meant."""
         build = self.plan.lock.build
-        if tested["build"] != TORCH_NAMES.get(build, build):
+        if tested["build"] != REPORTED_AS.get(build, build):
             raise BadRequest(
                 f"torch {tested['torch']} is a {tested['build']} build, not the {build} build that was chosen.",
                 "Choose another build: uv found no driver on this computer for the chosen one.",
