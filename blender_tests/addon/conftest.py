@@ -23,8 +23,8 @@ MODULES = {
     "engine": "examination failures installing probing processes speed worker",
     "engine.installer": "home",
     "preferences": "choices color_book managing state",
-    "project": "captures contents disk folders moving saving",
-    "pictures": "editors images photos sequences settling chips tints",
+    "project": "captures contents disk folders moving",
+    "pictures": "editors images photos sequences chips tints",
     "rig": "cameras frames lens reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
@@ -36,7 +36,7 @@ MODULES = {
     "surface": "scene_object splat_objects trees",
     "operators": "colorways project render",
     "panels": "color_names learning seeing sidebar status swatching",
-    "workspace": "clicking estimates folding opening own_pictures states statusbar",
+    "workspace": "clicking estimates opening own_pictures states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -132,7 +132,9 @@ def test_only_compat_asks_for_blenders_version():
     [
         "engine/examination",
         "engine/failures",
-        *sorted(f"engine/installer/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "installer").glob("*.py")),
+        *sorted(
+            f"engine/installer/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "installer").glob("*.py")
+        ),
         "engine/processes",
         "engine/speed",
         "engine/worker",

@@ -18,7 +18,7 @@ from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import rendering, windows
 from ..host.words import translatable
-from ..pictures import editors, images, settling
+from ..pictures import editors, images
 from ..render_engine import camera_pixels
 from ..rig import lens
 from ..swatches import colors, free_camera, shown, views
@@ -233,4 +233,4 @@ def _say(live: _Live | None, error: KarfError) -> None:
 @session.handler("save_pre")
 def _before_save(*_):
     # pixels that are only in memory are not saved
-    settling.pack(free_camera.image())
+    images.pack(free_camera.image())
