@@ -5,7 +5,7 @@ shows a step of the other where the screen has not that one's sidebar, so that n
 nothing is missing where an artist has one of them alone.
 
 Each step's header says how it stands, and has a button that opens its page of the manual. Steps that are done fold
-themselves (`workspace.folding`), which only a panel in a layout allows: of panels of their own Blender keeps to itself
+themselves (`workspace.states`), which only a panel in a layout allows: of panels of their own Blender keeps to itself
 which are open. A step that waits for another is greyed out, and its tooltip says for which.
 """
 
