@@ -12,7 +12,7 @@ from ..engine.installer.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
 from ..steps import engine
-from .reporting import is_free, is_unchanging, reports_errors
+from .base import IDLE, NOT_INSTALLING, is_met, reports_errors
 
 BUILDS = {
     "auto": ("Automatic", "By the drivers that are on this computer"),
@@ -65,7 +65,7 @@ class KARF_OT_install_engine(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_unchanging(cls) and is_free(cls)
+        return is_met(cls, context, NOT_INSTALLING, IDLE)
 
     def invoke(self, context, event):
         self.folder = self.folder or str(preferences.engine_folder())
@@ -142,7 +142,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_unchanging(cls) and is_free(cls)
+        return is_met(cls, context, NOT_INSTALLING, IDLE)
 
     def invoke(self, context, event):
         message = f"{preferences.engine_folder()} will be deleted. Projects stay."
