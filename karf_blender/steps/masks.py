@@ -119,7 +119,7 @@ def value_of(scene: bpy.types.Scene, does: str) -> int:
 
 
 def keep(scene: bpy.types.Scene, layer: Layer) -> None:
-    """Write the layer that was marked."""
+    """Write the marked layer."""
     layer.touch()
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     disk.refresh()
@@ -181,10 +181,10 @@ def go_to_suggested(scene: bpy.types.Scene) -> str:
 
 
 def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str) -> int:
-    """Let the active object be `inside` or `outside` of a mesh or an Empty's box; without a shape: of none any more.
+    """Put the active object `inside` or `outside` of a mesh or an Empty's box; without a shape, forget its volumes.
 
     Returns:
-        How many volumes the object has now. *Segment* uses them.
+        The number of its volumes. *Segment* uses them.
     """
     name = _name(scene)
     if shape is None:

@@ -1,7 +1,7 @@
 """Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-looks at the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
+compares the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
 editor shows the picture, nothing is rendered.
 """
 
@@ -37,7 +37,7 @@ Wanted = tuple[str, int]  # `_Live.text`, and the picture's long side
 
 @dataclass
 class _Live:
-    """The camera that is followed."""
+    """The followed camera."""
 
     owner: Owner  # its scene
     camera: Camera | None = None  # as it was seen last
@@ -46,19 +46,19 @@ class _Live:
     requested: Wanted | None = None
     view: ShownView | None = None  # the planes that came last
     edit: tuple = ()  # the swatches and the display options that they are shown with
-    message: str = "The engine starts"  # why there is no picture; empty where there is one
+    message: str = "The engine starts"  # why the picture is missing; empty where it is there
     is_displayed: bool = True  # by an editor
 
 
 @dataclass
 class _State:
-    """The camera that is followed, if one is."""
+    """The followed camera, if any."""
 
     live: _Live | None = None
 
 
 def is_live() -> bool:
-    """Whether the scene's camera is followed."""
+    """Return whether a camera is followed."""
     return session.get(_State).live is not None
 
 
@@ -123,7 +123,7 @@ def _taken(answer: dict[str, Any]) -> ShownView:
 
 # --- following -----------------------------------------------------------------------------------------------------
 def _tick() -> float | None:
-    """The timer: looks at camera and swatches, and ends itself when no camera is followed."""
+    """The timer: follows camera and swatches, and ends itself when no camera is followed."""
     live = session.get(_State).live
     scene = live.owner.find() if live else None
     if scene is None:
@@ -147,7 +147,7 @@ def _tick() -> float | None:
 
 
 def _is_displayed(live: _Live) -> bool:
-    """Whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
+    """Return whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
     image = free_camera.image()
     if image is None:
         live.edit = ()
@@ -190,14 +190,14 @@ def _show(live: _Live, scene: bpy.types.Scene) -> None:
 
 
 def _edit_key(scene: bpy.types.Scene) -> tuple:
-    """What the picture of planes depends on."""
+    """Return what the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
     added = [colors.keys(own) for own in colors.added_by_object(scene).values()]
     return scene.karf.compositing, *views.key(), *edited, added, colors.edges(scene)
 
 
 def _say(live: _Live | None, error: KarfError) -> None:
-    """Say why there is no picture; it is asked for again when the camera moves."""
+    """Say why the picture is missing; it is requested again when the camera moves."""
     if live is not None:
         live.message, live.requested, live.sides = error.message, None, ()
 

@@ -144,7 +144,7 @@ def seen(scene: bpy.types.Scene, out: Path) -> Job:
 def layers(scene: bpy.types.Scene, view: str, out: Path, edit: Path | None = None) -> Job:
     """The job that writes the layers of a captured view, in the scene's color space of layers.
 
-    Added colors of an edit get layers of their own, and objects end where its edges do.
+    Added colors of an edit get their own layers, and objects end at its edges.
     """
     spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
     return _render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)

@@ -1,7 +1,7 @@
 """Step 7: the scene as Gaussian splats in files of other programs, and in objects that these have imported.
 
-An object follows the swatches: one timer looks at them, so that anything that changes them counts, and asks the engine for
-colors, the next ones when the last have come.
+An object follows the swatches: one timer compares them, so that anything that changes them counts, and requests colors
+from the engine, the next ones when the last have come.
 """
 
 import json
@@ -43,7 +43,7 @@ def export_splat(
     solid: bool = False,
     attributes: bool = False,
 ) -> Task:
-    """Write the scene's splats with the swatches as they stand.
+    """Write the scene's splats with the swatches as they are.
 
     Args:
         path: The file: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
@@ -88,8 +88,8 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     In background mode nothing follows: call this again after a change.
 
     Args:
-        item: A point cloud of Blender, or a mesh of KIRI's add-on, that was imported from a file of the scene's splats,
-            all of them or all but what is behind the scene.
+        item: A point cloud of Blender, or a mesh of KIRI's add-on, imported from a file of the scene's splats: all of
+            them, or all but what is behind the scene.
     """
     if not splat_objects.is_splat(item):
         raise BadRequest(
@@ -105,7 +105,7 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
 
 
 def unfollow_splat(scene: bpy.types.Scene) -> None:
-    """Let the object that follows the swatches keep the colors that it has."""
+    """Stop following the swatches; the object keeps its colors."""
     scene.karf.surface.splat = None
 
 
@@ -135,7 +135,7 @@ def _has_changed(scene: bpy.types.Scene) -> bool:
 
 
 def _color_key(scene: bpy.types.Scene) -> str:
-    """What the colors depend on, as a comparable text."""
+    """Return what the colors depend on, as a comparable text."""
     karf = scene.karf
     return json.dumps([karf.project, karf.surface.splat.session_uid, edits.edit_option(scene)])
 
@@ -166,7 +166,7 @@ def _after_undo(*_):
 
 @session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
-    # an object that was saved has the colors of the swatches that were saved: the engine starts when one changes
+    # a saved object has the colors of the saved swatches: the engine starts when one changes
     session.get(_Requested).clear()
     session.get(_Requested).update({scene.session_uid: _color_key(scene) for scene in _followed_scenes()})
     session.start_timer(_tick, persistent=True)

@@ -64,7 +64,7 @@ def set_surface(
     brightness: float = 0.0,
     gloss: float = 1.0,
 ) -> None:
-    """Give the paint of one swatch, and of those linked to it, another surface; colors that were chosen stay.
+    """Set the surface of a swatch's paint, and of those linked to it; chosen colors stay.
 
     Args:
         saturation: 0 to 4; 0 is gray, 1 as it is.
@@ -91,16 +91,16 @@ def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
 
 
 def unlink_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
-    """Let a swatch move by itself again; its color stays."""
+    """Unlink a swatch from all others; its color stays."""
     groups.unlink(edits.swatch_at(scene, name, index))
 
 
 def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int | None = None) -> int:
-    """Let one swatch of an object move another's paint along with its own: both then change by the same amount.
+    """Merge one swatch of an object into another, which then moves both paints by the same amount.
 
     Args:
-        index: The swatch that is no longer shown.
-        into: The one that moves it; None: the one whose learned color is nearest.
+        index: The swatch that disappears.
+        into: The one that moves it; None: the one with the nearest learned color.
 
     Returns:
         The number of the swatch that moves it.
@@ -132,7 +132,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
 
 
 def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
-    """Show the swatches again that were merged into one; each moves by itself, colors stay."""
+    """Split a swatch from those merged into it; colors stay."""
     if edits.swatch_at(scene, name, index).is_added:
         raise BadRequest(
             "Swatch {index} of {name!r} is an added color and has no merged swatches.",
@@ -204,7 +204,7 @@ def add_color(
 
 
 def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
-    """Let a swatch change its own pigment alone, and leave silver, foil, paper and gloss as they are.
+    """Restrict a swatch to its own pigment: silver, foil, paper and gloss stay as they are.
 
     An added color gets that option. A learned swatch, which is part of many colors, gets an added color for the pigment
     that it paints most, as this is shown now; itself and what followed it go back to where they were.
@@ -224,7 +224,7 @@ def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> in
             for each, color in zip(item.swatches[: colors.size(item)], before, strict=False):
                 if not each.locked:
                     each.color = color
-            surfaces.put(item.swatches[index], Surface())  # the pigment looks as it did with it
+            surfaces.put(item.swatches[index], Surface())  # the pigment keeps its surface
     return number
 
 
