@@ -98,7 +98,11 @@ def _place_of(path: Path, capture: Capture) -> Path:
     """
     photos = [each.image for each in capture.views]
     start = path.parent if path.is_file() else path
-    for folder in (_common_folder([start, *(photo.parent for photo in photos if photo)]), start):
+    try:
+        common = Path(os.path.commonpath([start, *(photo.parent for photo in photos if photo)]))
+    except ValueError:  # several drives
+        common = start
+    for folder in (common, start):
         if folder == path:
             break
         try:
@@ -108,13 +112,6 @@ def _place_of(path: Path, capture: Capture) -> Path:
         if found.format == capture.format and [each.image for each in found.views] == photos:
             return folder
     return path
-
-
-def _common_folder(places: list[Path]) -> Path:
-    try:
-        return Path(os.path.commonpath(places))
-    except ValueError:  # several drives
-        return places[0]
 
 
 def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG) -> Task:

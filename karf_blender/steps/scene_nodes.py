@@ -51,7 +51,8 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
         progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
-    job = requests.layers(scene, view, out, edit)
+    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
+    job = requests.render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
     return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(placing.find, scene, view))
 
 

@@ -105,10 +105,10 @@ def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[s
 def see_view(scene: bpy.types.Scene) -> Task:
     """Render what is learned of the active view, and the masks of its objects."""
     folder = _rendered_folder(scene)
+    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions did not keep it
+    job = requests.render(scene.karf.active_view, out=str(folder), size="learned", unsure=is_known)
     where = Message("The engine's renders of the view are in {folder}.", folder=str(folder))
-    return requests.task(
-        scene, "Look at View", requests.seen(scene, folder), finish=requests.presenting(_reveal, where)
-    )
+    return requests.task(scene, "Look at View", job, finish=requests.presenting(_reveal, where))
 
 
 def _rendered_folder(scene: bpy.types.Scene) -> Path:
