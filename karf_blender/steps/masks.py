@@ -10,7 +10,7 @@ import bpy
 
 from ..engine_api import BadRequest, KarfError
 from ..host.words import translatable
-from ..marking import asking, mask_layers, objects, photo, proposals, raster, tools, volumes
+from ..marking import mask_layers, objects, photo, proposals, raster, tools
 from ..marking.mask_layers import Layer
 from ..marking.raster import Place
 from ..pictures import editors
@@ -29,7 +29,7 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
     if not scene.karf.marking.objects:
         objects.add(scene)
     image = photo.show(scene)
-    asking.correct(scene)
+    photo.correct(scene)
     return image
 
 
@@ -58,7 +58,7 @@ def fit_photo(window: bpy.types.Window) -> None:
 
 def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
     areas = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
-    return [area for area in areas if photo.is_shown(window.scene, area.spaces.active)]
+    return [area for area in areas if photo.is_displayed(window.scene, area.spaces.active)]
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------
@@ -81,7 +81,7 @@ def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "A
     """Mark the object in a box: the engine finds it there. Without an engine, and to take away, the box itself counts."""
     if does == "ADD" and not scene.karf.marking.correct and not state.known().problem:
         _choose_folder(scene)
-        asking.propose(scene, proposals.box(scene, _name(scene), corner, other))
+        proposals.propose(scene, proposals.box(scene, _name(scene), corner, other))
         return
     layer = layer_to_mark(scene)
     raster.box(layer.pixels, corner, other, value_of(scene, does))
@@ -96,7 +96,7 @@ def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
         raise BadRequest("Clicks need the engine.", f"{problem} {WITHOUT_ENGINE}")
     else:
         _choose_folder(scene)
-        asking.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))
+        proposals.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))
 
 
 def erase_mask(scene: bpy.types.Scene) -> None:
@@ -123,8 +123,8 @@ def keep(scene: bpy.types.Scene, layer: Layer) -> None:
     layer.touch()
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     disk.refresh()
-    mask_layers.follow(scene)
-    asking.correct(scene)
+    mask_layers.redraw()
+    photo.correct(scene)
 
 
 def _name(scene: bpy.types.Scene) -> str:
@@ -186,10 +186,6 @@ def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str
     Returns:
         The number of its volumes. *Segment* uses them.
     """
-    name = _name(scene)
-    if shape is None:
-        volumes.clear(scene, name)
-    else:
-        volumes.add(scene, name, shape, kind)
-    asking.correct(scene)
-    return volumes.count(scene, name)
+    count = objects.set_volume(scene, _name(scene), shape, kind)
+    photo.correct(scene)
+    return count

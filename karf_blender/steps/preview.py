@@ -18,9 +18,9 @@ from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import rendering, windows
 from ..host.words import translatable
-from ..pictures import editors, images, settling
+from ..pictures import editors, images
 from ..render_engine import camera_pixels
-from ..rig import frames
+from ..rig import lens
 from ..swatches import colors, free_camera, shown, views
 from ..swatches.views import ShownView
 from ..tasks import queries, runner
@@ -101,7 +101,7 @@ def preview_camera(
     Returns:
         The picture's path.
     """
-    pinhole = frames.pinhole(scene, camera_of(scene, camera))
+    pinhole = lens.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
     images.write_png(Path(path), images.upright(view.recolored(scene)))
     return Path(path)
@@ -159,7 +159,7 @@ def _follow_camera(live: _Live, scene: bpy.types.Scene) -> None:
     if live.requested is not None and live.requested[1] == COARSE_SIDE:
         return  # it is let through: else nothing would be seen as long as the camera moves
     try:
-        camera = frames.pinhole(scene, camera_of(scene, None))
+        camera = lens.pinhole(scene, camera_of(scene, None))
     except KarfError:
         live.text = ""  # as soon as there is a camera again, its picture is wanted
         raise
@@ -205,4 +205,4 @@ def _say(live: _Live | None, error: KarfError) -> None:
 @session.handler("save_pre")
 def _before_save(*_):
     # pixels that are only in memory are not saved
-    settling.pack(free_camera.image())
+    images.pack(free_camera.image())
