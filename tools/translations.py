@@ -46,12 +46,8 @@ ERRORS = (
     "Cancelled",
     "Diverged",
 )
-SENTENCES_AT = {
-    **dict.fromkeys((*ERRORS, "Message"), (0, 1)),
-    "warn": (0,),
-    "find_scene": (1,),
-}  # which arguments are sentences
-ENGLISH = ("steps/engine.py", "managed/*.py")  # files whose sentences stay English: for programmers, and of installing
+SENTENCES_AT = {**dict.fromkeys((*ERRORS, "Message"), (0, 1)), "warn": (0,)}  # which arguments are sentences
+ENGLISH = ("steps/engine.py", "installer/*.py")  # files whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 

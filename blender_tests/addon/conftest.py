@@ -19,16 +19,16 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api preferences progress session steps",
-    "host": "compat labels messages rendering windows words",
-    "engine": "environment examination failures installing probing processes removing report speed worker",
-    "engine.managed": "home",
-    "preferences": "color_book managing state",
-    "project": "captures contents disk folders moving saving",
-    "pictures": "editors images photos sequences settling chips tints",
-    "rig": "camera_paths cameras factory frames lens looking placement points reprojection",
+    "host": "compat labels rendering windows words",
+    "engine": "examination failures installing probing processes speed worker",
+    "engine.installer": "home",
+    "preferences": "choices color_book managing state",
+    "project": "captures contents disk folders moving",
+    "pictures": "editors images photos sequences chips tints",
+    "rig": "cameras frames lens reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
-    "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
-    "render_engine": "blocking camera_pixels compatible passes still viewport",
+    "marking": "history objects overlay mask_layers photo proposals raster tools",
+    "render_engine": "blocking camera_pixels still viewport",
     "steps": "masks preview splats",
     "tasks": "ownership queries runner",
     "compositor": "group",
@@ -36,7 +36,7 @@ MODULES = {
     "surface": "scene_object splat_objects trees",
     "operators": "colorways project render",
     "panels": "editing display learning sidebar swatching",
-    "workspace": "clicking estimates folding opening own_pictures states statusbar",
+    "workspace": "clicking estimates opening own_pictures states statusbar",
 }
 _exit_code = None
 _has_blender = False

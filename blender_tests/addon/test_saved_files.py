@@ -48,7 +48,7 @@ def test_all_that_was_stored_is_there(bpy, addon, saved, expected):
 @pytest.mark.parametrize("trial", TRIALS)
 @pytest.mark.parametrize("saved", SAVED, indirect=True)
 def test_it_shows_and_does_what_it_did(bpy, addon, saved, expected, trial, tmp_path):
-    told, picture = tried(bpy, addon, saved / "scene.blend", trial, tmp_path)
+    told, picture = tried(bpy, saved / "scene.blend", trial, tmp_path)
     compare(told, expected["trials"][trial], trial)
     wanted = np.load(saved / "pictures.npz")[trial.replace(" ", "_")]
     assert np.abs(picture.astype(int) - wanted).max() <= 1

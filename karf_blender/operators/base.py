@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from .. import preferences
-from ..engine import failures, installing, removing
+from ..engine import failures, installing
 from ..engine_api import VERSION, KarfError, MissingDependency
 from ..host import compat, windows
 from ..host.words import translatable, translate_error, translate_report
@@ -39,9 +39,7 @@ def _project(context: bpy.types.Context) -> str:
 
 
 IDLE = need("KaRF is busy: wait for the running job, or cancel it", lambda context: not runner.is_running())
-NOT_INSTALLING = need(
-    "The engine is being installed or removed", lambda context: not (installing.is_running() or removing.is_running())
-)
+NOT_INSTALLING = need("The engine is being installed or removed", lambda context: not installing.is_running())
 PROJECT = _project
 GEOMETRY = _stage("geometry", "Learn the scene first")
 SEGMENTATION = _stage("segmentation", "Segment the objects first")

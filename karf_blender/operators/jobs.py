@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine import failures, report
+from ..engine import failures
 from ..engine_api import DataError
 from ..host import windows
 from ..host.words import translatable
@@ -46,7 +46,7 @@ class KARF_OT_copy_report(StepOperator, bpy.types.Operator):
 
     def step(self, context):
         state = context.window_manager.karf_progress
-        context.window_manager.clipboard = report.compose(Path(state.job), state.error, versions())
+        context.window_manager.clipboard = failures.compose(Path(state.job), state.error, versions())
         return translatable("The report is on the clipboard")
 
 

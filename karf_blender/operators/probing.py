@@ -4,7 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import preferences
-from ..engine import probing, report
+from ..engine import failures, probing
 from ..engine_api import ERROR
 from ..project import folders
 from .base import NOT_INSTALLING, is_met, reports_errors, versions
@@ -64,7 +64,7 @@ class KARF_OT_copy_findings(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        context.window_manager.clipboard = report.compose_findings(_findings(), versions())
+        context.window_manager.clipboard = failures.compose_findings(_findings(), versions())
         self.report({"INFO"}, "The report is on the clipboard")
         return {"FINISHED"}
 

@@ -5,7 +5,7 @@ import bpy
 from ..host.labels import draw_text
 from ..host.words import translatable
 from ..project import disk
-from ..render_engine.compatible import NAME
+from ..render_engine.engine import NAME
 from ..steps import preview
 from ..surface import scene_object, splat_objects
 from ..swatches import free_camera

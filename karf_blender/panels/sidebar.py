@@ -2,7 +2,7 @@
 
 The Image Editor shows the steps that work on the picture (marks and swatches), the 3D View the status and all others.
 If only one of them has its sidebar open, it shows everything. Steps are panels in a layout, whose state the extension
-knows: finished ones fold themselves (`workspace.folding`).
+knows: finished ones fold themselves (`workspace.states`).
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import bpy
 
 from .. import session
-from ..host import messages, windows
+from ..host import windows
 from ..host.labels import draw_text
 from ..host.words import translatable, translate
 from ..project import disk
@@ -19,6 +19,7 @@ from ..workspace import opening, states, statusbar
 from . import editing, learning, rendering, swatching
 
 STEPS, PICTURE = "VIEW_3D", "IMAGE_EDITOR"  # the editors
+WIDTH = 60  # letters of a line where the whole message is shown
 
 
 @dataclass(frozen=True)
@@ -116,23 +117,14 @@ def _draw_in_window_menu(self, context):
     self.layout.operator("karf.open_workspace", icon="WORKSPACE")
 
 
-# what decides where steps are shown: a sidebar that is opened or closed, an editor that becomes another
-DECIDING = (
+@session.subscribe(
     (bpy.types.SpaceView3D, "show_region_ui"),
     (bpy.types.SpaceImageEditor, "show_region_ui"),
     (bpy.types.Area, "ui_type"),
 )
-
-
-@session.setup
 def _redraw_when_moved():
-    for key in DECIDING:
-        messages.listen(key, windows.redraw_sidebars)
-    yield
-    messages.forget(windows.redraw_sidebars)
-
-
-WIDTH = 60  # letters of a line where the whole message is shown
+    """A sidebar is opened or closed, or an editor becomes another: it decides where steps are shown."""
+    windows.redraw_sidebars()
 
 
 def draw_status(layout, context):

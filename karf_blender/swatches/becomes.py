@@ -72,7 +72,7 @@ def apply(
     edit = Edit({name: edited}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
     edits.apply_edit(scene, edit)
     before = ColorHistogram(visible, seen.counts, weights)
-    reached, _, reason = evaluate_edit(edited, Palette(name, start), before, source, srgb_to_lab(target), locked)
+    reached, _, reason = evaluate_edit(edited, start, before, source, srgb_to_lab(target), locked)
     return reason and f"{name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."
 
 

@@ -55,7 +55,7 @@ def test_without_an_engine_the_first_open_step_leads_to_one(bpy, addon, draw, ca
 
 def test_an_installation_shows_in_the_sidebar_too(addon, draw, monkeypatch):
     at_work = SimpleNamespace(progress=SimpleNamespace(fraction=0.4, title="Installing torch"))
-    monkeypatch.setattr(addon.session.get(addon.installing._State), "installation", at_work)
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "work", at_work)
     assert "Engine: Installing torch" in draw()
 
 
@@ -326,7 +326,7 @@ def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path
 def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips = addon.chips
     chips.icon((1.0, 0.25, 0.0))
-    pixels = addon.session.get(chips._State).icons["#ff4000"].icon_pixels_float[:]
+    pixels = addon.session.get(chips.ColorIcons).icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
 
 
