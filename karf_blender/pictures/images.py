@@ -165,27 +165,27 @@ def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
     """Resize colors [H, W, 3] in [0, 1], in 8 bits."""
     if colors.shape[1::-1] == (width, height):
         return colors
-    buffer = blank(colors.shape[1], colors.shape[0])
-    upright(buffer)[:] = colors
-    image = new_image("resized", colors.shape[1], colors.shape[0])
-    try:
-        upload(image, buffer)
+    with _temporary_image("resized", colors) as image:
         fit(image, width, height)
         return colors_of(image)
-    finally:
-        bpy.data.images.remove(image)
 
 
 def write_png(path: Path, colors: np.ndarray) -> None:
     """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, without view transform."""
+    with _temporary_image(path.stem, colors) as image:
+        image.file_format = "PNG"
+        atomic_write(path, lambda temporary: _save(image, temporary))
+
+
+@contextmanager
+def _temporary_image(name: str, colors: np.ndarray) -> Iterator[bpy.types.Image]:
     height, width = colors.shape[:2]
     buffer = blank(width, height)
     upright(buffer)[:] = colors
-    image = new_image(path.stem, width, height)
+    image = new_image(name, width, height)
     try:
         upload(image, buffer)
-        image.file_format = "PNG"
-        atomic_write(path, lambda temporary: _save(image, temporary))
+        yield image
     finally:
         bpy.data.images.remove(image)
 

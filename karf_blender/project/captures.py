@@ -16,6 +16,7 @@ MOST_KEPT = 2
 class ReadCaptures:
     """The latest captures, by their paths."""
 
+    per_file = True
     by_path: dict[Path, Capture] = field(default_factory=dict)
 
 

@@ -169,7 +169,6 @@ def _draw_numbers() -> None:
 def _after_load(*_):
     # the numbers were another file's, and the cameras are not looked through yet
     forget()
-    captures.forget()
     for scene in bpy.data.scenes:
         if scene.karf.show_reprojection:
             scene.karf.show_reprojection = False

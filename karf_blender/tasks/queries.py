@@ -100,20 +100,18 @@ def stop() -> None:
 
 def _begin(scene: bpy.types.Scene, kind: str, options: dict, on_answer: OnAnswer, on_error: OnError) -> None:
     options = {"project": str(folders.project_of(scene).folder), **options}
-    query = _Query(Owner.of(scene), kind, options, on_answer, on_error)
-    _worker(scene).query(kind, options, query)
+    _take_replies()  # the worker may have ended since the last query
+    _send(scene, _Query(Owner.of(scene), kind, options, on_answer, on_error))
+
+
+def _send(scene: bpy.types.Scene, query: _Query) -> None:
+    session.get(QueryWorker).start(scene).query(query.kind, query.options, query)
 
 
 def _wait(kind: str) -> None:
     while is_waiting(kind):
         time.sleep(POLL_SECONDS / 2)
         _take_replies()
-
-
-def _worker(scene: bpy.types.Scene) -> Worker:
-    """Return a worker that suits the preferences."""
-    _take_replies()  # it may have ended since somebody waited last
-    return session.get(QueryWorker).start(scene)
 
 
 def _take_replies() -> None:
@@ -147,17 +145,10 @@ def _leave(worker: Worker) -> None:
     except KarfError as error:
         failure = error
     for query in list(worker.unanswered.values()):
-        if failure is None and not query.is_second:
-            _send_again(query)
-        else:
+        if failure is not None or query.is_second:
             query.on_error(failure or KarfError("The engine exited before it answered.", "Try again."))
-
-
-def _send_again(query: _Query) -> None:
-    """Send a query to a new worker: the other one ended because it was idle."""
-    scene = query.owner.find()
-    if scene is not None:
-        _worker(scene).query(query.kind, query.options, replace(query, is_second=True))
+        elif (scene := query.owner.find()) is not None:  # the worker ended because it was idle
+            _send(scene, replace(query, is_second=True))
 
 
 def _fail(error: KarfError) -> None:
