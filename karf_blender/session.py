@@ -63,6 +63,8 @@ def clear(per_file: bool = False) -> None:
             if hasattr(kind, "close"):
                 _session.states[kind].close()
             _session.states.pop(kind, None)
+    if not per_file:
+        _session.states.clear()  # closing one may have created another
 
 
 # --- declarations --------------------------------------------------------------------------------------------------

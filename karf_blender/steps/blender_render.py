@@ -11,7 +11,7 @@ from ..engine_api import BadRequest, Message, open_capture
 from ..host import compat
 from ..pictures import sequences
 from ..project import folders
-from ..render_engine.compatible import NAME
+from ..render_engine.engine import NAME
 from . import requests
 
 STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are

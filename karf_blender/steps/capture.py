@@ -17,7 +17,7 @@ from ..marking import history, mask_layers
 from ..pictures import editors
 from ..preferences import state
 from ..project import captures, contents, folders, moving
-from ..rig import cameras, factory
+from ..rig import cameras
 from ..swatches import palettes, shown
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
@@ -64,10 +64,7 @@ def import_capture(
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
-    cube = factory.find_cube(scene)
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
-    if cube is not None:  # it would stand amid what was captured
-        factory.remove(cube)
     with shown.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())

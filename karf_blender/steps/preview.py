@@ -20,7 +20,7 @@ from ..host import rendering, windows
 from ..host.words import translatable
 from ..pictures import editors, images
 from ..render_engine import camera_pixels
-from ..rig import frames
+from ..rig import lens
 from ..swatches import colors, free_camera, shown, views
 from ..swatches.views import ShownView
 from ..tasks import queries, runner
@@ -119,7 +119,7 @@ def preview_camera(
     Raises:
         KarfError: There is no camera, or nothing is learned.
     """
-    pinhole = frames.pinhole(scene, camera_of(scene, camera))
+    pinhole = lens.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
     images.write_png(Path(path), images.upright(view.recolored(scene)))
     return Path(path)
@@ -177,7 +177,7 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
     if is_coarse_on_its_way:  # it is let through: else nothing would be seen as long as the camera moves
         return
     try:
-        camera = frames.pinhole(scene, camera_of(scene, None))
+        camera = lens.pinhole(scene, camera_of(scene, None))
     except KarfError:
         live.text = ""  # as soon as there is a camera again, its picture is wanted
         raise

@@ -13,8 +13,7 @@ from ..engine_api import BadRequest, Message, open_capture, render_bundle, write
 from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
-from ..rig import camera_paths
-from ..rig.frames import file_name, frames_of
+from ..rig.frames import build_animation, file_name, frames_of
 from ..swatches import edits, shown
 from ..tasks.runner import Task
 from . import requests
@@ -219,7 +218,7 @@ def export_cameras(
 def import_cameras(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
     """Make one animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
     path = Path(path).absolute()
-    return camera_paths.build(open_capture(path, photos=False).views, path.stem, scene)
+    return build_animation(open_capture(path, photos=False).views, path.stem, scene)
 
 
 def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.types.Object:

@@ -9,7 +9,7 @@ import bpy
 
 from .. import preferences, progress
 from ..engine_api import BadRequest, Message, Project, Request, read_palettes
-from ..marking import asking
+from ..marking import photo
 from ..pictures import editors
 from ..project import contents, folders
 from ..render_engine import camera_pixels
@@ -53,7 +53,7 @@ def import_results(owner: Owner, request: Request) -> None:
 def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
     """Show the whole active view recolored in the Image Editors, where it takes the place of the photo to mark."""
     editors.reveal(shown.of(scene).recolor(), is_wanted, is_whole=True)
-    asking.leave_photo(scene)
+    photo.leave(scene)
 
 
 def check_palettes(scene: bpy.types.Scene) -> None:

@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 
 from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
-from ..marking import asking
+from ..marking import photo
 from ..pictures import editors
 from ..project import captures, contents, folders
-from ..rig import cameras, looking, reprojection
+from ..rig import cameras, reprojection
 from ..swatches import drawn_over, palettes, shown
 from ..tasks import queries
 from ..tasks.runner import Task
@@ -34,14 +34,14 @@ def leave_view(scene: bpy.types.Scene) -> None:
     """Give the scene its own camera and picture back."""
     if not scene.karf.looking.is_on:
         raise BadRequest("The scene {name!r} is not looking through a captured view.", "", name=scene.name)
-    looking.leave(scene)
+    cameras.leave(scene)
 
 
 def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
     """Look through the camera of a view of the scene's capture; raises DataError where its photo cannot be read."""
-    looking.look_through(scene, view)
+    cameras.look_through(scene, view)
     reprojection.remember(scene, capture, view.name)
-    cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
+    cameras.add_undistorted_background(scene, view, folders.project_of(scene).photos_folder)
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
@@ -130,5 +130,5 @@ def _reveal(scene: bpy.types.Scene) -> None:
     known = shown.of(scene)
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
-    asking.leave_photo(scene)
+    photo.leave(scene)
     drawn_over.redraw()

@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from .. import progress, session
-from ..engine_api import MAX_SRGB, AddedColor, BadRequest, KarfError, match_added_color, mean_weights
+from ..engine_api import MAX_SRGB, AddedColor, BadRequest, KarfError, Surface, match_added_color, mean_weights
 from ..host import rendering
 from . import colors, keyframes, shown, surfaces
 
@@ -136,10 +136,12 @@ def merge(item: bpy.types.PropertyGroup, index: int, into: int) -> None:
 
 
 def split(item: bpy.types.PropertyGroup, index: int) -> None:
-    """Let all swatches that were merged into one move by themselves again; colors stay."""
-    for each in item.swatches:
-        if each.merged == index:
-            each.merged = 0
+    """Let all swatches that were merged into one move by themselves again; colors and pictures stay."""
+    with apart():
+        for each in item.swatches:
+            if each.merged == index:
+                each.merged = 0
+                surfaces.put(each, Surface())  # it has had none while it was merged
 
 
 def held(item: bpy.types.PropertyGroup) -> list[int]:

@@ -139,7 +139,7 @@ def _is_held(
     lab: np.ndarray, start: np.ndarray, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]
 ) -> bool:
     """Return whether the color would be reached without the locks."""
-    if not locked:
+    if not any(locked):  # black is always
         return False
     try:
         free = match_becomes(*seen, start, source, np.clip(lab_to_srgb(lab), 0, 1))

@@ -1,4 +1,4 @@
-"""What there is on this computer: its system and drivers, what can make an environment, where packages come from. No bpy."""
+"""This computer: system and drivers, what can make an environment, where packages come from, shells. No bpy."""
 
 import configparser
 import os
