@@ -138,8 +138,6 @@ def test_only_compat_asks_for_blenders_version():
         "engine/processes",
         "engine/speed",
         "engine/worker",
-        "rig/lens",
-        "rig/placement",
     ],
 )
 def test_files_that_claim_to_need_no_blender_import_none(name):

@@ -45,7 +45,6 @@ class KARF_OT_install_engine(bpy.types.Operator):
     )
     photos: BoolProperty(
         name="Find camera poses of photos (pycolmap)",
-        description="pycolmap: camera poses of photos that have none",
         options={"SKIP_SAVE"},
     )
     folder: StringProperty(

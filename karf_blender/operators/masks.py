@@ -6,8 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from .. import session, steps
 from ..engine_api import BadRequest
 from ..host.words import translate_report
-from ..marking import gestures, mask_layers, objects, photo, raster, tools
-from ..marking.gestures import Gesture
+from ..marking import mask_layers, objects, photo, raster, tools
 from ..pictures import editors
 from ..project import disk
 from ..steps import masks
@@ -126,7 +125,7 @@ class KARF_OT_add_object(StepOperator, bpy.types.Operator):
 
     def step(self, context):
         steps.add_object(context.scene, self.name)
-        mask_layers.follow(context.scene)
+        mask_layers.redraw()
 
 
 class KARF_OT_remove_object(StepOperator, bpy.types.Operator):
@@ -164,14 +163,14 @@ class MarkingTool:
     def invoke(self, context, event):
         if context.region.type != "WINDOW":
             return {"PASS_THROUGH"}
-        if not photo.is_shown(context.scene, context.space_data) or mask_layers.shown(context.scene) is None:
+        if not photo.is_displayed(context.scene, context.space_data) or mask_layers.opened(context.scene) is None:
             editors.show(context.area, steps.show_photo(context.scene))
             return {"FINISHED"}
         return self.begin(context, event)
 
     def place(self, context, event) -> raster.Place:
         size = mask_layers.open_layers(context.scene).size
-        return gestures.photo_place(context.region, size, (event.mouse_region_x, event.mouse_region_y))
+        return photo.photo_place(context.region, size, (event.mouse_region_x, event.mouse_region_y))
 
 
 class KARF_OT_mark_click(MarkingTool, bpy.types.Operator):
@@ -195,7 +194,7 @@ class DragTool(MarkingTool):
 
     def begin(self, context, event):
         context.workspace.status_text_set(self.hint)
-        session.get(Gesture).places = [(event.mouse_region_x, event.mouse_region_y)]
+        session.get(photo.Gesture).places = [(event.mouse_region_x, event.mouse_region_y)]
         self.start(context, event)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -221,7 +220,7 @@ class DragTool(MarkingTool):
 
     def leave(self, context) -> None:
         context.workspace.status_text_set(None)
-        self.drawn, session.get(Gesture).places = session.get(Gesture).places, []
+        self.drawn, session.get(photo.Gesture).places = session.get(photo.Gesture).places, []
         context.area.tag_redraw()
 
     def start(self, context, event) -> None:
@@ -232,7 +231,7 @@ class DragTool(MarkingTool):
 
     def points_in_photo(self, context) -> list[raster.Place]:
         size = mask_layers.open_layers(context.scene).size
-        return [gestures.photo_place(context.region, size, place) for place in self.drawn]
+        return [photo.photo_place(context.region, size, place) for place in self.drawn]
 
     def is_slip(self) -> bool:
         return all(max(values) - min(values) < MIN_DRAG for values in zip(*self.drawn, strict=True))
@@ -246,8 +245,8 @@ class KARF_OT_mark_box(DragTool, bpy.types.Operator):
     hint = "Release: mark the object in the box    Esc, right button: cancel"
 
     def move(self, context, event):
-        (x0, y0), x1, y1 = session.get(Gesture).places[0], event.mouse_region_x, event.mouse_region_y
-        session.get(Gesture).places = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
+        (x0, y0), x1, y1 = session.get(photo.Gesture).places[0], event.mouse_region_x, event.mouse_region_y
+        session.get(photo.Gesture).places = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)]
 
     def finish(self, context, event):
         if self.is_slip():
@@ -265,7 +264,7 @@ class KARF_OT_mark_lasso(DragTool, bpy.types.Operator):
     hint = "Release: close the line    Esc, right button: cancel"
 
     def move(self, context, event):
-        session.get(Gesture).places.append((event.mouse_region_x, event.mouse_region_y))
+        session.get(photo.Gesture).places.append((event.mouse_region_x, event.mouse_region_y))
 
     def finish(self, context, event):
         if self.is_slip():
@@ -283,10 +282,10 @@ class KARF_OT_mark_brush(DragTool, bpy.types.Operator):
 
     def start(self, context, event):
         scene = context.scene
-        session.get(Gesture).places = []  # the mask itself shows the stroke
+        session.get(photo.Gesture).places = []  # the mask itself shows the stroke
         self.layer, self.value = masks.layer_to_mark(scene), masks.value_of(scene, self.does)
         size = mask_layers.open_layers(scene).size
-        self.radius = gestures.photo_length(context.region, size, scene.karf.marking.brush)
+        self.radius = photo.photo_length(context.region, size, scene.karf.marking.brush)
         self.last = self.place(context, event)
         self.move(context, event)
 

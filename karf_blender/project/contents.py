@@ -60,8 +60,7 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
 
 
 def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
-    """When a mask, correction or volume was written last, in seconds as the disk counts; folders too, which know of
-    those taken away."""
+    """When a mask, correction or volume was written or taken away last, in seconds as the disk counts."""
     roots = [folders.absolute(scene.karf.masks)] if scene.karf.masks else []
     objects = [each for root in (*roots, project.corrections_folder) for each in _folders_in(root)]
     written = [_marks_below(each)[1] for each in objects]
@@ -110,7 +109,7 @@ def _written(path: Path) -> float:
 
 
 def _state(scene: bpy.types.Scene) -> Mapping[str, Any]:
-    """The content of the project's project.json; empty where nothing was learned yet."""
+    """The project's project.json; empty where nothing was learned yet."""
     return _state_of(folders.project_of(scene)) if scene.karf.project else {}
 
 
@@ -198,8 +197,7 @@ def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
 
 def views_to_mark(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The views whose mark would decide most, as the last segmentation found them, the best first."""
-    suggestions = _reported(scene, "suggestions")
-    return tuple(name for name in suggestions if name in scene.karf.views)
+    return tuple(name for name in _reported(scene, "suggestions") if name in scene.karf.views)
 
 
 def any_view_helps(scene: bpy.types.Scene) -> bool:

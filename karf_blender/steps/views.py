@@ -9,10 +9,10 @@ from typing import Any
 import bpy
 
 from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
-from ..marking import asking
+from ..marking import photo
 from ..pictures import editors
 from ..project import captures, contents, folders
-from ..rig import cameras, looking, reprojection
+from ..rig import cameras, reprojection
 from ..swatches import drawn_over, palettes, shown
 from ..tasks import queries
 from ..tasks.runner import Task
@@ -34,22 +34,18 @@ def leave_view(scene: bpy.types.Scene) -> None:
     """Give the scene its own camera and picture back."""
     if not scene.karf.looking.is_on:
         raise BadRequest("The scene {name!r} is not looking through a captured view.", "", name=scene.name)
-    looking.leave(scene)
+    cameras.leave(scene)
 
 
 def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
     """Look through the camera of a view of the scene's capture; raises DataError where its photo cannot be read."""
-    looking.look_through(scene, view)
+    cameras.look_through(scene, view)
     reprojection.remember(scene, capture, view.name)
-    cameras.straighten_background(scene, view, folders.project_of(scene).photos_folder)
+    cameras.add_undistorted_background(scene, view, folders.project_of(scene).photos_folder)
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
-    """Measure how far the sparse points are from where a view (default: the active one) shows them in its photo.
-
-    Returns:
-        Count of points, and median and worst distance in pixels.
-    """
+    """Measure the distances in pixels of the sparse points to where a view's photo (default: the active one's) shows them."""
     name = captures.view_of(scene, view).name
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
 
@@ -97,7 +93,7 @@ def show_masks(scene: bpy.types.Scene) -> None:
 def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     project = folders.project_of(scene)
     for name, file in values["masks"].items():
-        # of what was learned when they were asked for
+        # the folder of when they were requested
         target = project.path("seen", rendered, "masks", name, f"{view}.png")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
@@ -109,10 +105,10 @@ def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[s
 def see_view(scene: bpy.types.Scene) -> Task:
     """Render what is learned of the active view, and the masks of its objects."""
     folder = _rendered_folder(scene)
+    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions did not keep it
+    job = requests.render(scene.karf.active_view, out=str(folder), size="learned", unsure=is_known)
     where = Message("The engine's renders of the view are in {folder}.", folder=str(folder))
-    return requests.task(
-        scene, "Look at View", requests.seen(scene, folder), finish=requests.presenting(_reveal, where)
-    )
+    return requests.task(scene, "Look at View", job, finish=requests.presenting(_reveal, where))
 
 
 def _rendered_folder(scene: bpy.types.Scene) -> Path:
@@ -130,5 +126,5 @@ def _reveal(scene: bpy.types.Scene) -> None:
     known = shown.of(scene)
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
-    asking.leave_photo(scene)
+    photo.leave(scene)
     drawn_over.redraw()

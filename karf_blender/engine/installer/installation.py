@@ -6,8 +6,8 @@ counted before does so until then, whatever ends the installation.
 """
 
 import json
-import os
 import re
+import shutil
 import signal
 import subprocess
 import time
@@ -23,29 +23,18 @@ from . import home, plan
 from .plan import Plan, Step
 
 KILL_SECONDS = 5.0
-LOOK_SECONDS = 2.0  # interval between two looks into the cache
 FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
-TORCH_NAMES = {"mps": "cpu"}  # builds of torch that torch itself calls otherwise
-NETWORK = (  # phrases of network errors, the most specific first
-    "temporary failure in name resolution",
-    "failed to lookup address",
-    "connection refused",
-    "connection reset",
-    "network is unreachable",
-    "operation timed out",
-    "read timed out",
-    "error decoding response body",
-    "failed to establish a new connection",
-    "proxyerror",
-    "dns error",
-    "tcp connect error",
-    "error sending request",
-    "request failed after",
+REPORTED_AS = {"mps": "cpu"}  # builds of torch that torch itself calls otherwise
+HASH = "hash mismatch|do not match the hashes"
+FULL = "no space left on device|os error 28|os error 112|not enough space on the disk|disk quota exceeded"
+CERTIFICATE = "invalid peer certificate|certificate verify failed|unknownissuer"
+NETWORK = (  # the most specific first
+    "temporary failure in name resolution|failed to lookup address|connection refused|connection reset|"
+    "network is unreachable|operation timed out|read timed out|error decoding response body|"
+    "failed to establish a new connection|proxyerror|dns error|tcp connect error|error sending request|"
+    "request failed after"
 )
-CERTIFICATE = ("invalid peer certificate", "certificate verify failed", "unknownissuer")
-FULL = ("no space left on device", "os error 28", "os error 112", "not enough space on the disk", "disk quota exceeded")
-HASH = ("hash mismatch", "do not match the hashes")
-NO_FILE = ("no solution found", "no matching distribution")
+NO_FILE = "no solution found|no matching distribution"
 GO_ON = "What was fetched is kept; Install goes on from there."
 
 
@@ -97,7 +86,8 @@ class Installation:
         if self.ended:
             return self.progress
         has_exited = self._process.poll() is not None
-        if self._fetching and self._fetching.look(self._new_lines()):
+        if self._fetching:
+            self._fetching.read(self._new_lines())
             done = self._before + self._fetching.done
             self.progress = Progress(self._step.title, done, self.plan.download_bytes, self._fetching.detail)
         if has_exited:
@@ -151,7 +141,7 @@ class Installation:
     def _check_build(self, tested: dict[str, Any]) -> None:
         """Raise BadRequest where uv's backend has brought another build of torch than was meant."""
         build = self.plan.lock.build
-        if tested["build"] != TORCH_NAMES.get(build, build):
+        if tested["build"] != REPORTED_AS.get(build, build):
             raise BadRequest(
                 f"torch {tested['torch']} is a {tested['build']} build, not the {build} build that was chosen.",
                 "Choose another build: uv found no driver on this computer for the chosen one.",
@@ -244,102 +234,82 @@ class Removal:
 
 
 class _Fetching:
-    """What uv has fetched of a step's files. It unpacks while it fetches: how far it is shows in its cache only."""
+    """What a step has fetched: what uv's cache had before, and by how much the disk has filled since."""
 
     def __init__(self, step: Step, planned: Plan) -> None:
-        self.done, self._total, self._cache = 0, step.bytes, planned.cache
-        self._sizes = {wheel.name: wheel.size for wheel in step.wheels}
+        self._total, self._folder = step.bytes, planned.folder
         self._unpacked = plan.UNPACKED[planned.lock.build]
-        self._active: set[str] = set()
+        cached = {path.name.lower() for path in planned.cache.glob("archive-v*/*/*.dist-info")}
+        names = {wheel: "-".join(wheel.file.split("-")[:2]).lower() for wheel in step.wheels}
+        self._before = sum(wheel.size for wheel in step.wheels if f"{names[wheel]}.dist-info" in cached)
+        self._free = self._disk_free()
+        self._active: dict[str, None] = {}
         self._is_prepared = False
-        self._look_at = 0.0
 
-    @property
-    def detail(self) -> str:
-        """The largest files that are being fetched."""
-        if self._is_prepared:
-            return "putting them in place"
-        return ", ".join(sorted(self._active, key=lambda name: -self._sizes.get(name, 0))[:3])
-
-    def look(self, lines: Iterable[str]) -> bool:
-        """Take in what uv has said, and now and then look into its cache; True where that was done."""
+    def read(self, lines: Iterable[str]) -> None:
+        """Take in what uv has said."""
         for line in lines:
             word, _, name = line.strip().partition(" ")
             self._is_prepared |= word == "Prepared"
             if word == "Downloading":
-                self._active.add(name.partition(" ")[0])
+                self._active[name.partition(" ")[0]] = None
             elif word == "Downloaded":
-                self._active.discard(name)
-        if not lines and time.monotonic() < self._look_at:
-            return False
-        self._look_at = time.monotonic() + LOOK_SECONDS
-        finished = {_package(path) for path in self._cache.glob("archive-v*/*/*.dist-info")}
-        growing = sum(map(_size, self._cache.glob(".tmp*"))) / self._unpacked
-        done = sum(self._sizes.get(name, 0) for name in finished) + round(growing)
-        # an estimate that proves too high waits for the truth
-        self.done = self._total if self._is_prepared else max(self.done, min(done, self._total))
-        return True
+                self._active.pop(name, None)
 
+    @property
+    def detail(self) -> str:
+        return "putting them in place" if self._is_prepared else ", ".join([*self._active][:3])
 
-def _package(info: Path) -> str:
-    """Return the name of the package that a `.dist-info` folder is of, as indexes write it."""
-    return re.sub(r"[-_.]+", "-", info.name.partition("-")[0]).lower()
+    @property
+    def done(self) -> int:
+        """Bytes, estimated."""
+        grown = max(self._free - self._disk_free(), 0) / self._unpacked
+        return self._total if self._is_prepared else min(self._before + round(grown), self._total)
 
-
-def _size(folder: Path) -> int:
-    """Count bytes in a folder without headers, which are thousands and small: Blender's window waits for this."""
-    count = 0
-    for root, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if name != "include"]
-        for name in names:
-            try:
-                count += (Path(root) / name).stat().st_size
-            except OSError:  # moved to its place meanwhile
-                continue
-    return count
+    def _disk_free(self) -> int:
+        return shutil.disk_usage(self._folder).free
 
 
 # --- errors ----------------------------------------------------------------------------------------------------------
 def explain(planned: Plan, step: Step, said: Sequence[str], how: str) -> KarfError:
-    """Return the error for a command that failed.
-
-    Args:
-        planned: The installation's.
-        step: The command.
-        said: Its words.
-        how: Its exit code or signal.
-    """
+    """Return the error for a command that failed, by what it has said and its exit code or signal."""
     text = "\n".join(said)
-    low = text.lower()
-    if any(word in low for word in HASH):
-        return DataError(
-            f"{_named(text)} is not the file that KaRF was tested with: its hash is another.",
-            f"It was not installed. Is {step.source} to be trusted? {GO_ON}",
-        )
-    if any(word in low for word in FULL):
-        return DataError(
-            f"The disk of {planned.folder} is full.", f"Free some space, or choose another folder. {GO_ON}"
-        )
-    if any(word in low for word in CERTIFICATE):
-        return DataError(
-            f"The certificate of {step.source} is not accepted.",
-            f"In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
-            f"Blender anew. {GO_ON}",
-        )
-    if reason := next((word for word in NETWORK if word in low), None):
-        has_other = planned.backend == "cpu" and "cuda" in planned.machine.builds
-        other = "Or choose the build cuda: the usual index has it, and it computes on processors too. "
-        return DataError(
-            f"No connection to {step.source} ({reason}).",
-            f"Check network and proxy, or choose a folder of wheels. {other if has_other else ''}{GO_ON}",
-        )
-    if any(word in low for word in NO_FILE):
-        return DataError(
-            f"{step.source[:1].upper()}{step.source[1:]} lacks a file that the engine needs: {_last(said)}",
-            f"{planned.folder / home.LOG} tells which. Choose another index, or a folder of wheels. {GO_ON}",
-        )
     log = planned.folder / home.LOG
+    has_other = planned.backend == "cpu" and "cuda" in planned.machine.builds
+    other = "Or choose the build cuda: the usual index has it, and it computes on processors too. " if has_other else ""
+    known = (
+        (
+            HASH,
+            f"{_named(text)} is not the file that KaRF was tested with: its hash is another.",
+            f"It was not installed. Is {step.source} to be trusted?",
+        ),
+        (FULL, f"The disk of {planned.folder} is full.", "Free some space, or choose another folder."),
+        (
+            CERTIFICATE,
+            f"The certificate of {step.source} is not accepted.",
+            "In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
+            "Blender anew.",
+        ),
+        (
+            NETWORK,
+            f"No connection to {step.source} ({_first(NETWORK, text)}).",
+            f"Check network and proxy, or choose a folder of wheels. {other}".strip(),
+        ),
+        (
+            NO_FILE,
+            f"A file that the engine needs is not to be had from {step.source}: {_last(said)}",
+            f"{log} tells which. Choose another index, or a folder of wheels.",
+        ),
+    )
+    for phrases, sentence, remedy in known:
+        if _first(phrases, text):
+            return DataError(sentence, f"{remedy} {GO_ON}")
     return MissingDependency(f"{step.title} failed ({how}): {_last(said)}", f"{log} tells more. {GO_ON}")
+
+
+def _first(phrases: str, text: str) -> str:
+    """Return the first of these phrases that a text has."""
+    return next((phrase for phrase in phrases.split("|") if phrase in text.lower()), "")
 
 
 def _named(text: str) -> str:

@@ -21,7 +21,7 @@ ERROR: No matching distribution found for uv==0.13.9"""
         (CERTIFICATE, "The certificate of "),
         (PIP_NETWORK, "No connection to .*temporary failure in name resolution"),
         ("error: failed to write\n  cause: No space left on device (os error 28)", "The disk of .* is full"),
-        ("error: No solution found when resolving dependencies", "lacks a file that the engine needs"),
+        ("error: No solution found when resolving dependencies", "A file that the engine needs is not to be had from"),
         ("error: something new\n", r"Installing packages failed \(exit code 2\): something new"),
         ("", r"Installing packages failed \(exit code 2\): it said nothing"),
     ],

@@ -77,37 +77,37 @@ def test_the_step_whose_job_runs_says_so(addon, learned, monkeypatch):
 
 
 def test_an_empty_file_opens_the_import_and_a_learned_one_the_edit(addon):
-    opened = addon.folding.opened
+    opened = addon.states.opened
     assert is_open(opened({}, NEW)) == {"import"}
     assert is_open(opened({}, dict.fromkeys(NEW, "done") | {"edit": "to do"})) == {"edit"}
 
 
 def test_a_step_that_is_done_folds_and_the_next_opens(addon):
     imported = NEW | {"import": "done"}
-    assert addon.folding.opened(NEW, imported) == {"import": False, "learn": True, "mark": True}
+    assert addon.states.opened(NEW, imported) == {"import": False, "learn": True, "mark": True}
     learned = imported | {"learn": "done", "mark": "done"}
-    changes = addon.folding.opened(imported | {"mark": "done"}, learned)
+    changes = addon.states.opened(imported | {"mark": "done"}, learned)
     assert changes == {"import": False, "learn": False, "segment": True}
 
 
 def test_marking_stays_open_until_the_step_behind_it_is_done(addon):
     before = NEW | {"import": "done", "learn": "done"}
-    assert addon.folding.opened(before, before | {"mark": "done"}) == {"segment": True}
-    assert addon.folding.opened(before, before | {"mark": "done", "segment": "done"})["mark"] is False
+    assert addon.states.opened(before, before | {"mark": "done"}) == {"segment": True}
+    assert addon.states.opened(before, before | {"mark": "done", "segment": "done"})["mark"] is False
 
 
 def test_a_step_that_becomes_stale_opens(addon):
     done = dict.fromkeys(NEW, "done")
-    assert addon.folding.opened(done, done | {"segment": "stale"}) == {"segment": True}
+    assert addon.states.opened(done, done | {"segment": "stale"}) == {"segment": True}
 
 
 def test_what_is_opened_by_hand_stays_until_a_step_is_done(bpy, addon, project_scene):
     folding = bpy.context.window_manager.karf_folding
-    addon.folding.update()
+    addon.states.update()
     assert folding.show_learn and not folding.show_import
     folding.show_import = folding.show_render = True
-    addon.folding.update()
+    addon.states.update()
     assert folding.show_import and folding.show_render
     addon.steps.learn_scene(project_scene).wait()
-    addon.folding.update()
+    addon.states.update()
     assert not folding.show_import and folding.show_render

@@ -74,7 +74,7 @@ def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(bpy, addon, sc
 def test_exported_cameras_project_as_the_blender_camera_does(addon, scene, film, tmp_path):
     path = addon.steps.export_cameras(scene, tmp_path / "cameras.json", frames=[5])
     scene.frame_set(5)
-    assert_alike(cameras_in(addon, path), [addon.frames.pinhole(scene, film)])
+    assert_alike(cameras_in(addon, path), [addon.lens.pinhole(scene, film)])
 
 
 def test_cameras_without_frame_numbers_follow_one_another(addon, scene, tmp_path):
@@ -101,7 +101,7 @@ def test_another_aspect_is_refused_and_leaves_nothing_behind(bpy, addon, scene, 
     cameras = [api.Camera(40, 30, 35.0, fy, 20.0, 15.0, np.eye(4)) for fy in (35.0, 30.0)]
     views = [api.View(f"f{i}", f"f{i}", camera, None, "test") for i, camera in enumerate(cameras)]
     api.write_cameras(tmp_path / "c.json", views)
-    with pytest.raises(RuntimeError, match="'f1' has another picture or pixel aspect"):
+    with pytest.raises(RuntimeError, match="'f1' and 'f0' have different resolutions or pixel aspects"):
         bpy.ops.karf.import_cameras(filepath=str(tmp_path / "c.json"))
     assert not bpy.data.objects
 
