@@ -30,7 +30,7 @@ from . import requests
 from .blender_render import warn_of_view_transform
 from .edit import save_edit
 
-_Learned = Palette | ObjectLayers  # an object's name and its palette as learned, of which nodes were made
+_Learned = Palette | ObjectLayers  # what nodes are made of: the name of an object, and its learned palette
 
 
 # --- compositor ----------------------------------------------------------------------------------------------------
