@@ -1,10 +1,11 @@
 """Messages about the running task and the end of the last one, in the panel and on the console."""
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 
-from .engine_api import Event, KarfError
+from .engine_api import Event, KarfError, Message
 from .host.words import kept, translate
 
 # codes of warnings that stay in the job's record: what was found is used, and there is nothing that an artist could do
@@ -26,8 +27,10 @@ def begin(label: str) -> None:
     progress.text = "Starting"
 
 
-def warn(sentence: str) -> None:
-    """Show the user a message, in the panel and on the console."""
+def warn(sentence: str, /, **values: Any) -> None:
+    """Show the user a message, in the panel and on the console; `values` fill in its placeholders."""
+    if values:
+        sentence = Message(sentence, **values)
     print(f"KaRF: {sentence}", flush=True)
     _add_warning(sentence)
 

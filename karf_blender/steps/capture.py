@@ -165,10 +165,7 @@ def _task_of_new_capture(
         found = owner.find()
         if found is None:
             progress.warn(
-                Message(
-                    "The scene that requested the capture is gone or has another project: import {out} by hand.",
-                    out=out,
-                )
+                "The scene that requested the capture is gone or has another project: import {out} by hand.", out=out
             )
         else:
             import_capture(found, out, project, rig=rig)

@@ -84,7 +84,7 @@ def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_show
     scene.karf.frames = folders.stored(folder)
 
     def present(found: bpy.types.Scene) -> None:
-        progress.warn(Message("The pictures are in {folder}.", folder=folder))
+        progress.warn("The pictures are in {folder}.", folder=folder)
         if are_shown:
             show_frames(found, folder, is_wanted=False)
 

@@ -36,11 +36,9 @@ def import_results(owner: Owner, request: Request) -> None:
     scenes = list(owner.scenes())
     if not scenes:
         progress.warn(
-            Message(
-                "The scene that requested this is gone or has another project. The result is in {project}: "
-                "choose that project to load it.",
-                project=request.project,
-            )
+            "The scene that requested this is gone or has another project. The result is in {project}: "
+            "choose that project to load it.",
+            project=request.project,
         )
     for scene in scenes:
         if request.stage == "recoloring":
@@ -79,9 +77,7 @@ def presenting(present: Callable[[bpy.types.Scene], None], where: Message, writt
             progress.wrote(written)
         scene = owner.find()
         if scene is None:
-            progress.warn(
-                Message("The scene that requested this is gone or has another project. {result}", result=where)
-            )
+            progress.warn("The scene that requested this is gone or has another project. {result}", result=where)
         else:
             present(scene)
 

@@ -42,7 +42,6 @@ def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: C
 
     Args:
         index: The swatch's; 0: the color that the object's source shall become.
-        book: That has the name.
 
     Returns:
         CIEDE2000 from what a picture can show to the color of the name itself; 0 where a picture can show that.
@@ -100,10 +99,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
 
     Args:
         index: The swatch that disappears.
-        into: The one that moves it; None: the one with the nearest learned color.
-
-    Returns:
-        The number of the swatch that moves it.
+        into: The one that moves it, whose number is returned; None: the one with the nearest learned color.
     """
     edits.unlocked(scene, object_name, index)
     item = edits.object_named(scene, object_name)
