@@ -3,14 +3,22 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import bpy
 import numpy as np
 
 from .. import progress
 from ..compositor import placing
-from ..engine_api import BadRequest, Message, Palette, extended_palettes, find_header, read_layer_names, read_points
+from ..engine_api import (
+    BadRequest,
+    Message,
+    ObjectLayers,
+    Palette,
+    extended_palettes,
+    find_header,
+    read_layer_names,
+    read_points,
+)
 from ..host import windows
 from ..nodes import drivers
 from ..pictures import images
@@ -22,16 +30,14 @@ from . import requests
 from .blender_render import warn_of_view_transform
 from .edit import save_edit
 
+_Learned = Palette | ObjectLayers  # an object's name and its palette as learned, of which nodes were made
+
 
 # --- compositor ----------------------------------------------------------------------------------------------------
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Recolor a captured view (default: the active one) by nodes in the compositor, with a color socket for each swatch.
 
-    Args:
-        driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
-
-    Returns:
-        The task; its result is the group's node.
+    The sockets begin with the scene's swatches, and follow them if `driven`. The task's result is the group's node.
     """
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
@@ -45,7 +51,8 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
         progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
-    job = requests.layers(scene, view, out, edit)
+    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
+    job = requests.render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
     return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(placing.find, scene, view))
 
 
@@ -102,8 +109,7 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
 def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
     """Show the learned scene as an object of about `count` points (default: the panel's) whose colors follow the swatches.
 
-    Returns:
-        The task; its result is the object: the one that showed the scene before, where there is one.
+    The task's result is the object; one from before gets the new points.
     """
     path = folders.project_of(scene).points_file
     job = "points", {"out": str(path), "count": count or scene.karf.surface.count}
@@ -159,13 +165,6 @@ def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads")
 
 
 # --- nodes that follow the swatches --------------------------------------------------------------------------------
-class _Learned(Protocol):
-    """What nodes were made of: an object's name and its palette as learned, [M, 3]."""
-
-    name: str
-    colors: np.ndarray
-
-
 def _with_swatches(scene: bpy.types.Scene, objects: Sequence[_Learned]) -> list[_Learned]:
     """Those whose palettes are the scene's."""
     return [each for each in objects if _is_ours(scene, each)]
@@ -184,7 +183,7 @@ def _edited(scene: bpy.types.Scene, known: Sequence[_Learned]) -> Mapping[str, n
 
 
 def _follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[_Learned]) -> None:
-    """Let the node's sockets follow the scene's swatches from now on."""
+    """Drive the node's sockets by the scene's swatches."""
     for each in known:
         for index in range(1, len(each.colors)):
             source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}]'

@@ -189,9 +189,8 @@ def _pip_files(variables: Mapping[str, str]) -> Iterator[Path]:
         yield from (Path(root) / "pip" / "pip.ini" for root in roots if root)
         return
     own = Path(variables.get("XDG_CONFIG_HOME") or user / ".config")
-    yield from (own / "pip" / "pip.conf", user / ".pip" / "pip.conf")
-    yield user / "Library" / "Application Support" / "pip" / "pip.conf"
-    yield from (Path("/etc/xdg/pip/pip.conf"), Path("/etc/pip.conf"))
+    folders = (own / "pip", user / ".pip", user / "Library" / "Application Support" / "pip", "/etc/xdg/pip", "/etc")
+    yield from (Path(folder) / "pip.conf" for folder in folders)
 
 
 def _index_in(path: Path) -> str:

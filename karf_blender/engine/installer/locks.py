@@ -31,9 +31,6 @@ class Wheel:
     def requirement(self) -> str:
         return f"{self.name}=={self.version} --hash=sha256:{self.sha256}"
 
-    def is_in(self, folder: Path) -> bool:
-        return self.find(folder) is not None
-
     def find(self, folder: Path, python: str = "") -> Path | None:
         """Return the file in a folder of wheels."""
         tag = f"-cp{python.replace('.', '')}-" if python and not self.sha256 else ""

@@ -215,15 +215,15 @@ def make(
     if unknown := set(choices.extras) - EXTRAS.keys():
         raise BadRequest(f"{', '.join(sorted(unknown))} is not an extra of the engine.", "Use photos, or none.")
     build = computer.build_for(choices.build, here)
-    locks.read(here.platform, build, locks.PYTHONS[0], choices.extras)  # whether there is one
+    locks.read(here.platform, build, locks.PYTHONS[0], choices.extras)  # raises where there is none
     starter = computer.find_starter(choices.starter, own_python, variables)
     lock = locks.read(here.platform, build, starter.version, choices.extras)
     uv = locks.read_uv(here.platform)
     tools = () if starter.uv or _has_uv(folder, uv) else (uv,)
     if choices.wheels:
-        if choices.build == "auto" and not lock.torch.is_in(choices.wheels):
+        if choices.build == "auto" and not lock.torch.find(choices.wheels):
             others = [locks.read(here.platform, each, starter.version, choices.extras) for each in here.builds]
-            lock = next((each for each in others if each.torch.is_in(choices.wheels)), lock)
+            lock = next((each for each in others if each.torch.find(choices.wheels)), lock)
         _check_wheels(choices.wheels, lock.wheels + tools, starter.version)
     free = shutil.disk_usage(next(path for path in (folder, *folder.parents) if path.is_dir())).free
     environment = folder / home.new_environment(folder)
