@@ -1,4 +1,4 @@
-"""What is shown of the active view: choice, modes, masks, split view, their keys and the pie menu."""
+"""Display of the active view: modes, masks and split view, with their keys and pie menu."""
 
 from math import isinf
 
@@ -32,7 +32,7 @@ def draw_advanced(layout, step):
 # keys that Blender's own key map of the Image Editor leaves free; with Alt the first opens the pie
 BEFORE_AFTER_KEY, FLIP_KEY = "C", "V"
 MODES, ADVANCED_MODES = ("EDITED", "ORIGINAL"), ("DIFFERENCE", "LEARNED", "WEIGHTS", "UNSURE")
-INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 up to which a difference is not seen, and is seen side by side alone
+INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 below which a difference is invisible, or visible only side by side
 
 
 def draw_view_options(layout, context):
