@@ -10,7 +10,7 @@ from ..engine_api import BadRequest, KarfError
 from ..host import windows
 from ..host.words import translate_report
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
-from ..swatches import drawn_over, loupe, shown
+from ..swatches import displayed, drawn_over, loupe
 from .reporting import PreparedStep, reports_errors
 from .swatches import OneSwatch
 
@@ -130,7 +130,7 @@ def _draw_loupe() -> None:
         picked = steps.color_at(context.scene, _Loupe.object_name, place)
     except KarfError:  # the object is not there: a click would say so
         picked = None
-    pixels = loupe.pixels_at(shown.of(context.scene).prepared_view().planes.base, place)
+    pixels = loupe.pixels_at(displayed.of(context.scene).prepared_view().planes.base, place)
     loupe.draw(pixels, picked, (x, y), (region.width, region.height))
 
 

@@ -5,7 +5,7 @@ from bpy.props import IntProperty, StringProperty
 
 from .. import steps
 from ..project import disk
-from ..swatches import drawn_over, edits, shown
+from ..swatches import displayed, drawn_over, edits
 from ..tasks import runner
 from .reporting import EngineStep, SwatchStep, has_project, has_stage, reports_errors
 
@@ -24,7 +24,7 @@ class KARF_OT_show_masks(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         seeing = context.window_manager.karf_seeing
-        if seeing.show_masks and shown.of(context.scene).known_masks() is not None:
+        if seeing.show_masks and displayed.of(context.scene).known_masks() is not None:
             seeing.show_masks = False
             return {"FINISHED"}
         steps.show_masks(context.scene)

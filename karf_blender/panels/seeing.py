@@ -8,7 +8,7 @@ from .. import session
 from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
-from ..swatches import colors, shown
+from ..swatches import colors, displayed
 from . import looks
 
 # the key that shows before and after, with Alt the pie; free in the Image Editor of Blender's own key map
@@ -54,7 +54,7 @@ def draw_masks(layout, context):
     if not seeing.show_masks:
         return
     column.prop(seeing, "tint", slider=True)
-    masks = shown.of(context.scene).known_masks()
+    masks = displayed.of(context.scene).known_masks()
     if masks is None:
         layout.label(text="Press Show Masks for this view", icon="INFO")
         return
@@ -74,7 +74,7 @@ def draw_solo(layout, name, index):
 def draw_left(layout, item):
     """How far an object still is from its target color; a row that is always there, so that no button moves."""
     source, target = colors.color_pair(item)
-    left = shown.of(item.id_data).left_to_target(item)
+    left = displayed.of(item.id_data).left_to_target(item)
     if source == target:
         layout.label(text="Right: target for the left color", icon="BLANK1")
     elif left is None:

@@ -1,14 +1,13 @@
 """One picture of a render: what the engine shows a camera, put into Blender's render result."""
 
 from dataclasses import replace
-from functools import partial
 
 import bpy
 import numpy as np
 
 from ..engine_api import BadRequest, Camera
 from ..rig import frames
-from ..swatches import shown, surfaces
+from ..swatches import displayed
 from . import blocking, camera_pixels, passes
 from .passes import Pass
 
@@ -27,7 +26,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         )
     camera = _bordered(scene, frames.pinhole_in(depsgraph, scene, scene.camera))
     wanted = list(passes.beside_combined(scene, layer))
-    edited = partial(surfaces.solved, histogram_of=shown.of(scene).histogram)
+    edited = displayed.of(scene).solved
     options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | _asked_for(scene, layer, wanted)
     engine.update_stats("", "KaRF")
     answer = blocking.ask(scene, camera_pixels.KIND, options, engine.test_break)

@@ -12,7 +12,7 @@ from .. import progress
 from ..engine_api import Capture, DataError, KarfError, Message, Project, Request, hold_out, open_capture
 from ..project import captures, folders
 from ..rig import cameras, factory
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests, view
@@ -63,7 +63,7 @@ def import_capture(
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, replace(rig, **options))
     if cube is not None:  # it would stand amid what was captured
         factory.remove(cube)
-    with shown.batched(scene):
+    with displayed.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
             karf.advice, karf.is_poor = "", False

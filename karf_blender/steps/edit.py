@@ -8,6 +8,7 @@ from ..engine_api import Edit, ObjectMatch, read_edit_file, write_edit_file
 from ..pictures import editors
 from ..swatches import becomes as becoming
 from ..swatches import colors, edits, matching
+from ..swatches.solving import Becoming
 from .swatches import Color, rgb_of
 
 
@@ -31,7 +32,7 @@ def becomes(
     """
     item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)
-    becoming.apply(scene, object_name, rgb_of(source), rgb_of(target), rule, start)
+    becoming.apply(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:

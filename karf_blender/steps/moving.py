@@ -7,7 +7,7 @@ import bpy
 from ..engine_api import BadRequest
 from ..marking import history, mask_layers
 from ..project import moving
-from ..swatches import shown
+from ..swatches import displayed
 from ..tasks import queries, runner
 
 
@@ -27,5 +27,5 @@ def move_project(scene: bpy.types.Scene) -> Path:
     place = moving.move(scene)
     history.forget()  # it knows files by their old places
     mask_layers.forget()
-    shown.forget(scene)
+    displayed.forget(scene)
     return place

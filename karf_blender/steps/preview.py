@@ -21,8 +21,8 @@ from ..host.words import translatable
 from ..pictures import editors, images, settling
 from ..render_engine import camera_pixels
 from ..rig import frames
-from ..swatches import colors, free_camera, shown, views
-from ..swatches.views import ShownView
+from ..swatches import colors, displayed, free_camera, views
+from ..swatches.views import DisplayedView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .cameras import camera_of
@@ -54,7 +54,7 @@ class _Live:
     text: str = ""
     sides: tuple[int, ...] = ()
     asked: Wanted | None = None
-    view: ShownView | None = None
+    view: DisplayedView | None = None
     looks: tuple = ()
     message: str = "The engine starts"
     is_seen: bool = True
@@ -99,7 +99,7 @@ def start(scene: bpy.types.Scene) -> None:
 def stop() -> None:
     """Follow no camera; its last picture stays."""
     session.get(_State).live = None
-    shown.follow_no_camera()
+    displayed.follow_no_camera()
 
 
 def preview_camera(
@@ -129,11 +129,11 @@ def _options(scene: bpy.types.Scene, camera: Camera, long_side: int) -> dict[str
     return {"camera": camera_to_json(camera), "long_side": long_side, "unseen": camera_pixels.unseen(scene)}
 
 
-def _taken(answer: dict[str, Any]) -> ShownView:
+def _taken(answer: dict[str, Any]) -> DisplayedView:
     """The planes of an answer, whose file is removed."""
     file = Path(answer["planes"])
     try:
-        return ShownView(file, 0, read_planes(file), is_free=True)
+        return DisplayedView(file, 0, read_planes(file), is_free=True)
     finally:
         with suppress(OSError):
             file.unlink()

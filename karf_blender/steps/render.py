@@ -13,7 +13,7 @@ from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
 from ..rig.frames import file_name, frames_of
-from ..swatches import edits, shown
+from ..swatches import displayed, edits
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from . import requests, sequences
@@ -27,7 +27,7 @@ def save_shown(scene: bpy.types.Scene) -> Path:
     Returns:
         The PNG's path.
     """
-    colors = images.upright(shown.of(scene).edited())
+    colors = images.upright(displayed.of(scene).edited())
     # where the engine writes this view too
     path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
     images.write_png(path, colors)
@@ -141,7 +141,7 @@ def write_sequence(
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     views, files, known = [], [], {}
-    with shown.batched(scene):
+    with displayed.batched(scene):
         for view in frames_of(scene, camera, frame_range(scene) if frames is None else frames):
             edit = edits.current_edit(scene)
             key = b"".join([repr(edit.edges).encode(), *(colors.tobytes() for colors in edit.colors.values())])

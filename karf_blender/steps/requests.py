@@ -13,7 +13,7 @@ from ..marking import asking
 from ..pictures import editors
 from ..project import contents, folders
 from ..render_engine import camera_pixels
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
 from ..workspace import estimates
@@ -41,7 +41,7 @@ def import_results(owner: Owner, request: Request) -> None:
         )
     for scene in scenes:
         if request.stage == "recoloring":
-            shown.forget(scene)
+            displayed.forget(scene)
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
         elif contents.is_prepared(scene):
             show_recolored(scene)
@@ -53,7 +53,7 @@ def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
     Raises:
         KarfError: It cannot be recolored.
     """
-    editors.reveal(shown.of(scene).recolor(), is_wanted, is_whole=True)
+    editors.reveal(displayed.of(scene).recolor(), is_wanted, is_whole=True)
     asking.leave_photo(scene)
 
 

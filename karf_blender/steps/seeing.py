@@ -12,7 +12,7 @@ from ..engine_api import Message, Request
 from ..marking import asking
 from ..pictures import editors
 from ..project import contents, folders
-from ..swatches import drawn_over, shown
+from ..swatches import displayed, drawn_over
 from ..tasks import queries
 from ..tasks.ownership import Owner
 from ..tasks.task import Task
@@ -28,9 +28,9 @@ def show_masks(scene: bpy.types.Scene) -> None:
         KarfError: There is no project, or the engine cannot be started.
     """
     bpy.context.window_manager.karf_seeing.show_masks = True
-    shown.of(scene).load_masks()
+    displayed.of(scene).load_masks()
     _reveal(scene)
-    if shown.of(scene).known_masks() is None:
+    if displayed.of(scene).known_masks() is None:
         view = scene.karf.active_view
         queries.send(scene, "masks", {"view": view}, partial(_take_masks, _fresh_folder(scene).name, view))
 
@@ -43,7 +43,7 @@ def _take_masks(mark: str, view: str, scene: bpy.types.Scene, values: dict[str, 
         )  # of what was learned when they were asked for
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
-    shown.of(scene).load_masks()
+    displayed.of(scene).load_masks()
     if scene.karf.active_view == view:
         _reveal(scene)
 
@@ -74,7 +74,7 @@ def _present(owner: Owner, request: Request) -> None:
 
 def _reveal(scene: bpy.types.Scene) -> None:
     """Show the active view, recolored where it is prepared, in the Image Editors."""
-    known = shown.of(scene)
+    known = displayed.of(scene)
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
     asking.leave_photo(scene)
