@@ -106,7 +106,7 @@ def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]
     return function
 
 
-def start_timer(timer: Timer, seconds: float = 0.0, persistent: bool = False) -> None:
+def start_timer(timer: Timer, seconds: float = 0.02, persistent: bool = False) -> None:
     """Call a function after some seconds, and then as often as it says; it ends with the session.
 
     Callers make sure that Blender has an interface: in background mode timers never fire.

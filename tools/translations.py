@@ -51,7 +51,7 @@ SENTENCES_AT = {
     "warn": (0,),
     "find_scene": (1,),
 }  # which arguments are sentences
-ENGLISH = ("headless", "managed")  # folders whose sentences stay English: for programmers, and of installing
+ENGLISH = ("steps/engine.py", "managed/*.py")  # files whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 
@@ -146,7 +146,7 @@ def _all_literals() -> set[str]:
 def _sentence_nodes(package: Path) -> Iterator[tuple[str, ast.AST]]:
     """Places and expressions of the sentences of errors and warnings."""
     for path in sorted(package.rglob("*.py")):
-        if set(ENGLISH) & set(path.parts):
+        if any(map(path.match, ENGLISH)):
             continue
         calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
         for call in calls:
@@ -186,7 +186,7 @@ def _alternatives(node: ast.AST) -> Iterator[ast.AST]:
 
 def _shown_nodes() -> Iterator[tuple[str, ast.AST]]:
     for path in sorted(ROOT.rglob("*.py")):
-        if "headless" in path.parts or TABLES in path.parents:
+        if path.match("steps/engine.py") or TABLES in path.parents:
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             yield from ((f"{path.relative_to(ROOT.parent)}:{each.lineno}", each) for each in _of(node))

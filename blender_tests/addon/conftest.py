@@ -18,7 +18,7 @@ ENGINE_PYTHON = os.environ.get("KARF_ENGINE_PYTHON")  # tests of the extension r
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
-    "": "engine_api headless preferences progress session steps",
+    "": "engine_api preferences progress session steps",
     "host": "compat labels messages rendering windows words",
     "engine": "environment examination failures installing probing processes removing report speed worker",
     "engine.managed": "home",
@@ -30,13 +30,13 @@ MODULES = {
     "marking": "asking following gestures history objects overlay mask_layers photo png proposals raster tools",
     "render_engine": "blocking camera_pixels compatible passes still viewport",
     "steps": "masks preview splats",
-    "tasks": "ownership queries runner task timer",
+    "tasks": "ownership queries runner",
     "compositor": "group",
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
     "operators": "colorways manual render",
     "panels": "color_names learning seeing sidebar status swatching",
-    "workspace": "clicking estimates folding opening own_pictures states statusbar undoing",
+    "workspace": "clicking estimates folding opening own_pictures states statusbar",
 }
 _exit_code = None
 _has_blender = False
@@ -117,7 +117,7 @@ def make_capture(addon, folder, count, width, height):
 @pytest.fixture
 def project_scene(addon, scene, capture_folder, tmp_path):
     """The scene with the capture imported, and nothing learned yet."""
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
     return scene
 
 
@@ -155,18 +155,18 @@ def layers_file(tmp_path_factory):
 @pytest.fixture
 def learned(bpy, addon, capture_folder, learned_files, tmp_path):
     """The scene with palettes and its first view shown; the engine has run once for all tests."""
-    karf, project, kept = addon.headless, tmp_path / "project", learned_files / "project"
+    karf, project, kept = addon.steps, tmp_path / "project", learned_files / "project"
     if kept.exists():
         shutil.copytree(kept, project)
-    karf.import_capture(capture_folder, project)
+    karf.import_capture(bpy.context.scene, capture_folder, project)
     if not kept.exists():
-        karf.learn_scene()
-        karf.extract_palette()
+        karf.learn_scene(bpy.context.scene).wait()
+        karf.extract_palette(bpy.context.scene).wait()
         shutil.copytree(project, kept)
     else:
         palettes = addon.engine_api.read_palettes(addon.folders.project_of(bpy.context.scene).palette_file)
         addon.palettes.load_palettes(bpy.context.scene, palettes)
-        karf.show_view()
+        karf.show_view(bpy.context.scene).wait()
     return bpy.context.scene
 
 

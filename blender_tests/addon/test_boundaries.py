@@ -64,7 +64,7 @@ FLOORS = (
     ("compositor", "rig", "surface", "swatches", "tasks"),
     ("marking", "render_engine", "workspace"),
     ("properties", "steps"),
-    ("headless", "operators", "panels"),
+    ("operators", "panels"),
     ("__init__",),
 )
 THREADS = {"threading", "_thread", "concurrent", "multiprocessing", "asyncio"}

@@ -25,7 +25,7 @@ def chosen_python(preference: str, variables: Mapping[str, str], managed: Path |
     # two slashes stand for the .blend's folder, which may be a stranger's
     if chosen and (chosen.startswith("//") or not Path(chosen).is_absolute()):
         raise MissingDependency(
-            "The engine's Python {python} is not given by its whole path.",
+            "The engine's Python {python} is not an absolute path.",
             "Set it in the KaRF preferences, in the file browser with Relative Path off.",
             python=chosen,
         )

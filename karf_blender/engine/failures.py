@@ -25,7 +25,7 @@ def disk_error(error: OSError) -> DataError:
     """What the operating system refuses, as a sentence that names the file."""
     return DataError(
         f"{error.filename or 'The disk'}: {error.strerror or error}.",
-        "Is there space, is the drive connected, and may you write there? Else choose another folder.",
+        "Check free space, the drive's connection and your write permission, or choose another folder.",
     )
 
 

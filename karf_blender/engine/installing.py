@@ -102,7 +102,7 @@ def cancel() -> None:
 
 def _begin(planned: Plan) -> Installation:
     if session.get(_State).installation is not None:
-        raise BadRequest("The engine is being installed already.", "Wait for it, or cancel it.")
+        raise BadRequest("The engine is already being installed.", "Wait for it, or cancel it.")
     session.get(_State).error = None
     session.get(_State).installation = Installation(planned)
     return session.get(_State).installation

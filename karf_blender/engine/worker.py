@@ -168,19 +168,19 @@ class Worker:
             raise MissingDependency("The engine did not answer after its start.", "Try Test Engine in the preferences.")
         if job.final is None and not job.folder.is_dir():
             raise DataError(
-                "{folder} was taken away while the {stage} job ran.",
-                "Bring the project back and try again.",
+                "{folder} was removed while the {stage} job was running.",
+                "Restore the project and try again.",
                 folder=job.folder,
                 stage=stage,
             )
         if job.final is None and job.is_cancelled:
-            raise Cancelled("The {stage} job did not stop by itself and was ended ({how}).", stage=stage, how=how)
+            raise Cancelled("The {stage} job did not stop and was killed ({how}).", stage=stage, how=how)
         if job.final is None:
             raise KarfError(
                 "The engine crashed in the {stage} job ({how}).",
-                "Most likely memory ran out: use a smaller preset, or fewer threads."
+                "It most likely ran out of memory: use a smaller preset, or fewer threads."
                 if how == "SIGKILL"
-                else "Its log tells more.",
+                else "See its log for details.",
                 stage=stage,
                 how=how,
             )

@@ -15,22 +15,39 @@ Listener = Callable[[], None]
 
 
 @dataclass
-class _State:
+class Listeners:
     """Who listens to what; each function owns its subscriptions."""
 
-    listeners: list[tuple[Key, Listener]] = field(default_factory=list)
+    known: list[tuple[Key, Listener]] = field(default_factory=list)
 
 
 def listen(key: Key, listener: Listener) -> None:
     """Have a function called whenever this property of anything of the type is set."""
-    session.get(_State).listeners.append((key, listener))
+    session.get(Listeners).known.append((key, listener))
     _subscribe(key, listener)
 
 
 def forget(listener: Listener) -> None:
     """No longer call it."""
     bpy.msgbus.clear_by_owner(listener)
-    session.get(_State).listeners = [each for each in session.get(_State).listeners if each[1] != listener]
+    session.get(Listeners).known = [each for each in session.get(Listeners).known if each[1] != listener]
+
+
+def on(*keys: Key) -> Callable[[Listener], Listener]:
+    """Declare a function that is called whenever one of these properties is set, as long as the session lasts."""
+
+    def declare(function: Listener) -> Listener:
+        @session.setup
+        def subscription():
+            for key in keys:
+                listen(key, function)
+            yield
+            forget(function)
+
+        function.karf_setup = subscription.karf_setup
+        return function
+
+    return declare
 
 
 def _subscribe(key: Key, listener: Listener) -> None:
@@ -39,7 +56,7 @@ def _subscribe(key: Key, listener: Listener) -> None:
 
 @session.handler("load_post")
 def _after_load(*_):
-    for _, listener in session.get(_State).listeners:
+    for _, listener in session.get(Listeners).known:
         bpy.msgbus.clear_by_owner(listener)
-    for key, listener in session.get(_State).listeners:
+    for key, listener in session.get(Listeners).known:
         _subscribe(key, listener)

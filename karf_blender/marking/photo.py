@@ -63,6 +63,6 @@ def _load(scene: bpy.types.Scene) -> bpy.types.Image:
     if image.filepath != str(file):
         image.filepath = str(file)  # Blender reads it anew
     if not image.size[0]:
-        raise DataError("{path} cannot be read as a picture.", "Check the file.", path=file)
+        raise DataError("{path} cannot be read as an image.", "Check the file.", path=file)
     image[VIEW] = view.name
     return image

@@ -57,7 +57,7 @@ class Tool:
 
 
 class Click(Tool, bpy.types.WorkSpaceTool):
-    """Click on the object, and where it is not with Ctrl or Alt; the engine finds it"""
+    """Click on the object and the engine finds its outline. Ctrl or Alt: exclude this part"""
 
     bl_idname = "karf.mark_click"
     bl_label = "Mark: Click"
@@ -66,7 +66,7 @@ class Click(Tool, bpy.types.WorkSpaceTool):
 
 
 class Box(Tool, bpy.types.WorkSpaceTool):
-    """Drag a box around the object; the engine finds it there"""
+    """Drag a box around the object, and the engine finds it there"""
 
     bl_idname = "karf.mark_box"
     bl_label = "Mark: Box"
@@ -75,7 +75,7 @@ class Box(Tool, bpy.types.WorkSpaceTool):
 
 
 class Lasso(Tool, bpy.types.WorkSpaceTool):
-    """Draw around the object, or with Ctrl around what it is not"""
+    """Draw around the object. Ctrl: exclude the enclosed area"""
 
     bl_idname = "karf.mark_lasso"
     bl_label = "Mark: Lasso"
@@ -84,7 +84,7 @@ class Lasso(Tool, bpy.types.WorkSpaceTool):
 
 
 class Brush(Tool, bpy.types.WorkSpaceTool):
-    """Paint over the object, and erase with Ctrl"""
+    """Paint over the object. Ctrl: erase"""
 
     bl_idname = "karf.mark_brush"
     bl_label = "Mark: Brush"

@@ -55,7 +55,7 @@ def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volum
     triangles = np.array([triangle.vertices for triangle in mesh.loop_triangles])
     evaluated.to_mesh_clear()
     if len(vertices) < 4:
-        raise BadRequest("{name!r} surrounds nothing.", "Select a mesh with a volume.", name=shape.name)
+        raise BadRequest("{name!r} has no volume.", "Select a mesh with a volume.", name=shape.name)
     return Volume(kind, None, vertices, triangles)
 
 

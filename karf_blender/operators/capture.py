@@ -12,7 +12,7 @@ from ..host.words import translate_report
 from ..rig.cameras import Options
 from ..steps import masks
 from ..tasks import runner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from ..workspace import estimates, opening
 from .reporting import has_project, is_free, reports_errors
 

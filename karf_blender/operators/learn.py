@@ -7,7 +7,6 @@ from .. import steps
 from ..pictures import editors
 from ..swatches import palettes
 from ..tasks import runner
-from ..tasks.task import Task
 from .reporting import EngineStep, ProjectSwatchStep, reports_errors
 
 
@@ -115,9 +114,9 @@ class KARF_OT_show_view(ProjectSwatchStep, bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        shown = steps.show_view(context.scene, self.view)
-        if isinstance(shown, Task):
-            runner.launch(shown)
+        task = steps.show_view(context.scene, self.view)
+        if task.requests:
+            runner.launch(task)
         result = context.scene.karf.result
         if context.area and context.area.type == "IMAGE_EDITOR" and result is not None:
             editors.show(context.area, result)

@@ -14,7 +14,7 @@ FOLDER_ITEMS = [
     ("project", "Project", "Everything learned"),
     ("out", "Output", "Folder for rendered pictures"),
     ("frames", "Frames", "Last rendered pictures"),
-    ("written", "Written", "Where files were written last"),
+    ("written", "Written", "Folder of the last written files"),
 ]
 
 

@@ -37,7 +37,7 @@ class KARF_OT_show_colors(bpy.types.Operator):
 
     def execute(self, context):
         areas = [area for area in context.screen.areas if area.type == "VIEW_3D"]
-        steps.show_colors(area.spaces.active for area in areas)
+        scene_object.show_colors(area.spaces.active for area in areas)
         return {"FINISHED"}
 
 

@@ -115,12 +115,12 @@ def opened(path: Path) -> Iterator[bpy.types.Image]:
     try:
         image = bpy.data.images.load(str(path))
     except RuntimeError as error:
-        raise DataError("{path} cannot be read as a picture.", "Check the path.", path=path) from error
+        raise DataError("{path} cannot be read as an image.", "Check the path.", path=path) from error
     try:
         image.colorspace_settings.name = "Non-Color"  # else 16 bit pictures would be made linear
         image.alpha_mode = "CHANNEL_PACKED"  # else colors would be multiplied by the transparency
         if not image.size[0]:
-            raise DataError("{path} cannot be read as a picture.", "Use PNG or JPEG.", path=path)
+            raise DataError("{path} cannot be read as an image.", "Use PNG or JPEG.", path=path)
         yield image
     finally:
         bpy.data.images.remove(image)
@@ -196,5 +196,5 @@ def _save(image: bpy.types.Image, path: Path) -> None:
         image.save()
     except RuntimeError as error:  # a full disk, mostly
         raise DataError(
-            "{path} cannot be written to.", "Free some space, or choose another folder.", path=path.parent
+            "{path} cannot be written.", "Free some space, or choose another folder.", path=path.parent
         ) from error

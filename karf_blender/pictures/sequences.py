@@ -51,7 +51,7 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
     try:
         image = bpy.data.images.load(str(files[0]))
     except RuntimeError as error:
-        raise DataError("{path} cannot be read as a picture.", "Render the frames again.", path=files[0]) from error
+        raise DataError("{path} cannot be read as an image.", "Render the frames again.", path=files[0]) from error
     numbers = [number_of(path) for path in files]
     counts_up = None not in numbers and len({path.stem.rstrip("0123456789") for path in files}) == 1
     image.source = "SEQUENCE" if counts_up and len(files) > 1 else "FILE"

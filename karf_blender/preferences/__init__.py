@@ -33,33 +33,33 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
     engine_python: StringProperty(
         name="Engine Python",
         subtype="FILE_PATH",
-        description="The whole path of a Python that has PyTorch, in place of the installed engine; empty: the variable "
-        "KARF_ENGINE_PYTHON, else the installed engine",
+        description="Absolute path of a Python with PyTorch, used instead of the installed engine. Empty: the "
+        "variable KARF_ENGINE_PYTHON, or the installed engine",
     )
     engine_folder: StringProperty(
         name="Engine Folder",
         subtype="DIR_PATH",
-        description="Where Install Engine puts the engine; empty: Blender's folder for this extension's own files",
+        description="Folder for Install Engine. Empty: Blender's folder for this extension's files",
         update=_make_whole,
     )
     threads: IntProperty(
         name="Threads",
         min=0,
         max=bounds_of(Options, "threads")["max"],
-        description="Threads of the engine; 0: the engine chooses. Give free cores only",
+        description="Number of engine threads, no more than free cores. 0: automatic",
     )
     marking_model: StringProperty(
         name="Marking Model",
         subtype="DIR_PATH",
-        description="The whole path of a folder with a model of the Segment Anything family, which then answers boxes and "
-        "clicks; empty: they need none",
+        description="Absolute path of a folder with a Segment Anything model for boxes and clicks. Empty: boxes and "
+        "clicks work without a model",
     )
 
     color_book: StringProperty(
         name="Color Book",
         subtype="FILE_PATH",
-        description="The whole path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. The menu "
-        "of a swatch shows the names that are nearest to it",
+        description="Absolute path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. A "
+        "swatch's menu shows the nearest names",
         update=_make_book_whole,
     )
 

@@ -54,7 +54,7 @@ def move(scene: bpy.types.Scene) -> Path:
             places.
     """
     if not bpy.data.filepath:
-        raise BadRequest("This file was not saved yet.", "Save it first: the project moves beside it.")
+        raise BadRequest("This file has not been saved yet.", "Save it first: the project moves to the file's folder.")
     old, new = folders.project_of(scene).folder, place_beside(scene)
     _copy(old, new)
     session.get(_State).moved[old] = new
@@ -73,7 +73,7 @@ def _save() -> None:
     except RuntimeError as error:
         raise DataError(
             "The project has moved, but the file could not be saved ({error}).",
-            "Save it: as it is on the disk it knows the project where that was, and there it still is.",
+            "Save it: the file on disk still refers to the project's old place, where the project still exists.",
             error=str(error).strip().rpartition(":")[2].strip(),
         ) from error
 
@@ -88,7 +88,7 @@ def _copy(old: Path, new: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
         raise DataError(
             "The project cannot be copied to {path} ({error}).",
-            "Free some space, or save the file elsewhere; the project stays where it was.",
+            "Free some space, or save the file elsewhere. The project stays where it is.",
             path=new,
             error=error.strerror or "files were not copied",
         ) from error

@@ -24,7 +24,7 @@ def _pointers():
         (
             bpy.types.Object,
             "karf_view",
-            StringProperty(name="KaRF view", description="The captured view of this camera"),
+            StringProperty(name="KaRF view", description="Captured view of this camera"),
         ),
     )
     for owner, name, declared in added:

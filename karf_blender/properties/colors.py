@@ -16,7 +16,7 @@ def pigment_reach(**options):
     limits = {"default": REACH, "min": 0.05, "max": MAX_REACH, "soft_max": 2.0}
     return FloatProperty(
         name="Reach",
-        description="How far around its hue (of a gray: its chroma) colors of the object are of this pigment",
+        description="Range of hues around the added color that belong to its pigment. For a gray, range of chroma",
         **limits,
         **options,
     )
@@ -26,8 +26,8 @@ def protected_neutrals(**options):
     """A property for how neutral colors must be to be left out of an added color's pigment."""
     return FloatProperty(
         name="Protect Neutrals",
-        description="Silver, foil, paper and gloss stay as they are: colors whose saturation is under this share of the "
-        "pigment's are not of it. 0: its hue alone decides",
+        description="Protect silver, foil, paper and gloss: exclude colors with less than this share of the "
+        "pigment's saturation. 0: only the hue decides",
         default=0.0,
         min=0.0,
         max=MAX_PROTECT,

@@ -30,24 +30,32 @@ class KARF_PG_marked_object(bpy.types.PropertyGroup):
     """An object to mark."""
 
     name: StringProperty(
-        name="Name", description="Also that of its folder of masks and of its swatches", update=_renamed
+        name="Name", description="Name of the object, its swatches and its folder of masks", update=_renamed
     )
-    folder: StringProperty(description="The name of its folder: the name, until that is changed")
-    number: IntProperty(default=-1, description="Of its color, which stays when it is renamed; -1: none yet")
+    folder: StringProperty(description="Name of its folder, which stays when the object is renamed")
+    number: IntProperty(
+        default=-1, description="Index of its color, which stays when the object is renamed. -1: none yet"
+    )
 
 
 class KARF_PG_marking(bpy.types.PropertyGroup):
     """The objects to mark, and the tools that mark them."""
 
     objects: CollectionProperty(type=KARF_PG_marked_object)
-    active: IntProperty(name="Object", description="The object that is being marked", update=_changed)
-    photo: PointerProperty(name="Photo", type=bpy.types.Image, description="The photo that is marked")
+    active: IntProperty(name="Object", description="Object to mark", update=_changed)
+    photo: PointerProperty(name="Photo", type=bpy.types.Image, description="Photo to mark")
     brush: IntProperty(
-        name="Brush", subtype="PIXEL", default=25, min=1, soft_max=200, max=2000, description="Radius on the screen"
+        name="Brush",
+        subtype="PIXEL",
+        default=25,
+        min=1,
+        soft_max=200,
+        max=2000,
+        description="Brush radius on the screen",
     )
     correct: BoolProperty(
         name="Correct",
-        description="Strokes say where the segmentation is wrong, in any view: this is the object, this is not",
+        description="Correct the segmentation with strokes in any view, on the object or beside it",
         update=_switched,
     )
-    step: IntProperty(description="The number of the last stroke, which undo takes back")
+    step: IntProperty(description="Number of the last stroke, for undo")

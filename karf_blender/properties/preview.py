@@ -8,5 +8,10 @@ class KARF_PG_preview(bpy.types.PropertyGroup):
     """The picture of Live Camera."""
 
     long_side: IntProperty(
-        name="Long Side", subtype="PIXEL", default=512, min=96, max=2048, description="Of the followed camera's picture"
+        name="Long Side",
+        subtype="PIXEL",
+        default=512,
+        min=96,
+        max=2048,
+        description="Resolution of the live camera picture",
     )

@@ -13,8 +13,8 @@ class KARF_PG_color(bpy.types.PropertyGroup):
     object: StringProperty()
     wanted: srgb("Wanted")
     reached: srgb("Reached")
-    difference: FloatProperty(description="CIEDE2000 of the color reached to the wanted one")
-    reason: StringProperty(description="Why the wanted color cannot be reached")
+    difference: FloatProperty(description="CIEDE2000 between the wanted and the reached color")
+    reason: StringProperty(description="Reason why the wanted color cannot be reached")
 
 
 class KARF_PG_colorways(bpy.types.PropertyGroup):
@@ -32,8 +32,8 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     fraction: FloatProperty(min=0.0, max=1.0)
     text: StringProperty()
     figures: StringProperty()
-    warnings: StringProperty(description="What the last task warned of, a line each")
+    warnings: StringProperty(description="Warnings of the last task, one per line")
     error: StringProperty()
-    job: StringProperty(description="Folder of the failed job, where its log tells more of why")
+    job: StringProperty(description="Folder of the failed job with its log")
     hint: StringProperty()
-    folder: StringProperty(description="Where files were written last")
+    folder: StringProperty(description="Folder of the last written files")

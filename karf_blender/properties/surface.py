@@ -15,9 +15,7 @@ class KARF_PG_surface(bpy.types.PropertyGroup):
         min=1000,
         max=600_000,
         step=10_000,
-        description="About how many; ten times as many show finer things, and follow swatches more slowly",
+        description="Approximate number. Ten times as many show finer detail, but follow swatches more slowly",
     )
-    item: PointerProperty(name="Object", type=bpy.types.Object, description="What shows the learned scene")
-    splat: PointerProperty(
-        name="Splat", type=bpy.types.Object, description="The object of splats that has the colors of the swatches"
-    )
+    item: PointerProperty(name="Object", type=bpy.types.Object, description="Object that shows the learned scene")
+    splat: PointerProperty(name="Splat", type=bpy.types.Object, description="Splat object colored by the swatches")

@@ -18,8 +18,8 @@ from ..swatches import becomes, displayed, edits, gestures
 from .colors import pigment_reach, protected_neutrals, srgb
 
 RULE_ITEMS = [
-    ("becomes", "Material", "Paint the whole object anew, light and highlights kept"),
-    ("fewest", "Fewest swatches", "Reach the color with as few changed swatches as possible"),
+    ("becomes", "Material", "Repaint the whole object, keeping light and highlights"),
+    ("fewest", "Fewest swatches", "Reach the color by changing as few swatches as possible"),
 ]
 FACTOR = {"default": 1.0, "min": 0.0, "max": MAX_FACTOR, "soft_max": 2.0, "step": 5}
 STOPS = {"min": -MAX_BRIGHTNESS, "max": MAX_BRIGHTNESS, "soft_min": -1.0, "soft_max": 1.0, "step": 5}
@@ -77,42 +77,42 @@ def _set_palette(self, text):
 class KARF_PG_swatch(bpy.types.PropertyGroup):
     """One palette color of an object: as learned, and as the artist wants it."""
 
-    learned: srgb("Learned", description="The color that was found in the photos")
+    learned: srgb("Learned", description="Color found in the photos")
     color: srgb(
         "Color",
         highest=MAX_SRGB,
-        description="The color it shall have; it may be brighter than white, which bright paint can need. With Material "
-        "the other colors of its paint follow, and highlights keep the light's color",
+        description="New color, which may be brighter than white. With Material, the other colors of its paint "
+        "follow, and highlights keep the light's color",
         update=_color_changed,
     )
     saturation: FloatProperty(
         name="Saturation",
-        description="How vivid its paint is: 1 as it is, 0 gray",
+        description="Saturation of its paint. 1: unchanged; 0: gray",
         update=_surface_changed,
         **FACTOR,
     )
     brightness: FloatProperty(
         name="Brightness",
-        description="Lighter or darker mid-tones of its paint; black and white stay",
+        description="Brightness of its paint's mid-tones. Black and white stay",
         update=_surface_changed,
         **STOPS,
     )
     gloss: FloatProperty(
         name="Gloss",
-        description="How strong the highlights on its paint are: 1 as they are, 0 matte",
+        description="Strength of the highlights on its paint. 1: unchanged; 0: matte",
         update=_surface_changed,
         **FACTOR,
     )
-    shift: FloatVectorProperty(size=3, description="What surfaces add to the color")
-    locked: BoolProperty(name="Lock", description="No tool changes this swatch", update=edit_changed)
-    link: IntProperty(description="Swatches with the same number have one color; 0: none")
-    merged: IntProperty(description="The number of the object's swatch that moves this one; 0: none")
-    is_added: BoolProperty(description="The artist has added this color; its pigment has a set of swatches behind it")
+    shift: FloatVectorProperty(size=3, description="Change of the color by the surface settings")
+    locked: BoolProperty(name="Lock", description="Protect this swatch from changes by tools", update=edit_changed)
+    link: IntProperty(description="Swatches with the same number share one color. 0: none")
+    merged: IntProperty(description="Number of the object's swatch that this one follows. 0: none")
+    is_added: BoolProperty(description="This color was added by hand. Its pigment has a separate set of swatches")
     reach: pigment_reach(options=set(), update=_reach_changed)
     protect: protected_neutrals(options=set(), update=_reach_changed)
-    began: srgb("Began", highest=MAX_SRGB, description="The color when the object's last drag began, for keyframes")
-    before: srgb("Before", highest=MAX_SRGB, description="The color when the source was picked")
-    after: srgb("After", highest=MAX_SRGB, description="The color that Becomes gave it last")
+    began: srgb("Began", highest=MAX_SRGB, description="Color at the start of the object's last drag, for keyframes")
+    before: srgb("Before", highest=MAX_SRGB, description="Color when the source was picked")
+    after: srgb("After", highest=MAX_SRGB, description="Color last set by Becomes")
 
 
 class KARF_PG_object(bpy.types.PropertyGroup):
@@ -122,25 +122,24 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     source: srgb(
         "Source",
         0.5,
-        description="A color of the object in the picture as it is, edited or not; pick it there (E)",
+        description="Color of the object in the displayed picture, edited or not. Pick it there (E)",
         update=_source_picked,
     )
     gains: FloatVectorProperty(
-        size=3, default=UNIT_GAINS, description="How the photo is exposed in which the source was picked"
+        size=3, default=UNIT_GAINS, description="Exposure of the photo in which the source was picked"
     )
-    target: srgb("Target", 0.5, description="The color that the source shall become", update=_target_changed)
-    dragged: IntProperty(description="The number of the swatch that was dragged last, for keyframes; 0: none")
-    held: StringProperty(name="Held", description="Colors that its paints were given before, which Becomes keeps")
+    target: srgb("Target", 0.5, description="New color for the source", update=_target_changed)
+    dragged: IntProperty(description="Number of the last dragged swatch, for keyframes. 0: none")
+    held: StringProperty(name="Held", description="Colors set earlier on its paints, kept by Becomes")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
     is_metal: BoolProperty(
         name="Metal",
-        description="Highlights take the paint's color, as those of gold or copper do. Of everything else they keep the "
-        "light's color",
+        description="Tint highlights with the paint's color, as on gold or copper. Off: they keep the light's color",
         update=_metal_changed,
     )
     live: BoolProperty(name="Live", description="Follow the target color while it is dragged", update=_target_changed)
     show_becomes: BoolProperty(
-        name="One color becomes another", description="Pick a color of the object and what it shall become"
+        name="One color becomes another", description="Pick a color of the object and its new color"
     )
     choke: FloatProperty(
         name="Choke",
@@ -149,7 +148,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         max=MAX_CHOKE,
         step=10,
         precision=1,
-        description="How far inside its edge the object's paint ends, in pixels of the photo; below 0 it goes beyond",
+        description="Shrink the object's paint by this many pixels of the photo. Negative values expand it",
         update=edit_changed,
     )
     feather: FloatProperty(
@@ -159,14 +158,14 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         max=MAX_FEATHER,
         step=10,
         precision=1,
-        description="Over how many pixels of the photo the paint fades, half of them on either side of its edge",
+        description="Fade the paint over this many pixels of the photo, half of them on either side of its edge",
         update=edit_changed,
     )
-    show_edge: BoolProperty(name="Edge", description="Where the object's paint ends, and how softly")
+    show_edge: BoolProperty(name="Edge", description="Position and softness of the paint's edge")
     show_surface: BoolProperty(name="Surface", description="Saturation, brightness and gloss of each swatch's paint")
     palette: StringProperty(
         name="Palette",
-        description="The colors of its swatches, as Copy Palette writes them",
+        description="Colors of its swatches, as written by Copy Palette",
         get=_palette,
         set=_set_palette,
     )
@@ -188,8 +187,8 @@ class KARF_PG_match(bpy.types.PropertyGroup):
     picture: PointerProperty(
         name="Picture",
         type=bpy.types.Image,
-        description="The active view painted over or graded, of any size",
+        description="Painted or graded picture of the active view, of any size",
         update=_picture_chosen,
     )
-    view: StringProperty(name="View", description="The view that was painted over")
+    view: StringProperty(name="View", description="View that was painted over")
     left: CollectionProperty(type=KARF_PG_left)

@@ -4,36 +4,25 @@ It is another one than that of the interface's queries, which the timer polls on
 for the next frame of an animation, and ends when none comes for a while.
 """
 
-import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 
-from .. import preferences, session
-from ..engine.failures import disk_errors
+from .. import session
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import WARM, Cancelled, KarfError, Request, new_job
+from ..engine_api import Cancelled, KarfError
 from ..project import folders
+from ..tasks.warm_worker import WarmWorker
 
 POLL_SECONDS = 0.005
-IDLE_MINUTES = 1
 
 
-@dataclass
-class _State:
-    """The worker, if one waits."""
+class RenderWorker(WarmWorker):
+    """The worker that stills are asked of."""
 
-    worker: Worker | None = None
-
-    def close(self) -> None:
-        """End the worker, whose folder goes with it."""
-        if self.worker is not None:
-            self.worker.end()
-            shutil.rmtree(self.worker.folder, ignore_errors=True)
-            self.worker = None
+    options: ClassVar = {"idle_minutes": 1}
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
@@ -57,7 +46,7 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
         answer = _answer(_worker(scene), kind, options, is_cancelled)
         if answer is not None:
             return answer
-    raise KarfError("The engine ended before it answered.", "Try again.")
+    raise KarfError("The engine exited before it answered.", "Try again.")
 
 
 def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:
@@ -70,7 +59,7 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
             if event.kind == "refused":
                 raise error_from_event(event)
         if worker.ended:
-            _leave(worker)
+            session.get(RenderWorker).leave()
             return None
         if is_cancelled():
             stop()
@@ -80,35 +69,13 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
 
 def stop() -> None:
     """End the worker, whose folder goes with it."""
-    session.get(_State).close()
+    session.get(RenderWorker).close()
 
 
 def _worker(scene: bpy.types.Scene) -> Worker:
-    python, threads = preferences.engine_python(), preferences.current().threads
-    worker = session.get(_State).worker
-    if worker is not None and (not worker.suits(python, threads) or _has_ended(worker)):
-        stop()
-    if session.get(_State).worker is None:
-        project = folders.project_of(scene)
-        with disk_errors():
-            folder = new_job(project, WARM)
-        options = {"idle_minutes": IDLE_MINUTES} | ({"threads": threads} if threads else {})
-        worker = Worker()
-        worker.begin(python, Request(WARM, project.folder, options), folder, threads)
-        session.get(_State).worker = worker
-    return session.get(_State).worker
-
-
-def _has_ended(worker: Worker) -> bool:
-    worker.poll()
-    return worker.ended
-
-
-def _leave(worker: Worker) -> None:
-    """Take leave of a worker that has ended; the folder of one that failed is kept for its log, which the error names."""
-    try:
-        worker.check()
-    except KarfError:
-        session.get(_State).worker = None
-        raise
-    stop()
+    kept = session.get(RenderWorker)
+    if kept.worker is not None:
+        kept.worker.poll()
+        if kept.worker.ended:
+            kept.close()
+    return kept.start(scene)

@@ -9,7 +9,7 @@ from .viewport import Viewport
 
 
 class KARF_RE_engine(bpy.types.RenderEngine):
-    """The recolored scene from any camera."""
+    """Render the recolored scene from any camera"""
 
     bl_idname = compatible.NAME
     bl_label = "KaRF"

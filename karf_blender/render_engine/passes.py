@@ -25,12 +25,12 @@ class KARF_PG_layer(bpy.types.PropertyGroup):
 
     use_weights: BoolProperty(
         name="Weights",
-        description="A pass for each swatch: how much of every pixel changes with it, from 0 to 1",
+        description="Add a pass for each swatch with its share in every pixel, from 0 to 1",
         update=_tell_blender,
     )
     use_seen: BoolProperty(
         name="Seen",
-        description="A pass of how well photos know what is shown, from 0, where none shows it, to 1; of splats",
+        description="Add a pass of how well the photos cover each pixel, from 0 (no photo) to 1. Requires splats",
         update=_tell_blender,
     )
 

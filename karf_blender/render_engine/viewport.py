@@ -11,11 +11,12 @@ import numpy as np
 from gpu_extras.presets import draw_texture_2d
 from mathutils import Matrix
 
+from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_linear
 from ..host import windows
 from ..host.words import translate_error
 from ..rig import frames, lens
-from ..tasks import queries, runner, timer
+from ..tasks import queries, runner
 from . import camera_pixels
 
 MOVING_SECONDS = 0.04  # that a picture may take while something moves
@@ -78,7 +79,7 @@ class Viewport:
         elif now - self._wanted_since >= STILL_SECONDS:
             side = full
         else:
-            timer.start(_redraw_once_still)
+            session.start_timer(_redraw_once_still)
             return
         self._asked = wanted, side
         query = options | {"camera": camera_to_json(camera.reduced(side))}
@@ -108,7 +109,7 @@ def _pinhole(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Came
     """The pinhole, in the capture's world, through which the region is looked into."""
     region, view = context.region, context.region_data
     if not view.is_perspective:
-        raise BadRequest("An orthographic view cannot be rendered.", "Look in perspective: View > Perspective.")
+        raise BadRequest("An orthographic view cannot be rendered.", "Switch to perspective: View > Perspective.")
     to_capture = frames.to_capture(depsgraph, depsgraph.scene)
     pose = lens.rigid(np.array(to_capture @ view.view_matrix.inverted()), "3D View")
     return lens.pinhole_of(np.array(Matrix(view.window_matrix)), region.width, region.height, pose)

@@ -59,8 +59,8 @@ def _at_one_size(views: Sequence[View]) -> list[Camera]:
     for view, camera in zip(views, cameras, strict=True):
         if abs(camera.fx * first.fy / (camera.fy * first.fx) - 1) > ASPECT_TOLERANCE:
             raise BadRequest(
-                "{name!r} has another picture or pixel aspect than {other!r}.",
-                "Blender keeps these per scene: split the file, and import each part into a scene of its own.",
+                "{name!r} and {other!r} have different resolutions or pixel aspects.",
+                "Blender keeps these per scene: split the file, and import each part into a separate scene.",
                 name=view.name,
                 other=views[0].name,
             )

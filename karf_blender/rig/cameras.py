@@ -102,7 +102,7 @@ def _set_background(data: bpy.types.Camera, photo: Path) -> None:
     try:
         image = bpy.data.images.load(str(photo), check_existing=True)
     except RuntimeError as error:
-        raise DataError("{path} cannot be read as a picture.", "Check the file.", path=photo) from error
+        raise DataError("{path} cannot be read as an image.", "Check the file.", path=photo) from error
     background = data.background_images.new()
     background.image = image
     background.frame_method = "STRETCH"

@@ -73,8 +73,8 @@ def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
         raise BadRequest(
-            "The camera {name!r} is mirrored or unevenly scaled, itself or by its parents or the rig.",
-            "Apply the scale, or give all three axes the same.",
+            "The camera {name!r} is mirrored or unevenly scaled, or a parent or the rig is.",
+            "Apply the scale, or make it the same on all three axes.",
             name=name,
         )
     pose = np.eye(4)

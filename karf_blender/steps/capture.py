@@ -14,7 +14,7 @@ from ..project import captures, folders
 from ..rig import cameras, factory
 from ..swatches import displayed, palettes
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests, view
 
 USUAL_RIG = cameras.Options()
@@ -27,7 +27,6 @@ def import_capture(
     project: str | Path | None = None,
     holdout: int | None = None,
     rig: cameras.Options = USUAL_RIG,
-    **options: Any,
 ) -> Capture:
     """Build the rig of a capture and make it the scene's.
 
@@ -41,7 +40,6 @@ def import_capture(
         holdout: N keeps every Nth photo out of learning where the capture declares none; 0: none. Default: as the
             project was learned, else 0.
         rig: How the rig is shown.
-        options: Single ones of its options.
 
     Returns:
         The capture; its remarks say what could not be had.
@@ -60,7 +58,7 @@ def import_capture(
     except OSError as error:
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
     cube = factory.find_cube(scene)
-    karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, replace(rig, **options))
+    karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
     if cube is not None:  # it would stand amid what was captured
         factory.remove(cube)
     with displayed.batched(scene):
@@ -113,14 +111,13 @@ def _common_folder(places: list[Path]) -> Path:
         return places[0]
 
 
-def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG, **options: Any) -> Task:
+def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG) -> Task:
     """Find the camera poses of a folder of photos, or of a video, in a new project folder, and import their capture.
 
     Args:
         scene: The scene.
         photos: The folder or the video.
         rig: How the rig is shown.
-        options: Single ones of its options.
 
     Returns:
         The task; its result is the capture.
@@ -128,7 +125,7 @@ def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options 
     photos = Path(photos).absolute()
     named = photos.with_suffix("") if photos.is_file() else photos
     job = "poses", {"photos": str(photos)}
-    return _task_of_new_capture(scene, "Find Camera Poses", named, job, replace(rig, **options))
+    return _task_of_new_capture(scene, "Find Camera Poses", named, job, rig)
 
 
 def import_splat(
@@ -140,7 +137,6 @@ def import_splat(
     up: str = "auto",
     antialiased: bool = False,
     rig: cameras.Options = USUAL_RIG,
-    **options: Any,
 ) -> Task:
     """Import Gaussian splats that another program has learned, as a capture in a new project folder.
 
@@ -153,7 +149,6 @@ def import_splat(
         up: Without photos, which axis points up: `auto`, `x`, `y`, `z`, `-x`, `-y` or `-z`.
         antialiased: Whether they were learned with antialiasing where neither file nor photos say so.
         rig: How the rig is shown.
-        options: Single ones of its options.
 
     Returns:
         The task; its result is the capture.
@@ -163,7 +158,7 @@ def import_splat(
     paths = {name: str(Path(path).absolute()) for name, path in given.items() if path}
     chosen = {} if photos else {"views": views, "up": up}
     job = "import-splat", {"splat": str(splat), **paths, **chosen, "antialiased": antialiased}
-    return _task_of_new_capture(scene, "Import Splat", splat.with_suffix(""), job, replace(rig, **options))
+    return _task_of_new_capture(scene, "Import Splat", splat.with_suffix(""), job, rig)
 
 
 def _task_of_new_capture(
@@ -189,7 +184,7 @@ def _task_of_new_capture(
         if found is None:
             progress.warn(
                 Message(
-                    "The scene that asked for a capture is gone or has another project: import {out} yourself.",
+                    "The scene that requested the capture is gone or has another project: import {out} by hand.",
                     out=out,
                 )
             )

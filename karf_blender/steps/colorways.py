@@ -10,7 +10,7 @@ from ..engine_api import Message, PlannedColorway, Request, plan_colorways
 from ..project import folders
 from ..swatches import colors, reference
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
 
@@ -43,8 +43,7 @@ def colorways(
     sheet: str | Path,
     views: str = "all",
     out: str | Path | None = None,
-    predict_only: bool = False,
-) -> Task | tuple[PlannedColorway, ...]:
+) -> Task:
     """Have the engine write every colorway of a sheet in every view, with a table and a contact sheet.
 
     Pictures that are there already and would come out the same are kept.
@@ -54,15 +53,12 @@ def colorways(
         sheet: CSV or JSON: a colorway, an object and a color a row; see docs/files.md.
         views: `all`, `train`, `test`, names with commas, or the path of a camera file.
         out: The folder; default: `colorways_folder`.
-        predict_only: Render nothing, which needs no engine.
 
     Returns:
-        The colorways, each with its edit and the predicted colors: at once, or as the task's result.
+        The task; its result is the colorways, each with its edit and the predicted colors.
     """
     sheet = Path(sheet).absolute()
     planned = predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
-    if predict_only:
-        return planned
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}

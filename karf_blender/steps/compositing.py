@@ -12,27 +12,22 @@ from ..pictures import images
 from ..project import captures, folders
 from ..swatches import colors
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import following, requests, sequences
 from .edit import save_edit
 
 
-def build_compositor(
-    scene: bpy.types.Scene, view: str = "", layers: str | Path | None = None, driven: bool = False
-) -> Task | bpy.types.Node:
+def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Recolor a view by nodes in the scene's compositor, with a color socket for each swatch.
 
     Args:
         scene: The scene.
         view: Name of a captured view, whose layers the engine writes; default: the active one.
-        layers: A layered picture that the engine has written already, of any camera; then no view is rendered.
         driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
 
     Returns:
-        The group's node: at once where layers are given, else as the task's result.
+        The task; its result is the group's node.
     """
-    if layers is not None:
-        return place_layers(scene, Path(layers).absolute(), driven)
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
     finish = partial(_place, out / "layers" / f"{view}.exr", driven)
@@ -49,7 +44,7 @@ def _place(path: Path, driven: bool, owner: Owner, request: Request) -> None:
     scene = requests.find_scene(owner, Message("The layers are in {path}.", path=path))
     if scene is not None:
         node = place_layers(scene, path, driven)
-        progress.warn(Message("The compositor recolors {path} by the node {name}.", path=path, name=node.name))
+        progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
 
 
 def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | None:
@@ -57,13 +52,8 @@ def compositor_node(scene: bpy.types.Scene, view: str = "") -> bpy.types.Node | 
     return placing.find(scene, view or scene.karf.active_view)
 
 
-def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bpy.types.Node:
-    """Recolor a layered picture by nodes in the scene's compositor, with the scene's swatches where it has them.
-
-    Args:
-        scene: The scene.
-        path: What `render --layers` has written.
-        driven: Whether the nodes follow the scene's swatches from now on.
+def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False) -> bpy.types.Node:
+    """Recolor a layered picture that the engine has written (`render --layers`), of any camera, as `build_compositor` does.
 
     Returns:
         The group's node.
@@ -71,6 +61,7 @@ def place_layers(scene: bpy.types.Scene, path: Path, driven: bool = False) -> bp
     Raises:
         DataError: The file is not a layered picture.
     """
+    path = Path(path).absolute()
     objects = read_layer_names(path)
     known = following.known_of(scene, objects)
     node = placing.build(
@@ -90,7 +81,9 @@ def _say_space(scene: bpy.types.Scene, path: Path) -> None:
     if name and not images.knows_space(name):
         progress.warn(
             Message(
-                "Blender knows no color space {name}: choose the one of {path} at its image node.", name=name, path=path
+                "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
+                name=name,
+                path=path,
             )
         )
 
@@ -101,12 +94,14 @@ def _say_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tuple[i
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not placing.is_rendered(node):
         progress.warn(
-            Message("The compositor's output has other nodes: link {name} where you want it.", name=node.name)
+            Message(
+                "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
+            )
         )
     if size != rendered:
         progress.warn(
             Message(
-                "The layers have {width} x {height} pixels, the scene renders {own_width} x {own_height}.",
+                "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
                 width=size[0],
                 height=size[1],
                 own_width=rendered[0],

@@ -50,8 +50,8 @@ def say_others(scene: bpy.types.Scene, objects: Sequence[Palettes], what: str) -
     if others:
         progress.warn(
             Message(
-                "The swatches of {names} are of other palettes than the {what}: the sockets begin as learned. "
-                "Choose the project anew in step 1 to bring its palettes, then build again.",
+                "The swatches of {names} belong to other palettes than the {what}: the sockets start with the "
+                "learned colors. Choose the project again in step 1 to load its palettes, then build again.",
                 names=", ".join(others),
                 what=what,
             )
@@ -60,7 +60,7 @@ def say_others(scene: bpy.types.Scene, objects: Sequence[Palettes], what: str) -
     if fewer:
         progress.warn(
             Message(
-                "Colors that were added to {names} are not in the {what}: build again to have them there.",
+                "The {what} lacks colors that were added to {names}: build again to include them.",
                 names=", ".join(fewer),
                 what=what,
             )

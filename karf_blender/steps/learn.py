@@ -1,7 +1,6 @@
 """Steps 2, 4 and 5: what the engine learns; and showing a view of it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import bpy
 from ..engine_api import BadRequest
 from ..project import captures, contents, folders
 from ..swatches import colors, palettes
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests
 
 
@@ -96,7 +95,7 @@ def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
 
 def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dict]:
     if folder is None and not scene.karf.masks:
-        raise BadRequest("No masks are chosen.", "Give a folder with <object>/<photo name>.png, or paint one.")
+        raise BadRequest("No masks were chosen.", "Choose a folder with <object>/<photo name>.png, or paint a mask.")
     folder = folder or folders.absolute(scene.karf.masks)
     scene.karf.masks = folders.stored(folder)
     return "segmentation", {"masks": str(folder)}
@@ -129,13 +128,13 @@ def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
     return requests.task(scene, "Prepare Views", requests.planes(views))
 
 
-def show_view(scene: bpy.types.Scene, view: str = "") -> Task | bpy.types.Image:
+def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
     """Make a captured view (default: the active one) active, and show it recolored.
 
     Palettes that the project has learned meanwhile are imported first.
 
     Returns:
-        The result image: at once, or as the result of the task that prepares the view first.
+        The task that prepares the view first; where that is done already, it has no jobs. Its result is the image.
 
     Raises:
         KarfError: There is no such view, there are no palettes, or Blender renders.
@@ -148,7 +147,9 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task | bpy.types.Image:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
     if view:
         karf.active_view = view
-    if not contents.is_current(folders.project_of(scene), karf.active_view):
-        return replace(prepare_views(scene, karf.active_view), result=lambda: scene.karf.result)
-    requests.show_recolored(scene, is_wanted=True)
-    return karf.result
+    jobs = ()
+    if contents.is_current(folders.project_of(scene), karf.active_view):
+        requests.show_recolored(scene, is_wanted=True)
+    else:
+        jobs = (requests.planes(karf.active_view),)
+    return requests.task(scene, "Prepare Views", *jobs, result=lambda: scene.karf.result)

@@ -7,7 +7,7 @@ import bpy
 from ..engine_api import BadRequest, write_edit, write_json
 from ..project import folders
 from ..swatches import looks
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from .cameras import export_cameras
 from .colorways import colorways
 from .render import camera_folder
@@ -50,7 +50,7 @@ def flip_looks(scene: bpy.types.Scene) -> str:
     none."""
     name = looks.other(scene)
     if not name:
-        raise BadRequest("There is no other look.", "Keep two looks to flip between them.")
+        raise BadRequest("There is no other look.", "Keep two looks to switch between them.")
     looks.choose(scene, name)
     return name
 

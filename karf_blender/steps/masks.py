@@ -20,7 +20,7 @@ from ..workspace import own_pictures
 
 MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
 CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
-WITHOUT_ENGINE = translatable("Brush, lasso and box mark without it.")
+WITHOUT_ENGINE = translatable("Brush, lasso and box work without it.")
 CLICK_SHARE = 1 / 150  # radius of a correction's click, as a share of the photo's longer side
 
 
@@ -203,7 +203,7 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
     around = [names[(start + by * step) % len(names)] for step in range(1, len(names) + 1)]
     found = next((name for name in around if name in wanted), None)
     if found is None:
-        raise BadRequest("No view has a mark of this object yet.", "Mark it in this one.")
+        raise BadRequest("This object is not marked in any view yet.", "Mark it in this view.")
     scene.karf.active_view = found
     return found
 

@@ -27,7 +27,7 @@ from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .cameras import camera_of
 
-UNSEEN = translatable("No Image Editor shows the picture KaRF camera, so it is not rendered. Choose it in one.")
+UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
 LOOK_SECONDS = 0.03
@@ -87,7 +87,7 @@ def start(scene: bpy.types.Scene) -> None:
         BadRequest: There is no window, or no camera.
     """
     if bpy.app.background:
-        raise BadRequest("Live Camera needs a window.", "Write a picture instead: headless.preview_camera.")
+        raise BadRequest("Live Camera needs a window.", "Write a picture instead: steps.preview_camera.")
     camera_of(scene, None)
     image = free_camera.image()
     if image is not None:

@@ -15,7 +15,7 @@ from ..project import folders
 from ..rig.frames import file_name, frames_of
 from ..swatches import displayed, edits
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests, sequences
 from .cameras import camera_of, frame_range
 from .edit import save_edit
@@ -35,18 +35,12 @@ def save_shown(scene: bpy.types.Scene) -> Path:
     return path
 
 
-def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task | Path:
-    """Recolor the active view with the swatches as they stand, on its photo.
-
-    Args:
-        scene: The scene.
-        size: As of `render_captured`; `shown`: the preview as it is shown, without the engine.
+def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
+    """Recolor the active view with the swatches as they stand, on its photo; `size` as of `render_captured`.
 
     Returns:
-        The picture's path: at once, or as the task's result.
+        The task; its result is the picture's path.
     """
-    if size == "shown":
-        return save_shown(scene)
     view = scene.karf.active_view
     task = _captured_task(scene, "This View", view, size)
     return replace(task, result=lambda: files_in(task.result(), [view])[0])

@@ -15,7 +15,7 @@ from ..project import contents, folders
 from ..render_engine import camera_pixels
 from ..swatches import displayed, palettes
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from ..workspace import estimates
 
 # the engine's names of what Blender's output panel calls file format and color depth
@@ -34,8 +34,8 @@ def import_results(owner: Owner, request: Request) -> None:
     if not scenes:
         progress.warn(
             Message(
-                "The scene that asked for this is gone or has another project. The result is in {project}; choose "
-                "that as the project to bring it in.",
+                "The scene that requested this is gone or has another project. The result is in {project}: "
+                "choose that project to load it.",
                 project=request.project,
             )
         )
@@ -137,5 +137,5 @@ def find_scene(owner: Owner, result: str) -> bpy.types.Scene | None:
     """The scene that began a job; where it is gone, None and a warning that says where the result is."""
     scene = owner.find()
     if scene is None:
-        progress.warn(Message("The scene that asked for this is gone or has another project. {result}", result=result))
+        progress.warn(Message("The scene that requested this is gone or has another project. {result}", result=result))
     return scene

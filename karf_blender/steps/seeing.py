@@ -15,7 +15,7 @@ from ..project import contents, folders
 from ..swatches import displayed, drawn_over
 from ..tasks import queries
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests
 
 MARK = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `contents.seen_folder`
@@ -66,7 +66,7 @@ def _fresh_folder(scene: bpy.types.Scene) -> Path:
 
 def _present(owner: Owner, request: Request) -> None:
     scene = requests.find_scene(
-        owner, Message("How the engine sees the view is in {folder}.", folder=request.options["out"])
+        owner, Message("The engine's renders of the view are in {folder}.", folder=request.options["out"])
     )
     if scene is not None:
         _reveal(scene)

@@ -40,7 +40,8 @@ def say_view_transform(scene: bpy.types.Scene) -> None:
     if transform not in STANDARD:
         progress.warn(
             Message(
-                "The view transform {transform} changes colors: Standard shows them as they are.", transform=transform
+                "The view transform {transform} changes colors: choose Standard to show them unchanged.",
+                transform=transform,
             )
         )
 

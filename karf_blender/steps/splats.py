@@ -19,9 +19,9 @@ from ..project import captures, folders
 from ..render_engine import camera_pixels
 from ..surface import splat_objects
 from ..swatches import edits
-from ..tasks import queries, runner, timer
+from ..tasks import queries, runner
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
 
@@ -70,7 +70,7 @@ def export_splat(
     if karf.rig is None:
         raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
     if axes not in AXES:
-        raise BadRequest("There are no axes {axes}.", "Use one of: {known}.", axes=axes, known=", ".join(AXES))
+        raise BadRequest("Unknown axes {axes}.", "Use one of: {known}.", axes=axes, known=", ".join(AXES))
     options = {"out": str(path), "objects": list(objects), "solid": solid, "attributes": attributes}
     if axes == "auto":
         axes = "blender" if captures.of(scene).splats is None else "capture"
@@ -112,12 +112,12 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     """
     if not splat_objects.is_splat(item):
         raise BadRequest(
-            "{name} is no object of splats.",
-            "Choose one that Blender or 3DGS Render has imported from a .ply.",
+            "{name} is not a splat object.",
+            "Choose one imported by Blender or 3DGS Render from a .ply.",
             name=item.name,
         )
     if item.mode == "EDIT":
-        raise BadRequest("{name} is in Edit Mode.", "Leave it first.", name=item.name)
+        raise BadRequest("{name} is in Edit Mode.", "Leave Edit Mode first.", name=item.name)
     scene.karf.surface.splat = item
     _ask(scene)
     _start()
@@ -130,7 +130,7 @@ def unfollow_splat(scene: bpy.types.Scene) -> None:
 
 def _start() -> None:
     if not bpy.app.background:
-        timer.start(_look)
+        session.start_timer(_look, persistent=True)
 
 
 def _look() -> float | None:

@@ -1,6 +1,5 @@
 """Step 7: the learned scene as an object in the 3D View, which then needs neither the engine nor this extension."""
 
-from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -12,26 +11,20 @@ from ..project import folders
 from ..surface import export, scene_object
 from ..swatches import colors
 from ..tasks.ownership import Owner
-from ..tasks.task import Task
+from ..tasks.runner import Task
 from . import following, requests, sequences
 
 
-def show_scene(
-    scene: bpy.types.Scene, count: int | None = None, points: str | Path | None = None
-) -> Task | bpy.types.Object:
+def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
     """Show the learned scene as an object whose colors follow the swatches.
 
     Args:
         scene: The scene.
         count: About how many points; default: the panel's.
-        points: A file that the engine has written already (`points --out FILE.npz`); then it is not asked.
 
     Returns:
-        The object, where there was one before the same with other points: at once where points are given, else as the
-        task's result.
+        The task; its result is the object: the one that showed the scene before, where there is one.
     """
-    if points is not None:
-        return place_points(scene, Path(points).absolute())
     path = folders.project_of(scene).points_file
     job = "points", {"out": str(path), "count": count or scene.karf.surface.count}
     return requests.task(
@@ -46,12 +39,8 @@ def _place(path: Path, owner: Owner, request: Request) -> None:
         place_points(scene, path)
 
 
-def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
-    """Show points that the engine has written as an object that follows the scene's swatches.
-
-    Args:
-        scene: The scene, with the capture that the points are of.
-        path: The points.
+def place_points(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
+    """Show points that the engine has written (`points --out FILE.npz`) as `show_scene` does.
 
     Returns:
         The object: the one that showed the scene before, where there is one.
@@ -63,7 +52,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     karf = scene.karf
     if karf.rig is None:
         raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
-    points = read_points(path)
+    points = read_points(Path(path).absolute())
     palettes = [Palette(name, colors) for name, colors in zip(points.objects, points.learned, strict=True)]
     palettes = [_as_long_as_swatches(scene, each) for each in palettes]
     ours = {each.name for each in following.known_of(scene, palettes)}
@@ -80,7 +69,7 @@ def place_points(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     sequences.say_view_transform(scene)
     if is_first:  # lit, its small faces would be gray noise
         spaces = [area.spaces.active for area in windows.areas("VIEW_3D")]
-        show_colors(space for space in spaces if space.shading.type == "SOLID")
+        scene_object.show_colors(space for space in spaces if space.shading.type == "SOLID")
     return karf.surface.item
 
 
@@ -88,12 +77,6 @@ def _as_long_as_swatches(scene: bpy.types.Scene, palette: Palette) -> Palette:
     """A palette without the zeros behind its end, which are there where others are longer."""
     item = scene.karf.objects.get(palette.name)
     return palette if item is None else Palette(palette.name, palette.colors[: colors.size(item)])
-
-
-def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
-    """Let 3D Views show the colors of meshes as they are, in Solid mode."""
-    for space in spaces:
-        space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "FLAT", "VERTEX"
 
 
 def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads") -> Path:

@@ -101,7 +101,7 @@ def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
     first, second = edits.unlocked(scene, *one), edits.swatch_at(scene, *other)
     if first == second or second.merged:
         raise BadRequest(
-            "Swatch {index} of {name!r} cannot be linked with that.",
+            "Swatch {index} of {name!r} cannot be linked with that swatch.",
             "Choose another swatch.",
             index=one[1],
             name=one[0],
@@ -135,7 +135,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
     if item.swatches[index].is_added:
         raise BadRequest(
-            "Swatch {index} of {name!r} was added: it cannot be merged.",
+            "Swatch {index} of {name!r} is an added color and cannot be merged.",
             "Remove it in its menu.",
             index=index,
             name=object_name,
@@ -143,7 +143,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     if not others or into not in (None, *others):
         raise BadRequest(
             "Swatch {index} of {name!r} cannot be merged into {other}.",
-            "Choose another swatch of this object that is shown.",
+            "Choose another visible swatch of this object.",
             index=index,
             name=object_name,
             other=into or "another",
@@ -164,7 +164,7 @@ def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
     """
     if edits.swatch_at(scene, name, index).is_added:
         raise BadRequest(
-            "Swatch {index} of {name!r} was added: nothing is merged into it.",
+            "Swatch {index} of {name!r} is an added color and has no merged swatches.",
             "Remove it in its menu.",
             index=index,
             name=name,
@@ -195,7 +195,10 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
     own = weights.sum(axis=1, dtype=np.float32)
     if not (0 <= row < height and 0 <= column < width) or own.sum() < weights.shape[1] / 2:
         raise BadRequest(
-            "{name!r} is not there in {view!r}.", "Click on it in the picture.", name=name, view=scene.karf.active_view
+            "{name!r} is not at this place in {view!r}.",
+            "Click on it in the picture.",
+            name=name,
+            view=scene.karf.active_view,
         )
     return np.clip(own / own.sum() @ learned, 0, 1)
 
@@ -229,7 +232,7 @@ def add_color(
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(colors.added(item)) >= MAX_ADDED:
         raise BadRequest(
-            "{count} colors were added to {name!r}.",
+            "{name!r} already has {count} added colors.",
             "Remove one of them in its menu.",
             count=MAX_ADDED,
             name=object_name,
@@ -281,8 +284,8 @@ def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if not swatch.is_added:
         raise BadRequest(
-            "Swatch {index} of {name!r} was learned: it stays.",
-            "Merge it into another in its menu.",
+            "Swatch {index} of {name!r} is a learned color and cannot be removed.",
+            "Merge it into another swatch in its menu.",
             index=index,
             name=object_name,
         )

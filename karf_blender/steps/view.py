@@ -25,7 +25,7 @@ def leave_view(scene: bpy.types.Scene) -> None:
         BadRequest: No view is looked through.
     """
     if not scene.karf.looking.is_on:
-        raise BadRequest("The scene {name!r} looks through no captured view.", "", name=scene.name)
+        raise BadRequest("The scene {name!r} is not looking through a captured view.", "", name=scene.name)
     looking.leave(scene)
 
 

@@ -30,13 +30,13 @@ def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: st
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise BadRequest(
-            "{path} has an ending that is not known.", "Give one of {endings}.", path=path, endings=", ".join(WRITERS)
+            "{path} has an unknown file extension.", "Use one of {endings}.", path=path, endings=", ".join(WRITERS)
         )
     write, operators, operator = WRITERS[suffix]
     if operator not in dir(operators):  # some Blenders are built without USD, and glTF is an add-on
         raise BadRequest(
-            "This Blender has no exporter of {suffix} files.",
-            "Enable it, or choose another ending.",
+            "This Blender has no exporter for {suffix} files.",
+            "Enable it, or choose another file extension.",
             suffix=path.suffix,
         )
     displayed = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
@@ -68,7 +68,7 @@ def _gltf(data: bpy.types.Mesh, path: str) -> None:
 
 def _usd(data: bpy.types.Mesh, path: str) -> None:
     if not data.polygons:
-        raise BadRequest("Points alone are shown by no program that reads USD.", "Choose quads, or write a PLY file.")
+        raise BadRequest("No program that reads USD shows single points.", "Choose quads, or write a PLY file.")
     data.materials.clear()
     data.attributes[trees.COLOR].name = USD_COLOR
     bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)

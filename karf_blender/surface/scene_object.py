@@ -1,6 +1,6 @@
 """The learned scene as an object below the rig: small quads that face their normals, in Solid mode, Eevee and Cycles."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -73,6 +73,12 @@ def recolor_node(item: bpy.types.Object) -> bpy.types.Node | None:
 def radius_node(item: bpy.types.Object) -> bpy.types.Node | None:
     """Return the node that scales the faces, if there is one."""
     return _node(item, trees.RADIUS)
+
+
+def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
+    """Let 3D Views show the colors of meshes as they are, in Solid mode."""
+    for space in spaces:
+        space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "FLAT", "VERTEX"
 
 
 def _node(item: bpy.types.Object, name: str) -> bpy.types.Node | None:

@@ -56,7 +56,7 @@ def write(item: bpy.types.Object, harmonics: np.ndarray) -> None:
     count = len(_points(item))
     if count != len(harmonics):
         raise BadRequest(
-            "{name} has {count} points where {n} splats have colors.",
+            "{name} has {count} points, but there are colors for {n} splats.",
             "Choose an object that was imported from this scene's splats.",
             name=item.name,
             count=count,

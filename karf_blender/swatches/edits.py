@@ -108,7 +108,8 @@ def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> No
     found = colors_of_text(text)
     if not len(found):
         raise BadRequest(
-            "The clipboard has no color.", "Copy one as #rrggbb; several, with anything between, for all swatches."
+            "The clipboard contains no color.",
+            "Copy one color as #rrggbb, or several with any separators for all swatches.",
         )
     if index is not None:
         set_color(scene, name, index, found[0])
@@ -136,7 +137,7 @@ def unlocked(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Propert
     if swatch.merged:
         raise BadRequest(
             "Swatch {index} of {name!r} is merged into {merged}.",
-            "Split that one in its menu.",
+            "Split that swatch in its menu.",
             index=index,
             name=name,
             merged=swatch.merged,
@@ -174,7 +175,7 @@ def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Proper
     if not 1 <= index < len(found):
         raise BadRequest(
             "Object {name!r} has no swatch {index}.",
-            "Swatches count from 1 to {count}; black is frozen.",
+            "Swatches are numbered from 1 to {count}; black is fixed.",
             name=name,
             index=index,
             count=len(found) - 1,

@@ -9,11 +9,11 @@ from .object_masks import ObjectMasks
 from .views import DisplayedView
 
 IMAGE_NAME = f"{editors.PREFIX} camera"
-NO_PHOTO = translatable("A free camera has no photo: Original is the scene as learned.")
+NO_PHOTO = translatable("A free camera has no photo: Original shows the learned scene.")
 NO_PALETTES = translatable(
-    "There are no palettes yet, so the picture is the scene as learned. Extract Palette, step 5."
+    "There are no palettes yet, so the picture shows the learned scene. Press Extract Palette in step 5."
 )
-NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show. Segment, step 4.")
+NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show. Press Segment in step 4.")
 
 
 def image() -> bpy.types.Image | None:

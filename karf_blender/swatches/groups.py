@@ -103,7 +103,7 @@ def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], e
     if colors.keys(wanted) == colors.keys(colors.added(item)):
         return
     if not even_locked and any(swatch.is_added and swatch.locked for swatch in item.swatches):
-        raise BadRequest("A color that was added to {name!r} is locked.", "Unlock it in its menu.", name=item.name)
+        raise BadRequest("An added color of {name!r} is locked.", "Unlock it in its menu.", name=item.name)
     while len(item.swatches) > colors.size(item):
         remove_color(item, colors.size(item))
     for color in wanted:

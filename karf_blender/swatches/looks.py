@@ -25,7 +25,10 @@ def edit_of(look: bpy.types.PropertyGroup) -> Edit:
         content = json.loads(look.edit)
     except (ValueError, RecursionError) as error:
         raise DataError(
-            "The look {name!r} is no edit: {error}.", "Remove it, and keep it again.", name=look.name, error=error
+            "The look {name!r} is not a valid edit: {error}.",
+            "Remove the look, and keep it again.",
+            name=look.name,
+            error=error,
         ) from error
     return edit_from_json(content, look.name, colors.palettes(scene), scene.karf.compositing)
 
@@ -113,7 +116,10 @@ def check_name(scene: bpy.types.Scene, new: str, old: str = "") -> str:
     for taken in scene.karf.looks.keys():
         if taken != old and file_name(taken).casefold() == file_name(new).casefold():
             raise BadRequest(
-                "{new!r} and the look {taken!r} would share a folder.", "Choose another name.", new=new, taken=taken
+                "{new!r} and the look {taken!r} would use the same folder.",
+                "Choose another name.",
+                new=new,
+                taken=taken,
             )
     return new
 

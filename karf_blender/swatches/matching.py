@@ -44,10 +44,10 @@ def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
     """
     match, view = scene.karf.match, scene.karf.active_view
     if match.picture is None:
-        raise BadRequest("No picture is chosen.", "Press Paint Over, or choose a picture of this view.")
+        raise BadRequest("No picture was chosen.", "Press Paint Over, or choose a picture of this view.")
     if match.view not in ("", view):
         raise BadRequest(
-            "{name!r} was painted over the view {view!r}, and {shown!r} is shown.",
+            "{name!r} was painted over the view {view!r}, but {shown!r} is displayed.",
             "Show {view!r} in step 6, or paint over this view.",
             name=match.picture.name,
             view=match.view,
@@ -91,7 +91,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     """
     karf = scene.karf
     if karf.compositing != "delta":
-        raise BadRequest("A picture can be matched where photos are edited.", "Set Result to Photo plus change.")
+        raise BadRequest("Match Picture only works on edited photos.", "Set Result to Photo plus change.")
     view, states = displayed.of(scene).prepared_view().spread(scene).planes, colors.states(scene)
     ordered = [states[name] for name in view.objects]
     pictures = view.base.astype(np.float32) / 255, _fitted(name, picture, *view.base.shape[1::-1])
@@ -105,7 +105,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     )
     if not found:
         raise BadRequest(
-            "{name!r} shows the objects as they are in {view!r}.",
+            "{name!r} shows the objects unchanged from {view!r}.",
             "Paint on them, or choose another picture.",
             name=name,
             view=karf.active_view,
@@ -120,7 +120,7 @@ def _fitted(name: str, picture: np.ndarray, width: int, height: int) -> np.ndarr
     own_height, own_width = picture.shape[:2]
     if abs(own_width * height / (own_height * width) - 1) > ASPECT_TOLERANCE:
         raise BadRequest(
-            "{name!r} has {own_width} x {own_height} pixels, the view {width} x {height}.",
+            "{name!r} has {own_width} x {own_height} pixels, but the view has {width} x {height}.",
             "Choose a picture of the whole view, of any size.",
             name=name,
             own_width=own_width,

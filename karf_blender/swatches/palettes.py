@@ -237,7 +237,8 @@ def _keep_look(
         file = _write_kept(scene, edit, f"-{file_name(name)}")
         progress.warn(
             Message(
-                "Colors of {names} in the look {look} are no longer in the palettes. The look as it was is in {file}.",
+                "The palettes no longer have some colors of {names} in the look {look}. A copy of the look is "
+                "in {file}.",
                 names=", ".join(lost),
                 look=name,
                 file=file,
@@ -255,8 +256,8 @@ def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
     file = _write_kept(scene, edits.current_edit(scene))
     progress.warn(
         Message(
-            "Edited swatches of {names} are no longer in the palettes. All edits as they were are in {file}; "
-            "keyframes wait in the scene's action.",
+            "The palettes no longer have some edited swatches of {names}. A copy of all edits is in {file}; "
+            "keyframes remain in the scene's action.",
             names=", ".join(lost),
             file=file,
         )
@@ -274,8 +275,8 @@ def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:
         write_edit(file, edit)
     except OSError as error:
         raise DataError(
-            "The edits could not be kept in {file} ({error}), so the palettes stay as they were.",
-            "Make room there, then choose the project again.",
+            "The edits could not be saved to {file} ({error}), so the palettes were not replaced.",
+            "Free some space there, then choose the project again.",
             file=file,
             error=error,
         ) from error

@@ -277,7 +277,7 @@ def become(state: PaletteState, pair: Becoming, seen: ColorHistogram) -> tuple[n
     if not is_shown(visible, seen.counts, pair.source):
         raise BadRequest(
             "{name} shows no color like {color}.",
-            "Pick the left color on the object, in the picture as it is.",
+            "Pick the left color on the object in the displayed picture.",
             name=state.name,
             color=rgb_to_hex(pair.source),
         )

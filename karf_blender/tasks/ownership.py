@@ -10,29 +10,28 @@ from .. import session
 from ..project import folders
 
 
-@dataclass
-class _State:
-    """Counts the files that were opened; a path does not distinguish a file from itself opened again, nor new files."""
+class OpenFile:
+    """The file that is open: another one, or the same opened again, has another object."""
 
-    file: int = 0
+    per_file = True
 
 
 @dataclass(frozen=True)
 class Owner:
     """A scene, by `session_uid`, of the file that was open, and the project folder that it worked on, if any."""
 
-    file: int
+    file: OpenFile
     scene: int
     project: Path | None
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "Owner":
-        return cls(session.get(_State).file, scene.session_uid, _project_of(scene))
+        return cls(session.get(OpenFile), scene.session_uid, _project_of(scene))
 
     @property
     def is_file_open(self) -> bool:
         """True while no other file was opened."""
-        return self.file == session.get(_State).file
+        return self.file is session.get(OpenFile)
 
     def find(self) -> bpy.types.Scene | None:
         """The scene, if it is still there and works on the same project."""
@@ -50,8 +49,3 @@ class Owner:
 
 def _project_of(scene: bpy.types.Scene) -> Path | None:
     return folders.project_of(scene).folder if scene.karf.project else None
-
-
-@session.handler("load_post", phase=session.Phase.STATE)
-def _after_load(*_):
-    session.get(_State).file += 1

@@ -4,7 +4,6 @@ It answers beside a running task: it only reads, and loads again what a task has
 wait are told, and the next query starts a fresh one. In background mode a query blocks.
 """
 
-import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,14 +11,14 @@ from typing import Any
 
 import bpy
 
-from .. import preferences, progress, session
-from ..engine.failures import disk_error, disk_errors
+from .. import progress, session
+from ..engine.failures import disk_error
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import WARM, Event, KarfError, Request, new_job
+from ..engine_api import Event, KarfError
 from ..host import rendering, windows
 from ..project import folders
-from . import timer
 from .ownership import Owner
+from .warm_worker import WarmWorker
 
 POLL_SECONDS = 0.02
 
@@ -39,18 +38,12 @@ class _Query:
     is_second: bool = False
 
 
-@dataclass
-class _State:
-    """The worker that answers, if one does."""
+class QueryWorker(WarmWorker):
+    """The worker of the interface's queries."""
 
-    worker: Worker | None = None
 
-    def close(self) -> None:
-        """End the worker, whose folder goes with it."""
-        if self.worker is not None:
-            self.worker.end()
-            shutil.rmtree(self.worker.folder, ignore_errors=True)
-            self.worker = None
+def _current() -> Worker | None:
+    return session.get(QueryWorker).worker
 
 
 def send(
@@ -75,7 +68,7 @@ def send(
     if bpy.app.background:
         _wait(kind)
     else:
-        timer.start(_poll)
+        session.start_timer(_poll, persistent=True)
 
 
 def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str, Any]:
@@ -96,13 +89,13 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 def is_waiting(kind: str) -> bool:
     """Whether a query of this kind has no answer yet."""
-    worker = session.get(_State).worker
+    worker = _current()
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 
 
 def stop() -> None:
     """End the worker, whose folder goes with it; of what was asked nothing more is heard."""
-    session.get(_State).close()
+    session.get(QueryWorker).close()
 
 
 def _begin(scene: bpy.types.Scene, kind: str, options: dict, on_answer: OnAnswer, on_error: OnError) -> None:
@@ -119,26 +112,16 @@ def _wait(kind: str) -> None:
 
 def _worker(scene: bpy.types.Scene) -> Worker:
     """The worker that answers, as the preferences want it; a fresh one where there is none."""
-    python, threads = preferences.engine_python(), preferences.current().threads
     _take_replies()  # it may have ended since somebody waited last
-    if session.get(_State).worker is not None and not session.get(_State).worker.suits(python, threads):
-        stop()
-    if session.get(_State).worker is None:
-        project = folders.project_of(scene)
-        with disk_errors():
-            folder = new_job(project, WARM)
-        worker = Worker()
-        worker.begin(python, Request(WARM, project.folder, {"threads": threads} if threads else {}), folder, threads)
-        session.get(_State).worker = worker
-    return session.get(_State).worker
+    return session.get(QueryWorker).start(scene)
 
 
 def _take_replies() -> None:
     """Hand out what was answered, and take leave of a worker that has ended."""
-    worker = session.get(_State).worker
+    worker = _current()
     for query, event in worker.replies() if worker else ():
         _hand_out(query, event)
-    if worker is not None and worker.ended and worker is session.get(_State).worker:
+    if worker is not None and worker.ended and worker is _current():
         _leave(worker)
 
 
@@ -157,19 +140,17 @@ def _hand_out(query: _Query, event: Event) -> None:
 
 
 def _leave(worker: Worker) -> None:
-    """Tell those who wait that the worker has ended; the folder of one that failed is kept for its log."""
+    """Tell those who wait that the worker has ended."""
+    failure = None
     try:
-        worker.check()
+        session.get(QueryWorker).leave()
     except KarfError as error:
-        session.get(_State).worker, failure = None, error
-    else:
-        stop()
-        failure = None
+        failure = error
     for query in list(worker.unanswered.values()):
         if failure is None and not query.is_second:
             _send_again(query)
         else:
-            query.on_error(failure or KarfError("The engine ended before it answered.", "Try again."))
+            query.on_error(failure or KarfError("The engine exited before it answered.", "Try again."))
 
 
 def _send_again(query: _Query) -> None:
@@ -191,4 +172,5 @@ def _poll() -> float | None:
     """Called by the timer as long as somebody waits for an answer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
-    return POLL_SECONDS if session.get(_State).worker is not None and session.get(_State).worker.unanswered else None
+    worker = _current()
+    return POLL_SECONDS if worker is not None and worker.unanswered else None

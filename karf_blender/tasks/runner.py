@@ -1,4 +1,4 @@
-"""Runs tasks (one engine job, or several in a row): alongside the user interface, or blocking in a script.
+"""Tasks: engine jobs in a row, run alongside the user interface or blocking in a script.
 
 In background mode a task blocks, prints its progress and raises its error. One task runs at a time: the engine uses all
 the cores it is given. Its worker is kept for a moment, for the next job.
@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -18,15 +19,52 @@ from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Reque
 from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
-from . import timer
 from .course import Course
-from .task import Task
+from .ownership import Owner
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
 KEEP_SECONDS = 60.0  # that the worker waits for the next job; half of it counts on it
 STATUS_CHANGED, JOB_DONE = "status_changed", "job_done"  # events: of the running task; with its request and seconds
 REPORTED = ("internal", "dependency")  # codes of errors that the log explains
+
+
+@dataclass(frozen=True)
+class Task:
+    """Jobs of one project to run in a row, and what Blender does after each of them."""
+
+    title: str
+    requests: tuple[Request, ...]  # none: all is done already
+    after: Callable[[Request], None]  # called with each job's request when it is done
+    owner: Owner | None = None  # who began it
+    seconds: tuple[float, ...] = ()  # that each job is expected to take, where they are several
+    result: Callable[[], Any] = lambda: None  # what `wait` returns
+
+    def wait(self) -> Any:
+        """Run the jobs, printing their progress, and block until all is done.
+
+        Returns:
+            The result.
+
+        Raises:
+            KarfError: A job cannot start, or it fails.
+        """
+        if self.requests:
+            wait(self)
+        return self.result()
+
+    @property
+    def is_file_open(self) -> bool:
+        """True while the file is open that began the task."""
+        return self.owner is None or self.owner.is_file_open
+
+    @property
+    def label(self) -> str:
+        """The title, with the scene's name where the file has several, or that it is another file's."""
+        if not self.is_file_open:
+            return f"{self.title} (of another file)"
+        scene = self.owner.find() if self.owner and len(bpy.data.scenes) > 1 else None
+        return f"{self.title} ({scene.name})" if scene else self.title
 
 
 class _Running:
@@ -47,7 +85,7 @@ class _Running:
         self._began = time.monotonic()
         with disk_errors():
             folder = new_job(Project(request.project), request.stage)
-        _worker().begin(self._python, request, folder, self._threads)
+        _jobs().worker.begin(self._python, request, folder, self._threads)
 
     def advance(self) -> bool:
         """Let Blender do what follows an ended job, and begin the next.
@@ -58,12 +96,12 @@ class _Running:
         Raises:
             KarfError: The job failed, or what follows it.
         """
-        if not _worker().ended:
+        if not _jobs().worker.ended:
             return False
-        _worker().check()
-        session.notify(JOB_DONE, _worker().request, time.monotonic() - self._began)
+        _jobs().worker.check()
+        session.notify(JOB_DONE, _jobs().worker.request, time.monotonic() - self._began)
         with disk_errors():
-            self.task.after(_worker().request)
+            self.task.after(_jobs().worker.request)
         self._done += 1
         if self._done == len(self.task.requests):
             return True
@@ -74,10 +112,10 @@ class _Running:
 
 
 @dataclass
-class _State:
-    """The task at work, if one is, and the worker that it runs in."""
+class _Jobs:
+    """The task at work, if one is, and the worker that its jobs run in."""
 
-    running: list[_Running] = field(default_factory=list)
+    running: _Running | None = None
     worker: Worker = field(default_factory=lambda: Worker(KEEP_SECONDS))
 
     def close(self) -> None:
@@ -86,33 +124,29 @@ class _State:
         self.worker.end()
 
 
-def _worker() -> Worker:
-    return session.get(_State).worker
+def _jobs() -> _Jobs:
+    return session.get(_Jobs)
 
 
-def _running() -> list[_Running]:
-    return session.get(_State).running
-
-
-def _draw_all() -> None:
-    windows.redraw(*windows.PANEL_AREAS)
-
-
-def _redraw(draw: Callable[[], None]) -> None:
-    draw()
+def _redraw(is_whole: bool) -> None:
+    """Draw the panels again, or the whole areas that have them."""
+    if is_whole:
+        windows.redraw(*windows.PANEL_AREAS)
+    else:
+        windows.redraw_sidebars()
     session.notify(STATUS_CHANGED)
 
 
 def is_running() -> bool:
     """True while a task is at work."""
-    return bool(_running())
+    return _jobs().running is not None
 
 
 def current_request(scene: bpy.types.Scene) -> Request | None:
     """What the engine is doing for the scene's project; None where it does nothing for it."""
-    if not _running() or not scene.karf.project:
+    if _jobs().running is None or not scene.karf.project:
         return None
-    request = _worker().request
+    request = _jobs().worker.request
     return request if request.project == folders.project_of(scene).folder else None
 
 
@@ -126,7 +160,7 @@ def launch(task: Task) -> None:
         wait(task)
         return
     _begin(task)
-    timer.start(_poll)
+    session.start_timer(_poll, persistent=True)
 
 
 def wait(task: Task) -> None:
@@ -140,8 +174,8 @@ def wait(task: Task) -> None:
     try:
         done = False
         while not done:
-            stage = _worker().request.stage
-            for event in _worker().poll():
+            stage = _jobs().worker.request.stage
+            for event in _jobs().worker.poll():
                 _show(running, event)
                 if event.kind != "progress" or time.monotonic() > quiet_until:
                     quiet_until = time.monotonic() + PRINT_SECONDS
@@ -163,34 +197,35 @@ def cancel() -> None:
     Raises:
         BadRequest: None runs.
     """
-    if not _running():
+    if _jobs().running is None:
         raise BadRequest("No KaRF job is running.", "")
-    _worker().cancel()
-    _running()[0].is_stopping = True
+    _jobs().worker.cancel()
+    _jobs().running.is_stopping = True
     progress.state().text = "Stopping"
 
 
 def release() -> None:
     """End the worker where it only waits for a next job: its Python may be replaced."""
-    if not _running():
-        _worker().end()
+    if _jobs().running is None:
+        _jobs().worker.end()
 
 
 def _begin(task: Task) -> _Running:
-    if _running():
-        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_running()[0].task.title)
+    if _jobs().running is not None:
+        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_jobs().running.task.title)
     running = _Running(task, preferences.engine_python(), preferences.current().threads)
-    _running().append(running)
+    _jobs().running = running
     progress.begin(task.label)
     return running
 
 
 def _end() -> None:
     """Forget the running task; its job is ended where it is still at work."""
-    while _running():
-        _running().pop()
-        if not _worker().ended:
-            _worker().end()
+    jobs = _jobs()
+    if jobs.running is not None:
+        jobs.running = None
+        if not jobs.worker.ended:
+            jobs.worker.end()
         progress.state().running = False
         disk.refresh()
 
@@ -202,19 +237,22 @@ def _finish(error: KarfError | None) -> None:
     elif error is not None:
         progress.fail(error)
         if error.code in REPORTED:
-            state.job = str(_worker().folder)
-            print(f"The end of {_worker().folder / engine_api.LOG_FILE}:\n{log_tail(_worker().folder)}", flush=True)
+            state.job = str(_jobs().worker.folder)
+            print(
+                f"The end of {_jobs().worker.folder / engine_api.LOG_FILE}:\n{log_tail(_jobs().worker.folder)}",
+                flush=True,
+            )
     else:
         state.text = "done"
 
 
 def _poll() -> float | None:
     """Called by the timer as long as a task runs: shows what it has reported."""
-    if not _running():
+    if _jobs().running is None:
         return None
-    running = _running()[0]
+    running = _jobs().running
     try:
-        events = _worker().poll()
+        events = _jobs().worker.poll()
         for event in events:
             if not running.is_stopping:
                 _show(running, event)
@@ -223,10 +261,12 @@ def _poll() -> float | None:
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
         _finish(
-            failure if is_ours else KarfError("Internal error: {error!r}.", "The console shows where.", error=failure)
+            failure
+            if is_ours
+            else KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
         )
         _end()
-        _redraw(_draw_all)
+        _redraw(is_whole=True)
         if not is_ours:
             raise
         return None
@@ -237,7 +277,7 @@ def _poll() -> float | None:
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
     if events or done:
-        _redraw(_draw_all if done else windows.redraw_sidebars)
+        _redraw(is_whole=done)
     return None if done else POLL_SECONDS
 
 
@@ -245,7 +285,7 @@ def _show(running: _Running, event: Event) -> None:
     """Show an event in the panel, a preview in an Image Editor."""
     course, task = running.course, running.task
     if course is not None and event.kind == "progress":
-        course.take(event, _worker().request.stage, time.monotonic())
+        course.take(event, _jobs().worker.request.stage, time.monotonic())
     progress.show_event(task.label, event, course and (course.share(), course.left()))
     if event.kind == "preview" and task.is_file_open and not rendering.is_running():
         editors.show_preview(Path(event["path"]))

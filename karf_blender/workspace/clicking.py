@@ -5,7 +5,6 @@ The message bus reports the user's clicks alone: undo brings the active view bac
 
 import bpy
 
-from .. import session
 from ..host import messages, rendering, windows
 
 
@@ -24,13 +23,7 @@ def _is_looking_through() -> bool:
     return any(view is not None and view.view_perspective == "CAMERA" for view in views)
 
 
+@messages.on((bpy.types.LayerObjects, "active"))
 def _clicked() -> None:
     window = bpy.data.window_managers[0].windows[0]
     choose_clicked(window.scene, window.view_layer)
-
-
-@session.setup
-def _listen():
-    messages.listen((bpy.types.LayerObjects, "active"), _clicked)
-    yield
-    messages.forget(_clicked)

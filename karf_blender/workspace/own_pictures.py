@@ -1,4 +1,4 @@
-"""Image Editors show the picture of their window's scene: when a file is opened, and when another scene is chosen."""
+"""Image Editors show the picture of their window's scene: when a file or another scene is opened, and after undo."""
 
 import bpy
 
@@ -7,7 +7,8 @@ from ..engine_api import KarfError
 from ..host import messages, rendering
 from ..pictures import editors
 from ..project import contents
-from ..swatches import displayed
+from ..swatches import displayed, palettes
+from ..tasks import runner
 
 
 def show_again() -> None:
@@ -32,6 +33,7 @@ def make(scene: bpy.types.Scene) -> None:
         print(f"KaRF: {error}")
 
 
+@messages.on((bpy.types.Window, "scene"))
 def show_own() -> None:
     """Let each Image Editor show the picture of its window's scene, and never another's beside that one's swatches."""
     for window in bpy.data.window_managers[0].windows:
@@ -51,8 +53,12 @@ def _after_load(*_):
     show_again()
 
 
-@session.setup
-def _listen():
-    messages.listen((bpy.types.Window, "scene"), show_own)
-    yield
-    messages.forget(show_own)
+@session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
+def _after_undo(*_):
+    # undo takes the scene back, but not what jobs have learned: the palettes on the disk are the scene's again
+    if rendering.is_running() or runner.is_running():  # which brings what it learns when it ends
+        return
+    for scene in bpy.data.scenes:
+        palettes.import_learned(scene)
+        make(scene)
+    show_again()

@@ -20,11 +20,11 @@ STEP_OF_STAGE = {
     "recoloring": "palette",
     "colorways": "render",
 }
-OTHER_PRESET = translatable("Learned with another preset: learn the scene again to follow this one.")
-OTHER_NERF = translatable("Learned from another NeRF, or none: learn the scene again to follow this one.")
-OTHER_MARKS = translatable("Marks have changed since: segment again.")
-OTHER_SCENE = translatable("The scene was learned anew since: segment again.")
-OTHER_OBJECTS = translatable("The objects were segmented anew since: extract the palettes again.")
+OTHER_PRESET = translatable("Learned with another preset: learn the scene again to use this one.")
+OTHER_NERF = translatable("Learned with another NeRF or without one: learn the scene again to use this choice.")
+OTHER_MARKS = translatable("Marks have changed since then: segment again.")
+OTHER_SCENE = translatable("The scene has been learned again since then: segment again.")
+OTHER_OBJECTS = translatable("The objects have been segmented again since then: extract the palettes again.")
 
 
 @dataclass(frozen=True)

@@ -43,21 +43,22 @@ def main() -> None:
 def main_job(karf, out: Path) -> dict[str, float]:
     """From the capture to recolored frames and a saved .blend; returns seconds by step."""
     seconds: dict[str, float] = {}
-    capture = timed(seconds, "import", karf.import_capture, DEMO, out / "project")
-    timed(seconds, "geometry", karf.learn_scene, "demo")
-    timed(seconds, "segmentation", karf.segment, DEMO / "coarse_masks" / "one")
-    timed(seconds, "palette", karf.extract_palette)
+    scene = bpy.context.scene
+    capture = timed(seconds, "import", lambda: karf.import_capture(scene, DEMO, out / "project"))
+    timed(seconds, "geometry", karf.learn_scene(scene, "demo").wait)
+    timed(seconds, "segmentation", karf.segment(scene, DEMO / "coarse_masks" / "one").wait)
+    timed(seconds, "palette", karf.extract_palette(scene).wait)
     for name, edit in TRUTH.edits.items():
         recolor(karf, name, edit, out, seconds)
-    timed(seconds, "splats", karf.learn_splats)
+    timed(seconds, "splats", karf.learn_splats(scene).wait)
     view = next(v for v in capture.views if v.split == "test")
-    karf.show_view(view.name)
-    karf.save(out / "demo.blend")
+    karf.show_view(scene, view.name).wait()
+    bpy.ops.wm.save_as_mainfile(filepath=str(out / "demo.blend"))
     return seconds
 
 
 def enable_extension(repository: Path, threads: int):
-    """Load this checkout as the extension that a user would install there; returns its script functions."""
+    """Load this checkout as the extension that a user would install there; returns its steps."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     (repository / "karf").symlink_to(ROOT, target_is_directory=True)
     repositories = bpy.context.preferences.extensions.repos
@@ -66,27 +67,28 @@ def enable_extension(repository: Path, threads: int):
     bpy.ops.preferences.addon_enable(module=module)
     if threads:
         bpy.context.preferences.addons[module].preferences.threads = threads
-    return import_module(f"{module}.karf_blender.headless")
+    return import_module(f"{module}.karf_blender.steps")
 
 
-def timed(seconds: dict[str, float], name: str, function, *arguments):
+def timed(seconds: dict[str, float], name: str, function):
     """Call, print and note how long it took."""
     print(f"== {name}", flush=True)
     begin = time.monotonic()
-    result = function(*arguments)
+    result = function()
     seconds[name] = round(time.monotonic() - begin, 2)
     return result
 
 
 def recolor(karf, name: str, edit: dict, out: Path, seconds: dict[str, float]) -> None:
     """One edit: for each object, what the eyedropper reads before and after in the one known view; then all test frames."""
-    karf.apply_edit(learned_edit(karf))
+    scene = bpy.context.scene
+    karf.apply_edit(scene, learned_edit(karf))
     for object_name in edit["objects"]:
         source, target = TRUTH.color_pair(name, object_name)
         print(f"   {object_name}: {hexadecimal(source)} becomes {hexadecimal(target)}", flush=True)
-        karf.becomes(object_name, source, target)
-    karf.save_edit(out / "edits" / f"{name}.json")
-    timed(seconds, f"render {name}", karf.render_captured, "test", out / "frames" / name)
+        karf.becomes(scene, object_name, source, target)
+    karf.save_edit(scene, out / "edits" / f"{name}.json")
+    timed(seconds, f"render {name}", karf.render_captured(scene, "test", out / "frames" / name).wait)
 
 
 def learned_edit(karf):

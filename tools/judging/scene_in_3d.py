@@ -28,18 +28,17 @@ INSIDE = 2  # pixels from an object's border, where both are mixtures
 def main(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         enable(Path(folder) / "repository")
-        karf, steps, images = (
-            importlib.import_module(f"{MODULE}.karf_blender.{name}")
-            for name in ("headless", "steps", "pictures.images")
+        steps, images = (
+            importlib.import_module(f"{MODULE}.karf_blender.{name}") for name in ("steps", "pictures.images")
         )
         bpy.ops.wm.read_homefile(use_empty=True)
-        karf.import_capture(options.capture, options.project, photos=False)
         scene = bpy.context.scene
+        steps.import_capture(scene, options.capture, options.project, rig=steps.RigOptions(photos=False))
         scene.render.engine, scene.cycles.samples = "CYCLES", SAMPLES
         scene.view_settings.view_transform = "Standard"
         scene.render.image_settings.file_format = "PNG"
-        karf.show_scene(points=options.points)
-        karf.apply_edit(options.edit)
+        steps.place_points(scene, options.points)
+        steps.apply_edit(scene, options.edit)
         rows = {}
         for file in sorted((options.frames / "recolor").glob("*.png")):
             wanted = read(images, file)

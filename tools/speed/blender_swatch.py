@@ -147,9 +147,9 @@ def edit(scene: bpy.types.Scene, options: argparse.Namespace) -> list[float]:
 
 def use(scene: bpy.types.Scene, controls: Sequence[str]) -> None:
     """Set controls of the first object and its first swatch to what an artist may choose."""
-    item, headless = scene.karf.objects[0], importlib.import_module(f"{MODULE}.karf_blender.headless")
+    item, steps = scene.karf.objects[0], importlib.import_module(f"{MODULE}.karf_blender.steps")
     if "added" in controls or "protect" in controls:
-        headless.add_color(item.name, (0.5, 0.22, 0.11), (0.2, 0.5, 0.3))
+        steps.add_color(scene, item.name, (0.5, 0.22, 0.11), (0.2, 0.5, 0.3))
     for swatch in item.swatches:
         if swatch.is_added and "protect" in controls:
             swatch.protect = 0.2

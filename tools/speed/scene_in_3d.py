@@ -27,18 +27,19 @@ MODES = {"solid": "SOLID", "material preview": "MATERIAL"}
 def main(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as folder:
         enable(Path(folder) / "repository")
-        karf, steps = (importlib.import_module(f"{MODULE}.karf_blender.{name}") for name in ("headless", "steps"))
+        steps = importlib.import_module(f"{MODULE}.karf_blender.steps")
         for each in list(bpy.data.objects):  # the cube, in the scene's middle
             bpy.data.objects.remove(each)
-        karf.import_capture(options.capture, options.project, photos=False)
-        scene, area = bpy.context.scene, largest_view()
+        scene = bpy.context.scene
+        steps.import_capture(scene, options.capture, options.project, rig=steps.RigOptions(photos=False))
+        area = largest_view()
         space = area.spaces.active
         space.overlay.show_overlays = space.show_region_ui = space.show_region_toolbar = False
         scene.view_settings.view_transform = "Standard"
         steps.look_through(scene, scene.karf.active_view)
         space.region_3d.view_perspective = "CAMERA"
         begin = time.perf_counter()
-        item = karf.show_scene(points=options.points)
+        item = steps.place_points(scene, options.points)
         made = time.perf_counter() - begin
         rows = {name: measured(scene, space, item, shading, options) for name, shading in MODES.items()}
     figures = {"points": len(item.data.polygons), "made_s": round(made, 2), "frames_a_second": rows}

@@ -46,7 +46,7 @@ def as_display(addon, light):
 def set_edit(addon, scene, truth):
     for name, colors in zip(NAMES, truth["edited"], strict=True):
         for index in (1, 2):
-            addon.headless.set_swatch(name, index, colors[index])
+            addon.steps.set_swatch(scene, name, index, colors[index])
 
 
 def set_sockets(addon, node, truth):
@@ -70,7 +70,7 @@ def test_blenders_cryptomatte_node_gives_an_objects_coverage(
 
 def test_the_nodes_recompose_the_engines_picture(bpy, addon, scene, compositor, layers_file, truth, tmp_path):
     """From the file alone: the scene knows nothing of its objects."""
-    node = addon.headless.build_compositor(layers=layers_file)
+    node = addon.steps.place_layers(scene, layers_file)
     set_sockets(addon, node, truth)
     picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
@@ -79,7 +79,7 @@ def test_the_nodes_recompose_the_engines_picture(bpy, addon, scene, compositor, 
 def test_layers_of_a_photo_that_is_exposed_otherwise_show_the_edit_as_it_would(
     bpy, addon, scene, compositor, layers_file, truth, tmp_path
 ):
-    node = addon.headless.build_compositor(layers=layers_file.with_name("exposed.exr"))
+    node = addon.steps.place_layers(scene, layers_file.with_name("exposed.exr"))
     set_sockets(addon, node, truth)
     picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
     assert np.abs(picture - truth["exposed"]).max() < 0.5 / 255
@@ -92,7 +92,7 @@ def test_layers_in_another_color_space_recompose_the_same_picture(
     if not path.exists():
         pytest.skip("the engine has no OpenColorIO")
     scene.karf.layer_space = "ACEScg"
-    node = addon.headless.build_compositor(layers=path)
+    node = addon.steps.place_layers(scene, path)
     set_sockets(addon, node, truth)
     picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
     assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
@@ -100,8 +100,8 @@ def test_layers_in_another_color_space_recompose_the_same_picture(
 
 def test_a_space_that_blender_does_not_know_is_said(bpy, addon, scene, compositor, layers_file):
     scene.karf.layer_space = "studio log"
-    addon.headless.build_compositor(layers=layers_file)
-    assert "Blender knows no color space studio log" in addon.progress.state().warnings
+    addon.steps.place_layers(scene, layers_file)
+    assert "Blender does not know the color space studio log" in addon.progress.state().warnings
 
 
 def test_the_engine_is_asked_for_the_chosen_spaces(bpy, addon, learned, tmp_path):
@@ -115,7 +115,7 @@ def test_the_engine_is_asked_for_the_chosen_spaces(bpy, addon, learned, tmp_path
 
 
 def test_nodes_that_change_nothing_give_the_base(bpy, addon, scene, compositor, layers_file, tmp_path):
-    node = addon.headless.build_compositor(layers=layers_file)
+    node = addon.steps.place_layers(scene, layers_file)
     ours = rendered(bpy, addon, scene, tmp_path)
     compositor.links.new(node.inputs["Image"].links[0].from_socket, addon.compat.compositing_output(compositor))
     base = rendered(bpy, addon, scene, tmp_path)
@@ -126,7 +126,7 @@ def test_nodes_that_change_nothing_give_the_base(bpy, addon, scene, compositor, 
 def built(bpy, addon, learned, compositor, layers_file, monkeypatch):
     """The node that recolors the active view, of a scene with swatches."""
     monkeypatch.setenv("FAKE_LAYERS", str(layers_file))
-    return addon.headless.build_compositor()
+    return addon.steps.build_compositor(learned).wait()
 
 
 @pytest.mark.parametrize("driven", [True, False])
@@ -143,7 +143,7 @@ def test_a_changed_swatch_changes_the_rendered_picture_where_sockets_follow(
 
 
 def test_keyframed_swatches_are_followed(bpy, addon, learned, built, truth, tmp_path):
-    addon.headless.build_compositor(driven=True)
+    addon.steps.build_compositor(learned, driven=True).wait()
     swatch = learned.karf.objects["pot"].swatches[1]
     swatch.keyframe_insert("color", frame=1)
     set_edit(addon, learned, truth)
@@ -154,9 +154,9 @@ def test_keyframed_swatches_are_followed(bpy, addon, learned, built, truth, tmp_
 
 
 def test_built_anew_sockets_stand_where_the_swatches_do(bpy, addon, learned, built, truth):
-    addon.headless.build_compositor(driven=True)
+    addon.steps.build_compositor(learned, driven=True).wait()
     set_edit(addon, learned, truth)
-    addon.headless.build_compositor()
+    addon.steps.build_compositor(learned).wait()
     assert not built.id_data.animation_data.drivers
     value = addon.engine_api.linear_to_srgb(built.inputs["pot 1"].default_value[:3])
     np.testing.assert_allclose(value, truth["edited"][1, 1], atol=1e-5)
@@ -175,12 +175,12 @@ os._exit(0)
 
 @pytest.mark.parametrize("driven", [True, False])
 def test_a_saved_file_recolors_without_the_extension(bpy, addon, learned, built, truth, tmp_path, driven):
-    addon.headless.build_compositor(driven=True)
+    addon.steps.build_compositor(learned, driven=True).wait()
     set_edit(addon, learned, truth)
     if not driven:
-        addon.headless.build_compositor()
+        addon.steps.build_compositor(learned).wait()
     rendered(bpy, addon, learned, tmp_path)  # sets the output's format
-    addon.headless.save(tmp_path / "recolor.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "recolor.blend"))
     out = tmp_path / "opened.exr"
     command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "recolor.blend"), str(out)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
@@ -199,18 +199,18 @@ def test_what_others_have_linked_stays(bpy, addon, learned, compositor, layers_f
     monkeypatch.setenv("FAKE_LAYERS", str(layers_file))
     own, output = compositor.nodes.new("CompositorNodeRGB"), addon.compat.compositing_output(compositor)
     compositor.links.new(own.outputs[0], output)
-    node = addon.headless.build_compositor()
+    node = addon.steps.build_compositor(learned).wait()
     assert output.links[0].from_node == own
     assert [link.to_node.bl_idname for link in node.outputs[0].links] == ["CompositorNodeViewer"]
     assert "link KaRF photo_0 where you want it" in addon.progress.state().warnings
 
 
 def test_what_makes_the_rendered_picture_another_is_said(bpy, addon, learned, built):
-    assert not addon.progress.state().warnings.count("pixels, the scene renders")
+    assert not addon.progress.state().warnings.count("pixels, but the scene renders")
     learned.render.resolution_x, learned.view_settings.view_transform = 80, "AgX"
-    addon.headless.build_compositor()
+    addon.steps.build_compositor(learned).wait()
     warnings = addon.progress.state().warnings
-    assert "The layers have 40 x 30 pixels, the scene renders 80 x 30." in warnings
+    assert "The layers have 40 x 30 pixels, but the scene renders 80 x 30." in warnings
     assert "The view transform AgX changes colors" in warnings
 
 
@@ -220,7 +220,7 @@ def test_built_again_it_is_the_same_node_with_the_same_links(bpy, addon, learned
     compositor.links.new(built.outputs[0], blur.inputs[0])
     compositor.links.new(blur.outputs[0], output)
     count = len(compositor.nodes), len(bpy.data.node_groups), len(bpy.data.images)
-    again = addon.headless.build_compositor()
+    again = addon.steps.build_compositor(learned).wait()
     assert again == built and output.links[0].from_node == blur
     assert {link.to_node.bl_idname for link in again.outputs[0].links} == {"CompositorNodeBlur", "CompositorNodeViewer"}
     assert (len(compositor.nodes), len(bpy.data.node_groups), len(bpy.data.images)) == count
@@ -230,24 +230,24 @@ def test_names_that_blender_would_cut_stay_apart(bpy, addon, compositor, layers_
     views = ["very " * 15 + end for end in ("long", "lengthy")]
     for view in views:
         shutil.copy(layers_file, tmp_path / f"{view}.exr")
-    nodes = [addon.headless.build_compositor(layers=tmp_path / f"{view}.exr") for view in views]
-    again = [addon.headless.build_compositor(layers=tmp_path / f"{view}.exr") for view in views]
+    nodes = [addon.steps.place_layers(bpy.context.scene, tmp_path / f"{view}.exr") for view in views]
+    again = [addon.steps.place_layers(bpy.context.scene, tmp_path / f"{view}.exr") for view in views]
     assert nodes == again and nodes[0] != nodes[1]
 
 
 def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned, compositor, layers_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.1, 0.1, 0.1)
-    node = addon.headless.build_compositor(layers=layers_file, driven=True)
+    node = addon.steps.place_layers(learned, layers_file, driven=True)
     driven = {curve.data_path for curve in node.id_data.animation_data.drivers}
     numbers = {socket.name: number for number, socket in enumerate(node.inputs)}
     assert driven == {f'nodes["{node.name}"].inputs[{numbers[name]}].default_value' for name in ("lid 1", "lid 2")}
-    assert "The swatches of pot are of other palettes" in addon.progress.state().warnings
+    assert "The swatches of pot belong to other palettes" in addon.progress.state().warnings
 
 
 def test_a_picture_without_layers_is_refused(bpy, addon, learned, tmp_path):
     (tmp_path / "none.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(20))
     with pytest.raises(addon.engine_api.DataError, match="holds no layers of KaRF"):
-        addon.headless.build_compositor(layers=tmp_path / "none.exr")
+        addon.steps.place_layers(learned, tmp_path / "none.exr")
 
 
 def test_objects_of_long_names_have_sockets_of_their_own(bpy, addon, compositor):

@@ -135,7 +135,7 @@ def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, ch
 
 @pytest.mark.filterwarnings("ignore:.*blend relative")
 def test_a_path_of_the_open_file_is_made_whole_when_it_is_chosen(bpy, addon, chosen, tmp_path):
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     chosen.engine_folder = "//engine"
     assert Path(chosen.engine_folder) == tmp_path / "engine" == addon.preferences.engine_folder()
 

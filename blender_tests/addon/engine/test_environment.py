@@ -26,12 +26,12 @@ def test_the_preference_wins_over_the_variable_and_that_over_the_checkout(addon,
 def test_a_path_that_depends_on_the_open_file_is_refused(bpy, addon, chosen, tmp_path, monkeypatch, path):
     """A stranger's .blend may have any program beside it."""
     (tmp_path / "python").write_text("")
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(addon.engine_api.MissingDependency, match="whole path"):
+    with pytest.raises(addon.engine_api.MissingDependency, match="absolute path"):
         addon.environment.find_python("", {"KARF_ENGINE_PYTHON": path})
     chosen.engine_python = path
-    with pytest.raises(addon.engine_api.MissingDependency, match="whole path"):
+    with pytest.raises(addon.engine_api.MissingDependency, match="absolute path"):
         addon.preferences.engine_python()
-    with pytest.raises(RuntimeError, match="whole path"):
+    with pytest.raises(RuntimeError, match="absolute path"):
         bpy.ops.karf.examine_engine()

@@ -54,13 +54,13 @@ def test_a_python_without_torch_is_told_what_to_install(bpy, addon, chosen):
     assert "torch is not installed." in drawn and "karf.copy_command" in drawn and '"torch>=' in drawn
 
 
-def test_scripts_get_the_findings_or_the_error_with_its_remedy(addon, chosen, finding, tmp_path, capsys):
+def test_scripts_get_the_findings_or_the_error_with_its_remedy(bpy, addon, chosen, finding, tmp_path, capsys):
     chosen.engine_python = str(saying(addon, tmp_path, finding("engine", "ok", "The engine is ready.")))
-    (verdict,) = addon.headless.examine_engine()
+    (verdict,) = addon.steps.examine_engine(bpy.context.scene)
     assert verdict.sentence == "The engine is ready." and verdict.sentence in capsys.readouterr().out
     chosen.engine_python = sys.executable
     with pytest.raises(addon.engine_api.MissingDependency, match=r"torch.* -m pip install"):
-        addon.headless.examine_engine()
+        addon.steps.examine_engine(bpy.context.scene)
 
 
 def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amiss(

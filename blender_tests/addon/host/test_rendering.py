@@ -81,7 +81,7 @@ def test_showing_a_view_while_rendering_is_refused_in_a_sentence(bpy, addon, fil
 
     def show():
         try:
-            addon.headless.show_view()
+            addon.steps.show_view(film).wait()
         except addon.engine_api.BadRequest as error:
             refused.append(error.sentence)
 
@@ -94,7 +94,7 @@ def test_a_cancelled_render_leaves_the_picture_following(bpy, addon, film):
     film.camera, before = None, shown(addon, film)
     with pytest.raises(RuntimeError, match="no camera"):
         bpy.ops.render.render()
-    addon.headless.set_swatch("lid", 1, "#00ff00")
+    addon.steps.set_swatch(film, "lid", 1, "#00ff00")
     assert np.abs(shown(addon, film) - before).max() > 10
 
 

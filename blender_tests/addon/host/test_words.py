@@ -30,7 +30,7 @@ def test_a_message_is_translated_round_its_values(addon, chinese, make):
 
 def test_a_message_in_a_message_is_translated_too(addon, chinese, make):
     inner = make("The pictures are in {folder}.", folder="/film")
-    outer = make("The scene that asked for this is gone or has another project. {result}", result=inner)
+    outer = make("The scene that requested this is gone or has another project. {result}", result=inner)
     assert addon.words.translate_message(outer).endswith(addon.words.translate_message(inner))
     assert addon.words.translate_message(inner) != inner
 

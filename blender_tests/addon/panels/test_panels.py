@@ -47,7 +47,7 @@ def test_without_an_engine_the_first_open_step_leads_to_one(bpy, addon, draw, ca
     drawn = draw()
     assert drawn.count("preferences.addon_show") == 1 and "engine yet" in " ".join(drawn)
     assert drawn.index("preferences.addon_show") < drawn.index("karf.import_capture")
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
     drawn = draw()
     assert drawn.count("preferences.addon_show") == 1
     assert drawn.index("karf.import_capture") < drawn.index("preferences.addon_show") < drawn.index("karf.learn_scene")
@@ -96,7 +96,7 @@ def test_the_button_of_splat_objects_is_there_where_one_is_active_or_follows(bpy
 
 
 def test_a_merged_swatch_is_not_shown_but_its_learned_color_is(addon, learned, draw):
-    addon.headless.merge_swatch("pot", 2, 1)
+    addon.steps.merge_swatch(learned, "pot", 2, 1)
     drawn = draw()
     assert drawn.count("color") == 3 and drawn.count("karf.reset_swatch") == 6
 
@@ -106,7 +106,7 @@ def test_surfaces_of_the_swatches_that_are_shown_are_drawn_where_they_are_unfold
     learned.karf.objects["pot"].show_surface = True
     swatches = len(learned.karf.objects["pot"].swatches) - 1
     assert [draw().count(name) for name in (*addon.colors.SURFACE, "karf.reset_surface")] == [swatches] * 4
-    addon.headless.merge_swatch("pot", 2, 1)
+    addon.steps.merge_swatch(learned, "pot", 2, 1)
     assert draw().count("gloss") == swatches - 1
 
 
@@ -125,8 +125,8 @@ def test_the_menus_of_a_swatch_offer_what_can_be_done(bpy, addon, learned):
     assert [entry for entry in drawn("KARF_MT_swap") if " " in entry] == ["lid 1", "lid 2", "pot 2"]
     assert [entry for entry in drawn("KARF_MT_merge") if " " in entry] == ["pot 2"]
     assert "karf.paste_swatch" in drawn("KARF_MT_palette")
-    addon.headless.link_swatches(("pot", 1), ("lid", 1))
-    addon.headless.merge_swatch("pot", 2, 1)
+    addon.steps.link_swatches(learned, ("pot", 1), ("lid", 1))
+    addon.steps.merge_swatch(learned, "pot", 2, 1)
     assert {"karf.unlink_swatch", "karf.split_swatch"} <= set(drawn("KARF_MT_swatch"))
 
 
@@ -149,7 +149,7 @@ def test_a_view_without_planes_says_so(learned, draw):
 def test_errors_of_sparse_points_are_shown_where_there_are_points(
     bpy, addon, capture_folder, tmp_path, draw, monkeypatch
 ):
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
     assert "There are no sparse points to check the cameras with" in draw()
     bpy.context.scene.karf.n_points = 7
     assert {"show_reprojection", "Look through a view to see its errors"} <= set(draw())
@@ -311,11 +311,11 @@ def test_a_greyed_out_step_says_why(bpy, addon, scene):
 
 
 def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
     for name, reason in (("segment", "Learn the scene first"), ("extract_palette", "Segment the objects first")):
         with pytest.raises(RuntimeError, match=reason):
             getattr(bpy.ops.karf, name)()
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(bpy.context.scene).wait()
     with pytest.raises(RuntimeError, match="Mark an object first"):
         bpy.ops.karf.segment()
     bpy.context.scene.karf.masks = str(tmp_path)

@@ -18,16 +18,16 @@ def editor(bpy, addon, learned, monkeypatch):
 
 def test_the_picture_that_a_job_brings_is_shown_whole_once(addon, learned, editor):
     space, fitted = editor
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(learned).wait()
     assert space.image == learned.karf.result and fitted == ["KaRF"]
-    addon.headless.extract_palette()  # the artist may have zoomed in meanwhile
+    addon.steps.extract_palette(learned).wait()  # the artist may have zoomed in meanwhile
     assert fitted == ["KaRF"]
 
 
 def test_a_picture_that_takes_the_place_of_the_photo_to_mark_is_shown_whole(bpy, addon, learned, editor):
     space, fitted = editor
     space.image = bpy.data.images.new("KaRF photo", 8, 8)
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(learned).wait()
     assert fitted == ["KaRF"]
 
 
@@ -38,7 +38,7 @@ def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, lea
     with bpy.context.temp_override(window=window):
         addon.tools.take_up(bpy.context, window.screen.areas[0])
     assert space.image == learned.karf.marking.photo
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(learned).wait()
     assert space.image == learned.karf.result
     assert window.workspace.tools.from_space_image_mode("VIEW").idname == addon.tools.BLENDERS
     assert not learned.karf.marking.correct
@@ -47,7 +47,7 @@ def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, lea
 def test_a_picture_of_the_artists_own_stays_as_it_is_shown(bpy, addon, learned, editor):
     space, fitted = editor
     space.image = own = bpy.data.images.new("sketch", 8, 8)
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(learned).wait()
     assert space.image == own and fitted == []
 
 

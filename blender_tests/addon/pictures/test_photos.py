@@ -31,7 +31,7 @@ def background(bpy, scene):
 
 def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it(bpy, addon, scene, bent, tmp_path):
     folder, pixels = bent
-    addon.headless.import_capture(folder, tmp_path / "project")
+    addon.steps.import_capture(scene, folder, tmp_path / "project")
     shown = addon.images.read_picture(background(bpy, scene))
     assert shown.shape == (HEIGHT, WIDTH, 3)
     for u, v in pixels:
@@ -43,7 +43,7 @@ def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it(bpy, addon, scene, be
 def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent, tmp_path, monkeypatch):
     monkeypatch.setattr(addon.photos, "SHOWN_PIXELS", WIDTH * HEIGHT // 4, raising=False)
     folder, pixels = bent
-    addon.headless.import_capture(folder, tmp_path / "project")
+    addon.steps.import_capture(scene, folder, tmp_path / "project")
     shown = addon.images.read_picture(background(bpy, scene))
     assert shown.shape == (HEIGHT // 2, WIDTH // 2, 3)
     for u, v in pixels / 2:
@@ -54,30 +54,30 @@ def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent,
 
 
 def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
-    addon.headless.import_capture(bent[0], tmp_path / "project")
+    addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     path = addon.folders.project_of(scene).photos_folder
     (made,) = path.iterdir()
     written = made.stat().st_mtime_ns
     addon.steps.look_through(scene)
-    addon.headless.import_capture(bent[0], tmp_path / "project")
+    addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     assert background(bpy, scene) == str(made) and made.stat().st_mtime_ns == written
     assert len(scene.camera.data.background_images) == 1
 
 
 def test_without_photos_looking_through_adds_none(addon, scene, bent, tmp_path):
-    addon.headless.import_capture(bent[0], tmp_path / "project", photos=False)
+    addon.steps.import_capture(scene, bent[0], tmp_path / "project", rig=addon.steps.RigOptions(photos=False))
     assert not scene.camera.data.background_images
 
 
 def test_masks_are_painted_on_the_photo_as_stored(addon, scene, bent, tmp_path):
-    addon.headless.import_capture(bent[0], tmp_path / "project")
+    addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     assert addon.steps.show_photo(scene).filepath == str(bent[0] / "images" / "a.png")
 
 
 def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_path):
     photo = bent[0] / "images" / "a.png"
     photo.write_bytes(photo.read_bytes()[:60])
-    capture = addon.headless.import_capture(bent[0], tmp_path / "project")
+    capture = addon.steps.import_capture(scene, bent[0], tmp_path / "project")
     assert "a.png" in capture.warnings[-1] and len(scene.karf.rig.children) == 1
 
 

@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def imported(bpy, addon, scene, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
     return scene
 
 

@@ -69,15 +69,15 @@ def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monk
 
 
 def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, timed, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
     assert not bpy.ops.karf.segment.poll()
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(bpy.context.scene).wait()
     assert "learn" in draw_all(bpy, addon)[1]
     scene = bpy.context.scene
     addon.steps.add_object(scene, "pot")
     addon.steps.mark_stroke(scene, [(5, 5)], 3)
     assert bpy.ops.karf.segment.poll()
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(scene).wait()
     assert "Show" in draw_all(bpy, addon)[0]
     scene.karf.active_view = "photo_2"
     assert "Prepare" in draw_all(bpy, addon)[0]
@@ -164,13 +164,13 @@ def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned,
 def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, timed, capture_folder):
     project = addon.folders.project_of(learned).folder
     shutil.rmtree(project)
-    addon.headless.import_capture(capture_folder, project)
+    addon.steps.import_capture(learned, capture_folder, project)
     assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
 
 
 def test_a_place_that_cannot_be_written_is_redone_and_the_cameras_come(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
-    capture = addon.headless.import_capture(capture_folder, tmp_path / "file" / "project")
+    capture = addon.steps.import_capture(scene, capture_folder, tmp_path / "file" / "project")
     assert "cannot be made" in capture.warnings[-1] and len(scene.karf.rig.children) == 3
 
 

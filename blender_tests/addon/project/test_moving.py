@@ -21,7 +21,7 @@ def hidden(bpy, addon, learned, capture_folder, tmp_path, monkeypatch):
 @pytest.fixture
 def saved(bpy, addon, hidden, tmp_path):
     (tmp_path / "desk").mkdir()
-    addon.headless.save(tmp_path / "desk" / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "desk" / "shot.blend"))
     return hidden
 
 
@@ -31,7 +31,7 @@ def folder_of(addon, scene):
 
 def test_it_moves_beside_the_file_which_is_saved_with_its_new_place(bpy, addon, saved, tmp_path):
     old, files = folder_of(addon, saved), sorted(path.name for path in folder_of(addon, saved).rglob("*.npz"))
-    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    addon.steps.set_swatch(saved, "pot", 1, (0.25, 0.5, 0.75))
     addon.images.write_png(old / "photos" / "straight.png", np.zeros((4, 4, 3)))
     photo = bpy.data.images.load(str(old / "photos" / "straight.png"))
     assert bpy.ops.karf.move_project() == {"FINISHED"}

@@ -7,13 +7,13 @@ import pytest
 
 
 @pytest.fixture
-def saved(addon, learned, tmp_path):
+def saved(bpy, addon, learned, tmp_path):
     """The learned scene, edited, saved as root/first/shot.blend with its project beside it."""
     first = tmp_path / "root" / "first"
     shutil.copytree(addon.folders.project_of(learned).folder, first / "project")
     learned.karf.project = str(first / "project")
-    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
-    addon.headless.save(first / "shot.blend")
+    addon.steps.set_swatch(learned, "pot", 1, (0.25, 0.5, 0.75))
+    bpy.ops.wm.save_as_mainfile(filepath=str(first / "shot.blend"))
     assert learned.karf.project == "//project"
     return learned
 

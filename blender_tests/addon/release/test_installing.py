@@ -27,13 +27,14 @@ preferences.engine_python, preferences.threads = sys.executable, 3
 own = Path(bpy.utils.extension_path_user("bl_ext.user_default.karf", path="engine", create=True))
 (own / "note.txt").write_text("kept")
 karf("karf_blender.engine_api").ENGINE_FOLDER = fake_engine
-steps = karf("karf_blender.headless")
-steps.import_capture(capture, folder / "project")
-steps.learn_scene()
-steps.extract_palette()
-name = bpy.context.scene.karf.objects[0].name
-steps.set_swatch(name, 1, (0.25, 0.5, 1.25))
-steps.save(folder / "film.blend")
+steps = karf("karf_blender.steps")
+scene = bpy.context.scene
+steps.import_capture(scene, capture, folder / "project")
+steps.learn_scene(scene).wait()
+steps.extract_palette(scene).wait()
+name = scene.karf.objects[0].name
+steps.set_swatch(scene, name, 1, (0.25, 0.5, 1.25))
+bpy.ops.wm.save_as_mainfile(filepath=str(folder / "film.blend"))
 bpy.ops.wm.save_userpref()
 before = karf("karf_engine.version").__version__
 install(newer)
@@ -47,8 +48,8 @@ bpy.ops.wm.open_mainfile(filepath=str(folder / "film.blend"))
 addon = bpy.context.preferences.addons["bl_ext.user_default.karf"]
 own = Path(bpy.utils.extension_path_user("bl_ext.user_default.karf", path="engine"))
 scene = bpy.context.scene.karf
-steps = karf("karf_blender.headless")
-steps.save_edit(folder / "edit.json")
+steps = karf("karf_blender.steps")
+steps.save_edit(bpy.context.scene, folder / "edit.json")
 print(json.dumps({
     "version": karf("karf_engine.version").__version__,
     "engine_python": addon.preferences.engine_python == sys.executable,

@@ -50,7 +50,7 @@ def options_are(addon, monkeypatch, **more):
 
 
 def test_the_picture_has_the_swatches_colors_and_stands_upright(addon, scene, render):
-    addon.headless.set_swatch("pot", 1, (0.2, 0.4, 0.8))
+    addon.steps.set_swatch(scene, "pot", 1, (0.2, 0.4, 0.8))
     combined = render()["Combined"]
     rows = np.linspace(1, 0.5, HEIGHT)[:, None] * np.array([0.2, 0.4, 0.8])
     np.testing.assert_allclose(combined[:, 0, :3], addon.engine_api.srgb_to_linear(rows), atol=1e-4)
@@ -163,12 +163,12 @@ def test_a_cancelled_render_ends_the_worker(addon, scene, monkeypatch):
     depsgraph = scene.view_layers[0].depsgraph
     with pytest.raises(addon.engine_api.Cancelled):
         addon.still.render(engine, depsgraph)
-    assert addon.session.get(addon.blocking._State).worker is None
+    assert addon.session.get(addon.blocking.RenderWorker).worker is None
 
 
 @pytest.mark.parametrize(
     ("behave", "sentence"),
-    [("refuse", "photo_7.png is missing"), ("crash", "crashed"), ("idle", "ended before it answered")],
+    [("refuse", "photo_7.png is missing"), ("crash", "crashed"), ("idle", "exited before it answered")],
 )
 def test_what_the_engine_cannot_do_is_said(addon, scene, render, monkeypatch, behave, sentence):
     options_are(addon, monkeypatch, behave=behave)

@@ -13,7 +13,7 @@ def view(bpy, addon, learned, monkeypatch):
     """A 3D View of the captured cameras: `draw()` is what Blender's redraw asks for, `long_sides` what was asked."""
     clock = SimpleNamespace(now=100.0)
     monkeypatch.setattr(addon.viewport.time, "monotonic", lambda: clock.now)
-    monkeypatch.setattr(addon.viewport.timer, "start", lambda poll: None)
+    monkeypatch.setattr(addon.session, "start_timer", lambda poll: None)
     camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     depsgraph = bpy.context.view_layer.depsgraph
     data = SimpleNamespace(
@@ -55,9 +55,9 @@ def test_a_small_picture_comes_first_and_the_whole_one_when_all_stands_still(add
     assert len(view.long_sides) == 2
 
 
-def test_a_picture_follows_the_view_and_the_swatches(addon, view):
+def test_a_picture_follows_the_view_and_the_swatches(bpy, addon, view):
     view.draw()
-    addon.headless.set_swatch("pot", 1, (0.2, 0.4, 0.8))
+    addon.steps.set_swatch(bpy.context.scene, "pot", 1, (0.2, 0.4, 0.8))
     expected = addon.engine_api.srgb_to_linear([0.2, 0.4, 0.8])
     np.testing.assert_allclose(color(view.draw(0.01)), expected, atol=2e-3)
     view.data.view_matrix = view.data.view_matrix.copy()

@@ -31,7 +31,7 @@ def film(bpy, scene):
 @pytest.fixture
 def rigged(bpy, addon, scene, capture_folder, tmp_path):
     """A capture's rig, turned and scaled."""
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
     rig = scene.karf.rig
     rig.location, rig.rotation_euler, rig.scale = (2, -1, 0.5), (0.4, -0.2, 1.0), (1.7, 1.7, 1.7)
     return rig
@@ -50,29 +50,29 @@ def assert_alike(found, expected):
 
 
 def test_a_round_trip_loses_nothing(bpy, addon, scene, film, tmp_path):
-    first = addon.headless.export_cameras(tmp_path / "first.json")
+    first = addon.steps.export_cameras(scene, tmp_path / "first.json")
     scene.render.resolution_percentage, scene.render.pixel_aspect_y = 100, 1.0
     scene.frame_start, scene.frame_end = 1, 250
-    camera = addon.headless.import_cameras(first)
+    camera = addon.steps.import_cameras(scene, first)
     assert camera is not film and scene.camera == camera and scene.frame_current == 3
     assert (scene.frame_start, scene.frame_end) == (3, 9)
-    second = addon.headless.export_cameras(tmp_path / "second.json")
+    second = addon.steps.export_cameras(scene, tmp_path / "second.json")
     assert json.loads(second.read_text())["frames"][0]["file_path"] == "frame_0003"
     assert_alike(cameras_in(addon, second), cameras_in(addon, first))
 
 
 def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(bpy, addon, scene, film, rigged, tmp_path):
     scene.camera = film
-    first = addon.headless.export_cameras(tmp_path / "first.json", frames=range(1, 13, 4))
-    camera = addon.headless.import_cameras(first)
+    first = addon.steps.export_cameras(scene, tmp_path / "first.json", frames=range(1, 13, 4))
+    camera = addon.steps.import_cameras(scene, first)
     assert camera.parent == rigged
     rigged.location.x += 3  # the capture's world moves as a whole
-    second = addon.headless.export_cameras(tmp_path / "second.json", frames=range(1, 13, 4))
+    second = addon.steps.export_cameras(scene, tmp_path / "second.json", frames=range(1, 13, 4))
     assert_alike(cameras_in(addon, second), cameras_in(addon, first))
 
 
 def test_exported_cameras_project_as_the_blender_camera_does(addon, scene, film, tmp_path):
-    path = addon.headless.export_cameras(tmp_path / "cameras.json", frames=[5])
+    path = addon.steps.export_cameras(scene, tmp_path / "cameras.json", frames=[5])
     scene.frame_set(5)
     assert_alike(cameras_in(addon, path), [addon.frames.pinhole(scene, film)])
 
@@ -82,7 +82,7 @@ def test_cameras_without_frame_numbers_follow_one_another(addon, scene, tmp_path
     camera = api.Camera(40, 30, 35.0, 35.0, 20.0, 15.0, np.eye(4))
     api.write_cameras(tmp_path / "c.json", [api.View(name, name, camera, None, "test") for name in ("left", "right2")])
     scene.frame_start = 7
-    addon.headless.import_cameras(tmp_path / "c.json")
+    addon.steps.import_cameras(scene, tmp_path / "c.json")
     assert (scene.frame_start, scene.frame_end) == (7, 8)
 
 
@@ -91,8 +91,8 @@ def test_other_sizes_are_brought_to_the_first_ones(addon, scene, tmp_path):
     cameras = [api.Camera(40 * n, 30 * n, 35.0 * n, 35.0 * n, 21.0 * n, 15.0 * n, np.eye(4)) for n in (1, 3)]
     views = [api.View(f"f{i}", f"f{i}", camera, None, "test") for i, camera in enumerate(cameras)]
     api.write_cameras(tmp_path / "c.json", views)
-    addon.headless.import_cameras(tmp_path / "c.json")
-    found = addon.headless.export_cameras(tmp_path / "d.json")
+    addon.steps.import_cameras(scene, tmp_path / "c.json")
+    found = addon.steps.export_cameras(scene, tmp_path / "d.json")
     assert_alike(cameras_in(addon, found), [cameras[0], cameras[0]])
 
 
@@ -119,4 +119,4 @@ def test_without_a_camera_the_export_says_so(bpy, addon, scene, tmp_path):
     with pytest.raises(RuntimeError, match="no camera"):
         bpy.ops.karf.export_cameras(filepath=str(tmp_path / "cameras.json"))
     with pytest.raises(addon.engine_api.BadRequest, match="no camera"):
-        addon.headless.export_cameras(tmp_path / "cameras.json")
+        addon.steps.export_cameras(scene, tmp_path / "cameras.json")

@@ -9,7 +9,7 @@ def shot(bpy, addon, scene, capture_folder, tmp_path):
     scene.camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
     scene.collection.objects.link(scene.camera)
     scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y = 1998, 1080, 1.5
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
     return scene
 
 

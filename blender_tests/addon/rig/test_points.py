@@ -38,7 +38,7 @@ def colmap_folder(addon, tmp_path):
 
 @pytest.fixture
 def imported(addon, scene, colmap_folder, tmp_path):
-    addon.headless.import_capture(colmap_folder, tmp_path / "project")
+    addon.steps.import_capture(scene, colmap_folder, tmp_path / "project")
     return scene
 
 
@@ -86,13 +86,13 @@ def test_a_hundred_thousand_points_keep_their_places(bpy, addon, scene):
 
 
 def test_points_can_be_left_out(addon, scene, colmap_folder, tmp_path):
-    addon.headless.import_capture(colmap_folder, tmp_path / "project", points=False)
+    addon.steps.import_capture(scene, colmap_folder, tmp_path / "project", rig=addon.steps.RigOptions(points=False))
     assert all(child.type == "CAMERA" for child in scene.karf.rig.children)
-    assert addon.headless.reprojection_error("p2").count == 40
+    assert addon.steps.reprojection_error(scene, "p2").count == 40
 
 
 def test_errors_are_those_of_the_photo_as_stored(addon, imported):
-    first, second = (addon.headless.reprojection_error(name) for name in ("p1", "p2"))
+    first, second = (addon.steps.reprojection_error(imported, name) for name in ("p1", "p2"))
     assert (first.count, second.count) == (40, 40)
     assert first.median == pytest.approx(3, abs=1e-3) and first.worst == pytest.approx(3, abs=1e-3)
     assert second.worst < 1e-3
@@ -121,7 +121,7 @@ def test_another_camera_has_no_errors_until_it_is_looked_through(bpy, addon, imp
 
 def test_the_overlay_is_off_in_a_loaded_file(bpy, addon, imported, tmp_path):
     imported.karf.show_reprojection = True
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     scene = bpy.context.scene
     assert not scene.karf.show_reprojection
@@ -129,12 +129,12 @@ def test_the_overlay_is_off_in_a_loaded_file(bpy, addon, imported, tmp_path):
 
 
 def test_a_capture_without_points_says_so(addon, scene, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
     with pytest.raises(addon.engine_api.DataError, match="no sparse points"):
-        addon.headless.reprojection_error()
+        addon.steps.reprojection_error(scene)
     assert addon.reprojection.of_camera(scene, scene.camera) is None
 
 
 def test_a_model_chosen_by_a_file_in_it_is_the_capture_of_its_folder(addon, scene, colmap_folder, tmp_path):
-    addon.headless.import_capture(colmap_folder / "sparse" / "0" / "images.txt", tmp_path / "project")
+    addon.steps.import_capture(scene, colmap_folder / "sparse" / "0" / "images.txt", tmp_path / "project")
     assert addon.folders.absolute(scene.karf.capture) == colmap_folder

@@ -28,19 +28,19 @@ def test_a_poor_capture_is_learned_all_the_same(bpy, addon, checked):
 
 
 def test_another_capture_is_not_said_to_be_poor(addon, checked, two_splits, tmp_path):
-    addon.headless.import_capture(two_splits, tmp_path / "other")
+    addon.steps.import_capture(checked, two_splits, tmp_path / "other")
     assert not checked.karf.is_poor and checked.karf.advice == ""
 
 
 def test_the_same_capture_imported_again_keeps_its_advice(addon, checked, capture_folder):
-    addon.headless.import_capture(capture_folder)
+    addon.steps.import_capture(checked, capture_folder)
     assert checked.karf.advice
 
 
 def test_masks_that_were_drawn_are_looked_at_too(bpy, addon, checked, tmp_path):
     (tmp_path / "masks").mkdir()
     checked.karf.masks = str(tmp_path / "masks")
-    addon.headless.check_capture()
+    addon.steps.check_capture(checked)
     assert not checked.karf.is_poor
 
 

@@ -22,7 +22,7 @@ def sheet(tmp_path):
 
 def test_what_each_color_will_be_needs_no_engine(addon, learned, sheet, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere/python")
-    night, day = addon.headless.colorways(sheet, predict_only=True)
+    night, day = addon.steps.predict_colorways(learned, sheet)
     assert (night.colorway.name, day.colorway.name) == ("Night", "Day")
     pot, lid = night.predictions
     assert pot.ciede2000 < 1 and not pot.reason
@@ -30,7 +30,7 @@ def test_what_each_color_will_be_needs_no_engine(addon, learned, sheet, monkeypa
 
 
 def test_the_engine_writes_every_colorway_in_every_view(addon, learned, sheet, tmp_path):
-    addon.headless.colorways(sheet, "photo_0,photo_2", tmp_path / "out")
+    addon.steps.colorways(learned, sheet, "photo_0,photo_2", tmp_path / "out").wait()
     written = sorted(path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.png"))
     assert written == ["Day/photo_0.png", "Day/photo_2.png", "Night/photo_0.png", "Night/photo_2.png"]
 
@@ -38,7 +38,7 @@ def test_the_engine_writes_every_colorway_in_every_view(addon, learned, sheet, t
 def test_locked_swatches_stay(addon, learned, sheet):
     for swatch in learned.karf.objects["pot"].swatches[1:]:
         swatch.locked = True
-    night, _ = addon.headless.colorways(sheet, predict_only=True)
+    night, _ = addon.steps.predict_colorways(learned, sheet)
     assert "locked swatches" in night.predictions[0].reason
 
 
@@ -51,7 +51,7 @@ def test_by_default_they_go_to_a_folder_of_the_sheet(bpy, addon, learned, sheet)
 def test_a_wrong_sheet_is_told_before_a_job_is_made(bpy, addon, learned, sheet):
     sheet.write_text(SHEET.replace("Day,pot", "Day,pan"))
     with pytest.raises(addon.engine_api.DataError, match="line 4: there is no object 'pan'"):
-        addon.headless.colorways(sheet)
+        addon.steps.colorways(learned, sheet).wait()
     with pytest.raises(RuntimeError, match="line 4"):
         bpy.ops.karf.colorways(filepath=str(sheet))
     assert not list(addon.folders.project_of(learned).folder.glob("jobs/*colorways"))

@@ -25,7 +25,7 @@ def parameters(bundle):
 
 
 def test_the_job_has_the_cameras_and_the_swatches_of_each_frame(addon, filmed, tmp_path):
-    bundle = addon.headless.farm_bundle(out=tmp_path / "job", per_task=3)
+    bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job", per_task=3)
     names = [f"frame_{number:04d}" for number in range(11, 15)]
     frames = json.loads((bundle / "cameras.json").read_text())["frames"]
     assert [frame["file_path"] for frame in frames] == names
@@ -38,7 +38,7 @@ def test_the_job_has_the_cameras_and_the_swatches_of_each_frame(addon, filmed, t
 
 def test_the_job_renders_as_the_panel_says(addon, filmed, tmp_path):
     filmed.karf.file_format, filmed.karf.color_depth, filmed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
-    bundle = addon.headless.farm_bundle(out=tmp_path / "job")
+    bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job")
     (step,) = json.loads((bundle / "template.json").read_text())["steps"]
     arguments = " ".join(step["script"]["actions"]["onRun"]["args"])
     assert "--base render --alpha --format exr16" in arguments

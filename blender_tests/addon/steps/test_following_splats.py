@@ -12,7 +12,7 @@ from ..timers import pretend_window
 
 @pytest.fixture
 def scene_of_splats(addon, learned):
-    addon.headless.learn_splats()
+    addon.steps.learn_splats(learned).wait()
     return learned
 
 
@@ -35,11 +35,10 @@ def beside(bpy, addon, scene_of_splats, monkeypatch):
         return asked[before:]
 
     yield SimpleNamespace(settle=settle, asked=asked, karf=scene_of_splats.karf)
-    addon.session.get(addon.timer._State).polls.clear()
 
 
-def set_pot(addon, color):
-    addon.headless.set_swatch("pot", 1, color)
+def set_pot(bpy, addon, color):
+    addon.steps.set_swatch(bpy.context.scene, "pot", 1, color)
 
 
 def assert_shows(item, color):
@@ -53,11 +52,11 @@ def assert_shows(item, color):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_script_gives_an_object_the_colors_of_now(bpy, addon, scene_of_splats, kind):
     item = make(bpy, kind, 4)
-    set_pot(addon, (0.1, 0.2, 0.9))
-    addon.headless.follow_splat(item)
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
+    addon.steps.follow_splat(scene_of_splats, item)
     assert_shows(item, (0.1, 0.2, 0.9))
-    set_pot(addon, (0.9, 0.2, 0.1))
-    addon.headless.follow_splat(item)
+    set_pot(bpy, addon, (0.9, 0.2, 0.1))
+    addon.steps.follow_splat(scene_of_splats, item)
     assert_shows(item, (0.9, 0.2, 0.1))
 
 
@@ -66,7 +65,7 @@ def test_it_follows_swatches_and_asks_no_more_than_they_change(bpy, addon, besid
     addon.steps.follow_splat(bpy.context.scene, item)
     assert beside.settle() == []  # the first colors were already on their way
     assert_shows(item, (0.8, 0.2, 0.1))
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     assert len(beside.settle()) == 1
     assert_shows(item, (0.1, 0.2, 0.9))
     assert beside.settle() == []
@@ -76,7 +75,7 @@ def test_of_several_changes_the_newest_wins(bpy, addon, beside):
     item = make(bpy, "kiri", 4)
     addon.steps.follow_splat(bpy.context.scene, item)
     for blue in (0.3, 0.5, 0.7):
-        set_pot(addon, (0.1, 0.2, blue))
+        set_pot(bpy, addon, (0.1, 0.2, blue))
         addon.splats._look()
     assert len(beside.asked) == 1
     assert len(beside.settle()) == 1
@@ -95,7 +94,7 @@ def test_an_object_that_follows_no_more_keeps_its_colors(bpy, addon, beside):
     addon.steps.follow_splat(bpy.context.scene, item)
     beside.settle()
     addon.steps.unfollow_splat(bpy.context.scene)
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     assert beside.settle() == [] and addon.splats._look() is None
     assert_shows(item, (0.8, 0.2, 0.1))
 
@@ -114,7 +113,7 @@ def test_undo_of_a_swatch_brings_its_colors_back(bpy, addon, beside):
     addon.steps.follow_splat(bpy.context.scene, item)
     beside.settle()
     bpy.ops.ed.undo_push(message="as learned")
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     bpy.ops.ed.undo_push(message="blue")  # before the colors come: the step has the old ones
     beside.settle()
     bpy.ops.ed.undo()
@@ -130,7 +129,7 @@ def test_a_deleted_object_is_asked_for_no_more_and_undo_brings_it_back(bpy, addo
     addon.steps.follow_splat(bpy.context.scene, item)
     beside.settle()
     bpy.context.scene.collection.objects.unlink(item)
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     assert beside.settle() == []
     bpy.context.scene.collection.objects.link(item)
     assert len(beside.settle()) == 1
@@ -171,9 +170,9 @@ def test_a_refusal_is_said_once_and_the_next_change_is_asked_for(bpy, addon, bes
     monkeypatch.setattr(addon.splat_objects, "points_of", lambda item: points_of(item) | {"count": 3})
     addon.steps.follow_splat(bpy.context.scene, item)
     assert beside.settle() == []
-    assert f"has {N} points where 3 splats have colors" in addon.progress.state().error
+    assert f"has {N} points, but there are colors for 3 splats" in addon.progress.state().error
     monkeypatch.setattr(addon.splat_objects, "points_of", points_of)
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     beside.settle()
     assert_shows(item, (0.1, 0.2, 0.9))
 
@@ -186,7 +185,7 @@ def test_an_engine_that_cannot_start_is_said(bpy, addon, beside, monkeypatch):
         raise addon.engine_api.BadRequest("There is no engine yet.")
 
     monkeypatch.setattr(addon.queries, "send", refuse)
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     assert addon.splats._look() is not None
     assert addon.progress.state().error == "There is no engine yet."
 
@@ -194,10 +193,10 @@ def test_an_engine_that_cannot_start_is_said(bpy, addon, beside, monkeypatch):
 def test_a_saved_object_goes_on_following_and_starts_no_engine_before_a_change(bpy, addon, beside, tmp_path):
     addon.steps.follow_splat(bpy.context.scene, make(bpy, "kiri", 4))
     beside.settle()
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert beside.settle() == []
-    set_pot(addon, (0.1, 0.2, 0.9))
+    set_pot(bpy, addon, (0.1, 0.2, 0.9))
     assert len(beside.settle()) == 1
     assert_shows(bpy.context.scene.karf.surface.splat, (0.1, 0.2, 0.9))
 
@@ -226,16 +225,16 @@ def test_the_button_takes_another_object_and_lets_go_of_one_that_is_not_active(b
 def test_the_button_needs_splats_and_palettes(bpy, addon, learned):
     make(bpy, "kiri", 4)
     assert not bpy.ops.karf.follow_splat.poll()
-    addon.headless.learn_splats()
+    addon.steps.learn_splats(learned).wait()
     assert bpy.ops.karf.follow_splat.poll()
 
 
 def test_other_objects_are_refused(bpy, addon, scene_of_splats):
-    with pytest.raises(addon.headless.KarfError, match="is no object of splats"):
-        addon.headless.follow_splat(scene_of_splats.karf.rig)
+    with pytest.raises(addon.steps.KarfError, match="is not a splat object"):
+        addon.steps.follow_splat(scene_of_splats, scene_of_splats.karf.rig)
     item = make(bpy, "kiri", 4)
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(addon.headless.KarfError, match="is in Edit Mode"):
-        addon.headless.follow_splat(item)
+    with pytest.raises(addon.steps.KarfError, match="is in Edit Mode"):
+        addon.steps.follow_splat(scene_of_splats, item)
     bpy.ops.object.mode_set(mode="OBJECT")
     assert scene_of_splats.karf.surface.splat is None

@@ -50,7 +50,7 @@ def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, cap
 
     monkeypatch.setattr(addon.cameras, "_set_background", fail)
     with pytest.raises(RuntimeError, match="disk gone"):
-        addon.headless.import_capture(capture_folder, "project")
+        addon.steps.import_capture(scene, capture_folder, "project")
     assert not bpy.data.objects and not bpy.data.collections
 
 
@@ -60,14 +60,14 @@ def test_blenders_own_cube_leaves_a_new_file_and_one_that_was_touched_stays(
 ):
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.data.objects["Cube"].location.x = moved
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
     assert ("Cube" in bpy.data.objects) == bool(moved)
     assert {"Camera", "Light"} <= set(bpy.data.objects.keys())
 
 
 def test_undo_takes_the_import_back(bpy, addon, capture_folder, tmp_path):
     bpy.ops.ed.undo_push(message="before")
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
     bpy.ops.ed.undo_push(message="import")
     bpy.ops.ed.undo()
     assert not bpy.context.scene.karf.project and not bpy.data.cameras
@@ -75,8 +75,8 @@ def test_undo_takes_the_import_back(bpy, addon, capture_folder, tmp_path):
 
 def test_without_a_project_a_saved_file_gets_one_beside_it(bpy, addon, scene, capture_folder, tmp_path):
     (tmp_path / "film").mkdir()
-    addon.headless.save(tmp_path / "film" / "shot.blend")
-    addon.headless.import_capture(capture_folder)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "film" / "shot.blend"))
+    addon.steps.import_capture(scene, capture_folder)
     assert scene.karf.project == "//pots_karf"
     assert addon.folders.project_of(scene).folder == tmp_path / "film" / "pots_karf"
 
@@ -89,19 +89,19 @@ def test_an_unsaved_file_gets_a_project_in_the_extensions_own_folder(
         "extension_path_user",
         lambda package, path, create: str(tmp_path / package.rpartition(".")[2] / path),
     )
-    addon.headless.import_capture(capture_folder)
+    addon.steps.import_capture(scene, capture_folder)
     assert addon.folders.project_of(scene).folder == tmp_path / "karf" / "projects" / "pots"
 
 
 def test_importing_again_keeps_the_project_that_was_chosen(addon, imported, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder)
+    addon.steps.import_capture(imported, capture_folder)
     assert addon.folders.project_of(imported).folder == tmp_path / "project"
 
 
 def test_a_capture_chosen_by_its_file_is_the_one_chosen_by_its_folder(addon, learned, capture_folder):
-    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    addon.steps.set_swatch(learned, "pot", 1, (0.25, 0.5, 0.75))
     project = addon.folders.project_of(learned).folder
-    addon.headless.import_capture(capture_folder / "transforms.json")
+    addon.steps.import_capture(learned, capture_folder / "transforms.json")
     assert addon.folders.project_of(learned).folder == project
     assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
 
@@ -110,9 +110,9 @@ def test_saving_makes_paths_relative_and_saving_elsewhere_keeps_them_right(bpy, 
     first, second = tmp_path / "a" / "shot.blend", tmp_path / "b" / "c" / "shot.blend"
     first.parent.mkdir()
     second.parent.mkdir(parents=True)
-    addon.headless.save(first)
+    bpy.ops.wm.save_as_mainfile(filepath=str(first))
     assert imported.karf.project == "//../project"
-    addon.headless.save(second)
+    bpy.ops.wm.save_as_mainfile(filepath=str(second))
     assert imported.karf.project == "//../../project"
     bpy.ops.wm.open_mainfile(filepath=str(second))
     assert addon.folders.project_of(bpy.context.scene).folder == tmp_path / "project"
@@ -121,7 +121,7 @@ def test_saving_makes_paths_relative_and_saving_elsewhere_keeps_them_right(bpy, 
 def test_saving_a_copy_leaves_the_open_file_right_and_the_copy_too(bpy, addon, imported, tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b" / "c").mkdir(parents=True)
-    addon.headless.save(tmp_path / "a" / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a" / "shot.blend"))
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"), copy=True)
     assert addon.folders.project_of(imported).folder == tmp_path / "project"
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "b" / "c" / "copy.blend"))
@@ -132,14 +132,14 @@ def test_a_learned_project_brings_its_swatches_and_masks(bpy, addon, learned, ca
     project = addon.folders.project_of(learned)
     (project.masks_folder / "pot").mkdir(parents=True)
     bpy.ops.wm.read_homefile(use_empty=True)
-    addon.headless.import_capture(capture_folder, project.folder)
+    addon.steps.import_capture(bpy.context.scene, capture_folder, project.folder)
     karf = bpy.context.scene.karf
     assert karf.objects.keys() == ["lid", "pot"]
     assert addon.folders.absolute(karf.masks) == project.masks_folder
 
 
 def test_choosing_the_same_project_again_keeps_the_edits(addon, learned):
-    addon.headless.set_swatch("pot", 1, (0.25, 0.5, 0.75))
+    addon.steps.set_swatch(learned, "pot", 1, (0.25, 0.5, 0.75))
     learned.karf.project = learned.karf.project + "/../project"
     assert learned.karf.objects["pot"].swatches[1].color[:] == (0.25, 0.5, 0.75)
 
@@ -208,25 +208,25 @@ def test_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, captur
 
 
 def test_photos_without_poses_become_an_imported_capture(bpy, addon, scene, capture_folder, tmp_path):
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.ops.karf.find_poses(filepath=str(capture_folder / "images")) == {"FINISHED"}
     assert addon.folders.absolute(scene.karf.project) == tmp_path / "images_karf"
     assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf" / "capture"
     assert scene.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
 
 
-def test_poses_found_anew_leave_the_earlier_project_alone(addon, scene, capture_folder, tmp_path):
-    addon.headless.save(tmp_path / "shot.blend")
-    addon.headless.find_poses(capture_folder / "images")
-    addon.headless.find_poses(capture_folder / "images")
+def test_poses_found_anew_leave_the_earlier_project_alone(bpy, addon, scene, capture_folder, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    addon.steps.find_poses(scene, capture_folder / "images").wait()
+    addon.steps.find_poses(scene, capture_folder / "images").wait()
     assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf_2" / "capture"
 
 
 def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
     assert addon.contents.finished_stages(imported) == frozenset()
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(imported).wait()
     assert addon.contents.finished_stages(imported) == {"geometry"}
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(imported).wait()
     assert addon.contents.finished_stages(imported) == {"geometry", "palette", "recoloring"}
 
 
@@ -243,9 +243,9 @@ def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(bpy, addon, s
 
 def test_masks_of_another_capture_leave_the_scene(addon, imported, capture_folder, two_splits, tmp_path):
     imported.karf.masks = str(tmp_path / "masks")
-    addon.headless.import_capture(capture_folder)
+    addon.steps.import_capture(imported, capture_folder)
     assert imported.karf.masks, "imported again, it lost its own"
-    addon.headless.import_capture(two_splits)
+    addon.steps.import_capture(imported, two_splits)
     assert not imported.karf.masks
 
 

@@ -13,9 +13,9 @@ def test_a_pretrained_nerf_goes_along_with_what_is_learned(addon, project_scene,
 def test_steps_out_of_order_are_refused_in_words(bpy, addon, scene):
     assert not bpy.ops.karf.learn_scene.poll()
     with pytest.raises(addon.engine_api.BadRequest, match="no capture"):
-        addon.headless.learn_scene()
+        addon.steps.learn_scene(scene).wait()
     with pytest.raises(addon.engine_api.BadRequest, match="No masks"):
-        addon.headless.segment()
+        addon.steps.segment(scene).wait()
 
 
 def test_one_button_learns_everything_and_shows_the_picture(bpy, addon, project_scene, tmp_path):

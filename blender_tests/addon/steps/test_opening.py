@@ -11,10 +11,10 @@ def test_the_folders_in_which_files_appear_are_opened(bpy, addon, learned, tmp_p
     opened = []
     # what Blender's own operator calls
     monkeypatch.setattr(subprocess, "check_call", lambda command: opened.append(command[-1]))
-    with pytest.raises(RuntimeError, match="is not there yet"):
+    with pytest.raises(RuntimeError, match="does not exist yet"):
         bpy.ops.karf.open_folder(folder="out")
     bpy.ops.karf.open_folder(folder="project")
-    frames = addon.headless.render_captured("all", tmp_path / "elsewhere")
+    frames = addon.steps.render_captured(learned, "all", tmp_path / "elsewhere").wait()
     bpy.ops.karf.open_folder(folder="frames")
     bpy.ops.karf.open_folder(folder="written")
     assert opened == [str(addon.folders.project_of(learned).folder), str(frames), str(frames)]

@@ -80,7 +80,7 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     before = picture(bpy, addon)
     live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.2 + 0.4, 0.1)
     addon.preview._tick()
-    assert addon.session.get(addon.queries._State).worker is None
+    assert addon.session.get(addon.queries.QueryWorker).worker is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 
@@ -91,7 +91,7 @@ def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_wh
     for _ in range(5):
         addon.preview._tick()
     assert not addon.queries.is_waiting("preview")
-    assert "No Image Editor shows the picture KaRF camera" in addon.preview.message()
+    assert "The picture KaRF camera is only rendered while an Image Editor shows it" in addon.preview.message()
     live.editor.image = bpy.data.images["KaRF camera"]
     assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
     assert addon.preview.message() == ""
@@ -211,7 +211,7 @@ def test_it_ends_with_its_scene(bpy, addon, live, tmp_path):
 
 def test_the_picture_is_saved_with_the_file(bpy, addon, live, tmp_path):
     live.look(1)
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.data.images["KaRF camera"].packed_file is not None
 
 
@@ -224,8 +224,8 @@ def test_the_switch_needs_a_window(bpy, addon, learned):
 def test_a_script_writes_what_a_camera_sees_with_the_swatches_as_they_stand(bpy, addon, learned, tmp_path):
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
     learned.render.resolution_x, learned.render.resolution_y = 300, 150
-    addon.headless.set_swatch("pot", 1, (0.8, 0.6, 0.1))
-    path = addon.headless.preview_camera(tmp_path / "out" / "seen.png", long_side=100)
+    addon.steps.set_swatch(learned, "pot", 1, (0.8, 0.6, 0.1))
+    path = addon.steps.preview_camera(learned, tmp_path / "out" / "seen.png", long_side=100)
     seen = addon.images.read_picture(path)
     assert seen.shape == (50, 100, 3) and seen[..., 1].mean() - seen[..., 0].mean() == pytest.approx(0.1, abs=0.01)
 

@@ -9,7 +9,7 @@ from karf_engine.commands.options import options_of_job
 def film(addon, learned, tmp_path):
     """The scene with five frames of its camera rendered."""
     learned.frame_start, learned.frame_end = 3, 7
-    addon.headless.render_sequence(out=tmp_path / "out")
+    addon.steps.render_sequence(learned, out=tmp_path / "out").wait()
     return learned
 
 
@@ -25,7 +25,7 @@ def test_an_editor_shows_the_frame_of_the_scene(bpy, addon, film):
     kind, area.type = area.type, "IMAGE_EDITOR"
     bpy.context.screen.use_play_image_editors = False
     try:
-        image, user = addon.headless.show_frames(), area.spaces.active.image_user
+        image, user = addon.steps.show_frames(film), area.spaces.active.image_user
         assert area.spaces.active.image == image
         assert (user.frame_start, user.frame_offset, user.frame_duration, user.use_auto_refresh) == (3, 2, 5, True)
         assert bpy.context.screen.use_play_image_editors  # Space over the 3D View plays it too
@@ -35,7 +35,7 @@ def test_an_editor_shows_the_frame_of_the_scene(bpy, addon, film):
 
 def test_frames_loaded_again_are_the_same_image(bpy, addon, film):
     first = bpy.data.images[addon.sequences.NAME]
-    assert first.name == addon.headless.show_frames().name
+    assert first.name == addon.steps.show_frames(film).name
     assert len([image for image in bpy.data.images if image.name.startswith(addon.sequences.NAME)]) == 1
 
 
@@ -52,36 +52,36 @@ def test_one_click_makes_a_strip(bpy, addon, film):
 
 def test_frames_of_an_earlier_longer_job_are_left_out(addon, film, tmp_path):
     film.frame_end = 5
-    addon.headless.render_sequence(out=tmp_path / "out")
-    assert addon.compat.strip_range(addon.headless.add_strip()) == (3, 6)
+    addon.steps.render_sequence(film, out=tmp_path / "out").wait()
+    assert addon.compat.strip_range(addon.steps.add_strip(film)) == (3, 6)
 
 
 def test_captured_views_are_loaded_in_their_order(addon, learned, tmp_path):
-    folder = addon.headless.render_captured("all", tmp_path / "out")
-    assert addon.headless.show_frames().source == "SEQUENCE"  # photo_0, photo_1 ..
-    strip = addon.headless.add_strip(folder)
+    folder = addon.steps.render_captured(learned, "all", tmp_path / "out").wait()
+    assert addon.steps.show_frames(learned).source == "SEQUENCE"  # photo_0, photo_1 ..
+    strip = addon.steps.add_strip(learned, folder)
     assert [element.filename for element in strip.elements] == ["photo_0.png", "photo_1.png", "photo_2.png"]
     assert addon.compat.strip_range(strip) == (1, 4)
 
 
 def test_the_engine_is_asked_to_skip_what_is_there(addon, learned, tmp_path):
-    folder = addon.headless.render_captured("all", tmp_path / "out")
+    folder = addon.steps.render_captured(learned, "all", tmp_path / "out").wait()
     before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
-    addon.headless.render_captured("all")
+    addon.steps.render_captured(learned, "all").wait()
     assert before == {path: path.stat().st_mtime_ns for path in folder.iterdir()}
-    addon.headless.render_captured("all", skip_existing=False)
+    addon.steps.render_captured(learned, "all", skip_existing=False).wait()
     assert before != {path: path.stat().st_mtime_ns for path in folder.iterdir()}
 
 
 def test_the_buttons_wait_for_frames(bpy, addon, learned):
     assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
     with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
-        addon.headless.show_frames()
+        addon.steps.show_frames(learned)
 
 
 def test_a_folder_without_frames_is_told(addon, learned, tmp_path):
     with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
-        addon.headless.add_strip(tmp_path)
+        addon.steps.add_strip(learned, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ def splat(tmp_path):
 
 @pytest.fixture
 def imported(bpy, addon, scene, splat, tmp_path):
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.ops.karf.import_splat(filepath=str(splat), views=2) == {"FINISHED"}
     return scene
 
@@ -63,12 +63,12 @@ def test_with_photos_the_engine_is_not_asked_for_views(addon, scene, splat, tmp_
 
 
 def test_learned_it_is_shown_by_its_own_splats_at_once(addon, imported):
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(imported).wait()
     assert "splats" in addon.contents.finished_stages(imported)
 
 
 def test_photos_have_splats_to_be_learned_by_a_button(addon, project_scene):
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(project_scene).wait()
     assert "splats" not in addon.contents.finished_stages(project_scene)
 
 
@@ -81,12 +81,12 @@ def test_blenders_menus_lead_there(bpy, addon):
 # ----------------------------------------------------------------------------------------------------------------- out
 @pytest.fixture
 def with_splats(addon, learned):
-    addon.headless.learn_splats()
+    addon.steps.learn_splats(learned).wait()
     return learned
 
 
 def test_it_goes_out_with_the_swatches_as_they_stand(bpy, addon, with_splats, tmp_path):
-    addon.headless.set_swatch("pot", 1, (0.1, 0.2, 0.9))
+    addon.steps.set_swatch(with_splats, "pot", 1, (0.1, 0.2, 0.9))
     assert bpy.ops.karf.export_splat(filepath=str(tmp_path / "blue.ply")) == {"FINISHED"}
     edit = asked(tmp_path / "blue.ply")["edit"]
     np.testing.assert_allclose(
@@ -98,7 +98,7 @@ def test_it_lies_in_the_file_where_the_rig_stands(bpy, addon, with_splats, tmp_p
     rig = with_splats.karf.rig
     rig.location, rig.rotation_euler, rig.scale = (1, 2, 3), (0.5, 0, 0), (2, 2, 2)
     bpy.context.view_layer.update()
-    addon.headless.export_splat(tmp_path / "here.ply")
+    addon.steps.export_splat(with_splats, tmp_path / "here.ply").wait()
     matrix = np.reshape(asked(tmp_path / "here.ply")["matrix"], (4, 4))
     np.testing.assert_allclose(matrix, np.array(rig.matrix_world), atol=1e-6)
 
@@ -106,7 +106,7 @@ def test_it_lies_in_the_file_where_the_rig_stands(bpy, addon, with_splats, tmp_p
 @pytest.mark.parametrize(("name", "axes"), [("here.glb", "blender"), ("here.spz", "blender"), ("here.ply", "viewers")])
 def test_blenders_up_is_up_for_other_programs(addon, with_splats, tmp_path, name, axes):
     """A PLY file has y down, from which other kinds are written with y up."""
-    addon.headless.export_splat(tmp_path / name, axes=axes)
+    addon.steps.export_splat(with_splats, tmp_path / name, axes=axes).wait()
     matrix = np.reshape(asked(tmp_path / name)["matrix"], (4, 4))
     expected = COLMAP_TO_BLENDER.T @ np.array(with_splats.karf.rig.matrix_world)[:3, :3]
     np.testing.assert_allclose(matrix[:3, :3], expected, atol=1e-6)
@@ -120,8 +120,8 @@ def test_one_object_can_be_cut_out(bpy, with_splats, tmp_path):
 
 
 def test_imported_splats_go_out_where_they_came_from(addon, imported, tmp_path):
-    addon.headless.learn_scene()
-    addon.headless.export_splat(tmp_path / "back.ply")
+    addon.steps.learn_scene(imported).wait()
+    addon.steps.export_splat(imported, tmp_path / "back.ply").wait()
     assert "matrix" not in asked(tmp_path / "back.ply")
 
 
@@ -130,5 +130,5 @@ def test_without_splats_the_button_says_what_is_missing(bpy, learned):
 
 
 def test_wrong_axes_are_refused(addon, with_splats, tmp_path):
-    with pytest.raises(addon.headless.KarfError, match="axes"):
-        addon.headless.export_splat(tmp_path / "x.ply", axes="mars")
+    with pytest.raises(addon.steps.KarfError, match="axes"):
+        addon.steps.export_splat(with_splats, tmp_path / "x.ply", axes="mars").wait()

@@ -66,7 +66,9 @@ def test_what_is_drawn_is_told(bpy, addon, harmonics, kind):
 def test_another_number_of_points_is_refused_with_both(bpy, addon, harmonics, kind):
     item = make(bpy, kind, 4)
     before = colors_of(item)[0]
-    with pytest.raises(addon.engine_api.BadRequest, match=f"{item.name} has {N} points where 3 splats"):
+    with pytest.raises(
+        addon.engine_api.BadRequest, match=f"{item.name} has {N} points, but there are colors for 3 splats"
+    ):
         addon.splat_objects.write(item, harmonics[:3])
     np.testing.assert_array_equal(colors_of(item)[0], before)
 

@@ -41,7 +41,7 @@ def points_file(addon, points, tmp_path):
 
 @pytest.fixture
 def shown(addon, learned, points_file):
-    return addon.headless.show_scene(points=points_file)
+    return addon.steps.place_points(learned, points_file)
 
 
 def colors_of(bpy, item):
@@ -60,16 +60,16 @@ def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set
     area.type = "VIEW_3D"
     shading = area.spaces.active.shading
     shading.type, shading.light, shading.color_type = "SOLID", "STUDIO", "MATERIAL"
-    addon.headless.show_scene(points=points_file)
+    addon.steps.place_points(learned, points_file)
     assert (shading.light, shading.color_type) == ("FLAT", "VERTEX")
     shading.light = "STUDIO"
-    addon.headless.show_scene(points=points_file)
+    addon.steps.place_points(learned, points_file)
     assert shading.light == "STUDIO"
 
 
-def set_edit(addon):
+def set_edit(bpy, addon):
     for (name, index), color in EDIT.items():
-        addon.headless.set_swatch(name, index, color)
+        addon.steps.set_swatch(bpy.context.scene, name, index, color)
 
 
 def recolored(points):
@@ -97,21 +97,21 @@ def test_unchanged_swatches_show_the_colors_as_learned(bpy, points, shown):
 
 
 def test_swatches_recolor_the_object_as_the_engine_does(bpy, addon, points, shown):
-    set_edit(addon)
+    set_edit(bpy, addon)
     assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
     assert np.abs(recolored(points) - points.colors / 255).max() > 0.3
 
 
 def test_swatches_that_are_changed_already_are_those_that_it_begins_with(bpy, addon, learned, points, points_file):
-    set_edit(addon)
-    shown = addon.headless.show_scene(points=points_file)
+    set_edit(bpy, addon)
+    shown = addon.steps.place_points(learned, points_file)
     assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
 
 
 def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
     for name, index in EDIT:
         learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=1)
-    set_edit(addon)
+    set_edit(bpy, addon)
     for name, index in EDIT:
         learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=3)
     learned.frame_set(1)
@@ -136,18 +136,18 @@ def test_made_again_it_is_the_same_object_and_the_radius_stays(bpy, addon, learn
     addon.scene_object.radius_node(shown).outputs[0].default_value = 1.5
     shown.location.x, shown.hide_render = 3, True
     meshes, groups, objects = len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)
-    again = addon.headless.show_scene(points=points_file)
+    again = addon.steps.place_points(learned, points_file)
     assert again == shown and again.location.x == 3 and again.hide_render
     assert (len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)) == (meshes, groups, objects)
     assert addon.scene_object.radius_node(again).outputs[0].default_value == 1.5
-    set_edit(addon)
+    set_edit(bpy, addon)
     assert np.abs(colors_of(bpy, again) - recolored(points)).max() < 0.51 / 255
 
 
 def test_deleted_it_is_made_anew(bpy, addon, learned, points_file, shown):
     bpy.data.objects.remove(shown)
     assert addon.scene_object.find(learned) is None
-    made = addon.headless.show_scene(points=points_file)
+    made = addon.steps.place_points(learned, points_file)
     assert addon.scene_object.find(learned) == made
 
 
@@ -164,9 +164,9 @@ os._exit(0)
 """
 
 
-def test_a_saved_file_shows_its_colors_without_the_extension(addon, points, shown, tmp_path):
-    set_edit(addon)
-    addon.headless.save(tmp_path / "scene.blend")
+def test_a_saved_file_shows_its_colors_without_the_extension(bpy, addon, points, shown, tmp_path):
+    set_edit(bpy, addon)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
     command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "scene.blend"), str(tmp_path / "colors.npy")]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     assert np.abs(np.load(tmp_path / "colors.npy") - recolored(points)).max() < 0.51 / 255
@@ -174,7 +174,7 @@ def test_a_saved_file_shows_its_colors_without_the_extension(addon, points, show
 
 def test_the_engine_is_asked_for_as_many_points_as_are_wanted(addon, learned, points_file, monkeypatch):
     monkeypatch.setenv("FAKE_POINTS", str(points_file))
-    item = addon.headless.show_scene(count=7000)
+    item = addon.steps.show_scene(learned, count=7000).wait()
     assert len(item.data.polygons) == 50
     (job,) = sorted((addon.folders.project_of(learned).folder / "jobs").glob("*-points"))
     assert addon.engine_api.read_json(job / "request.json", "request")["options"]["count"] == 7000
@@ -182,9 +182,9 @@ def test_the_engine_is_asked_for_as_many_points_as_are_wanted(addon, learned, po
 
 def test_other_palettes_than_the_scenes_are_said_and_left_as_learned(bpy, addon, learned, points, points_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.5, 0.5, 0.5)
-    shown = addon.headless.show_scene(points=points_file)
-    set_edit(addon)
-    assert "The swatches of pot are of other palettes than the points" in addon.progress.state().warnings
+    shown = addon.steps.place_points(learned, points_file)
+    set_edit(bpy, addon)
+    assert "The swatches of pot belong to other palettes than the points" in addon.progress.state().warnings
     assert np.abs(colors_of(bpy, shown) - recolored(points)).max() > 0.1
 
 
@@ -228,11 +228,11 @@ def imported(bpy, addon, path):
 def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path, name, shape):
     if (name, shape) == ("a.glb", "points") and bpy.app.version < (4, 3, 0):
         with pytest.raises(addon.engine_api.BadRequest, match="cannot write points to glTF"):
-            addon.headless.export_scene(tmp_path / name, shape)
+            addon.steps.export_scene(bpy.context.scene, tmp_path / name, shape)
         return
-    set_edit(addon)
+    set_edit(bpy, addon)
     kept = set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)
-    addon.headless.export_scene(tmp_path / name, shape)
+    addon.steps.export_scene(bpy.context.scene, tmp_path / name, shape)
     assert (set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)) == kept
     wanted, found = recolored(points) * 255, imported(bpy, addon, tmp_path / name)
     distances = np.abs(wanted[:, None] - found[None]).max(2)  # exporters round each in their own way
@@ -241,12 +241,12 @@ def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path,
 
 def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, tmp_path):
     with pytest.raises(addon.engine_api.BadRequest, match="not shown in 3D yet"):
-        addon.headless.export_scene(tmp_path / "a.ply")
-    addon.headless.show_scene(points=points_file)
-    with pytest.raises(addon.engine_api.BadRequest, match="ending that is not known"):
-        addon.headless.export_scene(tmp_path / "a.obj")
-    with pytest.raises(addon.engine_api.BadRequest, match="Points alone"):
-        addon.headless.export_scene(tmp_path / "a.usdc", "points")
+        addon.steps.export_scene(learned, tmp_path / "a.ply")
+    addon.steps.place_points(learned, points_file)
+    with pytest.raises(addon.engine_api.BadRequest, match="unknown file extension"):
+        addon.steps.export_scene(learned, tmp_path / "a.obj")
+    with pytest.raises(addon.engine_api.BadRequest, match="shows single points"):
+        addon.steps.export_scene(learned, tmp_path / "a.usdc", "points")
 
 
 def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
@@ -262,7 +262,7 @@ def test_points_end_where_the_scenes_edges_do(bpy, addon, learned, points, tmp_p
     distances = np.where(inside, 1, -1)[:, None] * np.ones((1, 2), np.float32)
     borders = addon.engine_api.Borders(distances.astype(np.float32), np.ones(2, np.float32), np.ones(2, np.float32))
     addon.engine_api.write_points(tmp_path / "points.npz", dataclasses.replace(points, borders=borders))
-    addon.headless.set_swatch("pot", 1, EDIT["pot", 1])
+    addon.steps.set_swatch(learned, "pot", 1, EDIT["pot", 1])
     learned.karf.objects["pot"].choke = 2  # further than any point is from the border
-    item = addon.headless.show_scene(points=tmp_path / "points.npz")
+    item = addon.steps.place_points(learned, tmp_path / "points.npz")
     np.testing.assert_allclose(colors_of(bpy, item) * 255, points.colors, atol=0.01)

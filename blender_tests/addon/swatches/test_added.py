@@ -39,7 +39,7 @@ def color(scene, index, name="pot"):
 
 def test_an_added_color_shows_as_one_swatch_and_changes_nothing(addon, pots):
     before = addon.images.pixels(pots.karf.result).copy()
-    number = addon.headless.add_color("pot", YELLOW)
+    number = addon.steps.add_color(pots, "pot", YELLOW)
     swatches = pots.karf.objects["pot"].swatches
     assert [index for index, each in enumerate(swatches) if index and not each.merged] == [1, 2, number]
     np.testing.assert_allclose(color(pots, number), YELLOW, atol=1e-6)
@@ -48,20 +48,20 @@ def test_an_added_color_shows_as_one_swatch_and_changes_nothing(addon, pots):
 
 
 def test_only_its_pigment_follows_it_and_no_longer_other_swatches(addon, pots):
-    number = addon.headless.add_color("pot", YELLOW, BLUE)
+    number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-    addon.headless.set_swatch("pot", 2, (0, 0, 0))
+    addon.steps.set_swatch(pots, "pot", 2, (0, 0, 0))
     np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-    addon.headless.set_swatch("pot", 1, (0, 1, 0))
+    addon.steps.set_swatch(pots, "pot", 1, (0, 1, 0))
     np.testing.assert_allclose(shown(addon, pots), [(0, 1, 0), BLUE], atol=0.02)
-    addon.headless.remove_color("pot", number)
+    addon.steps.remove_color(pots, "pot", number)
     np.testing.assert_allclose(shown(addon, pots), [(0, 1, 0), (0, 0, 0)], atol=0.01)
     assert len(pots.karf.objects["pot"].swatches) == 3
 
 
 def test_it_begins_as_the_edited_picture_shows_it(addon, pots):
-    addon.headless.set_swatch("pot", 2, BLUE)
-    number = addon.headless.add_color("pot", YELLOW)
+    addon.steps.set_swatch(pots, "pot", 2, BLUE)
+    number = addon.steps.add_color(pots, "pot", YELLOW)
     np.testing.assert_allclose(color(pots, number), BLUE, atol=1e-6)
     np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
     addon.edits.reset(pots, "pot", number)
@@ -70,25 +70,25 @@ def test_it_begins_as_the_edited_picture_shows_it(addon, pots):
 
 def test_adding_it_changes_no_bit_of_an_edited_picture(addon, pots):
     for index, wanted in ((1, (0.2, 0.7, 0.4)), (2, (0.6, 0.1, 0.5))):
-        addon.headless.set_swatch("pot", index, wanted)
+        addon.steps.set_swatch(pots, "pot", index, wanted)
     before = addon.images.pixels(pots.karf.result).copy()
-    addon.headless.add_color("pot", YELLOW)
+    addon.steps.add_color(pots, "pot", YELLOW)
     np.testing.assert_array_equal(addon.images.pixels(pots.karf.result), before)
 
 
 def test_the_color_at_a_place_is_that_of_the_object_as_learned(addon, pots):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(pots, "pot", 1, BLUE)
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.2, 0.5)), RED, atol=1e-3)
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.8, 0.5)), YELLOW, atol=1e-3)
     for name, place in (("lid", (0.2, 0.5)), ("pot", (-1, -1)), ("pot", (0.5, 1.2))):
-        with pytest.raises(addon.engine_api.BadRequest, match="is not there"):
+        with pytest.raises(addon.engine_api.BadRequest, match="is not at this place"):
             addon.steps.color_at(pots, name, place)
 
 
 def test_the_operators_add_and_remove_with_undo(bpy, addon, pots):
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.karf.add_color(object_name="pot", picked=YELLOW) == {"FINISHED"}
-    addon.headless.set_swatch("pot", 3, BLUE)
+    addon.steps.set_swatch(bpy.context.scene, "pot", 3, BLUE)
     bpy.ops.ed.undo_push(message="added")
     bpy.ops.karf.remove_color(object_name="pot", index=3)
     bpy.ops.ed.undo_push(message="removed")
@@ -101,7 +101,7 @@ def test_the_operators_add_and_remove_with_undo(bpy, addon, pots):
 
 
 def test_keyframes_and_links_move_its_pigment(addon, pots):
-    number = addon.headless.add_color("pot", YELLOW)
+    number = addon.steps.add_color(pots, "pot", YELLOW)
     swatch = pots.karf.objects["pot"].swatches[number]
     swatch.keyframe_insert("color", frame=1)
     swatch.color = BLUE
@@ -110,13 +110,13 @@ def test_keyframes_and_links_move_its_pigment(addon, pots):
         pots.frame_set(frame)
         np.testing.assert_allclose(shown(addon, pots), [RED, right], atol=0.02)
     pots.animation_data_clear()
-    addon.headless.link_swatches(("pot", number), ("lid", 1))
-    addon.headless.set_swatch("lid", 1, (0.3, 0.6, 0.2))
+    addon.steps.link_swatches(pots, ("pot", number), ("lid", 1))
+    addon.steps.set_swatch(pots, "lid", 1, (0.3, 0.6, 0.2))
     np.testing.assert_allclose(shown(addon, pots), [RED, (0.3, 0.6, 0.2)], atol=0.02)
 
 
 def test_reach_is_how_far_its_hue_goes(addon, pots):
-    number = addon.headless.add_color("pot", YELLOW, BLUE)
+    number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     pots.karf.objects["pot"].swatches[number].reach = 3.0
     left, _ = shown(addon, pots)
     assert np.abs(left - RED).max() > 0.1
@@ -125,34 +125,34 @@ def test_reach_is_how_far_its_hue_goes(addon, pots):
 
 
 def test_its_weights_are_shown_alone(bpy, addon, pots):
-    number = addon.headless.add_color("pot", YELLOW)
+    number = addon.steps.add_color(pots, "pot", YELLOW)
     bpy.ops.karf.solo_swatch(object_name="pot", index=number)
     np.testing.assert_allclose(shown(addon, pots)[:, 0], [0, 1], atol=0.01)
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
 
 
 def test_an_edit_file_keeps_it(addon, pots, tmp_path):
-    addon.headless.add_color("pot", YELLOW, BLUE, reach=0.75)
-    addon.headless.save_edit(tmp_path / "edit.json")
-    addon.headless.remove_color("pot", 3)
-    addon.headless.apply_edit(tmp_path / "edit.json")
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE, reach=0.75)
+    addon.steps.save_edit(pots, tmp_path / "edit.json")
+    addon.steps.remove_color(pots, "pot", 3)
+    addon.steps.apply_edit(pots, tmp_path / "edit.json")
     assert pots.karf.objects["pot"].swatches[3].reach == 0.75
     np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
     pots.karf.objects["pot"].swatches[3].locked = True
-    addon.headless.apply_edit(tmp_path / "edit.json")
-    addon.headless.save_edit(tmp_path / "same.json")
+    addon.steps.apply_edit(pots, tmp_path / "edit.json")
+    addon.steps.save_edit(pots, tmp_path / "same.json")
     assert (tmp_path / "same.json").read_text() == (tmp_path / "edit.json").read_text()
     with pytest.raises(addon.engine_api.BadRequest, match="cannot hold the colors that were added to pot"):
-        addon.headless.save_edit(tmp_path / "pots.gpl")
+        addon.steps.save_edit(pots, tmp_path / "pots.gpl")
 
 
 def test_a_locked_one_stays_where_another_edit_is_loaded(addon, pots, tmp_path):
-    addon.headless.save_edit(tmp_path / "edit.json")
-    addon.headless.add_color("pot", YELLOW, BLUE)
+    addon.steps.save_edit(pots, tmp_path / "edit.json")
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     pots.karf.objects["pot"].swatches[3].locked = True
     for tool in (
-        lambda: addon.headless.apply_edit(tmp_path / "edit.json"),
-        lambda: addon.headless.remove_color("pot", 3),
+        lambda: addon.steps.apply_edit(pots, tmp_path / "edit.json"),
+        lambda: addon.steps.remove_color(pots, "pot", 3),
     ):
         with pytest.raises(addon.engine_api.BadRequest, match="locked"):
             tool()
@@ -160,13 +160,13 @@ def test_a_locked_one_stays_where_another_edit_is_loaded(addon, pots, tmp_path):
 
 
 def test_becomes_leaves_it(addon, pots):
-    addon.headless.add_color("pot", YELLOW, BLUE)
-    addon.headless.becomes("pot", RED, (0.2, 0.7, 0.3))
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
+    addon.steps.becomes(pots, "pot", RED, (0.2, 0.7, 0.3))
     np.testing.assert_allclose(shown(addon, pots), [(0.2, 0.7, 0.3), BLUE], atol=0.03)
 
 
 def test_a_match_leaves_it_and_sees_it(addon, pots):
-    addon.headless.add_color("pot", YELLOW, BLUE)
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     image = addon.steps.paint_over(pots)
     pixels = addon.images.pixels(image)
     pixels[:, :12, :3] = (0.2, 0.7, 0.3)
@@ -177,38 +177,38 @@ def test_a_match_leaves_it_and_sees_it(addon, pots):
 
 
 def test_a_learned_swatch_is_merged_and_not_removed_and_an_added_one_removed_and_not_merged(addon, pots):
-    number = addon.headless.add_color("pot", YELLOW)
-    with pytest.raises(addon.engine_api.BadRequest, match="was learned"):
-        addon.headless.remove_color("pot", 1)
-    with pytest.raises(addon.engine_api.BadRequest, match="was added"):
-        addon.headless.merge_swatch("pot", number)
+    number = addon.steps.add_color(pots, "pot", YELLOW)
+    with pytest.raises(addon.engine_api.BadRequest, match="is a learned color"):
+        addon.steps.remove_color(pots, "pot", 1)
+    with pytest.raises(addon.engine_api.BadRequest, match="is an added color"):
+        addon.steps.merge_swatch(pots, "pot", number)
     with pytest.raises(addon.engine_api.BadRequest, match="cannot be merged"):
-        addon.headless.merge_swatch("pot", 1, number)
-    assert addon.headless.merge_swatch("pot", 1) == 2
+        addon.steps.merge_swatch(pots, "pot", 1, number)
+    assert addon.steps.merge_swatch(pots, "pot", 1) == 2
 
 
 def test_removing_one_leaves_the_others_and_their_keyframes(addon, pots):
-    first = addon.headless.add_color("pot", YELLOW)
-    second = addon.headless.add_color("pot", RED)
+    first = addon.steps.add_color(pots, "pot", YELLOW)
+    second = addon.steps.add_color(pots, "pot", RED)
     for swatch in (pots.karf.objects["pot"].swatches[number] for number in (first, second)):
         swatch.keyframe_insert("color", frame=1)
     kept = addon.engine_api.rgb_to_hex(pots.karf.objects["pot"].swatches[first].learned)
-    addon.headless.remove_color("pot", first)
+    addon.steps.remove_color(pots, "pot", first)
     assert [each.merged for each in pots.karf.objects["pot"].swatches[3:]] == [0, 3, 3]
     paths = {curve.data_path for curve in addon.compat.curves_of(pots.animation_data)}
     assert paths == {"karf.objects[1].swatches[3].color", f'karf.objects["pot"].swatches["{kept}"].color'}
-    addon.headless.set_swatch("pot", 3, BLUE)
+    addon.steps.set_swatch(pots, "pot", 3, BLUE)
     np.testing.assert_allclose(shown(addon, pots), [BLUE, YELLOW], atol=0.02)
 
 
 def test_what_has_no_pigment_is_refused(addon, pots):
     with pytest.raises(addon.engine_api.BadRequest, match="black"):
-        addon.headless.add_color("pot", (0, 0, 0))
+        addon.steps.add_color(pots, "pot", (0, 0, 0))
     assert len(pots.karf.objects["pot"].swatches) == 3
 
 
 def test_it_stays_when_palettes_are_found_anew(addon, pots):
-    number = addon.headless.add_color("pot", YELLOW, BLUE)
+    number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     pots.karf.objects["pot"].swatches[number].keyframe_insert("color", frame=1)
     make, known = addon.engine_api.Palette, addon.colors.palettes(pots)
     four = np.array([(0, 0, 0), (0.1, 0.8, 0.1), RED, YELLOW], np.float32)
@@ -227,7 +227,7 @@ def test_it_stays_when_palettes_are_found_anew(addon, pots):
 def test_the_compositors_layers_have_it(addon, pots):
     (request,) = addon.steps.build_compositor(pots).requests
     assert request.options["edit"] is None
-    addon.headless.add_color("pot", YELLOW, BLUE)
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     (request,) = addon.steps.build_compositor(pots).requests
     palettes = addon.colors.palettes(pots)
     edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), palettes)
@@ -245,7 +245,7 @@ def test_the_scene_in_3d_has_it(addon, pots):
     )
     file = addon.folders.project_of(pots).points_file
     api.write_points(file, points)
-    addon.headless.add_color("pot", YELLOW, BLUE)
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     item = addon.steps.place_points(pots, file)
     import bpy
 
@@ -253,7 +253,7 @@ def test_the_scene_in_3d_has_it(addon, pots):
     flat = np.empty(16 * n, np.float32)
     data.attributes["Color"].data.foreach_get("color_srgb", flat)
     np.testing.assert_allclose(flat.reshape(n, 4, 4)[:, 0, :3], [RED, BLUE], atol=0.02)
-    addon.headless.set_swatch("pot", 3, (0.1, 0.6, 0.2))
+    addon.steps.set_swatch(pots, "pot", 3, (0.1, 0.6, 0.2))
     data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     data.attributes["Color"].data.foreach_get("color_srgb", flat)
     np.testing.assert_allclose(flat.reshape(n, 4, 4)[:, 0, :3], [RED, (0.1, 0.6, 0.2)], atol=0.02)

@@ -26,7 +26,7 @@ def pots(addon, learned):
     planes = Planes(("lid", "pot"), weights, coverage, np.rint(255 * base).astype(np.uint8))
     write_current_planes(addon, learned, planes)
     addon.displayed.forget(learned)
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     return learned
 
 
@@ -58,7 +58,7 @@ def test_the_picture_follows_and_both_at_0_bring_the_same_bits_back(addon, pots)
 def test_colors_and_edges_move_together(addon, pots):
     pot(pots).choke = 1
     for color in (YELLOW, BLUE, (0.3, 0.9, 0.2)):
-        addon.headless.set_swatch("pot", 1, color)
+        addon.steps.set_swatch(pots, "pot", 1, color)
         np.testing.assert_allclose(pixels(addon, pots)[8, 12], color, atol=0.02)
         np.testing.assert_allclose(pixels(addon, pots)[8, 6], RED, atol=0.01)
     pot(pots).choke = -1  # the pot grows again: what it had left is painted
@@ -85,10 +85,10 @@ def test_it_is_what_the_engine_composes(addon, pots, compositing):
 
 
 def test_an_added_color_keeps_its_pigment_up_to_the_new_edge(addon, pots):
-    number = addon.headless.add_color("pot", RED, YELLOW)
+    number = addon.steps.add_color(pots, "pot", RED, YELLOW)
     pot(pots).choke = 2
     np.testing.assert_allclose(pixels(addon, pots)[8, [7, 9]], [RED, YELLOW], atol=0.02)
-    addon.headless.remove_color("pot", number)
+    addon.steps.remove_color(pots, "pot", number)
     np.testing.assert_allclose(pixels(addon, pots)[8, [7, 9]], [RED, BLUE], atol=0.02)
 
 
@@ -118,20 +118,20 @@ def test_edits_have_it_and_edit_files_keep_it(addon, pots, tmp_path):
     pot(pots).choke, pot(pots).feather = -1.5, 4
     assert addon.edits.current_edit(pots).edges == {"pot": addon.engine_api.EdgeShape(-1.5, 4)}
     assert addon.edits.edit_option(pots)["objects"]["pot"]["edges"] == {"choke": -1.5, "feather": 4}
-    addon.headless.save_edit(tmp_path / "edit.json")
+    addon.steps.save_edit(pots, tmp_path / "edit.json")
     pot(pots).choke, pot(pots).feather, pots.karf.objects["lid"].choke = 0, 0, 3
-    addon.headless.apply_edit(tmp_path / "edit.json")
+    addon.steps.apply_edit(pots, tmp_path / "edit.json")
     assert (pot(pots).choke, pot(pots).feather, pots.karf.objects["lid"].choke) == (-1.5, 4, 0)
     content = json.loads((tmp_path / "edit.json").read_text())
     del content["objects"]["pot"]["edges"]
     (tmp_path / "older.json").write_text(json.dumps(content))
-    addon.headless.apply_edit(tmp_path / "older.json")
+    addon.steps.apply_edit(pots, tmp_path / "older.json")
     assert (pot(pots).choke, pot(pots).feather) == (0, 0)
 
 
 def test_other_tools_leave_it(addon, pots):
     pot(pots).choke = 1.5
-    addon.headless.becomes("pot", RED, YELLOW)
+    addon.steps.becomes(pots, "pot", RED, YELLOW)
     assert pot(pots).choke == 1.5
     addon.edits.reset(pots, "pot")
     assert pot(pots).choke == 1.5

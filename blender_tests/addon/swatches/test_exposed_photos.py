@@ -48,8 +48,8 @@ def pixel(addon, scene):
 @pytest.mark.parametrize("choke", [0, -2])
 def test_the_picture_is_that_of_a_photo_in_the_mean_exposure_exposed_by_its_gains(addon, learned, compositing, choke):
     learned.karf.compositing, pot = compositing, learned.karf.objects["pot"]
-    addon.headless.set_swatch("pot", 1, BLUE)
-    addon.headless.set_swatch("pot", 2, (0.2, 0.9, 0.3))
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 2, (0.2, 0.9, 0.3))
     pot.choke = choke
     pictures = []
     for gains in ((1.0, 1.0, 1.0), GAINS):
@@ -75,5 +75,5 @@ def test_a_painted_picture_is_matched_in_the_mean_exposure(addon, pots, tmp_path
     painted = np.full((HEIGHT, WIDTH, 3), np.multiply(GRAY, GAINS))
     painted[4:12, 6:18] = np.multiply(BLUE, GAINS)
     addon.images.write_png(tmp_path / "wanted.png", painted)
-    addon.headless.match_picture(tmp_path / "wanted.png")
+    addon.steps.match_picture(pots, tmp_path / "wanted.png")
     np.testing.assert_allclose(pots.karf.objects["pot"].swatches[1].color, BLUE, atol=0.02)

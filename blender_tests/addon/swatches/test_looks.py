@@ -21,7 +21,7 @@ def all_colors(addon, scene):
 def two(bpy, addon, learned):
     """Look A is as learned, B has a blue pot; B is in use."""
     bpy.ops.karf.keep_look()
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     bpy.ops.karf.keep_look()
     return learned
 
@@ -62,10 +62,10 @@ def test_locked_and_merged_swatches_are_of_the_look_too_and_others_do_not_follow
 
 
 def test_added_colors_come_and_go_with_their_look(bpy, addon, two):
-    number = addon.headless.add_color("pot", color_of(two, "pot", 2), GREEN)
+    number = addon.steps.add_color(two, "pot", color_of(two, "pot", 2), GREEN)
     two.karf.objects["pot"].swatches[number].locked = True
     with_added = all_colors(addon, two)
-    addon.headless.keep_look("green")
+    addon.steps.keep_look(two, "green")
     bpy.ops.karf.choose_look(name="A")
     assert not addon.colors.added(two.karf.objects["pot"])
     bpy.ops.karf.choose_look(name="green")
@@ -75,7 +75,7 @@ def test_added_colors_come_and_go_with_their_look(bpy, addon, two):
 def test_edges_of_objects_are_of_the_look_too(bpy, addon, two):
     two.karf.objects["pot"].feather = 4.0
     assert addon.looks.is_changed(two)
-    addon.headless.keep_look("soft")
+    addon.steps.keep_look(two, "soft")
     bpy.ops.karf.choose_look(name="A")
     assert two.karf.objects["pot"].feather == 0
     bpy.ops.karf.flip_looks()
@@ -84,7 +84,7 @@ def test_edges_of_objects_are_of_the_look_too(bpy, addon, two):
 
 def test_a_look_is_marked_once_the_swatches_have_moved_on(bpy, addon, two):
     assert not addon.looks.is_changed(two)
-    addon.headless.set_swatch("pot", 1, RED)
+    addon.steps.set_swatch(two, "pot", 1, RED)
     assert addon.looks.is_changed(two)
     bpy.ops.karf.keep_look(name="B")
     assert not addon.looks.is_changed(two)
@@ -94,7 +94,7 @@ def test_a_look_is_marked_once_the_swatches_have_moved_on(bpy, addon, two):
 
 
 def test_flipping_goes_back_and_forth_between_the_last_two(bpy, addon, two):
-    addon.headless.keep_look("C")
+    addon.steps.keep_look(two, "C")
     bpy.ops.karf.choose_look(name="A")
     used = []
     for _ in range(3):
@@ -128,7 +128,7 @@ def test_all_sidebars_show_what_was_done_to_looks(bpy, addon, two, monkeypatch):
 
 
 def test_leaving_a_changed_look_says_that_undo_brings_it_back(bpy, addon, two, capfd):
-    addon.headless.set_swatch("pot", 1, RED)
+    addon.steps.set_swatch(two, "pot", 1, RED)
     bpy.ops.karf.flip_looks()
     assert "B had changed since you kept it: undo restores the changes" in capfd.readouterr().out
 
@@ -146,7 +146,9 @@ def test_looks_are_renamed_moved_and_removed(bpy, addon, two):
     assert not bpy.ops.karf.flip_looks.poll() or two.karf.look != "A"
 
 
-@pytest.mark.parametrize(("new", "sentence"), [("", "empty"), ("a", "share a folder"), ("A", "share a folder")])
+@pytest.mark.parametrize(
+    ("new", "sentence"), [("", "empty"), ("a", "use the same folder"), ("A", "use the same folder")]
+)
 def test_a_name_must_be_a_folder_of_its_own(bpy, two, new, sentence):
     with pytest.raises(RuntimeError, match=sentence):
         bpy.ops.karf.rename_look(name="B", new=new)
@@ -159,7 +161,7 @@ def test_looks_wait_for_palettes(bpy, learned):
 
 
 def test_looks_are_in_the_file(bpy, addon, two, tmp_path):
-    addon.headless.save(tmp_path / "pots.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
     scene = bpy.context.scene
     assert scene.karf.looks.keys() == ["A", "B"] and scene.karf.look == "B" and not addon.looks.is_changed(scene)
@@ -175,7 +177,7 @@ def palettes(addon, **colors):
 
 def test_looks_follow_their_object_and_color_when_palettes_are_learned_anew(addon, two):
     pot = addon.colors.learned(two.karf.objects["pot"])[1:].tolist()
-    addon.headless.set_swatch("pot", 1, RED)  # the swatches themselves are of no look
+    addon.steps.set_swatch(two, "pot", 1, RED)  # the swatches themselves are of no look
     moved = [pot[1], (0.1, 0.8, 0.1), [value * 0.99 for value in pot[0]]]
     addon.palettes.load_palettes(two, palettes(addon, pot=moved, new=[(0, 0, 1)]))
     np.testing.assert_allclose(color_of(two, "pot", 3), RED)
@@ -207,7 +209,7 @@ def test_without_objects_there_are_no_looks(addon, two):
 def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two, text):
     before = all_colors(addon, two)
     two.karf.looks["A"].edit = text
-    with pytest.raises(RuntimeError, match="The look 'A' is no edit"):
+    with pytest.raises(RuntimeError, match="The look 'A' is not a valid edit"):
         bpy.ops.karf.choose_look(name="A")
     assert all_colors(addon, two) == before
 

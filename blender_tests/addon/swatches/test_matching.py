@@ -17,7 +17,7 @@ def pixels(addon, scene):
 @pytest.fixture
 def painted(addon, learned):
     """The picture of an edit that is undone again."""
-    addon.headless.set_swatch("lid", 1, (0.5, 0.2, 0.3))
+    addon.steps.set_swatch(learned, "lid", 1, (0.5, 0.2, 0.3))
     picture = pixels(addon, learned).copy()
     addon.edits.reset(learned, "lid")
     return picture
@@ -25,7 +25,7 @@ def painted(addon, learned):
 
 def test_a_picture_file_is_matched_and_what_is_left_is_told(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "wanted.png", painted)
-    (found,) = addon.headless.match_picture(tmp_path / "wanted.png")
+    (found,) = addon.steps.match_picture(learned, tmp_path / "wanted.png")
     assert found.name == "lid" and found.after < 0.2 * found.before
     assert np.abs(pixels(addon, learned) - painted).mean() < 0.01
     (left,) = learned.karf.match.left
@@ -36,7 +36,7 @@ def test_what_is_painted_over_the_view_is_matched(bpy, addon, learned, painted):
     assert bpy.ops.karf.paint_over() == {"FINISHED"}
     image = learned.karf.match.picture
     np.testing.assert_array_equal(addon.images.pixels(image)[..., :3], pixels(addon, learned))
-    with pytest.raises(RuntimeError, match="as they are"):
+    with pytest.raises(RuntimeError, match="unchanged"):
         bpy.ops.karf.match_picture()
     buffer = addon.images.blank(*image.size)
     addon.images.upright(buffer)[:] = painted
@@ -47,24 +47,24 @@ def test_what_is_painted_over_the_view_is_matched(bpy, addon, learned, painted):
 
 def test_a_painting_is_matched_to_its_own_view_only(bpy, addon, learned):
     bpy.ops.karf.paint_over()
-    addon.headless.show_view("photo_2")
+    addon.steps.show_view(learned, "photo_2").wait()
     with pytest.raises(RuntimeError, match="was painted over the view 'photo_0'"):
         bpy.ops.karf.match_picture()
 
 
 def test_a_picture_may_have_any_size_but_no_other_shape(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "large.png", painted.repeat(3, axis=0).repeat(3, axis=1))
-    (found,) = addon.headless.match_picture(tmp_path / "large.png")
+    (found,) = addon.steps.match_picture(learned, tmp_path / "large.png")
     assert found.after < 0.3 * found.before
     addon.images.write_png(tmp_path / "wide.png", painted[:8])
-    with pytest.raises(addon.engine_api.BadRequest, match=r"'wide\.png' has 24 x 8 pixels, the view 24 x 16"):
-        addon.headless.match_picture(tmp_path / "wide.png")
+    with pytest.raises(addon.engine_api.BadRequest, match=r"'wide\.png' has 24 x 8 pixels, but the view has 24 x 16"):
+        addon.steps.match_picture(learned, tmp_path / "wide.png")
 
 
 def test_a_match_leaves_locked_swatches(addon, learned, painted, tmp_path):
     addon.images.write_png(tmp_path / "wanted.png", painted)
     learned.karf.objects["lid"].swatches[1].locked = True
-    addon.headless.match_picture(tmp_path / "wanted.png")
+    addon.steps.match_picture(learned, tmp_path / "wanted.png")
     np.testing.assert_allclose(color(learned, "lid", 1), (0.2, 0.4, 0.6), atol=1e-6)
     assert np.abs(color(learned, "lid", 2) - 1).max() > 0.1
 
@@ -91,14 +91,14 @@ def test_a_live_target_moves_the_swatches_at_once_and_from_where_it_began(addon,
 
 def test_a_color_of_the_edited_picture_becomes_another(bpy, addon, learned):
     item = learned.karf.objects["pot"]
-    addon.headless.becomes("pot", RED, BLUE)
+    addon.steps.becomes(learned, "pot", RED, BLUE)
     other = color(learned, "pot", 2)
     item.source, item.target = BLUE, (0.2, 0.8, 0.3)
     assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     np.testing.assert_allclose(color(learned, "pot", 1), (0.2, 0.8, 0.3), atol=0.02)
     addon.edits.reset(learned, "pot")
-    addon.headless.becomes("pot", RED, BLUE)
-    addon.headless.becomes("pot", BLUE, (0.2, 0.8, 0.3), from_edited=True)
+    addon.steps.becomes(learned, "pot", RED, BLUE)
+    addon.steps.becomes(learned, "pot", BLUE, (0.2, 0.8, 0.3), from_edited=True)
     np.testing.assert_allclose(color(learned, "pot", 1), (0.2, 0.8, 0.3), atol=0.02)
     assert np.abs(color(learned, "pot", 2) - other).max() < 0.2
 
@@ -106,7 +106,7 @@ def test_a_color_of_the_edited_picture_becomes_another(bpy, addon, learned):
 def test_it_goes_on_from_what_was_changed_since_the_color_was_picked(bpy, addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = RED, BLUE
-    addon.headless.set_swatch("pot", 2, (0.3, 0.9, 0.9))
+    addon.steps.set_swatch(learned, "pot", 2, (0.3, 0.9, 0.9))
     item.rule = "fewest"
     bpy.ops.karf.becomes(object_name="pot")
     np.testing.assert_allclose(color(learned, "pot", 2), (0.3, 0.9, 0.9), atol=1e-6)
@@ -141,7 +141,7 @@ def test_what_was_dragged_before_does_not_hide_the_color_that_it_begins_with(bpy
     item.target = BLUE
     bpy.ops.karf.becomes(object_name="pot")
     expected = addon.colors.edited(item)
-    addon.headless.set_swatch("pot", 1, (0.2, 0.9, 0.3))  # the picture has no red any more
+    addon.steps.set_swatch(learned, "pot", 1, (0.2, 0.9, 0.3))  # the picture has no red any more
     bpy.ops.karf.becomes(object_name="pot")
     np.testing.assert_allclose(addon.colors.edited(item), expected, atol=1e-6)
 
@@ -157,7 +157,9 @@ def test_what_is_left_is_of_the_whole_object_and_not_of_the_pair(bpy, addon, lea
     item.source, item.target = RED, BLUE
     bpy.ops.karf.becomes(object_name="pot")
     assert known.left_to_target(item) < 1
-    addon.headless.set_swatch("pot", 2, (0.1, 0.9, 0.2))  # the pair is met as before, but not what else the pot shows
+    addon.steps.set_swatch(
+        learned, "pot", 2, (0.1, 0.9, 0.2)
+    )  # the pair is met as before, but not what else the pot shows
     assert known.left_to_target(item) > 3
     item.rule = "fewest"
     assert known.left_to_target(item) < 1

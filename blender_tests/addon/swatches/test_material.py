@@ -54,9 +54,9 @@ def test_locked_swatches_stay_and_without_material_all_others_do(learned, pot):
     np.testing.assert_array_equal(colors(pot)[2:], before[2:])
 
 
-def test_what_a_program_sets_stands_alone(addon, pot):
+def test_what_a_program_sets_stands_alone(bpy, addon, pot):
     before = colors(pot)
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(bpy.context.scene, "pot", 1, BLUE)
     np.testing.assert_array_equal(colors(pot)[2:], before[2:])
 
 

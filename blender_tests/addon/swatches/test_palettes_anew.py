@@ -34,10 +34,10 @@ def kept_files(addon, scene):
 
 
 def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, learned):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     learned.karf.objects["lid"].swatches[2].locked = True
     learned.karf.objects["pot"].target = BLUE
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(learned).wait()
     assert color_of(learned, "pot", 1) == BLUE
     assert learned.karf.objects["lid"].swatches[2].locked
     assert tuple(learned.karf.objects["pot"].target) == BLUE
@@ -45,7 +45,7 @@ def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, lear
 
 
 def test_edits_follow_their_object_and_color_in_another_order(addon, learned):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     learned.karf.objects["pot"].swatches[2].locked = True
     moved = [POT[1], (0.1, 0.8, 0.1), (0.82, 0.19, 0.12)]
     addon.palettes.load_palettes(learned, palettes(addon, new=[(0, 0, 1)], pot=moved, lid=LID))
@@ -98,7 +98,7 @@ def test_a_driver_that_names_an_object_which_is_gone_disturbs_nothing(addon, lea
 def test_asking_for_edits_changes_nothing(addon, learned):
     assert not addon.palettes.has_edits(learned)
     keyed(learned, "lid", 2)
-    addon.headless.apply_edit(addon.engine_api.Edit({}, "delta"))
+    addon.steps.apply_edit(learned, addon.engine_api.Edit({}, "delta"))
     other, action = learned.copy(), learned.animation_data.action
     assert addon.palettes.has_edits(learned) and addon.palettes.has_edits(other)
     assert other.animation_data.action == learned.animation_data.action == action
@@ -116,7 +116,7 @@ def test_scenes_that_share_an_action_keep_their_keyframes_each(bpy, addon, learn
 
 
 def test_an_edit_whose_color_is_gone_is_kept_in_a_file_that_a_warning_names(bpy, addon, learned):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     addon.palettes.load_palettes(learned, palettes(addon, lid=LID, pot=[(0.1, 0.1, 0.9), (0.9, 0.9, 0.5)]))
     np.testing.assert_allclose(color_of(learned, "pot", 1), (0.1, 0.1, 0.9))
     (file,) = kept_files(addon, learned)
@@ -125,17 +125,17 @@ def test_an_edit_whose_color_is_gone_is_kept_in_a_file_that_a_warning_names(bpy,
 
 
 def test_edits_that_cannot_be_kept_are_not_replaced(bpy, addon, learned):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     project = addon.folders.project_of(learned)
     (project.folder / "edits").write_text("in the way")
-    with pytest.raises(addon.engine_api.DataError, match="could not be kept"):
+    with pytest.raises(addon.engine_api.DataError, match="could not be saved"):
         addon.palettes.load_palettes(learned, palettes(addon, lid=LID))
     assert color_of(learned, "pot", 1) == BLUE
 
 
 def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon, learned, tmp_path):
-    addon.headless.set_swatch("pot", 1, BLUE)
-    addon.headless.set_swatch("lid", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "lid", 1, BLUE)
     content = {"schema": "karf-palette/1", "objects": [{"name": "lid", "colors": [[0, 0, 0], *LID]}]}
     other = addon.engine_api.Project(tmp_path / "other")
     other.create("lids")
@@ -148,20 +148,20 @@ def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon
 
 def test_show_brings_the_palettes_that_the_project_has_learned_meanwhile(addon, learned):
     addon.palettes.load_palettes(learned, palettes(addon, lid=LID))
-    addon.headless.show_view()
+    addon.steps.show_view(learned).wait()
     assert learned.karf.objects.keys() == ["lid", "pot"]
 
 
 def test_importing_another_capture_keeps_the_edits(addon, learned, two_splits, tmp_path):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     project = addon.folders.project_of(learned)
-    addon.headless.import_capture(two_splits, tmp_path / "second")
+    addon.steps.import_capture(learned, two_splits, tmp_path / "second")
     assert not learned.karf.objects
     assert len(list((project.folder / "edits").glob("kept-*.json"))) == 1
 
 
 def test_a_damaged_palette_leaves_the_swatches_and_warns_once(bpy, addon, learned, capsys):
-    addon.headless.set_swatch("pot", 1, BLUE)
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     addon.folders.project_of(learned).palette_file.write_text("{")
     learned.karf.project = learned.karf.project
     assert color_of(learned, "pot", 1) == BLUE
@@ -170,5 +170,5 @@ def test_a_damaged_palette_leaves_the_swatches_and_warns_once(bpy, addon, learne
 
 
 def test_the_button_says_what_becomes_of_edits(bpy, addon):
-    tooltip = bpy.types.KARF_OT_extract_palette.__doc__
+    tooltip = bpy.ops.karf.extract_palette.get_rna_type().description
     assert "given up" not in tooltip and "kept" in tooltip

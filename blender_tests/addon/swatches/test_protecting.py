@@ -42,7 +42,7 @@ def test_the_silver_is_silver_again_and_the_letters_keep_their_new_color(addon, 
     can.swatches[1].color = GREEN
     dragged = shown(addon, learned)
     assert np.abs(dragged[1] - before[1]).max() > 0.05  # mint
-    number = addon.headless.protect_neutrals("can", 1)
+    number = addon.steps.protect_neutrals(learned, "can", 1)
     letters, silver = shown(addon, learned)
     np.testing.assert_allclose(letters, dragged[0], atol=0.02)
     np.testing.assert_allclose(silver, before[1], atol=0.01)
@@ -54,20 +54,20 @@ def test_the_silver_is_silver_again_and_the_letters_keep_their_new_color(addon, 
 
 
 def test_an_added_color_is_only_told_so(bpy, addon, learned, can):
-    number = addon.headless.add_color("can", tuple(LETTERS @ PALETTE), reach=2.0, protect=0.0)
+    number = addon.steps.add_color(learned, "can", tuple(LETTERS @ PALETTE), reach=2.0, protect=0.0)
     bpy.ops.karf.solo_swatch(object_name="can", index=number)
     assert shown(addon, learned)[:, 0].min() > 0.5  # its hue is all that counts
-    assert addon.headless.protect_neutrals("can", number) == number
+    assert addon.steps.protect_neutrals(learned, "can", number) == number
     letters, silver = shown(addon, learned)[:, 0]
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
     assert letters > 0.8 and silver < 0.01
     assert can.swatches[number].protect == pytest.approx(addon.engine_api.PROTECT)
 
 
-def test_a_click_proposes_it_and_what_is_given_counts(addon, can):
+def test_a_click_proposes_it_and_what_is_given_counts(bpy, addon, can):
     red = tuple(LETTERS @ PALETTE)
-    proposed = addon.headless.add_color("can", red)
-    given = addon.headless.add_color("can", red, reach=0.5, protect=0.0)
+    proposed = addon.steps.add_color(bpy.context.scene, "can", red)
+    given = addon.steps.add_color(bpy.context.scene, "can", red, reach=0.5, protect=0.0)
     assert (
         can.swatches[proposed].protect == pytest.approx(addon.engine_api.PROTECT) and can.swatches[given].protect == 0
     )
@@ -85,8 +85,8 @@ def test_one_button_and_undo(bpy, addon, learned, can):
 
 
 def test_an_edit_keeps_it(addon, learned, can, tmp_path):
-    addon.headless.add_color("can", tuple(LETTERS @ PALETTE), GREEN, reach=0.75, protect=0.25)
-    addon.headless.save_edit(tmp_path / "edit.json")
-    addon.headless.remove_color("can", 3)
-    addon.headless.apply_edit(tmp_path / "edit.json")
+    addon.steps.add_color(learned, "can", tuple(LETTERS @ PALETTE), GREEN, reach=0.75, protect=0.25)
+    addon.steps.save_edit(learned, tmp_path / "edit.json")
+    addon.steps.remove_color(learned, "can", 3)
+    addon.steps.apply_edit(learned, tmp_path / "edit.json")
     assert (can.swatches[3].reach, can.swatches[3].protect) == (0.75, 0.25)

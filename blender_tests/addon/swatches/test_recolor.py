@@ -7,11 +7,11 @@ from ..prepared import write_current_planes
 
 
 def test_the_whole_way_from_capture_to_swatches(bpy, addon, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder, tmp_path / "project")
-    assert addon.headless.learn_scene("demo", ["geometry.max_rays=64"])["psnr"] == 30
+    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
+    assert addon.steps.learn_scene(bpy.context.scene, "demo", ["geometry.max_rays=64"]).wait()["psnr"] == 30
     addon.images.write_png(tmp_path / "given" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
-    assert addon.headless.segment(tmp_path / "given")["objects"] == ["pot"]
-    palettes = addon.headless.extract_palette()
+    assert addon.steps.segment(bpy.context.scene, tmp_path / "given").wait()["objects"] == ["pot"]
+    palettes = addon.steps.extract_palette(bpy.context.scene).wait()
     assert [(palette.name, palette.colors.shape) for palette in palettes] == [("lid", (3, 3)), ("pot", (3, 3))]
     assert tuple(bpy.context.scene.karf.result.size) == (24, 16)
 
@@ -39,14 +39,14 @@ def test_an_unchanged_palette_shows_the_photo_byte_for_byte(addon, learned):
 
 
 def test_a_swatch_edit_adds_its_share_of_the_change_to_every_pixel(addon, learned):
-    addon.headless.set_swatch("pot", 1, (0.0, 0.6, 0.1))
+    addon.steps.set_swatch(learned, "pot", 1, (0.0, 0.6, 0.1))
     # the swatch has a quarter of every pixel: -0.8 / 4 red, +0.4 / 4 green
     expected = np.clip(base() / 255 + [-0.2, 0.1, 0.0], 0, 1) * 255
     assert np.abs(shown(addon, learned) - expected).max() <= 0.5 + 1e-3
 
 
 def test_resetting_a_swatch_gives_the_photo_back(bpy, addon, learned):
-    addon.headless.set_swatch("pot", 1, "#00ff00")
+    addon.steps.set_swatch(learned, "pot", 1, "#00ff00")
     assert not np.array_equal(shown(addon, learned), base())
     bpy.ops.karf.reset_swatch(object_name="pot", index=1)
     np.testing.assert_array_equal(shown(addon, learned), base())
@@ -61,7 +61,7 @@ def test_paper_compositing_replaces_pixels_by_the_palette(addon, learned):
 
 def test_undo_and_redo_bring_the_picture_along(bpy, addon, learned):
     bpy.ops.ed.undo_push(message="before")
-    addon.headless.set_swatch("pot", 1, "#00ff00")
+    addon.steps.set_swatch(bpy.context.scene, "pot", 1, "#00ff00")
     changed = shown(addon, learned)
     bpy.ops.ed.undo_push(message="swatch")
     bpy.ops.ed.undo()
@@ -83,31 +83,31 @@ def test_a_keyframed_swatch_recolors_on_every_frame(addon, learned):
 
 
 def test_the_file_keeps_swatches_view_and_picture(bpy, addon, learned, tmp_path):
-    addon.headless.show_view("photo_2")
-    addon.headless.set_swatch("lid", 2, (0.25, 0.5, 0.75))
+    addon.steps.show_view(learned, "photo_2").wait()
+    addon.steps.set_swatch(learned, "lid", 2, (0.25, 0.5, 0.75))
     expected = shown(addon, learned)
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     scene = bpy.context.scene
     assert tuple(scene.karf.objects["lid"].swatches[2].color) == (0.25, 0.5, 0.75)
     assert scene.karf.active_view == "photo_2"
     np.testing.assert_array_equal(shown(addon, scene), expected)
-    addon.headless.set_swatch("lid", 2, (1, 1, 1))
+    addon.steps.set_swatch(scene, "lid", 2, (1, 1, 1))
     np.testing.assert_array_equal(shown(addon, scene), base())
 
 
 def test_the_picture_survives_without_its_project(bpy, addon, learned, tmp_path):
-    addon.headless.set_swatch("pot", 1, "#0000ff")
+    addon.steps.set_swatch(learned, "pot", 1, "#0000ff")
     expected = shown(addon, learned)
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     addon.contents.planes_file(learned).unlink()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     np.testing.assert_array_equal(shown(addon, bpy.context.scene), expected)
 
 
 def test_an_edit_file_gives_the_same_swatches_back(bpy, addon, learned, tmp_path):
-    addon.headless.set_swatch("pot", 2, (0.1, 0.2, 0.3))
+    addon.steps.set_swatch(learned, "pot", 2, (0.1, 0.2, 0.3))
     bpy.ops.karf.save_edit(filepath=str(tmp_path / "edit.json"))
     edited = shown(addon, learned)
     bpy.ops.karf.reset_swatch(object_name="pot")
@@ -119,8 +119,8 @@ def test_an_edit_file_gives_the_same_swatches_back(bpy, addon, learned, tmp_path
 @pytest.mark.parametrize("suffix", [".gpl", ".ase"])
 def test_palettes_of_other_programs_are_saved_and_loaded_as_edits(bpy, addon, learned, tmp_path, suffix):
     path, color = tmp_path / f"blue{suffix}", np.array((51, 102, 255), np.float32) / 255
-    addon.headless.set_swatch("pot", 2, color)
-    addon.headless.save_edit(path)
+    addon.steps.set_swatch(learned, "pot", 2, color)
+    addon.steps.save_edit(learned, path)
     addon.edits.reset(learned, "pot")
     learned.karf.compositing = "paper"
     assert bpy.ops.karf.load_edit(filepath=str(path)) == {"FINISHED"}
@@ -143,7 +143,7 @@ def test_becomes_moves_the_source_to_the_target_and_leaves_locked_swatches(bpy, 
 
 
 def test_a_swatch_brighter_than_white_keeps_its_value_and_clips_only_the_picture(bpy, addon, learned, tmp_path):
-    addon.headless.set_swatch("pot", 1, (1.6, 0.2, 0.1))
+    addon.steps.set_swatch(learned, "pot", 1, (1.6, 0.2, 0.1))
     assert learned.karf.objects["pot"].swatches[1].color[0] == pytest.approx(1.6)
     # a quarter of +0.8 red
     expected = np.clip(base() / 255 + [0.2, 0.0, 0.0], 0, 1) * 255
@@ -158,29 +158,29 @@ def test_black_cannot_be_edited(addon, learned):
     learned.karf.objects["pot"].swatches[0].color = (1, 1, 1)
     np.testing.assert_array_equal(shown(addon, learned), base())
     with pytest.raises(addon.engine_api.BadRequest, match="no swatch 0"):
-        addon.headless.set_swatch("pot", 0, "#ffffff")
+        addon.steps.set_swatch(learned, "pot", 0, "#ffffff")
 
 
 def test_an_unknown_object_or_view_is_refused_with_what_there_is(addon, learned):
     with pytest.raises(addon.engine_api.BadRequest, match="lid, pot"):
-        addon.headless.set_swatch("kettle", 1, "#ffffff")
+        addon.steps.set_swatch(learned, "kettle", 1, "#ffffff")
     with pytest.raises(addon.engine_api.BadRequest, match="photo_9"):
-        addon.headless.show_view("photo_9")
+        addon.steps.show_view(learned, "photo_9").wait()
 
 
 def test_a_shown_view_needs_the_engine_only_once(addon, learned, monkeypatch):
-    addon.headless.show_view("photo_1")
+    addon.steps.show_view(learned, "photo_1").wait()
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere")
-    addon.headless.show_view("photo_0")
-    addon.headless.show_view("photo_1")
+    addon.steps.show_view(learned, "photo_0").wait()
+    addon.steps.show_view(learned, "photo_1").wait()
     with pytest.raises(addon.engine_api.MissingDependency):
-        addon.headless.show_view("photo_2")
+        addon.steps.show_view(learned, "photo_2").wait()
 
 
 def test_learning_anew_makes_prepared_views_stale(addon, learned):
     project = addon.folders.project_of(learned)
     assert addon.contents.is_current(project, "photo_0")
-    addon.headless.prepare_views("photo_1")
+    addon.steps.prepare_views(learned, "photo_1").wait()
     project.finish("recoloring", "anew")
     assert not addon.contents.is_current(project, "photo_1")
 
@@ -192,7 +192,7 @@ def test_pictures_of_views_of_different_sizes_share_one_image(addon, learned):
         small.objects, small.palette_weights[..., :8, :], small.probabilities[..., :8, :], small.base[:8]
     )
     write_current_planes(addon, learned, half)
-    addon.headless.show_view()
+    addon.steps.show_view(learned).wait()
     assert learned.karf.result == image and tuple(image.size) == (24, 8)
     np.testing.assert_array_equal(shown(addon, learned), base()[:8])
 
@@ -225,7 +225,7 @@ def test_a_view_that_is_not_prepared_shows_its_own_photo(addon, learned):
 
 
 def test_a_view_prepared_for_older_palettes_shows_its_own_photo(addon, learned):
-    addon.headless.prepare_views("photo_1")
+    addon.steps.prepare_views(learned, "photo_1").wait()
     addon.folders.project_of(learned).finish("recoloring", "anew")
     learned.karf.active_view = "photo_1"
     np.testing.assert_array_equal(shown(addon, learned), photo(addon, learned, "photo_1"))
@@ -251,7 +251,7 @@ def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mo
 @pytest.fixture
 def two_scenes(addon, learned):
     """The scene, and a copy of it with a result image of its own that shows another view."""
-    addon.headless.prepare_views("photo_1")
+    addon.steps.prepare_views(learned, "photo_1").wait()
     other = learned.copy()
     other.karf.result = None
     other.karf.active_view = "photo_1"

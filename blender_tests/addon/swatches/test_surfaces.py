@@ -113,9 +113,9 @@ def test_undo_takes_it_back(bpy, addon, learned, pot):
 
 
 def test_an_edit_file_has_the_colors_that_are_shown(addon, learned, pot, edited, tmp_path):
-    addon.headless.set_surface("pot", 1, saturation=0)
+    addon.steps.set_surface(learned, "pot", 1, saturation=0)
     before = edited()
-    addon.headless.save_edit(tmp_path / "gray.json")
+    addon.steps.save_edit(learned, tmp_path / "gray.json")
     addon.steps.apply_edit(learned, tmp_path / "gray.json")
     np.testing.assert_array_equal(edited(), before)
     np.testing.assert_array_equal(addon.colors.chosen(pot), before)
@@ -123,7 +123,7 @@ def test_an_edit_file_has_the_colors_that_are_shown(addon, learned, pot, edited,
 
 
 def test_becomes_begins_from_what_is_shown(addon, learned, pot, edited):
-    addon.headless.set_surface("pot", 1, saturation=0)
+    addon.steps.set_surface(learned, "pot", 1, saturation=0)
     gray = edited()[1]
     pot.source = gray
     pot.target = (0.1, 0.2, 0.5)
@@ -156,7 +156,7 @@ def test_without_counted_colors_what_was_shown_stays(addon, learned, pot, edited
     addon.displayed.forget(learned)
 
     def lost(name):
-        raise addon.headless.KarfError("The project is gone.", "Choose it anew.")
+        raise addon.steps.KarfError("The project is gone.", "Choose it anew.")
 
     addon.displayed.of(learned).learned_histogram = lost
     pot.swatches[3].gloss = 0.5
@@ -188,9 +188,9 @@ def _value(curve, scene):
     return eval(curve.driver.expression, {"pow": pow}, names)
 
 
-def test_a_value_out_of_range_and_a_locked_swatch_are_refused(addon, pot):
-    with pytest.raises(addon.headless.KarfError, match="gloss"):
-        addon.headless.set_surface("pot", 1, gloss=-1.0)
+def test_a_value_out_of_range_and_a_locked_swatch_are_refused(bpy, addon, pot):
+    with pytest.raises(addon.steps.KarfError, match="gloss"):
+        addon.steps.set_surface(bpy.context.scene, "pot", 1, gloss=-1.0)
     pot.swatches[1].locked = True
-    with pytest.raises(addon.headless.KarfError, match="locked"):
-        addon.headless.set_surface("pot", 1, gloss=0.0)
+    with pytest.raises(addon.steps.KarfError, match="locked"):
+        addon.steps.set_surface(bpy.context.scene, "pot", 1, gloss=0.0)

@@ -22,32 +22,32 @@ def shown(addon, scene):
 
 def test_original_is_the_photo_and_edited_comes_back(addon, learned, seeing):
     photo = shown(addon, learned)
-    addon.headless.set_swatch("pot", 1, "#00ff00")
+    addon.steps.set_swatch(learned, "pot", 1, "#00ff00")
     edited = shown(addon, learned)
     assert (edited != photo).any()
     seeing.mode = "ORIGINAL"
     np.testing.assert_array_equal(shown(addon, learned), photo)
-    addon.headless.set_swatch("pot", 1, "#00fe00")  # still the photo
+    addon.steps.set_swatch(learned, "pot", 1, "#00fe00")  # still the photo
     np.testing.assert_array_equal(shown(addon, learned), photo)
-    addon.headless.set_swatch("pot", 1, "#00ff00")
+    addon.steps.set_swatch(learned, "pot", 1, "#00ff00")
     seeing.mode = "EDITED"
     np.testing.assert_array_equal(shown(addon, learned), edited)
 
 
 def test_a_split_view_shows_the_photo_left_of_its_line(addon, learned, seeing):
     photo = shown(addon, learned)
-    addon.headless.set_swatch("pot", 1, "#00ff00")
+    addon.steps.set_swatch(learned, "pot", 1, "#00ff00")
     edited = shown(addon, learned)
     seeing.is_wiped, seeing.wipe = True, 0.25
     np.testing.assert_array_equal(shown(addon, learned)[:, :6], photo[:, :6])
     np.testing.assert_array_equal(shown(addon, learned)[:, 6:], edited[:, 6:])
-    addon.headless.set_swatch("pot", 1, "#0000ff")  # follows
+    addon.steps.set_swatch(learned, "pot", 1, "#0000ff")  # follows
     assert (shown(addon, learned)[:, 6:] != edited[:, 6:]).any()
     np.testing.assert_array_equal(shown(addon, learned)[:, :6], photo[:, :6])
 
 
 def test_what_is_written_is_the_edited_picture_whatever_is_looked_at(addon, learned, seeing):
-    addon.headless.set_swatch("pot", 1, "#00ff00")
+    addon.steps.set_swatch(learned, "pot", 1, "#00ff00")
     edited = shown(addon, learned)
     seeing.mode, seeing.is_wiped = "ORIGINAL", True
     written = addon.images.read_picture(addon.steps.save_shown(learned))
@@ -59,7 +59,7 @@ def test_the_eye_of_an_object_dims_all_else_and_follows_its_swatches(bpy, addon,
     assert bpy.ops.karf.solo_swatch(object_name="pot", index=0) == {"FINISHED"}
     # the fake engine gives half of every pixel to each object
     assert np.abs(shown(addon, learned) - (0.4 + 0.6 / 2) * edited).max() <= 1
-    addon.headless.set_swatch("pot", 1, "#0000ff")
+    addon.steps.set_swatch(learned, "pot", 1, "#0000ff")
     assert np.abs(shown(addon, learned) - (0.4 + 0.6 / 2) * edited).max() > 10
     bpy.ops.karf.solo_swatch(object_name="pot", index=0)
     assert seeing.mode == "EDITED"
@@ -81,9 +81,9 @@ def test_a_difference_is_black_where_nothing_changed_and_brighter_the_larger_it_
     seeing.mode = "DIFFERENCE"
     nothing = addon.views.heat(np.zeros(1))[0] * 255
     assert np.abs(shown(addon, learned) - nothing).max() <= 0.5
-    addon.headless.set_swatch("pot", 1, (0.6, 0.2, 0.1))
+    addon.steps.set_swatch(learned, "pot", 1, (0.6, 0.2, 0.1))
     small = shown(addon, learned).sum()
-    addon.headless.set_swatch("pot", 1, (0.0, 0.6, 0.1))
+    addon.steps.set_swatch(learned, "pot", 1, (0.0, 0.6, 0.1))
     assert small < shown(addon, learned).sum()
 
 
@@ -137,9 +137,9 @@ def test_masks_of_a_prepared_view_come_from_its_planes(bpy, addon, learned, seei
 
 
 def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, project_scene, tmp_path, seeing):
-    addon.headless.learn_scene("demo")
+    addon.steps.learn_scene(project_scene, "demo").wait()
     addon.images.write_png(tmp_path / "given" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
-    addon.headless.segment(tmp_path / "given")
+    addon.steps.segment(project_scene, tmp_path / "given").wait()
     assert not project_scene.karf.objects  # there is no palette yet
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
     masks = addon.displayed.of(project_scene).known_masks()

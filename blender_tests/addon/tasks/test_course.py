@@ -77,7 +77,7 @@ def replayed(course):
 
 @pytest.fixture
 def course(addon):
-    module = importlib.import_module(f"{addon.task.__package__}.course")
+    module = importlib.import_module(f"{addon.runner.__package__}.course")
     return lambda **seconds: module.Course(tuple((EXPECTED | seconds).values()), 0.0)
 
 

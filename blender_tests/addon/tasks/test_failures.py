@@ -15,7 +15,7 @@ from ..timers import run_to_end
 
 def begin(addon, scene, behave, after=lambda request: None):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
-    addon.runner._begin(addon.task.Task("Trial", (request,), after))
+    addon.runner._begin(addon.runner.Task("Trial", (request,), after))
     return addon.runner._worker()
 
 
@@ -107,7 +107,7 @@ def test_a_project_that_is_taken_away_under_a_job_is_said(bpy, addon, project_sc
     assert addon.runner._poll() is not None
     worker.end()
     run_to_end(addon.runner._poll)
-    assert "was taken away while" in bpy.context.window_manager.karf_progress.error
+    assert "was removed while" in bpy.context.window_manager.karf_progress.error
 
 
 def test_a_log_that_is_gone_hides_no_sentence(addon, project_scene):
@@ -140,7 +140,7 @@ def test_what_the_disk_refuses_after_a_job_is_said(bpy, addon, project_scene):
         raise OSError(28, "No space left on device", "/film/picture.png")
 
     request = addon.steps.learn_scene(project_scene).requests[0]
-    addon.runner._begin(addon.task.Task("Trial", (request,), full))
+    addon.runner._begin(addon.runner.Task("Trial", (request,), full))
     run_to_end(addon.runner._poll)
     assert bpy.context.window_manager.karf_progress.error == "/film/picture.png: No space left on device."
 
@@ -173,4 +173,4 @@ def test_what_the_engine_has_started_ends_with_it(addon, tmp_path, monkeypatch):
 
 def test_cancel_says_that_the_step_resumes(bpy, addon):
     description = bpy.ops.karf.cancel.get_rna_type().description
-    assert "resumes where it stood" in description
+    assert "Run the step again to resume it" in description

@@ -43,7 +43,7 @@ def test_poses_of_a_deleted_scene_go_to_no_other(bpy, addon, scene, poses):
 
 
 def test_poses_do_not_displace_a_project_chosen_meanwhile(bpy, addon, scene, poses, capture_folder, tmp_path):
-    addon.headless.import_capture(capture_folder, tmp_path / "chosen")
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "chosen")
     addon.runner.wait(poses)
     assert addon.folders.project_of(scene).folder == tmp_path / "chosen"
     assert len(rigs(bpy)) == 1
@@ -63,7 +63,7 @@ def test_palettes_go_to_no_file_that_was_opened_meanwhile(bpy, addon, learned, t
 
 def test_palettes_leave_a_scene_alone_that_has_chosen_another_project(bpy, addon, learned, tmp_path):
     task = addon.steps.extract_palette(learned)
-    addon.headless.set_swatch("pot", 1, "#102030")
+    addon.steps.set_swatch(learned, "pot", 1, "#102030")
     learned.karf.project = str(tmp_path / "elsewhere")
     before = [tuple(swatch.color) for swatch in learned.karf.objects["pot"].swatches]
     addon.runner.wait(task)

@@ -72,7 +72,7 @@ def test_after_a_crash_those_who_wait_are_told_and_the_next_query_starts_a_fresh
 
 
 def test_a_worker_that_had_just_ended_for_want_of_queries_is_followed_by_another(addon, project_scene):
-    with pytest.raises(addon.engine_api.KarfError, match="ended before it answered"):  # the second one does the same
+    with pytest.raises(addon.engine_api.KarfError, match="exited before it answered"):  # the second one does the same
         query(addon, project_scene, behave="idle")
     assert query(addon, project_scene)["pid"]
 
@@ -100,8 +100,8 @@ def test_a_scene_without_a_project_is_told_so(addon, scene):
 def test_beside_the_interface_a_query_returns_at_once_and_a_timer_brings_the_answer(addon, project_scene, beside):
     answers = []
     addon.queries.send(project_scene, "echo", {}, lambda scene, values: answers.append(values))
-    assert answers == [] and addon.queries.is_waiting("echo") and beside == [addon.timer._tick]
-    run_to_end(addon.timer._tick)
+    assert answers == [] and addon.queries.is_waiting("echo") and beside == [addon.queries._poll]
+    run_to_end(addon.queries._poll)
     assert len(answers) == 1 and not addon.queries.is_waiting("echo")
 
 
@@ -109,14 +109,14 @@ def test_queries_that_wait_for_the_start_are_replaced_by_later_ones_of_their_kin
     answers = []
     for number in range(50):
         addon.queries.send(project_scene, "echo", {"n": number}, lambda scene, values: answers.append(values))
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     assert [values["options"]["n"] for values in answers] == [49]
 
 
 def test_of_a_dropped_query_nothing_more_is_heard(addon, project_scene, beside):
     heard = []
     addon.queries.send(project_scene, "echo", {"behave": "drop"}, lambda *answer: heard.append(answer), heard.append)
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     assert heard == []
 
 
@@ -124,13 +124,13 @@ def test_an_answer_for_a_scene_with_another_project_is_not_handed_out(addon, pro
     heard = []
     addon.queries.send(project_scene, "echo", {}, lambda *answer: heard.append(answer), heard.append)
     project_scene.karf.project = str(tmp_path / "elsewhere")
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     assert heard == []
 
 
 def test_an_error_that_nobody_takes_stands_in_the_panel(bpy, addon, project_scene, beside):
     addon.queries.send(project_scene, "echo", {"behave": "refuse"}, lambda *answer: None)
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     progress = bpy.context.window_manager.karf_progress
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
 
@@ -141,7 +141,7 @@ def test_an_error_in_what_follows_an_answer_is_told_too(addon, project_scene, be
 
     errors = []
     addon.queries.send(project_scene, "echo", {}, refuse, errors.append)
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     assert [error.sentence for error in errors] == ["The planes are damaged."]
 
 
@@ -153,10 +153,10 @@ def test_a_disk_that_does_not_take_what_follows_an_answer_is_told_and_later_answ
 
     errors, answers = [], []
     addon.queries.send(project_scene, "echo", {}, write, errors.append)
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     assert len(errors) == 1 and "mask.png" in errors[0].sentence + errors[0].hint
     addon.queries.send(project_scene, "echo", {}, lambda scene, values: answers.append(values))
-    run_to_end(addon.timer._tick)
+    run_to_end(addon.queries._poll)
     assert len(answers) == 1
 
 
@@ -172,7 +172,7 @@ def test_other_threads_in_the_preferences_start_another_worker(addon, project_sc
 
 def test_disabling_the_extension_ends_the_worker(addon, project_scene):
     query(addon, project_scene)
-    worker = addon.session.get(addon.queries._State).worker
+    worker = addon.session.get(addon.queries.QueryWorker).worker
     addon.extension.unregister()
     addon.extension.register()
     assert worker.ended and worker._process.poll() is not None

@@ -7,7 +7,7 @@ from ..timers import run_to_end
 
 def failing(addon, scene, behave):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
-    return addon.task.Task("Trial", (request,), lambda request: None)
+    return addon.runner.Task("Trial", (request,), lambda request: None)
 
 
 def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
@@ -55,7 +55,7 @@ def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, proje
     def fault(request):
         raise ZeroDivisionError("ours")
 
-    task = addon.task.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
+    task = addon.runner.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
     addon.runner._begin(task)
     with pytest.raises(ZeroDivisionError):
         run_to_end(addon.runner._poll)
@@ -79,7 +79,7 @@ def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, 
 def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scene, tmp_path):
     progress = bpy.context.window_manager.karf_progress
     progress.running, progress.error = True, "old"
-    addon.headless.save(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     progress = bpy.context.window_manager.karf_progress
     assert not progress.running and progress.error == ""
@@ -87,13 +87,13 @@ def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scen
 
 def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(bpy, addon, project_scene, tmp_path):
     (tmp_path / "masks" / "pot").mkdir(parents=True)
-    addon.headless.learn_scene()
-    addon.headless.segment(tmp_path / "masks")
-    addon.headless.extract_palette()
+    addon.steps.learn_scene(project_scene).wait()
+    addon.steps.segment(project_scene, tmp_path / "masks").wait()
+    addon.steps.extract_palette(project_scene).wait()
     jobs = (addon.folders.project_of(project_scene).folder / "jobs").iterdir()
     hellos = [next(iter(addon.engine_api.EventReader(job).poll())) for job in jobs]
     assert len(hellos) == 5 and len({hello["pid"] for hello in hellos}) == 1
-    process = addon.runner._worker()._process
+    process = addon.runner._jobs().worker._process
     assert process.poll() is None
     addon.extension.unregister()
     addon.extension.register()
@@ -103,9 +103,9 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(b
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "deaf"))
-    addon.timer.start(runner._poll)
-    worker = runner._worker()
+    addon.session.start_timer(runner._poll)
+    worker = runner._jobs().worker
     addon.extension.unregister()
     addon.extension.register()
     assert worker.ended and worker._process.poll() is not None
-    assert not runner.is_running() and not bpy.app.timers.is_registered(addon.timer._tick)
+    assert not runner.is_running() and not bpy.app.timers.is_registered(runner._poll)

@@ -13,10 +13,10 @@ def masks(addon, project_scene, tmp_path):
     """The scene, learned, with a mask of the pot."""
     addon.images.write_png(tmp_path / "masks" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
     project_scene.karf.masks = str(tmp_path / "masks")
-    addon.headless.learn_scene()
-    addon.headless.segment()
+    addon.steps.learn_scene(project_scene).wait()
+    addon.steps.segment(project_scene).wait()
     addon.folders.project_of(project_scene).segmentation_file.touch()
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(project_scene).wait()
     return tmp_path / "masks"
 
 
@@ -56,10 +56,10 @@ def test_so_does_a_correction_or_a_volume(addon, project_scene, masks, mark):
 
 
 def test_a_stage_that_ran_anew_makes_the_later_ones_stale(addon, project_scene, masks):
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(project_scene).wait()
     assert kinds(addon, project_scene)["segment"] == kinds(addon, project_scene)["palette"] == "stale"
-    assert "learned anew" in addon.states.state_of(project_scene, "segment").reason
-    assert "segmented anew" in addon.states.state_of(project_scene, "palette").reason
+    assert "learned again" in addon.states.state_of(project_scene, "segment").reason
+    assert "segmented again" in addon.states.state_of(project_scene, "palette").reason
 
 
 def test_another_preset_than_was_learned_with_says_so(addon, learned, monkeypatch):
@@ -108,6 +108,6 @@ def test_what_is_opened_by_hand_stays_until_a_step_is_done(bpy, addon, project_s
     folding.show_import = folding.show_render = True
     addon.folding.update()
     assert folding.show_import and folding.show_render
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(project_scene).wait()
     addon.folding.update()
     assert not folding.show_import and folding.show_render

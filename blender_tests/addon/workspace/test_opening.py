@@ -42,7 +42,7 @@ def test_a_capture_is_ready_to_mark_in_the_workspace(addon, opened, project_scen
 
 
 def test_what_is_learned_is_left_as_it_is_shown(addon, opened, project_scene):
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(project_scene).wait()
     addon.masks.begin_marking(opened)
     assert project_scene.karf.marking.photo is None and not project_scene.karf.marking.objects
 

@@ -17,9 +17,9 @@ def learned_colors(scene):
 
 
 def test_undo_across_the_first_palettes_keeps_swatches_and_picture(bpy, addon, project_scene, editor):
-    addon.headless.learn_scene()
+    addon.steps.learn_scene(project_scene).wait()
     bpy.ops.ed.undo_push(message="begin")
-    addon.headless.extract_palette()
+    addon.steps.extract_palette(bpy.context.scene).wait()
     before = learned_colors(bpy.context.scene)
     bpy.ops.ed.undo_push(message="Extract Palette")
     bpy.ops.ed.undo()

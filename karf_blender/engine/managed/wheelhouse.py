@@ -58,7 +58,7 @@ def check(folder: Path, wheels: Sequence[Wheel]) -> None:
         more = f" and {len(missing) - MOST_NAMED} more" if len(missing) > MOST_NAMED else ""
         raise DataError(
             f"{folder} lacks {len(missing)} of {len(wheels)} files: {', '.join(missing[:MOST_NAMED])}{more}.",
-            "Fetch them on another computer: headless.engine_files() gives their list and the command.",
+            "Fetch them on another computer: steps.engine_files() gives their list and the command.",
         )
     for wheel in wheels:
         size = (folder / wheel.file).stat().st_size

@@ -178,7 +178,7 @@ def test_a_file_that_is_not_whole_is_named(managed, kitchen, planned):
 
 
 def test_what_must_be_fetched_elsewhere_is_listed_with_hashes(addon, managed):
-    listing, command = addon.headless.engine_files("windows-x86_64", "3.12", "cpu", ("photos",), "cmd")
+    listing, command = addon.steps.engine_files("windows-x86_64", "3.12", "cpu", ("photos",), "cmd")
     recipe = managed.recipes.find(WINDOWS, "3.12")
     wheels = recipe.wheels("", ("photos",)) + recipe.parts["uv"]
     assert [line.partition("  #")[0] for line in listing.splitlines()] == [wheel.requirement for wheel in wheels]

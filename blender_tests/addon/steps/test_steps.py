@@ -1,0 +1,68 @@
+"""Steps as scripts call them: the scene first, names that the docs show, and tasks that a script waits for."""
+
+import ast
+import importlib
+import inspect
+import re
+
+import pytest
+
+from ..conftest import MODULE, ROOT
+
+BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+PAGES = [path for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))) if "bl_ext" in path.read_text()]
+
+
+def public(steps):
+    """The functions that scripts find there, but those that are about the engine's environment and not about a scene."""
+    found = {name: each for name, each in vars(steps).items() if inspect.isfunction(each)}
+    return {name: each for name, each in found.items() if not each.__module__.endswith(".engine")}
+
+
+def test_every_step_takes_the_scene_first(addon):
+    steps = public(addon.steps)
+    assert len(steps) > 60
+    assert [name for name, step in steps.items() if next(iter(inspect.signature(step).parameters)) != "scene"] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_scripts_in_the_docs_call_steps_by_their_names_and_arguments(addon, page):
+    calls = [
+        (node.func.attr, node)
+        for block in BLOCK.findall(page.read_text())
+        if "karf_blender import steps as karf" in block
+        for node in ast.walk(ast.parse(block))
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and ast.unparse(node.func.value) == "karf"
+    ]
+    assert calls
+    for name, call in calls:
+        signature = inspect.signature(getattr(addon.steps, name))
+        signature.bind(*call.args, **{each.arg: each.value for each in call.keywords})
+        if name in public(addon.steps):
+            assert ast.unparse(call.args[0]) == "scene"
+
+
+def test_a_script_of_an_earlier_version_is_told_the_new_name(addon):
+    package = importlib.import_module(f"{MODULE}.karf_blender")
+    with pytest.raises(ImportError, match="headless is now steps"):
+        exec(f"from {package.__name__} import headless")
+    assert not hasattr(package, "handless")
+
+
+def test_a_step_works_on_the_given_scene(addon, learned):
+    other = learned.copy()
+    addon.steps.set_swatch(other, "pot", 1, "#00ff00")
+    assert tuple(other.karf.objects["pot"].swatches[1].color) == (0, 1, 0)
+    assert tuple(learned.karf.objects["pot"].swatches[1].color) != (0, 1, 0)
+
+
+def test_a_task_gives_its_result_once_it_is_done(addon, learned):
+    path = addon.steps.render_view(learned).wait()
+    assert path.is_file() and path.stem == learned.karf.active_view and path.parent.name == "recolor"
+
+
+def test_a_view_that_is_prepared_is_shown_at_once(addon, learned):
+    task = addon.steps.show_view(learned)
+    assert task.requests == () and task.wait() == learned.karf.result

@@ -1,0 +1,54 @@
+"""A file that an earlier version has saved opens with everything that was done in it, and goes on as it did then."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from .saved_files import DATA, TRIALS, everything_stored, tried
+
+SAVED = sorted(folder.name for folder in DATA.glob("saved_by_*"))
+TOLERANCE = 1e-4  # of colors; numpy's versions round otherwise
+
+
+@pytest.fixture
+def saved(request, tmp_path):
+    """The folder of a saved file, where it can be written."""
+    return shutil.copytree(DATA / request.param, tmp_path / "saved")
+
+
+@pytest.fixture
+def expected(saved):
+    return json.loads((saved / "expected.json").read_text())
+
+
+def compare(found, wanted, place=""):
+    """Everything that was told must be told still; numbers may be rounded otherwise, and there may be more."""
+    if isinstance(wanted, dict):
+        assert not wanted.keys() - found.keys(), f"{place}: {sorted(wanted.keys() - found.keys())} are gone"
+        for name, value in wanted.items():
+            compare(found[name], value, f"{place}.{name}")
+    elif isinstance(wanted, list):
+        assert len(found) == len(wanted), place
+        for number, value in enumerate(wanted):
+            compare(found[number], value, f"{place}[{number}]")
+    elif isinstance(wanted, float):
+        assert found == pytest.approx(wanted, abs=TOLERANCE), place
+    else:
+        assert found == wanted, place
+
+
+@pytest.mark.parametrize("saved", SAVED, indirect=True)
+def test_all_that_was_stored_is_there(bpy, addon, saved, expected):
+    bpy.ops.wm.open_mainfile(filepath=str(saved / "scene.blend"))
+    compare(everything_stored(bpy.context.scene.karf), expected["stored"])
+
+
+@pytest.mark.parametrize("trial", TRIALS)
+@pytest.mark.parametrize("saved", SAVED, indirect=True)
+def test_it_shows_and_does_what_it_did(bpy, addon, saved, expected, trial, tmp_path):
+    told, picture = tried(bpy, addon, saved / "scene.blend", trial, tmp_path)
+    compare(told, expected["trials"][trial], trial)
+    wanted = np.load(saved / "pictures.npz")[trial.replace(" ", "_")]
+    assert np.abs(picture.astype(int) - wanted).max() <= 1
