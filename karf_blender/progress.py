@@ -59,10 +59,7 @@ def dismiss() -> None:
 def show_event(label: str, event: Event, whole: tuple[float, float] | None = None) -> None:
     """Show an engine's event in the panel, under the running task's label.
 
-    Args:
-        label: The task's.
-        event: The event.
-        whole: Of a task of several jobs how much of all is done, 0 to 1, and the seconds that are left.
+    whole: Of a task of several jobs how much of all is done, 0 to 1, and the seconds that are left.
     """
     progress = state()
     progress.running, progress.stage = True, label

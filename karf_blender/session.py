@@ -1,8 +1,8 @@
 """The session: what the extension keeps in memory, and what it has put into Blender.
 
-A module keeps state in a class of its own, whose one object `get` returns. What Blender calls is declared where it is
-defined: classes by their name (KARF_...), handlers by `handler`, everything else by `setup`. `register` finds and
-installs it all, in any order of modules.
+A module keeps its state in a class of its own, whose one object `get` returns. What Blender calls is declared where it is
+defined: classes by their name (KARF_...), functions by `handler`, `subscribe` and `setup`. `register` finds and installs
+it all, whatever the order of modules.
 """
 
 import importlib
@@ -21,7 +21,7 @@ Timer = Callable[[], float | None]  # returns the seconds until the next call; N
 
 
 class Phase(IntEnum):
-    """When a handler is called among the handlers of an event."""
+    """When a handler is called among all handlers of an event; those of one phase must not depend on each other."""
 
     STATE = 0  # what other handlers depend on: which file is open, whether Blender renders
     READ = 1  # reads files of projects
@@ -36,7 +36,8 @@ class _Session:
     def __init__(self) -> None:
         self.states: dict[type, Any] = {}
         self.timers: set[Timer] = set()
-        self.listeners: list[Callable] = []
+        self.listeners: list[Callable] = []  # of `listener`
+        self.subscribers: list[Callable] = []  # of `subscribe`
         self.installed = ExitStack()
 
 
@@ -47,20 +48,12 @@ _session = _Session()
 def get(kind: type[T]) -> T:
     """Return the session's object of a class, created on first use.
 
-    A class may define `close()`, called before its object is dropped, `prune()`, called after scenes may have gone,
-    and `per_file = True`: its object is dropped when another file is opened.
+    A class may define `close()`, called before its object is dropped, and `per_file = True`: its object is dropped when
+    another file is opened.
     """
-    known = _session.states.get(kind)
-    if known is None:
-        known = _session.states[kind] = kind()
-    return known
-
-
-def prune() -> None:
-    """Drop what belongs to scenes that are gone."""
-    for state in tuple(_session.states.values()):
-        if hasattr(state, "prune"):
-            state.prune()
+    if kind not in _session.states:
+        _session.states[kind] = kind()
+    return _session.states[kind]
 
 
 def clear(per_file: bool = False) -> None:
@@ -69,28 +62,35 @@ def clear(per_file: bool = False) -> None:
         if not per_file or getattr(kind, "per_file", False):
             if hasattr(kind, "close"):
                 _session.states[kind].close()
-            del _session.states[kind]
+            _session.states.pop(kind, None)
 
 
 # --- declarations --------------------------------------------------------------------------------------------------
-def handler(*events: str, phase: Phase = Phase.SHOW) -> Callable[[Callable], Callable]:
-    """Declare a function as a handler of these lists of `bpy.app.handlers`; it stays when a file is opened."""
-
+def _mark(**marks: Any) -> Callable[[Callable], Callable]:
     def declare(function: Callable) -> Callable:
-        function.karf_events, function.karf_phase = events, phase
-        return bpy.app.handlers.persistent(function)
+        vars(function).update(marks)
+        return function
 
     return declare
+
+
+def handler(*events: str, phase: Phase = Phase.SHOW) -> Callable[[Callable], Callable]:
+    """Declare a function as a handler of these lists of `bpy.app.handlers`; it stays when a file is opened."""
+    declare = _mark(karf_events=events, karf_phase=phase)
+    return lambda function: bpy.app.handlers.persistent(declare(function))
+
+
+def subscribe(*properties: tuple[type, str]) -> Callable[[Callable], Callable]:
+    """Declare a function that is called when one of these properties, each of a Blender type, is set.
+
+    Blender's message bus reports what the user and scripts set, but not undo; in background mode it reports nothing.
+    """
+    return _mark(karf_properties=properties)
 
 
 def listener(event: str) -> Callable[[Callable], Callable]:
     """Declare a function that is called whenever an event of the extension's own is announced by `notify`."""
-
-    def declare(function: Callable) -> Callable:
-        function.karf_listens = event
-        return function
-
-    return declare
+    return _mark(karf_listens=event)
 
 
 def notify(event: str, *values: Any) -> None:
@@ -102,14 +102,15 @@ def notify(event: str, *values: Any) -> None:
 
 def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]]:
     """Declare a generator function that installs something, yields once, and removes it again."""
-    function.karf_setup = contextmanager(function)
-    return function
+    return _mark(karf_setup=contextmanager(function))(function)
 
 
+# --- timers --------------------------------------------------------------------------------------------------------
 def start_timer(timer: Timer, seconds: float = 0.02, persistent: bool = False) -> None:
-    """Call a function after some seconds, and then as often as it says; it ends with the session.
+    """Call a function after some seconds, and then as often as it says, unless it is called already.
 
-    Callers make sure that Blender has an interface: in background mode timers never fire.
+    It ends with the session and, unless `persistent`, when another file is opened. In background mode timers never fire:
+    callers do the work at once there.
     """
     if not bpy.app.timers.is_registered(timer):
         bpy.app.timers.register(timer, first_interval=seconds, persistent=persistent)
@@ -131,14 +132,16 @@ def register(package: ModuleType) -> None:
         for each in _in_order(_classes(modules)):
             bpy.utils.register_class(each)
             stack.callback(bpy.utils.unregister_class, each)
-        for function in _functions(modules, "karf_setup"):
+        for function in _declared(modules, "karf_setup"):
             stack.enter_context(function.karf_setup())
-        for function in sorted(_functions(modules, "karf_events"), key=lambda each: each.karf_phase):
+        for function in sorted(_declared(modules, "karf_events"), key=lambda each: each.karf_phase):
             for event in function.karf_events:
                 called = getattr(bpy.app.handlers, event, [])  # older Blenders lack some, such as exit_pre
                 called.append(function)
                 stack.callback(called.remove, function)
-        _session.listeners = _functions(modules, "karf_listens")
+        _session.listeners = _declared(modules, "karf_listens")
+        _session.subscribers = _declared(modules, "karf_properties")
+        _subscribe_all()
         stack.callback(_end)  # first: what still runs may need all of the above
         _session.installed = stack.pop_all()
 
@@ -153,7 +156,23 @@ def _end(*_) -> None:
     # a timer left behind hangs or crashes some Blender versions at exit
     for timer in tuple(_session.timers):
         stop_timer(timer)
+    for function in _session.subscribers:
+        bpy.msgbus.clear_by_owner(function)
     clear()
+
+
+@handler("load_post", phase=Phase.STATE)
+def _after_load(*_) -> None:
+    clear(per_file=True)
+    _subscribe_all()
+
+
+def _subscribe_all() -> None:
+    """Subscribe to the message bus, of which each file has its own."""
+    for function in _session.subscribers:
+        bpy.msgbus.clear_by_owner(function)
+        for key in function.karf_properties:
+            bpy.msgbus.subscribe_rna(key=key, owner=function, args=(), notify=function)
 
 
 def _submodules(package: ModuleType) -> Iterator[ModuleType]:
@@ -161,7 +180,8 @@ def _submodules(package: ModuleType) -> Iterator[ModuleType]:
         yield importlib.import_module(found.name)
 
 
-def _functions(modules: list[ModuleType], mark: str) -> list[Callable]:
+def _declared(modules: list[ModuleType], mark: str) -> list[Callable]:
+    """The functions that modules define and that carry a mark of a declaration."""
     found = (value for module in modules for value in vars(module).values() if inspect.isfunction(value))
     return list(dict.fromkeys(each for each in found if hasattr(each, mark)))
 
@@ -196,8 +216,3 @@ def _needed(each: type, names: dict[str, type]) -> Iterator[type]:
             group = getattr(declared, "keywords", {}).get("type")
             if group in names.values():
                 yield group
-
-
-@handler("load_post", phase=Phase.STATE)
-def _after_load(*_):
-    clear(per_file=True)

@@ -11,7 +11,7 @@
     python3 tools/dev.py build               the extension's zip, repository and checksums in dist/; sets nothing up
     python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
     python3 tools/dev.py docs                the documentation site in docs_out/; a warning is an error
-    python3 tools/dev.py lock                the files of which the extension makes the engine's environment: recipes.json
+    python3 tools/dev.py lock                the lock files from which uv makes the engine's environment
     python3 tools/dev.py setup               only the environments
 
 Two environments are made under .venv/: `engine` has torch, `blender` has Blender as a module, as at a user's desk. The
@@ -63,7 +63,7 @@ def main() -> int:
     verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
-    verbs.add_parser("lock", help="look up the files, sizes and hashes of the engine's environment for every system")
+    verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")
     verbs.add_parser("setup", help="only the environments")
     options, unknown = parser.parse_known_args()
     if unknown and options.verb not in PASSING_ON:
@@ -241,9 +241,9 @@ def docs(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def lock(options: argparse.Namespace, rest: list[str]) -> int:
-    """Look up the files of which the extension makes the engine's environment, in the versions of requirements/."""
+    """Lock the packages of the engine's environment for every system, in the versions of requirements/."""
     setup("lock")
-    return _run("lock", "-m", "tools.lock_recipes")
+    return _run("lock", "-m", "tools.lock_engine")
 
 
 def _run(environment: str, *arguments: str, **variables: str) -> int:

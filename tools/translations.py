@@ -33,7 +33,7 @@ msgstr ""
 """
 MARKS = ("translatable", "translate", "translate_report")
 KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
-POSITIONS = {"poll_message_set": 0, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
+POSITIONS = {"poll_message_set": 0, "need": 0, "_stage": 1, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
 ERRORS = (
@@ -46,12 +46,8 @@ ERRORS = (
     "Cancelled",
     "Diverged",
 )
-SENTENCES_AT = {
-    **dict.fromkeys((*ERRORS, "Message"), (0, 1)),
-    "warn": (0,),
-    "find_scene": (1,),
-}  # which arguments are sentences
-ENGLISH = ("steps/engine.py", "managed/*.py")  # files whose sentences stay English: for programmers, and of installing
+SENTENCES_AT = {**dict.fromkeys((*ERRORS, "Message"), (0, 1)), "warn": (0,)}  # which arguments are sentences
+ENGLISH = ("steps/engine.py", "installer/*.py")  # files whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 

@@ -34,10 +34,10 @@ def everything_stored(group):
     return found
 
 
-def palettes_shown(bpy, addon, folder):
+def palettes_shown(bpy, folder):
     """The palette of each object as the picture shows it, and all else of an edit file."""
     path = Path(folder) / "shown.json"
-    addon.headless.save_edit(path)
+    bpy.ops.karf.save_edit(filepath=str(path))
     return json.loads(path.read_text())
 
 
@@ -56,11 +56,11 @@ def colors(bpy):
 
 
 # --- what is done to an opened file --------------------------------------------------------------------------------
-def _nothing(bpy, addon):
+def _nothing(bpy):
     pass
 
 
-def _drag_linked(bpy, addon):
+def _drag_linked(bpy):
     for share in (0.3, 0.6, 1.0):
         bpy.context.scene.karf.objects["pot"].swatches[4].color = (
             0.9 - 0.5 * share,
@@ -69,62 +69,62 @@ def _drag_linked(bpy, addon):
         )
 
 
-def _drag_leader_of_merged(bpy, addon):
+def _drag_leader_of_merged(bpy):
     for share in (0.3, 0.6, 1.0):
         bpy.context.scene.karf.objects["pot"].swatches[1].color = (0.8 * (1 - share), 0.2 + 0.4 * share, 0.5 * share)
 
 
-def _drag_added(bpy, addon):
+def _drag_added(bpy):
     lid = bpy.context.scene.karf.objects["lid"]
     next(swatch for swatch in lid.swatches if swatch.is_added).color = (0.7, 0.3, 0.5)
 
 
-def _drag_target(bpy, addon):
+def _drag_target(bpy):
     pot = bpy.context.scene.karf.objects["pot"]
     pot.live = True
     pot.target = (0.5, 0.25, 0.6)
     pot.target = (0.3, 0.25, 0.6)
 
 
-def _press_becomes(bpy, addon):
+def _press_becomes(bpy):
     bpy.context.scene.karf.objects["pot"].target = (0.2, 0.6, 0.7)
     bpy.ops.karf.becomes(object_name="pot")
 
 
-def _choose_other_look(bpy, addon):
+def _choose_other_look(bpy):
     bpy.ops.karf.choose_look(name="Night")
 
 
-def _flip(bpy, addon):
+def _flip(bpy):
     bpy.ops.karf.flip_looks()
 
 
-def _split(bpy, addon):
+def _split(bpy):
     bpy.ops.karf.split_swatch(object_name="pot", index=1)
     bpy.context.scene.karf.objects["pot"].swatches[1].color = (0.3, 0.3, 0.9)
 
 
-def _reset(bpy, addon):
+def _reset(bpy):
     bpy.ops.karf.reset_swatch(object_name="pot")
     bpy.ops.karf.reset_swatch(object_name="lid")
 
 
-def _remove_added(bpy, addon):
+def _remove_added(bpy):
     lid = bpy.context.scene.karf.objects["lid"]
     index = next(number for number, swatch in enumerate(lid.swatches) if swatch.is_added)
     bpy.ops.karf.remove_color(object_name="lid", index=index)
 
 
-def _show_other_view(bpy, addon):
+def _show_other_view(bpy):
     bpy.context.scene.karf.active_view = "photo_1"
 
 
-def _compositing(bpy, addon):
+def _compositing(bpy):
     bpy.context.scene.karf.compositing = "delta"
 
 
 def _at_frame(frame):
-    return lambda bpy, addon: bpy.context.scene.frame_set(frame)
+    return lambda bpy: bpy.context.scene.frame_set(frame)
 
 
 TRIALS = {
@@ -145,11 +145,11 @@ TRIALS = {
 }
 
 
-def tried(bpy, addon, blend, trial, folder):
+def tried(bpy, blend, trial, folder):
     """Open a file, do something to it, and tell what there is then: values, and the picture."""
     bpy.ops.wm.read_homefile(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(blend))
-    TRIALS[trial](bpy, addon)
+    TRIALS[trial](bpy)
     karf = bpy.context.scene.karf
-    told = {"colors": colors(bpy), "shown": palettes_shown(bpy, addon, folder), "look": karf.look}
+    told = {"colors": colors(bpy), "shown": palettes_shown(bpy, folder), "look": karf.look}
     return told, picture(bpy)

@@ -1,4 +1,4 @@
-"""A Python that is asked whether it can run the engine: its doctor as a child process. No bpy and no threads."""
+"""Ask a Python whether it can run the engine: its doctor as a child process. No bpy and no threads."""
 
 import subprocess
 import tempfile
@@ -14,17 +14,16 @@ WAIT_SECONDS = 0.05
 
 
 class Examination:
-    """The findings as they come: `poll` it until it has ended. It never fails: what goes wrong is a finding too."""
+    """The findings as they come: `poll` it until it has ended. It never fails: what goes wrong is a finding too.
+
+    Args:
+        python: The Python that is asked.
+        engine: The engine's folder, which that Python executes.
+        folder: Where projects lie or would lie.
+        threads: Processor threads; 0: the engine chooses.
+    """
 
     def __init__(self, python: Path, engine: Path, folder: Path, threads: int = 0) -> None:
-        """Start it.
-
-        Args:
-            python: The Python that is asked.
-            engine: The engine's folder, which that Python executes.
-            folder: Where projects lie or would lie.
-            threads: Processor threads; 0: the engine chooses.
-        """
         self.python = python
         self.findings: tuple[Finding, ...] = ()
         self.has_ended = False
@@ -41,7 +40,7 @@ class Examination:
             self._give_up(f"{python} cannot be started ({error}).")
 
     def poll(self) -> bool:
-        """Take in what was found since the last call; whether that was all. Never blocks."""
+        """Take in what was found since the last call; True at the end. Never blocks."""
         if self.has_ended:
             return True
         # the exit is asked for first, so that all that was written before it is read
@@ -57,13 +56,12 @@ class Examination:
         return self.has_ended
 
     def end(self) -> None:
-        """End the Python where it still runs."""
         if not self.has_ended:
             processes.end(self._process)
             self.has_ended = True
 
     def _new_findings(self) -> tuple[Finding, ...]:
-        """The findings of the whole lines that are there and were not read yet."""
+        """Read whole lines only."""
         lines = [line for line in _read(self._said).splitlines(keepends=True) if line.endswith("\n")]
         found = []
         for line in lines:

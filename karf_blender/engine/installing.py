@@ -1,17 +1,18 @@
-"""The installation of the engine: alongside the interface, or blocking in background mode, where timers never fire."""
+"""The engine's installation and removal: alongside the interface, or blocking in background mode, where timers never fire."""
 
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import bpy
 
 from .. import session
 from ..engine_api import BadRequest, KarfError
 from ..host import windows
-from .managed.installation import Installation
-from .managed.plan import Choices, Plan, make
-from .managed.progress import Progress
+from .installer import home
+from .installer.installation import Installation, Progress, Removal
+from .installer.plan import Choices, Plan, make
 
 POLL_SECONDS = 0.3
 PRINT_SECONDS = 5.0
@@ -19,20 +20,20 @@ PRINT_SECONDS = 5.0
 
 @dataclass
 class _State:
-    """The installation at work, and how the last one failed."""
+    """The installation or removal at work, and how the last one failed."""
 
-    installation: Installation | None = None
+    work: Installation | Removal | None = None
     error: KarfError | None = None
 
     def close(self) -> None:
-        """End the installation and its child."""
-        if self.installation is not None:
-            self.installation.terminate()
-            self.installation = None
+        """End it and its child."""
+        if self.work is not None:
+            self.work.terminate()
+            self.work = None
 
 
 def plan(choices: Choices) -> Plan:
-    """What an installation would do, with this Blender's Python and as its preferences allow.
+    """Say what an installation would do, with this Blender's Python and as its preferences allow.
 
     Raises:
         KarfError: It cannot be done.
@@ -41,17 +42,23 @@ def plan(choices: Choices) -> Plan:
 
 
 def is_running() -> bool:
-    """True while an installation is at work."""
-    return session.get(_State).installation is not None
+    return session.get(_State).work is not None
+
+
+def can_be_cancelled() -> bool:
+    """Whether an installation is at work; a removal goes on to its end."""
+    work = session.get(_State).work
+    return work is not None and work.can_be_cancelled
 
 
 def progress() -> Progress | None:
-    """How far it is; None while none is at work."""
-    return session.get(_State).installation.progress if session.get(_State).installation else None
+    """Return how far it is; None while none is at work."""
+    work = session.get(_State).work
+    return work.progress if work else None
 
 
 def last_error() -> KarfError | None:
-    """How the last one failed or was cancelled; None where it did not."""
+    """Return how the last one failed or was cancelled; None where it did not."""
     return session.get(_State).error
 
 
@@ -64,7 +71,8 @@ def launch(planned: Plan) -> None:
     if bpy.app.background:
         wait(planned)
         return
-    _begin(planned)
+    _check_free()
+    _begin(Installation(planned))
     session.start_timer(_tick, POLL_SECONDS, persistent=True)
 
 
@@ -74,7 +82,8 @@ def wait(planned: Plan) -> None:
     Raises:
         KarfError: It fails.
     """
-    installation = _begin(planned)
+    _check_free()
+    installation = _begin(Installation(planned))
     printed, quiet_until = "", 0.0
     try:
         while not installation.ended:
@@ -86,7 +95,20 @@ def wait(planned: Plan) -> None:
         installation.check()
     finally:
         # also where the user interrupts with Ctrl-C
-        _end()
+        session.get(_State).close()
+
+
+def remove(folder: Path) -> None:
+    """Delete the environment in a folder and return at once; in background mode, block until it is done.
+
+    Raises:
+        KarfError: The folder is not KaRF's; in background mode also: a file cannot be deleted.
+    """
+    if bpy.app.background:
+        home.remove(folder)
+        return
+    _begin(Removal(folder, sys.executable))
+    session.start_timer(_tick, persistent=True)
 
 
 def cancel() -> None:
@@ -95,36 +117,34 @@ def cancel() -> None:
     Raises:
         BadRequest: None is at work.
     """
-    if session.get(_State).installation is None:
+    if not can_be_cancelled():
         raise BadRequest("No installation is running.", "")
-    session.get(_State).installation.cancel()
+    session.get(_State).work.cancel()
 
 
-def _begin(planned: Plan) -> Installation:
-    if session.get(_State).installation is not None:
+def _check_free() -> None:
+    if is_running():
         raise BadRequest("The engine is already being installed.", "Wait for it, or cancel it.")
-    session.get(_State).error = None
-    session.get(_State).installation = Installation(planned)
-    return session.get(_State).installation
 
 
-def _end() -> None:
-    session.get(_State).close()
+def _begin(work: Installation | Removal) -> Installation | Removal:
+    session.get(_State).work, session.get(_State).error = work, None
+    return work
 
 
 def _tick() -> float | None:
-    """The timer: lets the installation continue, and stops itself when it has ended."""
-    installation = session.get(_State).installation
-    if installation is None:
+    """The timer: lets the work continue, and stops itself when it has ended."""
+    state = session.get(_State)
+    if state.work is None:
         return None
-    installation.poll()
+    state.work.poll()
     windows.redraw("PREFERENCES")
-    if not installation.ended:
+    if not state.work.ended:
         return POLL_SECONDS
     try:
-        installation.check()
+        state.work.check()
     except KarfError as error:
-        session.get(_State).error = error
-    _end()
+        state.error = error
+    state.work = None
     windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return None

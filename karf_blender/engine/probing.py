@@ -19,9 +19,7 @@ POLL_SECONDS = 0.2
 
 @dataclass
 class _State:
-    """The last test, which may be running."""
-
-    examination: Examination | None = None
+    examination: Examination | None = None  # the last one, which may be running
 
     def close(self) -> None:
         """End the test, and its child."""
@@ -32,17 +30,18 @@ class _State:
 
 def is_running() -> bool:
     """True while a Python is being asked."""
-    return session.get(_State).examination is not None and not session.get(_State).examination.has_ended
+    known = session.get(_State).examination
+    return known is not None and not known.has_ended
 
 
 def findings_on(python: Path | None) -> tuple[Finding, ...]:
-    """What the last test has found so far, if it was of this Python."""
+    """Return what the last test has found so far, if it was of this Python."""
     known = session.get(_State).examination
     return known.findings if known is not None and known.python == python else ()
 
 
 def verdict_on(python: Path | None) -> Finding | None:
-    """What the last test of this Python came to; None before its end."""
+    """Return what the last test of this Python came to; None before its end."""
     found = findings_on(python)
     return found[-1] if found and found[-1].name == VERDICT else None
 
@@ -50,10 +49,7 @@ def verdict_on(python: Path | None) -> Finding | None:
 def launch(python: Path, folder: Path, threads: int = 0) -> None:
     """Test a Python alongside the interface and return at once; in background mode, block until it is done.
 
-    Args:
-        python: Which one.
-        folder: Where projects lie or would lie.
-        threads: Of the engine; 0: it chooses.
+    `folder` is where projects lie or would lie; with 0 threads the engine chooses.
     """
     if bpy.app.background:
         session.get(_State).examination = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads)
@@ -75,8 +71,8 @@ def _begin(python: Path, folder: Path, threads: int) -> None:
 
 def _tick() -> float | None:
     """The timer: takes in what was found, and stops itself at the end."""
-    before = session.get(_State).examination.findings
-    has_ended = session.get(_State).examination.poll()
-    if has_ended or session.get(_State).examination.findings != before:
+    examination = session.get(_State).examination
+    before, has_ended = examination.findings, examination.poll()
+    if has_ended or examination.findings != before:
         windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
     return None if has_ended else POLL_SECONDS

@@ -18,7 +18,7 @@ SIGNAL_NAMES = {each.value: each.name for each in signal.Signals}
 
 
 def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[str, str]:
-    """The environment without what would lead another Python to Blender's libraries; threads 0: as it is."""
+    """Return the environment without what would lead another Python to Blender's libraries; threads 0: as it is."""
     kept = {name: value for name, value in variables.items() if not name.startswith(LEAKS)}
     if threads:
         kept.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
@@ -26,13 +26,7 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
 
 
 def engine_command(python: Path, engine: Path, *arguments: str | Path) -> list[str]:
-    """The command line of the engine.
-
-    Args:
-        python: The Python that has the engine's packages.
-        engine: The engine's folder, which that Python executes.
-        arguments: The verb and its arguments.
-    """
+    """Return the command line by which a Python executes the engine's folder; arguments begin with the verb."""
     # -B: no compiled files appear in the extension's folder, which updates replace
     return [str(python), "-I", "-B", "-u", "-X", "utf8", str(engine), *map(str, arguments)]
 
@@ -40,16 +34,13 @@ def engine_command(python: Path, engine: Path, *arguments: str | Path) -> list[s
 def start(
     command: Sequence[str], threads: int = 0, variables: Mapping[str, str] = NO_VARIABLES, **options: Any
 ) -> subprocess.Popen:
-    """Start a command in a group of its own, without Blender's environment; options are those of Popen.
+    """Start a command in a group of its own, without Blender's environment; raises OSError where it does not start.
 
     Args:
         command: The program and its arguments.
         threads: Of numerical libraries; 0: they choose.
         variables: What its environment has more than this process's.
         options: Those of Popen.
-
-    Raises:
-        OSError: The command cannot be started.
     """
     if os.name == "nt":
         own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -83,6 +74,6 @@ def end(process: subprocess.Popen) -> None:
 
 
 def ending(process: subprocess.Popen) -> str:
-    """How an ended process ended: the signal's name, or its exit code."""
+    """Return how a process ended: the signal's name, or its exit code."""
     code = process.returncode or 0
     return SIGNAL_NAMES.get(-code) or f"exit code {code if -256 < code < 256 else hex(code)}"

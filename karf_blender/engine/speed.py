@@ -7,7 +7,7 @@ import contextlib
 import json
 import subprocess
 import tempfile
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from ..engine_api import KarfError, read_json, write_json
@@ -19,45 +19,33 @@ UNBELIEVABLE = 0.3  # share of its estimate below which a job had resumed anothe
 
 @dataclass(frozen=True)
 class Speed:
-    """What is known of a computer.
+    """What is known of a computer."""
 
-    Attributes:
-        python: The engine's Python that was asked.
-        threads: Those that it was given; 0: it chose.
-        samples_per_second: As the engine has measured it; 0: not yet.
-        factors: By stage, the seconds that jobs took relative to those that this speed predicts.
-    """
-
-    python: str
-    threads: int
-    samples_per_second: float = 0.0
-    factors: dict[str, float] = field(default_factory=dict)
+    python: str  # the engine's
+    threads: int  # that it was given; 0: it chose
+    samples_per_second: float = 0.0  # 0: not measured yet
+    factors: dict[str, float] = field(default_factory=dict)  # by stage, seconds of jobs relative to the prediction
 
     def corrected(self, seconds: dict[str, float]) -> dict[str, float]:
-        """What stages will take, from what the speed alone promises."""
+        """Correct the seconds of stages that the speed alone predicts."""
         return {stage: promised * self.factors.get(stage, 1.0) for stage, promised in seconds.items()}
 
     def learned_from(self, stage: str, promised: float, taken: float) -> "Speed":
-        """The same with what a job of a stage has taken."""
+        """Return the same with the seconds that a job of a stage has taken."""
         factor = taken / promised
         if factor < UNBELIEVABLE * self.factors.get(stage, 1.0):
             return self
         known = self.factors.get(stage, factor)
-        return Speed(
-            self.python,
-            self.threads,
-            self.samples_per_second,
-            self.factors | {stage: (1 - NEW) * known + NEW * factor},
-        )
+        return replace(self, factors=self.factors | {stage: (1 - NEW) * known + NEW * factor})
 
     def write(self, file: Path) -> None:
-        """Keep it, where the disk lets us: it is not the user's work."""
+        """Keep it; a disk that refuses does not matter."""
         with contextlib.suppress(OSError):
             write_json(file, asdict(self))
 
 
 def read(file: Path, python: str, threads: int) -> Speed:
-    """What is known of this Python with this number of threads; nothing where the file is of others or missing."""
+    """Read what is known of a Python with a number of threads; nothing where the file is of others or missing."""
     unknown = Speed(python, threads)
     try:
         known = Speed(**read_json(file, "speed"))
@@ -78,7 +66,7 @@ class Measurement:
         )
 
     def poll(self) -> float | None:
-        """None while it runs; then the samples a second, 0 where it could not be measured."""
+        """Return None while it runs; then the samples a second, 0 where it could not be measured."""
         if self._process.poll() is None:
             return None
         self._said.seek(0)
@@ -88,6 +76,5 @@ class Measurement:
             return 0.0
 
     def end(self) -> None:
-        """End it where it still runs."""
         if self._process.poll() is None:
             processes.end(self._process)

@@ -1,9 +1,8 @@
 """The engine's worker, a child process: jobs one after another, queries, and cancel. No bpy, no threads: the caller polls.
 
-The worker reports in files (see the engine's `worker.protocol`); its standard input is lifeline and cancel. One that
-says nothing in time, or ends without a final event, has failed; what it wrote last is in its job's log. Starting takes
-two seconds, most of them to load torch, so a worker may be kept for a while after a job that is done. One whose job
-failed or was cancelled, or that was made for other settings, takes no further job.
+It reports in files (see the engine's `worker.protocol`); its standard input is lifeline and cancel. Starting takes two
+seconds, most of them to load torch, so a worker may be kept for a while after a job that is done. One whose job failed
+or was cancelled, or that was made for other settings, takes no further job.
 """
 
 import contextlib
@@ -41,26 +40,17 @@ REPLIES = ("answer", "refused", "dropped")
 
 @dataclass
 class _Job:
-    """How far a job is.
-
-    Attributes:
-        request: What is asked of the worker.
-        folder: The job's own.
-        reader: Reads its events.
-        hello_by: When the worker must have said something.
-        final: Its last event.
-        planned: (when, signal) to send where the worker is still there.
-    """
+    """How far a job is."""
 
     request: Request
     folder: Path
     reader: EventReader
-    hello_by: float
-    final: Event | None = None
+    hello_by: float  # when the worker must have said something
+    final: Event | None = None  # its last event
     is_silent: bool = False
     is_cancelled: bool = False
     has_ended: bool = False
-    planned: list[tuple[float, int]] = field(default_factory=list)
+    planned: list[tuple[float, int]] = field(default_factory=list)  # (when, signal) to send where it still runs
 
     def end_after(self, seconds: float) -> None:
         """Have the worker ended by force in a while."""
@@ -72,18 +62,13 @@ class _Job:
 class Worker:
     """A worker: `begin` a job, `poll` until it has `ended`, `check` how it ended; then begin the next, or `end`.
 
-    Attributes:
-        unanswered: Whatever the caller noted of each query that has no reply yet, by its number.
+    Args:
+        keep_seconds: How long the process waits for the next job after one that is done; 0: it ends.
+        hello_seconds: How long it may be silent at the begin of a job.
     """
 
     def __init__(self, keep_seconds: float = 0, hello_seconds: float = HELLO_SECONDS) -> None:
-        """Make one; it is started with its first job.
-
-        Args:
-            keep_seconds: How long the process waits for the next job after one that is done; 0: it ends.
-            hello_seconds: How long it may be silent at the begin of a job.
-        """
-        self.unanswered: dict[int, Any] = {}
+        self.unanswered: dict[int, Any] = {}  # what the caller noted of queries without reply, by their numbers
         self._keep_seconds, self._hello_seconds = keep_seconds, hello_seconds
         self._process: subprocess.Popen | None = None
         self._made_for: tuple[Any, ...] = ()
@@ -102,9 +87,7 @@ class Worker:
             folder: The job's own folder, new or empty.
             threads: Processor threads; 0: the engine chooses.
 
-        Raises:
-            MissingDependency: The Python cannot be started.
-            DataError: The folder cannot be written.
+        Raises MissingDependency where the Python does not start, DataError where the folder cannot be written.
         """
         with disk_errors():
             request.write(folder)
@@ -118,7 +101,7 @@ class Worker:
         self._job = _Job(request, folder, EventReader(folder), time.monotonic() + self._hello_seconds)
 
     def poll(self) -> list[Event]:
-        """The job's events since the last call. Also enforces the deadlines. Never blocks."""
+        """Return the job's events since the last call, and enforce the deadlines. Never blocks."""
         job = self._job
         if job.has_ended:
             return []
@@ -151,17 +134,13 @@ class Worker:
         return events
 
     def cancel(self) -> None:
-        """Ask the worker to stop its job at the next safe point; it is ended by force where it does not."""
+        """Ask the worker to stop its job at the next safe point; end it by force where it does not."""
         self._job.is_cancelled = True
         self._send(CANCEL)
         self._job.end_after(CANCEL_SECONDS)
 
     def check(self) -> None:
-        """Return where the ended job is done.
-
-        Raises:
-            KarfError: It is not: the job's own error, or how it ended without one.
-        """
+        """Raise KarfError where the ended job is not done: its own error, or how it ended without one."""
         job, how = self._job, processes.ending(self._process)
         stage = job.request.stage
         if job.is_silent:
@@ -189,29 +168,24 @@ class Worker:
         if job.final.kind == "error":
             raise error_from_event(job.final)
 
+    # of the job at work, or of the last one
     @property
     def request(self) -> Request:
-        """Of the job at work, or of the last one."""
         return self._job.request
 
     @property
     def folder(self) -> Path:
-        """Of the job at work, or of the last one."""
         return self._job.folder
 
     @property
     def ended(self) -> bool:
-        """Whether no job is at work."""
         return self._job is None or self._job.has_ended
 
     # --- queries ---------------------------------------------------------------------------------------------------
     def query(self, kind: str, options: dict[str, Any], note: Any) -> None:
         """Send a query to a worker whose job answers them; one of the same kind that was not begun is dropped.
 
-        Args:
-            kind: One of the engine's `queries.QUERIES`.
-            options: JSON values, paths absolute.
-            note: Is kept in `unanswered`.
+        `kind` is one of the engine's `queries.QUERIES`, `options` are JSON values with absolute paths.
         """
         self._n_queries += 1
         query = Query(self._n_queries, kind, options)
@@ -226,7 +200,7 @@ class Worker:
             del self.unanswered[replaced.number]
 
     def replies(self) -> list[tuple[Any, Event]]:
-        """Poll, and give what was answered, refused or dropped: the caller's note of the query, and the event."""
+        """Poll; return (note of the query, event) for what was answered, refused or dropped."""
         events = [event for event in self.poll() if event.kind in REPLIES and event["id"] in self.unanswered]
         return [(self.unanswered.pop(event["id"]), event) for event in events]
 

@@ -10,15 +10,16 @@ from ..engine_api import BadRequest
 
 
 @dataclass
-class _State:
+class Render:
     """Whether a render has begun and not ended."""
 
-    begun: bool = False
+    per_file = True
+    has_begun: bool = False
 
 
 def is_running() -> bool:
     """True from a render's first handler to its last; on any thread."""
-    return session.get(_State).begun or bpy.app.is_job_running("RENDER")
+    return session.get(Render).has_begun or bpy.app.is_job_running("RENDER")
 
 
 def refuse() -> None:
@@ -35,15 +36,15 @@ def is_over() -> bool:
     """For timers, which Blender calls beside a render job and never within a render: True if none is running."""
     if bpy.app.is_job_running("RENDER"):
         return False
-    session.get(_State).begun = False
+    session.get(Render).has_begun = False
     return True
 
 
 @session.handler("render_init", phase=session.Phase.STATE)
 def _begin(*_):
-    session.get(_State).begun = True
+    session.get(Render).has_begun = True
 
 
-@session.handler("render_complete", "render_cancel", "load_post", phase=session.Phase.STATE)
+@session.handler("render_complete", "render_cancel", phase=session.Phase.STATE)
 def _end(*_):
-    session.get(_State).begun = False
+    session.get(Render).has_begun = False

@@ -6,12 +6,21 @@ developers, and as the engine says them; as messages they know their keys and va
 shown. `tools/translations.py` collects all of them from the sources.
 """
 
+from dataclasses import dataclass, field
+
 from bpy.app.translations import pgettext_iface, pgettext_rpt
 
+from .. import session
 from ..engine_api import KarfError, Message
 
 MOST_KEPT = 256
-_kept: dict[str, Message] = {}  # by their English texts
+
+
+@dataclass
+class KeptMessages:
+    """The messages of which properties hold the English text."""
+
+    by_text: dict[str, Message] = field(default_factory=dict)
 
 
 def translatable(text: str) -> str:
@@ -33,10 +42,11 @@ def translate_report(text: str, **values: object) -> str:
 def kept(message: str) -> str:
     """A message that a property is going to hold, which holds its English text alone: the rest is remembered here."""
     if isinstance(message, Message):
-        _kept.pop(str(message), None)
-        _kept[str(message)] = message
-        while len(_kept) > MOST_KEPT:
-            del _kept[next(iter(_kept))]
+        kept_messages = session.get(KeptMessages).by_text
+        kept_messages.pop(str(message), None)
+        kept_messages[str(message)] = message
+        if len(kept_messages) > MOST_KEPT:
+            del kept_messages[next(iter(kept_messages))]
     return message
 
 
@@ -45,7 +55,7 @@ def translate_message(text: str) -> str:
 
     What no table has stays as it is. Values may be messages too; names are never translated.
     """
-    message = text if isinstance(text, Message) else _kept.get(text)
+    message = text if isinstance(text, Message) else session.get(KeptMessages).by_text.get(text)
     if message is None:
         return translate(text) if text else ""
     values = {

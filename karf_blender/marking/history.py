@@ -1,8 +1,8 @@
 """Files of marks that follow Blender's undo.
 
-Each stroke is a step: the scene keeps its number, which undo takes back, and this session keeps what every file held
-after it. Undo and redo then bring the files to where that number says, byte for byte. What a file held before the first
-stroke is kept too, so that a mask of the user's own comes back as it was.
+Each stroke is a step. The scene stores its number, which undo takes back; the session stores the contents of all
+changed files after it. Undo and redo restore the files of the current number byte for byte; before the first stroke,
+these are the user's own.
 """
 
 from collections.abc import Mapping
@@ -15,21 +15,19 @@ import bpy
 from .. import session
 from ..engine_api import atomic_write, checked_path
 
-Files = Mapping[Path, bytes | None]  # contents; None: there is no such file
+Files = Mapping[Path, bytes | None]  # contents; None: no such file
 
 
 @dataclass(frozen=True)
 class Step:
-    """What holds after a stroke. files: all that were ever changed; note: what else must come back with it."""
+    """The state after a stroke."""
 
-    files: Files = field(default_factory=dict)
-    note: Any = None
+    files: Files = field(default_factory=dict)  # all that were ever changed
+    note: Any = None  # what else must come back with it
 
 
 @dataclass
 class _State:
-    """All steps of this session by their numbers, what the changed files hold now, and what they held at first."""
-
     steps: dict[int, Step] = field(default_factory=dict)
     now: dict[Path, bytes | None] = field(default_factory=dict)
     before: dict[Path, bytes | None] = field(default_factory=dict)
@@ -37,73 +35,56 @@ class _State:
 
 
 def number() -> int:
-    """The step that Blender's undo stands at: the latest of all scenes. 0 before the first."""
+    """Return the current step of Blender's undo, the latest of all scenes; 0 before the first."""
     return max((scene.karf.marking.step for scene in bpy.data.scenes), default=0)
 
 
 def note() -> Any:
-    """What was noted with the present step."""
+    """Return the note of the current step."""
     return session.get(_State).steps.get(number(), Step()).note
 
 
 def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -> int:
-    """Write files as a new step.
+    """Write files below a root folder as a new step of the scene, and return its number.
 
-    Args:
-        scene: Its undo takes the step back.
-        root: The folder they lie in; folders below it that become empty are removed.
-        files: What is to be written; None removes a file.
-        note: Kept with the step.
-
-    Returns:
-        The step's number.
-
-    Raises:
-        OSError: A file cannot be written; the step is not taken.
+    Folders below the root that become empty are removed.
+    Raises OSError, and makes no step, if a file cannot be written.
     """
-    session.get(_State).roots.add(root)
+    state = session.get(_State)
+    state.roots.add(root)
     _write(files)
-    made = max(session.get(_State).steps, default=0) + 1
-    session.get(_State).steps[made] = Step(dict(session.get(_State).now), note)
+    made = max(state.steps, default=0) + 1
+    state.steps[made] = Step(dict(state.now), note)
     scene.karf.marking.step = made
     return made
 
 
 def amend(step: int, files: Files) -> bool:
-    """Put files that came later into a step that was made for them; True if it is the present one: then they are written.
+    """Add files to their step later; write them and return True if it is the current one.
 
-    Raises:
-        OSError: A file cannot be written.
+    Raises OSError if a file cannot be written.
     """
-    if step not in session.get(_State).steps:
+    known = session.get(_State).steps.get(step)
+    if known is None:
         return False
     is_now = step == number()
     if is_now:
         _write(files)
-    known = session.get(_State).steps[step]
     session.get(_State).steps[step] = Step({**known.files, **files}, known.note)
     return is_now
 
 
 def follow() -> None:
-    """After undo or redo: write what the present step says.
-
-    Raises:
-        OSError: A file cannot be written.
-    """
-    wanted = session.get(_State).steps.get(number(), Step()).files
-    files = {**session.get(_State).before, **wanted}
-    _write({path: content for path, content in files.items() if content != session.get(_State).now.get(path)})
+    """Write the files of the current step after undo or redo. Raises OSError if a file cannot be written."""
+    state = session.get(_State)
+    files = {**state.before, **state.steps.get(number(), Step()).files}
+    _write({path: content for path, content in files.items() if content != state.now.get(path)})
 
 
-def forget() -> None:
-    """Forget all steps: another file was opened. What lies on the disk stays."""
-    for known in (
-        session.get(_State).steps,
-        session.get(_State).now,
-        session.get(_State).before,
-        session.get(_State).roots,
-    ):
+@session.handler("load_post", phase=session.Phase.READ)
+def forget(*_) -> None:
+    """Drop all steps; the files stay as they are."""
+    for known in vars(session.get(_State)).values():
         known.clear()
     for scene in bpy.data.scenes:
         if scene.karf.marking.step:
@@ -111,28 +92,24 @@ def forget() -> None:
 
 
 def _write(files: Files) -> None:
-    for path in files:
-        _check(path)
+    state = session.get(_State)
+    for path in files:  # no link may lead out of the root
+        root = next((root for root in state.roots if path.is_relative_to(root)), path.parent)
+        checked_path(root, *path.relative_to(root).parts)
     for path, content in files.items():
-        if path not in session.get(_State).before:
-            session.get(_State).before[path] = path.read_bytes() if path.is_file() else None
+        if path not in state.before:
+            state.before[path] = path.read_bytes() if path.is_file() else None
         if content is None:
             _remove(path)
         else:
             atomic_write(path, lambda temporary, content=content: temporary.write_bytes(content))
-        session.get(_State).now[path] = content
-
-
-def _check(path: Path) -> None:
-    """Raise DataError where a link on the way from a root to a file leads out of the root."""
-    root = next((root for root in session.get(_State).roots if path.is_relative_to(root)), path.parent)
-    checked_path(root, *path.relative_to(root).parts)
+        state.now[path] = content
 
 
 def _remove(path: Path) -> None:
     path.unlink(missing_ok=True)
     for parent in path.parents:
-        # the engine takes an empty folder for an object without a mask
+        # to the engine, an empty folder is an object without a mask
         if parent in session.get(_State).roots or not parent.is_dir() or any(parent.iterdir()):
             return
         parent.rmdir()

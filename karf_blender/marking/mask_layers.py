@@ -1,10 +1,8 @@
-"""The mask layers of the photo that is being marked, in memory: read from their files and written back.
+"""The mask layers of the photo to mark, in memory: read from their files and written back.
 
-A layer is [H, W] int8: of a mask 1 where the object is, else 0; of a correction 1 "this is it", -1 "this is not",
-0 unsaid.
+A layer is [H, W] int8: of a mask 1 for the object, else 0; of a correction 1 "object", -1 "not the object", 0 neither.
 """
 
-import itertools
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,38 +14,29 @@ from ..engine_api import KarfError, View, check_file, masks_of_view
 from ..host import windows
 from ..pictures import images
 from ..project import captures
-from . import history, objects, png
-
-_versions = itertools.count(1)
+from . import history, objects, raster
 
 
 @dataclass
 class Layer:
-    """One mask or correction. version: another one whenever the pixels are."""
+    """One mask or correction."""
 
     pixels: np.ndarray
-    version: int = field(default_factory=lambda: next(_versions))
+    version: object = field(default_factory=object)  # another one whenever the pixels change
 
     def touch(self) -> None:
-        """The pixels were changed."""
-        self.version = next(_versions)
+        """Tell that the pixels have changed."""
+        self.version = object()
 
 
 @dataclass
 class MaskLayers:
-    """One photo's layers.
-
-    Attributes:
-        view: The photo's.
-        masks: Of each object that has one in this view, and of the one being marked.
-        corrections: The same.
-        solved: The engine's masks of the view with all corrections, once it has answered.
-    """
+    """One photo's layers by object."""
 
     view: View
     masks: dict[str, Layer]
     corrections: dict[str, Layer]
-    solved: dict[str, Layer] = field(default_factory=dict)
+    solved: dict[str, Layer] = field(default_factory=dict)  # the engine's masks with all corrections, once they come
 
     @property
     def size(self) -> tuple[int, int]:
@@ -55,17 +44,16 @@ class MaskLayers:
         return self.view.camera.width, self.view.camera.height
 
     def layer(self, name: str, is_correction: bool) -> Layer:
-        """An object's mask or correction, made where it has none."""
+        """Return an object's mask or correction, an empty one if missing."""
         layers = self.corrections if is_correction else self.masks
         return layers.setdefault(name, Layer(np.zeros(self.size[::-1], np.int8)))
 
 
 @dataclass
 class _State:
-    """The mask layers of the scene that was marked last, and what they were read for."""
-
+    per_file = True
     layers: MaskLayers | None = None
-    key: tuple = ()
+    key: tuple = ()  # what they were read for
 
 
 def _key(scene: bpy.types.Scene) -> tuple:
@@ -73,39 +61,87 @@ def _key(scene: bpy.types.Scene) -> tuple:
     return bpy.data.filepath, karf.capture, karf.project, karf.masks, karf.active_view
 
 
-def shown(scene: bpy.types.Scene) -> MaskLayers | None:
-    """The mask layers of the scene's active view, where they are open; drawing asks this."""
-    return session.get(_State).layers if session.get(_State).key == _key(scene) else None
+def opened(scene: bpy.types.Scene) -> MaskLayers | None:
+    """Return the mask layers of the scene's active view if they are open; for drawing."""
+    state = session.get(_State)
+    return state.layers if state.key == _key(scene) else None
 
 
 def open_layers(scene: bpy.types.Scene) -> MaskLayers:
-    """The mask layers of the scene's active view, read where they are not open.
+    """Return the mask layers of the scene's active view, read if they are not open.
 
-    Raises:
-        KarfError: There is no such view, or a mask cannot be read.
+    Raises KarfError if a mask cannot be read.
     """
-    if shown(scene) is None:
+    state = session.get(_State)
+    if opened(scene) is None:
         view = captures.view_of(scene)
-        names = [item.folder for item in scene.karf.marking.objects]
-        masks, corrections = objects.masks_folder(scene), objects.corrections_folder(scene)
-        session.get(_State).layers = MaskLayers(
-            view,
-            {name: Layer(_fitted(_read_mask(file), view)) for name, file in _found(masks, names, view)},
-            {name: Layer(_fitted(_read_correction(file), view)) for name, file in _found(corrections, names, view)},
-        )
-        session.get(_State).key = _key(scene)
-    return session.get(_State).layers
+        masks = _read_all(scene, objects.masks_folder(scene), view, _read_mask)
+        corrections = _read_all(scene, objects.corrections_folder(scene), view, _read_correction)
+        state.layers, state.key = MaskLayers(view, masks, corrections), _key(scene)
+    return state.layers
 
 
-def _found(root: Path, names: list[str], view: View) -> list[tuple[str, Path]]:
-    """The objects that have a file for the view, each with it."""
-    return [(name, files[0]) for name in names if (files := masks_of_view(root / name, view))]
+def reread(scene: bpy.types.Scene) -> None:
+    """Read open mask layers again after undo or another stroke has changed their files."""
+    was_open = opened(scene) is not None
+    forget()
+    if was_open:
+        try:
+            open_layers(scene)
+        except (KarfError, OSError) as error:
+            print(f"KaRF: the masks of {scene.karf.active_view!r} cannot be read: {error}")
+    redraw()
+
+
+def forget() -> None:
+    """Close the mask layers."""
+    session.get(_State).layers = None
+    session.get(_State).key = ()
+
+
+def redraw() -> None:
+    """Redraw the masks over the photo, and the panels."""
+    windows.redraw(*windows.PANEL_AREAS)
+
+
+# --- files ---------------------------------------------------------------------------------------------------------
+def save(scene: bpy.types.Scene, name: str, is_correction: bool) -> None:
+    """Write an object's open mask or correction as a step that undo takes back.
+
+    Raises OSError if it cannot be written.
+    """
+    layers = open_layers(scene)
+    pixels = layers.layer(name, is_correction).pixels
+    if is_correction:
+        root = objects.corrections_folder(scene)
+        # white: the object; black: not the object; transparent: neither
+        gray_alpha = np.stack([pixels > 0, pixels != 0], -1) * np.uint8(255)
+        content = raster.encode_png(gray_alpha) if pixels.any() else None
+        files = {root / name / f"{layers.view.name}.png": content}
+    else:
+        root, files = objects.masks_folder(scene), mask_files(scene, layers.view, name, pixels)
+    history.record(scene, root, files)
+
+
+def mask_files(scene: bpy.types.Scene, view: View, name: str, pixels: np.ndarray) -> dict[Path, bytes | None]:
+    """Return the contents of the files of an object's mask; an empty mask has no file."""
+    folder = objects.masks_folder(scene) / name
+    found = masks_of_view(folder, view)
+    file = (found or [folder / f"{view.name}.png"])[0].with_suffix(".png")
+    gray = np.where(pixels > 0, 255, 0).astype(np.uint8)[..., None]
+    return {**dict.fromkeys(found), file: raster.encode_png(gray) if pixels.any() else None}
+
+
+def _read_all(scene: bpy.types.Scene, root: Path, view: View, read) -> dict[str, Layer]:
+    """Return the layers of the objects that have a file for the view."""
+    names = [item.folder for item in scene.karf.marking.objects]
+    found = {name: files[0] for name in names if (files := masks_of_view(root / name, view))}
+    return {name: Layer(_fitted(read(file), view)) for name, file in found.items()}
 
 
 def _decoded(file: Path) -> np.ndarray | None:
-    """What `png.decode` gives of a file. Raises DataError where it is a folder, a pipe or a device."""
-    check_file(file)
-    return png.decode(file.read_bytes())
+    check_file(file)  # no folder, pipe or device
+    return raster.decode_png(file.read_bytes())
 
 
 def _read_mask(file: Path) -> np.ndarray:
@@ -122,72 +158,9 @@ def _read_correction(file: Path) -> np.ndarray:
 
 
 def _fitted(pixels: np.ndarray, view: View) -> np.ndarray:
-    """Pixels at the photo's size: a mask may also have the size that is learned from."""
+    """Resize a mask to the photo: it may also have the size of the training images."""
     size = view.camera.height, view.camera.width
     if pixels.shape == size:
         return pixels.astype(np.int8)
     rows, columns = (np.arange(want) * have // want for want, have in zip(size, pixels.shape, strict=True))
     return pixels[np.ix_(rows, columns)].astype(np.int8)
-
-
-def _named(folder: Path, name: str, view: View) -> Path:
-    return folder / name / f"{view.name}.png"
-
-
-def save(scene: bpy.types.Scene, name: str, is_correction: bool) -> None:
-    """Write an object's open mask or correction, as a step that undo takes back.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    opened = open_layers(scene)
-    pixels = opened.layer(name, is_correction).pixels
-    history.record(scene, root_of(scene, is_correction), files_of(scene, opened.view, name, is_correction, pixels))
-
-
-def root_of(scene: bpy.types.Scene, is_correction: bool) -> Path:
-    """The folder of corrections or of masks."""
-    return objects.corrections_folder(scene) if is_correction else objects.masks_folder(scene)
-
-
-def files_of(
-    scene: bpy.types.Scene, view: View, name: str, is_correction: bool, pixels: np.ndarray
-) -> dict[Path, bytes | None]:
-    """What the files of an object's mask or correction must hold for these pixels; an empty one has no file."""
-    root = root_of(scene, is_correction)
-    found = [] if is_correction else masks_of_view(root / name, view)
-    file = (found or [_named(root, name, view)])[0].with_suffix(".png")
-    encode = encode_correction if is_correction else encode_mask
-    return {**dict.fromkeys(found), file: encode(pixels) if pixels.any() else None}
-
-
-def encode_mask(pixels: np.ndarray) -> bytes:
-    """A mask's layer as a PNG: white where the object is."""
-    return png.encode(np.where(pixels > 0, 255, 0).astype(np.uint8)[..., None])
-
-
-def encode_correction(pixels: np.ndarray) -> bytes:
-    """A correction's layer as a PNG: white this is it, black this is not, transparent unsaid."""
-    return png.encode(np.stack([pixels > 0, pixels != 0], -1) * np.uint8(255))
-
-
-def follow(scene: bpy.types.Scene) -> None:
-    """What is drawn over the photo may have changed: draw it again."""
-    windows.redraw(*windows.PANEL_AREAS)
-
-
-def reread(scene: bpy.types.Scene) -> None:
-    """Read the mask layers again, where they are open: undo, or another stroke, has changed their files."""
-    was_open = shown(scene) is not None
-    forget()
-    if was_open:
-        try:
-            open_layers(scene)
-        except (KarfError, OSError) as error:
-            print(f"KaRF: the masks of {scene.karf.active_view!r} cannot be read: {error}")
-    follow(scene)
-
-
-def forget() -> None:
-    """Close the mask layers."""
-    session.get(_State).layers, session.get(_State).key = None, ()

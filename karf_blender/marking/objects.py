@@ -1,10 +1,22 @@
-"""The objects that can be marked: a list in the scene, folders on the disk."""
+"""The objects to mark: a list in the scene, folders of masks and corrections on the disk, volumes that bound them."""
 
+import tempfile
 from pathlib import Path
 
 import bpy
+import numpy as np
+from mathutils import Matrix
 
-from ..engine_api import file_name, find_normalized, first_case_collision, masks_of_view
+from ..engine_api import (
+    BadRequest,
+    Volume,
+    file_name,
+    find_normalized,
+    first_case_collision,
+    masks_of_view,
+    read_volumes,
+    write_volumes,
+)
 from ..pictures.tints import tints_of
 from ..project import captures, folders
 from ..swatches import object_masks
@@ -15,11 +27,9 @@ BACKGROUND = "background"  # the engine's name for what no mask covers
 
 
 def masks_folder(scene: bpy.types.Scene) -> Path:
-    """Where masks are kept, one folder an object: the chosen one, else the project's; it may not exist yet.
+    """Return the chosen folder with one folder of masks for each object, else the project's; it may not exist yet.
 
-    Raises:
-        BadRequest: There is no project.
-        DataError: It is a link that leads out of the project.
+    Raises KarfError without a project, or if a link leads out of it.
     """
     if not scene.karf.masks:
         return folders.project_of(scene).masks_folder
@@ -31,22 +41,18 @@ def masks_folder(scene: bpy.types.Scene) -> Path:
 
 
 def corrections_folder(scene: bpy.types.Scene) -> Path:
-    """Where strokes that correct the segmentation are kept, one folder an object.
-
-    Raises:
-        BadRequest: There is no project.
-    """
+    """Return the folder with one folder of corrections for each object; raises like `masks_folder`."""
     return folders.project_of(scene).corrections_folder
 
 
 def active(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:
-    """The object that is being marked."""
+    """Return the object to mark."""
     marking = scene.karf.marking
     return marking.objects[marking.active] if 0 <= marking.active < len(marking.objects) else None
 
 
 def sync(scene: bpy.types.Scene) -> None:
-    """Add the objects that the folder of masks and the project's palettes have and the list lacks."""
+    """Add missing objects of the folder of masks and the project's palettes to the list."""
     marking = scene.karf.marking
     folder = masks_folder(scene)
     found = sorted(path.name for path in folder.iterdir() if path.is_dir()) if folder.is_dir() else []
@@ -56,7 +62,7 @@ def sync(scene: bpy.types.Scene) -> None:
 
 
 def restart(scene: bpy.types.Scene) -> None:
-    """Another project was chosen: the list is of its objects, and of those that the folder of masks has."""
+    """Reduce the list to the objects of a newly chosen project and of the folder of masks."""
     items, folder = scene.karf.marking.objects, masks_folder(scene)
     for number in reversed(range(len(items))):
         if not (folder / items[number].folder).is_dir() and items[number].folder not in scene.karf.objects:
@@ -66,7 +72,7 @@ def restart(scene: bpy.types.Scene) -> None:
 
 
 def add(scene: bpy.types.Scene, name: str = FIRST) -> bpy.types.PropertyGroup:
-    """Add an object by a name as people type them, and make it the active one."""
+    """Add an object by a name that a user types, and make it active."""
     item = _append(scene, usable_name(name, scene.karf.marking.objects.keys()))
     scene.karf.marking.active = len(scene.karf.marking.objects) - 1
     return item
@@ -82,13 +88,13 @@ def _append(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
 
 
 def tint(item: bpy.types.PropertyGroup) -> tuple[float, float, float]:
-    """The color of an object's overlay, sRGB."""
+    """Return the color of an object's overlay, sRGB."""
     names = [other.folder for other in item.id_data.karf.marking.objects]
     return tints_of(names, object_masks.numbers_of(item.id_data))[item.folder]
 
 
 def usable_name(name: str, others: list[str]) -> str:
-    """The name, as close as a folder can have it on every system and no other object has it already.
+    """Return the closest name for a folder on every system that differs from the other objects' names.
 
     Examples: `red flower` stays; `a/b` becomes `a_b`; a second `pot` or `Pot` becomes `pot 2`.
     """
@@ -103,31 +109,25 @@ def usable_name(name: str, others: list[str]) -> str:
 
 
 def rename(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> None:
-    """The list's name of an object was changed: its files follow, and the name becomes one that a folder can have.
+    """Move an object's files after a change of its name in the list, and make the name a usable one.
 
-    Raises:
-        OSError: A file cannot be moved.
+    Raises OSError if a file cannot be moved.
     """
     others = [other.folder for other in scene.karf.marking.objects if other != item]
     name, old = usable_name(item.name, others), item.folder
     if name != old and scene.karf.project:
         for root in (masks_folder(scene), corrections_folder(scene)):
-            _move(scene, root, old, name)
+            files = {path: path.read_bytes() for path in (root / old).rglob("*") if path.is_file()}
+            moved = {root / name / path.relative_to(root / old): content for path, content in files.items()}
+            if files:
+                history.record(scene, root, {**moved, **dict.fromkeys(files)})
     item["name"] = item.folder = name
 
 
-def _move(scene: bpy.types.Scene, root: Path, old: str, name: str) -> None:
-    files = {path: path.read_bytes() for path in (root / old).rglob("*") if path.is_file()}
-    moved = {root / name / path.relative_to(root / old): content for path, content in files.items()}
-    if files:
-        history.record(scene, root, {**moved, **dict.fromkeys(files)})
-
-
 def remove(scene: bpy.types.Scene) -> None:
-    """Take the active object off the list, and its masks and corrections off the disk.
+    """Remove the active object from the list, and its masks and corrections from the disk.
 
-    Raises:
-        OSError: A file cannot be removed.
+    Raises OSError if a file cannot be removed.
     """
     marking, item = scene.karf.marking, active(scene)
     for root in (masks_folder(scene), corrections_folder(scene)):
@@ -139,14 +139,59 @@ def remove(scene: bpy.types.Scene) -> None:
 
 
 def marked_views(scene: bpy.types.Scene) -> list[str]:
-    """The views in which the active object has a mask or a correction, in the capture's order.
-
-    Raises:
-        KarfError: There is no capture.
-    """
+    """Return the views with a mask or correction of the active object, in the capture's order."""
     item = active(scene)
     if item is None:
         return []
     roots = [root / item.folder for root in (masks_folder(scene), corrections_folder(scene))]
     views = captures.of(scene).views
     return [view.name for view in views if any(masks_of_view(root, view) for root in roots)]
+
+
+# --- volumes -------------------------------------------------------------------------------------------------------
+def set_volume(scene: bpy.types.Scene, name: str, shape: bpy.types.Object | None, kind: str) -> int:
+    """Require an object to be `inside` or `outside` of a mesh or an Empty's box in its current place.
+
+    Without a shape, the object's volumes are removed. This is a step that undo takes back.
+
+    Returns:
+        The number of the object's volumes.
+
+    Raises:
+        KarfError: The shape is neither mesh nor Empty, or the scene has no rig, or the file of volumes is damaged.
+        OSError: The file cannot be written.
+    """
+    project = folders.project_of(scene)
+    known = read_volumes(project.volumes_file)
+    if shape is None:
+        known.pop(name, None)
+    else:
+        known[name] = [*known.get(name, []), _volume(scene, shape, kind)]
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / project.volumes_file.name
+        write_volumes(made, known)
+        content = made.read_bytes() if known else None
+    history.record(scene, project.folder, {project.volumes_file: content})
+    return len(known.get(name, []))
+
+
+def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volume:
+    """Return a shape in the capture's world."""
+    if scene.karf.rig is None:
+        raise BadRequest("The scene has no captured cameras.", "Import a capture first.")
+    to_capture = scene.karf.rig.matrix_world.inverted() @ shape.matrix_world
+    if shape.type == "EMPTY":
+        return Volume(kind, np.array(to_capture @ Matrix.Scale(shape.empty_display_size, 4)))
+    if shape.type != "MESH":
+        raise BadRequest(
+            "{name!r} is neither a mesh nor an Empty.", "Select a mesh, or an Empty for its box.", name=shape.name
+        )
+    evaluated = shape.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    mesh.calc_loop_triangles()
+    vertices = np.array([to_capture @ vertex.co for vertex in mesh.vertices])
+    triangles = np.array([triangle.vertices for triangle in mesh.loop_triangles])
+    evaluated.to_mesh_clear()
+    if len(vertices) < 4:
+        raise BadRequest("{name!r} has no volume.", "Select a mesh with a volume.", name=shape.name)
+    return Volume(kind, None, vertices, triangles)

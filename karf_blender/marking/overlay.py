@@ -1,7 +1,4 @@
-"""What Image Editors show over the photo being marked: masks as tints with outlines, clicks, the gesture at work.
-
-Masks are textures that are made anew only where their pixels have changed; drawing only reads.
-"""
+"""The overlay of Image Editors on the photo to mark: masks as tints with outlines, clicks, the current gesture."""
 
 from dataclasses import dataclass, field
 
@@ -12,10 +9,10 @@ from gpu_extras.batch import batch_for_shader
 
 from .. import session
 from ..engine_api import srgb_to_linear
-from . import gestures, mask_layers, objects, photo, proposals
+from . import mask_layers, objects, photo, proposals
 from .mask_layers import Layer
 
-LONGEST = 2048  # pixels of a texture's side: larger masks are shown reduced
+LONGEST = 2048  # pixels of a texture's side: larger masks are reduced
 IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # colors of corrections and clicks
 TINT, OUTLINE = 0.35, 2.0  # the marked object's fill (opacity) and outline (pixels of the screen)
 OTHERS_TINT, OTHERS_OUTLINE = 0.18, 1.0
@@ -47,58 +44,52 @@ void main()
 {
   vec2 pixel = vec2(dFdx(place.x), dFdy(place.y));
   float here = texture(mask, place).r;
-  if (crosses(here, pixel * look.y)) {
+  if (crosses(here, pixel * style.y)) {
     fragColor = vec4(color.rgb, 1.0);
   }
-  else if (here <= 0.5 && crosses(here, pixel * (look.y + 1.5))) {
+  else if (here <= 0.5 && crosses(here, pixel * (style.y + 1.5))) {
     fragColor = vec4(0.0, 0.0, 0.0, 0.5);
   }
   else {
-    fragColor = vec4(color.rgb, here > 0.5 ? look.x : 0.0);
+    fragColor = vec4(color.rgb, here > 0.5 ? style.x : 0.0);
   }
 }
 """
 
 
-@dataclass(frozen=True)
-class Texture:
-    """A layer's pixels of one sign on the graphics card."""
-
-    version: int
-    texture: gpu.types.GPUTexture
-
-
 @dataclass
 class _State:
-    """What is kept on the graphics card."""
-
     shader: gpu.types.GPUShader | None = None
-    textures: dict[tuple[str, str], Texture] = field(default_factory=dict)
+    # by kind and object: a layer's version, and its pixels of one sign
+    textures: dict[tuple[str, str], tuple[object, gpu.types.GPUTexture]] = field(default_factory=dict)
 
 
 def _draw_overlay() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
-    layers = mask_layers.shown(scene)
-    if layers is None or not photo.is_shown(scene, space) or not space.overlay.show_overlays:
+    layers = mask_layers.opened(scene)
+    if layers is None or not photo.is_displayed(scene, space) or not space.overlay.show_overlays:
         return
     gpu.state.blend_set("ALPHA")
     used = {_draw_layer(context.region, *each) for each in _layers(scene, layers)}
-    for key in session.get(_State).textures.keys() - used:
-        del session.get(_State).textures[key]
+    textures = session.get(_State).textures
+    for key in textures.keys() - used:
+        del textures[key]
     _draw_clicks(context.region, scene, layers)
-    _draw_gesture()
+    gesture = session.get(photo.Gesture).places
+    if len(gesture) > 1:
+        _draw_line(gesture)
     gpu.state.blend_set("NONE")
 
 
 def _layers(scene, layers):
-    """What is drawn, from the lowest: a name for its texture, the layer, its sign, color, opacity, width of outline."""
+    """Yield from the lowest: key of the texture, layer, sign, color, opacity, width of the outline."""
     marking, active = scene.karf.marking, objects.active(scene)
     masks = layers.masks | layers.solved if marking.correct else layers.masks
     items = [item for item in marking.objects if item.folder in masks]
     for item in sorted(items, key=lambda item: item == active):
-        look = (TINT, OUTLINE) if item == active else (OTHERS_TINT, OTHERS_OUTLINE)
-        yield ("mask", item.folder), masks[item.folder], 1, objects.tint(item), *look
+        style = (TINT, OUTLINE) if item == active else (OTHERS_TINT, OTHERS_OUTLINE)
+        yield ("mask", item.folder), masks[item.folder], 1, objects.tint(item), *style
     if marking.correct and active is not None and active.folder in layers.corrections:
         layer = layers.corrections[active.folder]
         yield ("is", active.folder), layer, 1, IS, TINT, OTHERS_OUTLINE
@@ -107,7 +98,7 @@ def _layers(scene, layers):
 
 # --- masks ---------------------------------------------------------------------------------------------------------
 def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
-    """Draw the pixels of a layer that have a sign over the photo of a region; returns the key of their texture."""
+    """Draw the pixels of a layer that have a sign over the photo of a region; return the key of their texture."""
     shader = _shader()
     view = region.view2d
     low, high = (np.array(view.view_to_region(*place, clip=False), np.float32) for place in ((0, 0), (1, 1)))
@@ -115,31 +106,31 @@ def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, wid
     shader.uniform_sampler("mask", _texture(key, layer, sign))
     shader.uniform_float("corner", low)
     shader.uniform_float("extent", high - low)
-    shader.uniform_float("color", (*srgb_to_linear(np.array(color)), 1.0))  # it is blended in linear light
-    shader.uniform_float("look", (opacity, width * bpy.context.preferences.system.pixel_size))
+    shader.uniform_float("color", (*srgb_to_linear(np.array(color)), 1.0))  # blended in linear light
+    shader.uniform_float("style", (opacity, width * bpy.context.preferences.system.pixel_size))
     batch_for_shader(shader, "TRIS", {"pos": QUAD}).draw(shader)
     return key
 
 
 def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
-    known = session.get(_State).textures.get(key)
-    if known is None or known.version != layer.version:
+    textures = session.get(_State).textures
+    if key not in textures or textures[key][0] != layer.version:
         step = -(-max(layer.pixels.shape) // LONGEST)
         pixels = np.ascontiguousarray(layer.pixels[::-step, ::step] == sign, np.float32)
         data = gpu.types.Buffer("FLOAT", pixels.size, pixels.ravel())
-        texture = gpu.types.GPUTexture(pixels.shape[::-1], format="R8", data=data)
-        known = session.get(_State).textures[key] = Texture(layer.version, texture)
-    return known.texture
+        textures[key] = layer.version, gpu.types.GPUTexture(pixels.shape[::-1], format="R8", data=data)
+    return textures[key][1]
 
 
 def _shader() -> gpu.types.GPUShader:
-    if session.get(_State).shader is None:
+    state = session.get(_State)
+    if state.shader is None:
         between = gpu.types.GPUStageInterfaceInfo("karf_mask")
         between.smooth("VEC2", "place")
         info = gpu.types.GPUShaderCreateInfo()
         info.push_constant("MAT4", "ModelViewProjectionMatrix")
         info.push_constant("VEC4", "color")
-        for name in ("corner", "extent", "look"):
+        for name in ("corner", "extent", "style"):
             info.push_constant("VEC2", name)
         info.sampler(0, "FLOAT_2D", "mask")
         info.vertex_in(0, "VEC2", "pos")
@@ -147,14 +138,14 @@ def _shader() -> gpu.types.GPUShader:
         info.fragment_out(0, "VEC4", "fragColor")
         info.vertex_source(VERTEX)
         info.fragment_source(FRAGMENT)
-        session.get(_State).shader = gpu.shader.create_from_info(info)
-    return session.get(_State).shader
+        state.shader = gpu.shader.create_from_info(info)
+    return state.shader
 
 
 # --- clicks and gestures -------------------------------------------------------------------------------------------
 def _draw_clicks(region, scene, layers) -> None:
     active = objects.active(scene)
-    proposal = proposals.shown(scene, active.folder) if active is not None else None
+    proposal = proposals.current(scene, active.folder) if active is not None else None
     if proposal is None:
         return
     width, height = layers.size
@@ -171,7 +162,7 @@ def _on_screen(region, u: float, v: float) -> tuple[float, float]:
 
 
 def _draw_click(place, is_object: bool) -> None:
-    """A dot with a plus or a minus."""
+    """Draw a dot with a plus or a minus."""
     scale = bpy.context.preferences.system.ui_scale
     for radius, color in ((DOT + 1.5, (1, 1, 1)), (DOT, IS if is_object else IS_NOT)):
         rim = np.array(place) + radius * scale * CIRCLE
@@ -187,13 +178,8 @@ def _draw(kind: str, places: np.ndarray, color) -> None:
     batch_for_shader(shader, kind, {"pos": [(x, y, 0) for x, y in places.reshape(-1, 2)]}).draw(shader)
 
 
-def _draw_gesture() -> None:
-    if len(gestures.Gesture.places) > 1:
-        _draw_line(gestures.Gesture.places)
-
-
 def _draw_line(places) -> None:
-    """A line that is seen on light and dark."""
+    """Draw a line that is visible on light and dark."""
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     batch = batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0) for place in places]})
     shader.bind()

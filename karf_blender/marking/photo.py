@@ -1,53 +1,72 @@
-"""The photo that is marked, in Image Editors."""
+"""The photo to mark in Image Editors: its image, the gesture over it, and the engine's corrected masks of it."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import bpy
+import numpy as np
 
-from ..engine_api import BadRequest, DataError
+from .. import session
+from ..engine_api import BadRequest, DataError, KarfError
 from ..host import rendering, windows
-from ..pictures import editors, photos
-from ..project import captures, folders
-from . import mask_layers
+from ..pictures import editors, images, photos
+from ..preferences import state
+from ..project import captures, disk, folders
+from ..tasks import queries
+from . import history, mask_layers, objects, tools
+from .mask_layers import Layer
+from .raster import Place
 
 NAME = f"{editors.PREFIX} photo"
-VIEW = "karf_view"  # the property of the picture that says whose it is
+VIEW = "karf_view"  # the property of the image with the name of its view
 
 
-def is_shown(scene: bpy.types.Scene, space: bpy.types.SpaceImageEditor) -> bool:
-    """Whether an Image Editor shows the active view's photo to mark."""
+# --- the image -----------------------------------------------------------------------------------------------------
+def is_displayed(scene: bpy.types.Scene, space: bpy.types.SpaceImageEditor) -> bool:
+    """Return whether an Image Editor displays the active view's photo to mark."""
     image = scene.karf.marking.photo
     return image is not None and space.image == image and image.get(VIEW) == scene.karf.active_view
 
 
 def areas(scene: bpy.types.Scene) -> list[bpy.types.Area]:
-    """The Image Editors that show the active view's photo to mark."""
-    return [area for area in windows.areas("IMAGE_EDITOR") if is_shown(scene, area.spaces.active)]
+    """Return the Image Editors that display the active view's photo to mark."""
+    return [area for area in windows.areas("IMAGE_EDITOR") if is_displayed(scene, area.spaces.active)]
 
 
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
-    """The active view's photo as its camera has taken it, with its masks; also in the Image Editors that are free.
+    """Display the active view's original photo with its masks, also in the Image Editors that are free.
 
-    Raises:
-        KarfError: The view has no photo, that or a mask cannot be read, or Blender renders.
+    Raises KarfError if the photo or a mask cannot be read, or Blender is rendering.
     """
     image = _load(scene)
     editors.reveal(image, is_wanted=True)
     mask_layers.open_layers(scene)
-    mask_layers.follow(scene)
+    mask_layers.redraw()
     return image
 
 
-def follow(scene: bpy.types.Scene) -> bool:
-    """Show the active view's photo in the Image Editors that show one to mark; False if there are none.
+def follow(scene: bpy.types.Scene) -> None:
+    """Update photo and corrected masks where they are displayed, after a change of the view or of *Correct*.
 
-    Raises:
-        KarfError: As `show`.
+    Errors are printed.
     """
     image = scene.karf.marking.photo
     spaces = (area.spaces.active for area in windows.areas("IMAGE_EDITOR"))
-    if image is None or not any(space.image == image for space in spaces):
-        return False
-    show(scene)
-    return True
+    if image is not None and any(space.image == image for space in spaces):
+        try:
+            show(scene)
+            correct(scene)
+        except (KarfError, OSError) as error:
+            print(f"KaRF: {error}")
+
+
+def leave(scene: bpy.types.Scene) -> None:
+    """Lay the tools down if no editor displays the photo any more: their next click would bring it back."""
+    if not areas(scene):
+        tools.lay_down()
+        scene.karf.marking.correct = False
 
 
 def _load(scene: bpy.types.Scene) -> bpy.types.Image:
@@ -61,8 +80,73 @@ def _load(scene: bpy.types.Scene) -> bpy.types.Image:
         marking.photo.source = "FILE"
     image = marking.photo
     if image.filepath != str(file):
-        image.filepath = str(file)  # Blender reads it anew
+        image.filepath = str(file)  # Blender reloads it
     if not image.size[0]:
         raise DataError("{path} cannot be read as an image.", "Check the file.", path=file)
     image[VIEW] = view.name
     return image
+
+
+@session.handler("undo_post", "redo_post", phase=session.Phase.READ)
+def _after_undo(*_):
+    try:
+        history.follow()
+    except OSError as error:
+        print(f"KaRF: masks do not follow undo: {error}")
+    for scene in bpy.data.scenes:
+        mask_layers.reread(scene)
+        follow(scene)
+
+
+# --- the gesture ---------------------------------------------------------------------------------------------------
+@dataclass
+class Gesture:
+    """The box or lasso that the user draws, in pixels of the region; for the overlay."""
+
+    places: list[tuple[int, int]] = field(default_factory=list)
+
+
+def photo_place(region: bpy.types.Region, size: tuple[int, int], place: tuple[int, int]) -> Place:
+    """Return a place in an Image Editor's region, from its lower left, in pixels of the photo, y down."""
+    u, v = region.view2d.region_to_view(*place)
+    return u * size[0], (1 - v) * size[1]
+
+
+def photo_length(region: bpy.types.Region, size: tuple[int, int], length: float) -> float:
+    """Return a length in the region in pixels of the photo."""
+    (x0, _), (x1, _) = (photo_place(region, size, (x, 0)) for x in (0, 1000))
+    return length * (x1 - x0) / 1000
+
+
+# --- corrected masks -----------------------------------------------------------------------------------------------
+def correct(scene: bpy.types.Scene) -> None:
+    """Request the masks of the active view with all corrections, if *Correct* is on.
+
+    Raises KarfError if the engine cannot be started.
+    """
+    can_answer = "segmentation" in disk.contents_of(scene).stages and not state.known().problem
+    if scene.karf.marking.correct and can_answer:
+        view = scene.karf.active_view
+        options = {"view": view, "masks": str(objects.masks_folder(scene))}
+        queries.send(scene, "correct", options, partial(_take_corrected, view))
+
+
+def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    files = {name: Path(file) for name, file in values["masks"].items()}
+    layers = mask_layers.opened(scene)
+    if layers is not None and layers.view.name == view:
+        layers.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
+        mask_layers.redraw()
+    for file in files.values():
+        file.unlink(missing_ok=True)
+
+
+def begin_correcting(scene: bpy.types.Scene) -> None:
+    """Display the photo and take up a tool when *Correct* is switched on; errors are printed."""
+    try:
+        show(scene)
+        for area in areas(scene):
+            tools.take_up(bpy.context, area)
+        correct(scene)
+    except (KarfError, OSError) as error:
+        print(f"KaRF: {error}")

@@ -8,39 +8,29 @@ from .. import session
 from ..project import disk
 
 BLENDERS = "builtin.sample"  # the first tool of the Image Editor
+BRUSH_SIZE = "scene.karf.marking.brush"
 
 
-def _mark(operator: str, does: str = "ADD", **keys) -> tuple:
-    return operator, {"type": "LEFTMOUSE", "value": "PRESS", **keys}, {"properties": [("does", does)]}
+def _key(operator: str, key: str, *properties: tuple, **more) -> tuple:
+    return operator, {"type": key, "value": "PRESS", **more}, {"properties": list(properties)}
 
 
 def _keymap(operator: str) -> tuple:
-    """The mouse and the keys of a tool; what takes away is the same with Ctrl or Alt in all of them."""
-    brush = [("data_path_primary", "scene.karf.marking.brush")]
-    scale = [("data_path", "scene.karf.marking.brush")]
     return (
-        _mark(operator),
-        _mark(operator, "TAKE", ctrl=True),
-        _mark(operator, "TAKE", alt=True),
-        _mark(operator, "CLEAR", shift=True),
-        ("karf.go_to_view", {"type": "PAGE_DOWN", "value": "PRESS"}, {"properties": [("by", 1)]}),
-        ("karf.go_to_view", {"type": "PAGE_UP", "value": "PRESS"}, {"properties": [("by", -1)]}),
-        ("wm.radial_control", {"type": "F", "value": "PRESS"}, {"properties": brush}),
-        (
-            "wm.context_scale_int",
-            {"type": "LEFT_BRACKET", "value": "PRESS", "repeat": True},
-            {"properties": [*scale, ("value", 0.8)]},
-        ),
-        (
-            "wm.context_scale_int",
-            {"type": "RIGHT_BRACKET", "value": "PRESS", "repeat": True},
-            {"properties": [*scale, ("value", 1.25)]},
-        ),
+        _key(operator, "LEFTMOUSE", ("does", "ADD")),
+        _key(operator, "LEFTMOUSE", ("does", "TAKE"), ctrl=True),
+        _key(operator, "LEFTMOUSE", ("does", "TAKE"), alt=True),
+        _key(operator, "LEFTMOUSE", ("does", "CLEAR"), shift=True),
+        _key("karf.go_to_view", "PAGE_DOWN", ("by", 1)),
+        _key("karf.go_to_view", "PAGE_UP", ("by", -1)),
+        _key("wm.radial_control", "F", ("data_path_primary", BRUSH_SIZE)),
+        _key("wm.context_scale_int", "LEFT_BRACKET", ("data_path", BRUSH_SIZE), ("value", 0.8), repeat=True),
+        _key("wm.context_scale_int", "RIGHT_BRACKET", ("data_path", BRUSH_SIZE), ("value", 1.25), repeat=True),
     )
 
 
 class Tool:
-    """What all tools share."""
+    """Base of all tools."""
 
     bl_space_type = "IMAGE_EDITOR"
     bl_context_mode = "VIEW"
@@ -48,7 +38,7 @@ class Tool:
 
     @staticmethod
     def draw_settings(context, layout, tool):
-        """The tool's row in the header."""
+        """Draw the tool's settings in the header."""
         marking = context.scene.karf.marking
         if tool.idname == Brush.bl_idname:
             layout.prop(marking, "brush")
@@ -93,7 +83,7 @@ class Brush(Tool, bpy.types.WorkSpaceTool):
 
     @staticmethod
     def draw_cursor(context, tool, place):
-        """The brush as a circle."""
+        """Draw the brush as a circle."""
         radius = context.scene.karf.marking.brush
         gpu.state.blend_set("ALPHA")
         for color, size in (((0, 0, 0, 0.6), radius + 1), ((1, 1, 1, 0.9), radius)):
@@ -104,23 +94,27 @@ class Brush(Tool, bpy.types.WorkSpaceTool):
 TOOLS = (Box, Click, Lasso, Brush)
 
 
+def _is_ours(tool) -> bool:
+    return tool is not None and tool.idname in {each.bl_idname for each in TOOLS}
+
+
 def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
-    """Make the box the tool of an Image Editor, unless one of these is; its toolbar is shown."""
+    """Activate the box in an Image Editor, unless one of these tools is active, and show the toolbar."""
     space = area.spaces.active
     space.mode = "VIEW"
     space.show_region_toolbar = True
     tool = context.workspace.tools.from_space_image_mode("VIEW", create=True)
-    if tool is None or tool.idname not in {each.bl_idname for each in TOOLS}:
+    if not _is_ours(tool):
         region = next(region for region in area.regions if region.type == "WINDOW")
         with context.temp_override(area=area, region=region):
             bpy.ops.wm.tool_set_by_id(name=Box.bl_idname, space_type="IMAGE_EDITOR")
 
 
 def lay_down() -> None:
-    """Take up Blender's first tool in the Image Editors that have one of these: Blender would draw its cursor on."""
+    """Activate Blender's first tool instead of one of these: else Blender would continue to draw its cursor."""
     for window in bpy.data.window_managers[0].windows:
         tool = window.workspace.tools.from_space_image_mode("VIEW")
-        if tool is None or tool.idname not in {each.bl_idname for each in TOOLS}:
+        if not _is_ours(tool):
             continue
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":

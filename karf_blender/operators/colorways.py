@@ -1,18 +1,157 @@
-"""Step 7: colorways, with what each color will be before anything is rendered."""
+"""Looks and colorways: keep, choose and render variants of the swatches."""
 
 from pathlib import Path
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..host.words import translate, translate_report
 from ..pictures import chips
-from ..swatches import reference
+from ..swatches import drawn_over, looks, reference
 from ..tasks import runner
-from .reporting import PaletteStep, reports_errors
+from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
 
-WIDTH, ROWS = 720, 14  # of the dialog: width in pixels, and colors that show without scrolling
+WHAT_ITEMS = [
+    ("CAPTURE", "Captured Views", "Recolor each photo with every look"),
+    ("CAMERA", "Camera's Frames", "Render the scene's camera at every frame with every look"),
+]
+
+WIDTH, ROWS = 720, 14  # of the dialog of colorways: pixels, and colors shown without scrolling
+
+
+class LookOperator(StepOperator):
+    """Mix-in of operators on one look."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (PALETTES,)
+
+    name: StringProperty(name="Look", options={"SKIP_SAVE"})
+
+
+class KARF_OT_keep_look(LookOperator, bpy.types.Operator):
+    """Keep the current swatches as a look of this file, or replace a look. A click brings them back"""
+
+    bl_idname = "karf.keep_look"
+    bl_label = "Keep Look"
+
+    def step(self, context):
+        name = steps.keep_look(context.scene, self.name)
+        return translate_report("The swatches are kept as look {name}", name=name)
+
+
+class KARF_OT_choose_look(LookOperator, bpy.types.Operator):
+    """Set all swatches to this look, including locked ones"""
+
+    bl_idname = "karf.choose_look"
+    bl_label = "Choose Look"
+
+    def step(self, context):
+        remark = _unsaved_changes_warning(context.scene)
+        steps.choose_look(context.scene, self.name)
+        return remark
+
+
+class KARF_OT_flip_looks(StepOperator, bpy.types.Operator):
+    """Switch between this look and the one used before"""
+
+    bl_idname = "karf.flip_looks"
+    bl_label = "Flip Looks"
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (PALETTES, need("Keep two looks to switch between them", lambda context: looks.other(context.scene)))
+
+    def invoke(self, context, event):
+        is_key = context.region is not None and context.region.type == "WINDOW"  # the button is in a sidebar
+        if is_key and not drawn_over.shows_picture(context):
+            return {"PASS_THROUGH"}  # over another picture keys keep their own meaning
+        return self.execute(context)
+
+    def step(self, context):
+        remark = _unsaved_changes_warning(context.scene)
+        name = steps.flip_looks(context.scene)
+        return remark or name
+
+
+def _unsaved_changes_warning(scene):
+    """A sentence where the swatches were not kept as they stand; undo brings them back."""
+    if not looks.is_changed(scene):
+        return ""
+    return translate_report("{name} had changed since you kept it: undo restores the changes", name=scene.karf.look)
+
+
+class KARF_OT_rename_look(LookOperator, bpy.types.Operator):
+    """Rename this look"""
+
+    bl_idname = "karf.rename_look"
+    bl_label = "Rename Look"
+
+    new: StringProperty(name="Name", options={"SKIP_SAVE"})
+
+    def invoke(self, context, event):
+        self.new = self.name
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, context):
+        self.layout.prop(self, "new")
+
+    def step(self, context):
+        steps.rename_look(context.scene, self.name, self.new)
+
+
+class KARF_OT_remove_look(LookOperator, bpy.types.Operator):
+    """Remove this look. The swatches stay as they are"""
+
+    bl_idname = "karf.remove_look"
+    bl_label = "Remove Look"
+
+    def step(self, context):
+        steps.remove_look(context.scene, self.name)
+
+
+class KARF_OT_move_look(LookOperator, bpy.types.Operator):
+    """Move this look in the list"""
+
+    bl_idname = "karf.move_look"
+    bl_label = "Move Look"
+
+    by: IntProperty(name="By", default=1, description="Number of places down the list", options={"SKIP_SAVE"})
+
+    def step(self, context):
+        steps.move_look(context.scene, self.name, self.by)
+
+
+class KARF_OT_render_looks(StepOperator, bpy.types.Operator):
+    """Recolor views with each look, in a folder of its name"""
+
+    bl_idname = "karf.render_looks"
+    bl_label = "Render Looks"
+    needs = (IDLE, PROJECT, PALETTES, need("Keep a look first", lambda context: context.scene.karf.looks))
+
+    what: EnumProperty(name="Render", items=WHAT_ITEMS)
+    views: StringProperty(
+        name="Views",
+        default="all",
+        description="all, train, test, names separated by commas, or the path of a camera file",
+    )
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_props_dialog(self)
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.label(text=", ".join(context.scene.karf.looks.keys()), translate=False)
+        layout.prop(self, "what")
+        if self.what == "CAPTURE":
+            layout.prop(self, "views")
+        else:
+            layout.prop(context.scene, "camera")
+
+    def step(self, context):
+        of_camera = self.what == "CAMERA"
+        runner.launch(steps.render_looks(context.scene, self.views, of_camera))
+        return translate_report("Pictures will be in {path}", path=steps.looks_folder(context.scene, of_camera))
 
 
 class KARF_UL_colorways(bpy.types.UIList):
@@ -40,30 +179,27 @@ def split(layout, factor):
     return both.row(), both.row()
 
 
-class KARF_OT_colorways(PaletteStep, bpy.types.Operator):
+class KARF_OT_colorways(OpenFileOperator, bpy.types.Operator):
     """Choose a sheet of colorways (CSV or JSON), preview its colors, and recolor all views with each colorway"""
 
     bl_idname = "karf.colorways"
     bl_label = "Colorways"
+    needs = (IDLE, PROJECT, PALETTES)
 
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
-    filter_glob: StringProperty(default="*.csv;*.json", options={"HIDDEN"})
-
-    def invoke(self, context, event):
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    filter_glob: file_filter("*.csv;*.json")
 
     @reports_errors
     def execute(self, context):
-        show_predictions(context, Path(bpy.path.abspath(self.filepath)))
+        show_predictions(context, self.path)
         return bpy.ops.karf.render_colorways("INVOKE_DEFAULT", filepath=self.filepath)
 
 
-class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
+class KARF_OT_render_colorways(StepOperator, bpy.types.Operator):
     """Recolor views with each colorway of a sheet"""
 
     bl_idname = "karf.render_colorways"
     bl_label = "Render Colorways"
+    needs = (IDLE, PROJECT, PALETTES)
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
     views: StringProperty(
@@ -92,14 +228,10 @@ class KARF_OT_render_colorways(PaletteStep, bpy.types.Operator):
             layout.label(text=translate("Out of reach: {reason}", reason=reason), icon="ERROR")
         layout.prop(self, "views")
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         sheet = Path(bpy.path.abspath(self.filepath))
         runner.launch(steps.colorways(context.scene, sheet, self.views))
-        self.report(
-            {"INFO"}, translate_report("Pictures will be in {path}", path=steps.colorways_folder(context.scene, sheet))
-        )
-        return {"FINISHED"}
+        return translate_report("Pictures will be in {path}", path=steps.colorways_folder(context.scene, sheet))
 
 
 def show_predictions(context, sheet):

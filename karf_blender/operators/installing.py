@@ -6,13 +6,13 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import preferences
-from ..engine import installing, probing, removing
-from ..engine.managed import machine, recipes, shells
-from ..engine.managed.plan import Choices
+from ..engine import installing, probing
+from ..engine.installer import computer, locks
+from ..engine.installer.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
-from ..tasks import queries, runner
-from .reporting import is_free, is_unchanging, reports_errors
+from ..steps import engine
+from .base import IDLE, NOT_INSTALLING, is_met, reports_errors
 
 BUILDS = {
     "auto": ("Automatic", "By the drivers that are on this computer"),
@@ -28,8 +28,7 @@ SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows c
 def _leave_python() -> None:
     """End what still runs in the engine's Python, which may be replaced."""
     probing.cancel()
-    queries.stop()
-    runner.release()
+    engine.leave_python()
 
 
 class KARF_OT_install_engine(bpy.types.Operator):
@@ -42,16 +41,12 @@ class KARF_OT_install_engine(bpy.types.Operator):
     bl_label = "Install Engine"
 
     build: EnumProperty(
-        name="PyTorch for", items=[(name, *BUILDS[name]) for name in machine.BUILDS], options={"SKIP_SAVE"}
+        name="PyTorch for", items=[(name, *BUILDS[name]) for name in locks.BUILDS], options={"SKIP_SAVE"}
     )
     photos: BoolProperty(
-        name="Find camera poses of photos (pycolmap)", description=recipes.EXTRAS["photos"],
+        name="Find camera poses of photos (pycolmap)",
         options={"SKIP_SAVE"},
-    )  # fmt: skip
-    fast: BoolProperty(
-        name="Learn faster on the CPU (numba)", description=recipes.EXTRAS["fast"],
-        default="fast" in recipes.USUAL, options={"SKIP_SAVE"},
-    )  # fmt: skip
+    )
     folder: StringProperty(
         name="Folder",
         subtype="DIR_PATH",
@@ -70,7 +65,7 @@ class KARF_OT_install_engine(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_unchanging(cls) and is_free(cls)
+        return is_met(cls, context, NOT_INSTALLING, IDLE)
 
     def invoke(self, context, event):
         self.folder = self.folder or str(preferences.engine_folder())
@@ -89,9 +84,9 @@ class KARF_OT_install_engine(bpy.types.Operator):
     def draw(self, context):
         layout = self.layout
         row = layout.row(align=True)
-        for name in ("auto", *machine.builds_for(machine.look())):
+        for name in ("auto", *computer.detect_machine().builds):
             row.prop_enum(self, "build", name)
-        for name in (*recipes.EXTRAS, "folder", "wheels", "starter"):
+        for name in ("photos", "folder", "wheels", "starter"):
             layout.prop(self, name)
         box = layout.box().column(align=True)
         if self.error:
@@ -102,7 +97,7 @@ class KARF_OT_install_engine(bpy.types.Operator):
             draw_text(box, sentence, "DOT", LETTERS)
         row = layout.row(align=True)
         row.label(text="To do the same by hand:")
-        for shell in shells.SHELLS:
+        for shell in computer.SHELLS:
             copy = row.operator("karf.copy_command", text=SHELLS[shell], icon="COPYDOWN")
             copy.command = self.plan.commands(shell)
 
@@ -110,8 +105,8 @@ class KARF_OT_install_engine(bpy.types.Operator):
     def execute(self, context):
         planned = self._plan()
         _leave_python()
-        if planned.choices.folder != preferences.engine_folder():
-            preferences.current().engine_folder = str(planned.choices.folder)
+        if planned.folder != preferences.engine_folder():
+            preferences.current().engine_folder = str(planned.folder)
             context.preferences.is_dirty = True
         installing.launch(planned)
         return {"FINISHED"}
@@ -120,8 +115,7 @@ class KARF_OT_install_engine(bpy.types.Operator):
         folder = _whole(self.folder) if self.folder else preferences.engine_folder()
         wheels = _whole(self.wheels) if self.wheels else None
         starter = str(_whole(self.starter)) if self.starter else ""
-        extras = tuple(name for name in recipes.EXTRAS if getattr(self, name))
-        return installing.plan(Choices(folder, self.build, extras, wheels, starter))
+        return installing.plan(Choices(folder, self.build, ("photos",) if self.photos else (), wheels, starter))
 
 
 class KARF_OT_cancel_installation(bpy.types.Operator):
@@ -132,7 +126,7 @@ class KARF_OT_cancel_installation(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return installing.is_running()
+        return installing.can_be_cancelled()
 
     @reports_errors
     def execute(self, context):
@@ -148,7 +142,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return is_unchanging(cls) and is_free(cls)
+        return is_met(cls, context, NOT_INSTALLING, IDLE)
 
     def invoke(self, context, event):
         message = f"{preferences.engine_folder()} will be deleted. Projects stay."
@@ -159,7 +153,7 @@ class KARF_OT_remove_engine(bpy.types.Operator):
     @reports_errors
     def execute(self, context):
         _leave_python()
-        removing.launch(preferences.engine_folder())
+        installing.remove(preferences.engine_folder())
         return {"FINISHED"}
 
 

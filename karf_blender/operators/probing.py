@@ -4,10 +4,10 @@ import bpy
 from bpy.props import StringProperty
 
 from .. import preferences
-from ..engine import probing, report
+from ..engine import failures, probing
 from ..engine_api import ERROR
 from ..project import folders
-from .reporting import is_unchanging, reports_errors, versions
+from .base import NOT_INSTALLING, is_met, reports_errors, versions
 
 
 class KARF_OT_examine_engine(bpy.types.Operator):
@@ -21,7 +21,7 @@ class KARF_OT_examine_engine(bpy.types.Operator):
         if probing.is_running():
             cls.poll_message_set("A test is running")
             return False
-        if not is_unchanging(cls):
+        if not is_met(cls, context, NOT_INSTALLING):
             return False
         if problem := preferences.state.known().problem:
             cls.poll_message_set(problem)
@@ -64,7 +64,7 @@ class KARF_OT_copy_findings(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        context.window_manager.clipboard = report.compose_findings(_findings(), versions())
+        context.window_manager.clipboard = failures.compose_findings(_findings(), versions())
         self.report({"INFO"}, "The report is on the clipboard")
         return {"FINISHED"}
 

@@ -1,4 +1,4 @@
-"""Step 7: pictures."""
+"""Step 7: recolored photos, camera frames, compositor nodes and Blender's own renders."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -9,7 +9,7 @@ from ..host.words import translatable, translate_report
 from ..project import folders
 from ..properties.scene import FORMAT_DEPTHS
 from ..tasks import runner
-from .reporting import PaletteStep, ProjectSwatchStep, reports_errors
+from .base import GEOMETRY, IDLE, PALETTES, PROJECT, StepOperator, need
 
 WIDTH = 420  # width of the dialogs, in pixels at an interface scale of 1
 SPLIT_ITEMS = [
@@ -18,8 +18,10 @@ SPLIT_ITEMS = [
     ("TEST", "Kept for Testing", "Views kept out of learning"),
 ]
 
+FRAMES = need("Render captured views or a camera's frames first", lambda context: context.scene.karf.frames)
 
-class RenderDialog:
+
+class RenderDialog(StepOperator):
     """Mix-in of operators that ask for size, range or format before they render; scripts are not asked."""
 
     def invoke(self, context, event):
@@ -35,48 +37,43 @@ class RenderDialog:
         column.prop(context.scene.karf, "skip_existing")
 
 
-def draw_size(layout, karf):
-    """How large photos are written."""
+def _recolor_folder(scene):
+    return folders.out_folder(scene) / "recolor"
+
+
+def _draw_size(layout, karf):
     layout.prop(karf, "captured_size")
     if karf.captured_size == "PIXELS":
         layout.prop(karf, "captured_pixels")
 
 
-class KARF_OT_render_view(RenderDialog, ProjectSwatchStep, bpy.types.Operator):
+class KARF_OT_render_view(RenderDialog, bpy.types.Operator):
     """Recolor the active view's photo at full size. Without the engine, write the displayed preview"""
 
     bl_idname = "karf.render_view"
     bl_label = "Render This View"
+    needs = (PROJECT, PALETTES)
 
     def invoke(self, context, event):
         return super().invoke(context, event) if preferences.has_engine() else self.execute(context)
 
     def draw_what(self, layout, context):
-        draw_size(layout, context.scene.karf)
+        _draw_size(layout, context.scene.karf)
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         if preferences.has_engine():
             runner.launch(steps.render_view(context.scene))
-            self.report(
-                {"INFO"},
-                translate_report("The picture will be in {path}", path=folders.out_folder(context.scene) / "recolor"),
-            )
-        else:
-            self.report(
-                {"WARNING"},
-                translate_report(
-                    "Without the engine, only the preview was written: {path}", path=steps.save_shown(context.scene)
-                ),
-            )
-        return {"FINISHED"}
+            return translate_report("The picture will be in {path}", path=_recolor_folder(context.scene))
+        sentence = translatable("Without the engine, only the preview was written: {path}")
+        self.report({"WARNING"}, translate_report(sentence, path=steps.save_shown(context.scene)))
 
 
-class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
+class KARF_OT_render_capture(RenderDialog, bpy.types.Operator):
     """Recolor the capture's photos with the current swatches"""
 
     bl_idname = "karf.render_capture"
     bl_label = "Render Captured Views"
+    needs = (IDLE, PROJECT, PALETTES)
 
     split: EnumProperty(name="Views", items=SPLIT_ITEMS)
     views: StringProperty(
@@ -86,15 +83,11 @@ class KARF_OT_render_capture(RenderDialog, PaletteStep, bpy.types.Operator):
     def draw_what(self, layout, context):
         layout.prop(self, "split")
         layout.prop(self, "views")
-        draw_size(layout, context.scene.karf)
+        _draw_size(layout, context.scene.karf)
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         runner.launch(steps.render_captured(context.scene, self.views or self.split.lower()))
-        self.report(
-            {"INFO"}, translate_report("Pictures will be in {path}", path=folders.out_folder(context.scene) / "recolor")
-        )
-        return {"FINISHED"}
+        return translate_report("Pictures will be in {path}", path=_recolor_folder(context.scene))
 
 
 class CameraDialog(RenderDialog):
@@ -119,10 +112,10 @@ class CameraDialog(RenderDialog):
         column = layout.column(align=True)
         for name in ("frame_start", "frame_end", "frame_step"):
             column.prop(self, name)
-        draw_format(layout.column(), scene.karf)
+        _draw_format(layout.column(), scene.karf)
 
     def frames(self, scene):
-        """The frames that were chosen; those of the scene where nothing was."""
+        """Return the chosen frames, or else those of the scene."""
         own = steps.frame_range(scene)
         chosen = self.properties.is_property_set
         start = self.frame_start if chosen("frame_start") else own.start
@@ -130,8 +123,7 @@ class CameraDialog(RenderDialog):
         return range(start, stop, self.frame_step if chosen("frame_step") else own.step)
 
 
-def draw_format(layout, karf):
-    """Of a camera's frames, as in Blender's output panel."""
+def _draw_format(layout, karf):
     layout.prop(karf, "file_format")
     layout.row().prop(karf, "color_mode", expand=True)
     split = layout.split(factor=0.4)  # single values of an enum are not divided into name and field
@@ -144,27 +136,25 @@ def draw_format(layout, karf):
         row.prop_enum(karf, "color_depth", depth)
 
 
-class KARF_OT_render_camera(CameraDialog, PaletteStep, bpy.types.Operator):
+class KARF_OT_render_camera(CameraDialog, bpy.types.Operator):
     """Render the recolored scene from the scene's camera at every frame. Swatches may be keyframed"""
 
     bl_idname = "karf.render_camera"
     bl_label = "Render Camera's Frames"
+    needs = (IDLE, PROJECT, PALETTES)
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         scene = context.scene
         runner.launch(steps.render_sequence(scene, scene.camera, self.frames(scene)))
-        self.report(
-            {"INFO"}, translate_report("Pictures will be in {path}", path=steps.camera_folder(scene) / "recolor")
-        )
-        return {"FINISHED"}
+        return translate_report("Pictures will be in {path}", path=steps.camera_folder(scene) / "recolor")
 
 
-class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
+class KARF_OT_farm_bundle(CameraDialog, bpy.types.Operator):
     """Write the scene's frames as a render farm job: a self-contained folder in Open Job Description format"""
 
     bl_idname = "karf.farm_bundle"
     bl_label = "Farm Job"
+    needs = (PROJECT, PALETTES)
 
     directory: StringProperty(
         name="Folder", subtype="DIR_PATH", description="New or empty folder. Default: in the output folder"
@@ -178,21 +168,20 @@ class KARF_OT_farm_bundle(CameraDialog, ProjectSwatchStep, bpy.types.Operator):
         layout.prop(self, "per_task")
         layout.prop(self, "directory")
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         scene = context.scene
         out = folders.absolute(self.directory) if self.directory else None
         bundle = steps.farm_bundle(scene, scene.camera, self.frames(scene), out, self.per_task)
         progress.wrote(bundle)
-        self.report({"INFO"}, translate_report("The job is in {path}", path=bundle))
-        return {"FINISHED"}
+        return translate_report("The job is in {path}", path=bundle)
 
 
-class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
+class KARF_OT_build_compositor(StepOperator, bpy.types.Operator):
     """Recolor the active view with compositor nodes that have a color socket for each swatch"""
 
     bl_idname = "karf.build_compositor"
     bl_label = "Build Compositor"
+    needs = (IDLE, PROJECT, PALETTES)
 
     view: StringProperty(name="View", description="Name of a captured view. Empty: the active view")
     driven: BoolProperty(
@@ -207,47 +196,56 @@ class KARF_OT_build_compositor(PaletteStep, bpy.types.Operator):
             return translatable("Recolor the active view with compositor nodes whose sockets follow the swatches")
         return translatable("Recolor the active view with compositor nodes whose sockets are set by hand")
 
-    @reports_errors
-    def execute(self, context):
-        runner.launch(steps.build_compositor(context.scene, self.view, driven=self.driven))
-        return {"FINISHED"}
+    def step(self, context):
+        return steps.build_compositor(context.scene, self.view, driven=self.driven)
 
 
-class FramesStep:
-    """Mix-in of operators that need rendered frames."""
-
-    @classmethod
-    def poll(cls, context):
-        if not context.scene.karf.frames:
-            cls.poll_message_set("Render captured views or a camera's frames first")
-            return False
-        return True
-
-
-class KARF_OT_show_frames(FramesStep, bpy.types.Operator):
+class KARF_OT_show_frames(StepOperator, bpy.types.Operator):
     """Show the last rendered frames in the Image Editor"""
 
     bl_idname = "karf.show_frames"
     bl_label = "Show Frames"
+    needs = (FRAMES,)
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         image = steps.show_frames(context.scene)
-        self.report({"INFO"}, translate_report("{name} is open in the Image Editors", name=image.name))
-        return {"FINISHED"}
+        return translate_report("{name} is open in the Image Editors", name=image.name)
 
 
-class KARF_OT_add_strip(FramesStep, bpy.types.Operator):
+class KARF_OT_add_strip(StepOperator, bpy.types.Operator):
     """Add the last rendered frames to the video sequencer as one strip"""
 
     bl_idname = "karf.add_strip"
     bl_label = "Add Strip"
     bl_options = {"REGISTER", "UNDO"}
+    needs = (FRAMES,)
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         strip = steps.add_strip(context.scene)
         sentence = translatable("{name} is on channel {channel} of the sequencer of {scene}")
         values = {"name": strip.name, "channel": strip.channel, "scene": context.scene.name}
-        self.report({"INFO"}, translate_report(sentence, **values))
-        return {"FINISHED"}
+        return translate_report(sentence, **values)
+
+
+class KARF_OT_rendered_view(StepOperator, bpy.types.Operator):
+    """Show the recolored scene from any angle in the 3D Views, and render it with F12: render engine KaRF"""
+
+    bl_idname = "karf.rendered_view"
+    bl_label = "Rendered View"
+    needs = (GEOMETRY,)
+
+    def step(self, context):
+        areas = context.screen.areas if context.screen else ()
+        steps.use_engine(context.scene, [area.spaces.active for area in areas if area.type == "VIEW_3D"])
+
+
+class KARF_OT_over_scene(StepOperator, bpy.types.Operator):
+    """Composite this file's objects into renders of the captured scene, with correct occlusion"""
+
+    bl_idname = "karf.over_scene"
+    bl_label = "Over Scene"
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (GEOMETRY,)
+
+    def step(self, context):
+        steps.put_objects_in(context.scene)

@@ -1,27 +1,33 @@
-"""Step 6: what is done to single swatches and to an object's palette."""
+"""Step 6: swatches, palettes and edits."""
+
+from pathlib import Path
 
 import bpy
 from bl_operators.presets import AddPresetBase
 from bpy.props import IntProperty, StringProperty
 
 from .. import steps
-from ..swatches import edits
-from .reporting import SwatchStep, reports_errors
+from ..engine_api import EDIT_SUFFIXES
+from ..host.words import translatable, translate_report
+from ..swatches import becomes, edits
+from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter
 
 
-class OneSwatch(SwatchStep):
+class OneSwatch(StepOperator):
     """Mix-in of operators on one swatch."""
 
     bl_options = {"REGISTER", "UNDO"}
+    needs = (PALETTES,)
 
     object_name: StringProperty(name="Object")
     index: IntProperty(name="Swatch", default=1, min=1, description="From 1", options={"SKIP_SAVE"})
 
 
-class OneOrAll(SwatchStep):
+class OneOrAll(StepOperator):
     """Mix-in of operators on one swatch or on all of an object."""
 
     bl_options = {"REGISTER", "UNDO"}
+    needs = (PALETTES,)
 
     object_name: StringProperty(name="Object")
     index: IntProperty(name="Swatch", default=0, min=0, description="Counted from 1. 0: all", options={"SKIP_SAVE"})
@@ -40,10 +46,8 @@ class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
     bl_idname = "karf.reset_swatch"
     bl_label = "Reset Swatch"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         edits.reset(context.scene, self.object_name, self.index or None)
-        return {"FINISHED"}
 
 
 class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
@@ -52,10 +56,8 @@ class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
     bl_idname = "karf.reset_surface"
     bl_label = "Reset Surface"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         edits.reset_surface(context.scene, self.object_name, self.index or None)
-        return {"FINISHED"}
 
 
 class KARF_OT_copy_swatch(OneOrAll, bpy.types.Operator):
@@ -65,10 +67,8 @@ class KARF_OT_copy_swatch(OneOrAll, bpy.types.Operator):
     bl_label = "Copy"
     bl_options = {"REGISTER"}
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         context.window_manager.clipboard = edits.copied(context.scene, self.object_name, self.index or None)
-        return {"FINISHED"}
 
 
 class KARF_OT_paste_swatch(OneOrAll, bpy.types.Operator):
@@ -77,10 +77,8 @@ class KARF_OT_paste_swatch(OneOrAll, bpy.types.Operator):
     bl_idname = "karf.paste_swatch"
     bl_label = "Paste"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         edits.paste(context.scene, self.object_name, self.index or None, context.window_manager.clipboard)
-        return {"FINISHED"}
 
 
 class KARF_OT_swap_swatches(TwoSwatches, bpy.types.Operator):
@@ -89,10 +87,8 @@ class KARF_OT_swap_swatches(TwoSwatches, bpy.types.Operator):
     bl_idname = "karf.swap_swatches"
     bl_label = "Swap"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         edits.swap(context.scene, (self.object_name, self.index), (self.other_name, self.other_index))
-        return {"FINISHED"}
 
 
 class KARF_OT_link_swatches(TwoSwatches, bpy.types.Operator):
@@ -101,10 +97,8 @@ class KARF_OT_link_swatches(TwoSwatches, bpy.types.Operator):
     bl_idname = "karf.link_swatches"
     bl_label = "Link"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         steps.link_swatches(context.scene, (self.object_name, self.index), (self.other_name, self.other_index))
-        return {"FINISHED"}
 
 
 class KARF_OT_unlink_swatch(OneSwatch, bpy.types.Operator):
@@ -113,10 +107,8 @@ class KARF_OT_unlink_swatch(OneSwatch, bpy.types.Operator):
     bl_idname = "karf.unlink_swatch"
     bl_label = "Unlink"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         steps.unlink_swatch(context.scene, self.object_name, self.index)
-        return {"FINISHED"}
 
 
 class KARF_OT_merge_swatch(OneSwatch, bpy.types.Operator):
@@ -129,10 +121,8 @@ class KARF_OT_merge_swatch(OneSwatch, bpy.types.Operator):
         name="Into", default=0, min=0, description="Counted from 1. 0: the swatch with the nearest learned color"
     )
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         steps.merge_swatch(context.scene, self.object_name, self.index, self.into or None)
-        return {"FINISHED"}
 
 
 class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
@@ -141,10 +131,30 @@ class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
     bl_idname = "karf.split_swatch"
     bl_label = "Split"
 
-    @reports_errors
-    def execute(self, context):
+    def step(self, context):
         steps.split_swatch(context.scene, self.object_name, self.index)
-        return {"FINISHED"}
+
+
+class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
+    """Change only this swatch's pigment: lettering, bands, a print. Silver, foil, paper and gloss stay as they are"""
+
+    bl_idname = "karf.protect_neutrals"
+    bl_label = "Protect Neutrals"
+
+    def step(self, context):
+        number = steps.protect_neutrals(context.scene, self.object_name, self.index)
+        if number != self.index:
+            return translate_report("Swatch {number} now changes only this pigment", number=number)
+
+
+class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
+    """Remove this added color. Its pigment follows the other swatches again"""
+
+    bl_idname = "karf.remove_color"
+    bl_label = "Remove"
+
+    def step(self, context):
+        steps.remove_color(context.scene, self.object_name, self.index)
 
 
 class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
@@ -159,7 +169,7 @@ class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
     preset_values = ["item.palette"]
 
 
-class KARF_OT_apply_palette_preset(bpy.types.Operator):
+class KARF_OT_apply_palette_preset(StepOperator, bpy.types.Operator):
     """Set the object's swatches in order to this palette. Locked swatches stay"""
 
     bl_idname = "karf.apply_palette_preset"
@@ -171,3 +181,91 @@ class KARF_OT_apply_palette_preset(bpy.types.Operator):
 
     def execute(self, context):
         return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=self.menu_idname)
+
+
+class KARF_OT_becomes(StepOperator, bpy.types.Operator):
+    """Set the object's swatches so that the source color becomes the target color. Locked swatches stay"""
+
+    bl_idname = "karf.becomes"
+    bl_label = "Becomes"
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (PROJECT, PALETTES)
+
+    object_name: StringProperty(name="Object")
+
+    def step(self, context):
+        remark = becomes.apply_picked(edits.object_named(context.scene, self.object_name))
+        if remark:
+            self.report({"WARNING"}, remark)
+
+
+class KARF_OT_paint_over(StepOperator, bpy.types.Operator):
+    """Paint on a copy of the active view in the Image Editor, then match the swatches to it"""
+
+    bl_idname = "karf.paint_over"
+    bl_label = "Paint Over"
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (PROJECT, PALETTES, PREPARED)
+
+    def step(self, context):
+        steps.paint_over(context.scene)
+        return translatable("Paint on the objects in the Image Editor, then press Match Picture")
+
+
+class KARF_OT_match_picture(StepOperator, bpy.types.Operator):
+    """Set the swatches so that the active view matches this edited picture of it. Locked swatches stay"""
+
+    bl_idname = "karf.match_picture"
+    bl_label = "Match Picture"
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (PROJECT, PALETTES, PREPARED)
+
+    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+
+    def step(self, context):
+        file = Path(bpy.path.abspath(self.filepath)) if self.filepath else None
+        found = steps.match_picture(context.scene, file)
+        left = ", ".join(f"{each.name} {each.before:.1f} before, {each.after:.1f} now" for each in found)
+        return translate_report("Remaining difference from the picture: {left}", left=left)
+
+
+class KARF_OT_load_edit(OpenFileOperator, bpy.types.Operator):
+    """Set the swatches from an edit file, or from a palette of GIMP (.gpl) or Adobe (.ase)"""
+
+    bl_idname = "karf.load_edit"
+    bl_label = "Load Edit"
+    bl_options = {"REGISTER", "UNDO"}
+    needs = (PALETTES,)
+
+    filter_glob: file_filter(";".join(f"*{suffix}" for suffix in EDIT_SUFFIXES))
+
+    def step(self, context):
+        steps.apply_edit(context.scene, self.path)
+
+
+class KARF_OT_save_edit(SaveFileOperator, bpy.types.Operator):
+    """Write the swatches to an edit file for other scenes and scripts, or to a palette (.gpl, .ase)"""
+
+    bl_idname = "karf.save_edit"
+    bl_label = "Save Edit"
+    needs = (PALETTES,)
+
+    filepath: StringProperty(subtype="FILE_PATH", default="edit.json")
+    filter_glob: file_filter(";".join(f"*{suffix}" for suffix in EDIT_SUFFIXES))
+
+    def step(self, context):
+        steps.save_edit(context.scene, self.path)
+        return translate_report("Wrote {path}", path=self.filepath)
+
+
+class KARF_FH_edit(bpy.types.FileHandler):
+    """Load edit files dropped on the recolored picture"""
+
+    bl_idname = "KARF_FH_edit"
+    bl_label = "KaRF edit"
+    bl_import_operator = KARF_OT_load_edit.bl_idname
+    bl_file_extensions = ";".join(EDIT_SUFFIXES)
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "IMAGE_EDITOR" and len(context.scene.karf.objects) > 0

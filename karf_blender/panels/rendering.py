@@ -4,7 +4,7 @@ import bpy
 
 from ..host.words import translatable
 from ..project import disk
-from ..render_engine.compatible import NAME
+from ..render_engine.engine import NAME
 from ..surface import splat_objects
 from .preview import draw_live
 from .surface import draw_surface

@@ -5,7 +5,7 @@ shows a step of the other where the screen has not that one's sidebar, so that n
 nothing is missing where an artist has one of them alone.
 
 Each step's header says how it stands, and has a button that opens its page of the manual. Steps that are done fold
-themselves (`workspace.folding`), which only a panel in a layout allows: of panels of their own Blender keeps to itself
+themselves (`workspace.states`), which only a panel in a layout allows: of panels of their own Blender keeps to itself
 which are open. A step that waits for another is greyed out, and its tooltip says for which.
 """
 
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import bpy
 
 from .. import session
-from ..host import messages, windows
+from ..host import windows
 from ..host.labels import draw_text
 from ..host.words import translatable
 from ..workspace import opening, states
@@ -135,17 +135,13 @@ def draw_in_window_menu(self, context):
 
 
 CLASSES = tuple(make_panel(space, editor) for space, editor in EDITORS)
-# what decides where steps are shown: a sidebar that is opened or closed, an editor that becomes another
-DECIDING = (
+
+
+@session.subscribe(
     (bpy.types.SpaceView3D, "show_region_ui"),
     (bpy.types.SpaceImageEditor, "show_region_ui"),
     (bpy.types.Area, "ui_type"),
 )
-
-
-@session.setup
 def _redraw_when_moved():
-    for key in DECIDING:
-        messages.listen(key, windows.redraw_sidebars)
-    yield
-    messages.forget(windows.redraw_sidebars)
+    """A sidebar is opened or closed, or an editor becomes another: it decides where steps are shown."""
+    windows.redraw_sidebars()

@@ -10,7 +10,7 @@ from ..engine_api import rgb_to_hex
 SIDE = 16
 
 
-class _State:
+class ColorIcons:
     """The icons made so far, by color; Blender wants the collection back."""
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class _State:
 def icon(color: Sequence[float]) -> int:
     """The icon of an sRGB color, as layouts take it for `icon_value`."""
     name = rgb_to_hex(color)
-    icons = session.get(_State).icons
+    icons = session.get(ColorIcons).icons
     if name not in icons:
         preview = icons.new(name)
         preview.icon_size = SIDE, SIDE

@@ -4,15 +4,20 @@ numpy: [H, W, channels] float32 sRGB in [0, 1], first row at the top. Blender: r
 opaque byte images labelled sRGB: their numbers go through unchanged in every Blender version, and are saved unchanged.
 """
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from .. import session
 from ..engine_api import DataError, atomic_write
 from ..host import rendering
+
+STILL_SECONDS = 0.5  # that a picture has not changed: one that follows the mouse is not packed at every step
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
@@ -84,14 +89,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
-    """A picture file's own numbers, transparency put on white.
-
-    Args:
-        path: The file.
-        long_side: Reduce the picture's longer side to at most this many pixels.
-
-    Returns:
-        [H, W, 3] float32 in [0, 1], first row at the top.
+    """A picture file's own numbers [H, W, 3] float32, transparency put on white; at most `long_side` pixels long.
 
     Raises:
         DataError: The file is unreadable.
@@ -198,3 +196,49 @@ def _save(image: bpy.types.Image, path: Path) -> None:
         raise DataError(
             "{path} cannot be written.", "Free some space, or choose another folder.", path=path.parent
         ) from error
+
+
+# --- packing -------------------------------------------------------------------------------------------------------
+@dataclass
+class ChangedImages:
+    """When a picture has changed last, and the names of those that did and are not packed yet."""
+
+    last_change: float = 0.0
+    names: set[str] = field(default_factory=set)
+
+
+def note_change(image: bpy.types.Image) -> None:
+    """Pack a picture that has other pixels now, as soon as it stands still.
+
+    On saving and on quitting Blender asks whether to save modified images, but not for those that are packed. In
+    background mode, where nobody is asked, saving packs it.
+    """
+    if bpy.app.background:
+        return
+    changed = session.get(ChangedImages)
+    changed.last_change = time.monotonic()
+    changed.names.add(image.name)
+    session.start_timer(_pack_still_images, STILL_SECONDS)
+
+
+def _pack_still_images() -> float | None:
+    """The timer: packs what has changed, once nothing changes any more."""
+    changed = session.get(ChangedImages)
+    if time.monotonic() - changed.last_change < STILL_SECONDS or not rendering.is_over():
+        return STILL_SECONDS
+    for name in changed.names & set(bpy.data.images.keys()):
+        pack(bpy.data.images[name])
+    changed.names.clear()
+    return None
+
+
+def pack(image: bpy.types.Image | None) -> None:
+    """Put the pixels of a picture into the .blend where they are only in memory, which is not saved."""
+    if image is not None and image.is_dirty:
+        image.pack()
+
+
+@session.handler("save_pre")
+def _before_save(*_):
+    for scene in bpy.data.scenes:
+        pack(scene.karf.result)

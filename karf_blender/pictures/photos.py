@@ -28,12 +28,8 @@ def is_shown_as_stored(view: View) -> bool:
 def read(view: View, long_side: int | None = None) -> np.ndarray:
     """The photo as its camera, lens and all, has taken it: the picture that masks are painted on.
 
-    Args:
-        view: The captured view.
-        long_side: Reduce the photo's longer side to at most this many pixels.
-
     Returns:
-        [H, W, 3] float32, sRGB in [0, 1].
+        [H, W, 3] float32, sRGB in [0, 1]; at most `long_side` pixels long.
 
     Raises:
         DataError: The photo cannot be read.
@@ -42,11 +38,7 @@ def read(view: View, long_side: int | None = None) -> np.ndarray:
 
 
 def taken(view: View, folder: Path) -> Path:
-    """A file that Blender shows as `read` gives the photo: its own where it can, else a copy, made once.
-
-    Args:
-        view: The captured view.
-        folder: Where copies are kept.
+    """A file that Blender shows as `read` gives the photo: its own where it can, else a copy in the folder, made once.
 
     Raises:
         DataError: The photo cannot be read.
@@ -61,14 +53,7 @@ def taken(view: View, folder: Path) -> Path:
 
 
 def straightened(view: View, folder: Path) -> Path:
-    """The photo as the view's pinhole shows it, as a file; made where it is not there yet.
-
-    Args:
-        view: The captured view.
-        folder: Where the files are kept.
-
-    Returns:
-        A PNG of at most SHOWN_PIXELS.
+    """The photo as the view's pinhole shows it, as a PNG in the folder of at most SHOWN_PIXELS, made once.
 
     Raises:
         DataError: The photo cannot be read, or has another size than its camera.

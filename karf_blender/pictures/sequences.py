@@ -15,14 +15,9 @@ SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # suffixes of pictures that the eng
 
 
 def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
-    """The pictures of a folder, in the order of their names.
+    """The pictures of a folder, which need not exist, in the order of their names.
 
-    Args:
-        folder: It need not exist.
-        names: Take these alone, in their order; of several files of one name the newest.
-
-    Returns:
-        Their paths.
+    names: Take these alone, in their order; of several files of one name the newest.
     """
     found: dict[str, Path] = {}
     for path in sorted(folder.glob("*"), key=lambda path: path.stat().st_mtime_ns):
@@ -38,9 +33,6 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
         files: In their order.
         first: The frame of the scene that shows the first.
         is_wanted: The user asked for them now; else a picture that is being painted on is left alone.
-
-    Returns:
-        The one image of frames.
 
     Raises:
         BadRequest: Blender renders.
@@ -81,14 +73,7 @@ def number_of(path: Path) -> int | None:
 
 
 def add_strip(scene: bpy.types.Scene, files: Sequence[Path], first: int, name: str) -> "bpy.types.Strip":
-    """Put frames into the scene's sequencer as one strip, on the first channel that is free there.
-
-    Args:
-        scene: The scene.
-        files: In their order, in one folder.
-        first: The frame at which the strip begins.
-        name: Of the strip.
-    """
+    """Put frames, which are in one folder, into the scene's sequencer as a strip on the first free channel."""
     strips = compat.strips_of(scene)
     taken = {strip.channel for strip in strips if _overlaps(strip, first, first + len(files))}
     channel = next(number for number in range(1, len(taken) + 2) if number not in taken)

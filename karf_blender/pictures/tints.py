@@ -10,12 +10,7 @@ TINTS = ("#ff4b4b", "#3aa8ff", "#ffd23a", "#4be08a", "#c873ff", "#ff9a3a", "#3ae
 
 
 def tints_of(names: Iterable[str], numbers: Mapping[str, int]) -> dict[str, tuple[float, float, float]]:
-    """The colors of objects by their names.
-
-    Args:
-        names: Theirs.
-        numbers: Those that objects were given when they were added; others take what is free, in their order.
-    """
+    """The colors of objects by their names; those without a number of their own take the free ones in order."""
     free = (number for number in count() if number not in numbers.values())
     return {name: tint_of(numbers[name] if name in numbers else next(free)) for name in names}
 

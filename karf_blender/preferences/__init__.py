@@ -6,21 +6,17 @@ from bpy.props import IntProperty, StringProperty
 from ... import __package__ as extension
 from ..engine_api import Options, bounds_of
 from ..host.labels import draw_text
-from . import color_book, managing, state, testing
+from . import color_book, managing, state
 from .choices import chosen_python, current, engine_folder, engine_python, has_engine
 
 __all__ = ["chosen_python", "color_book", "current", "engine_folder", "engine_python", "has_engine", "state"]
 
 
-def _make_whole(preferences, _):
+def _make_paths_absolute(preferences, _):
     # a setting of this machine must not depend on the file that is open
-    if preferences.engine_folder.startswith("//"):
-        preferences.engine_folder = bpy.path.abspath(preferences.engine_folder)
-
-
-def _make_book_whole(preferences, _):
-    if preferences.color_book.startswith("//"):
-        preferences.color_book = bpy.path.abspath(preferences.color_book)
+    for name in ("engine_folder", "color_book"):
+        if getattr(preferences, name).startswith("//"):
+            setattr(preferences, name, bpy.path.abspath(getattr(preferences, name)))
     color_book.refresh()
 
 
@@ -40,7 +36,7 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         name="Engine Folder",
         subtype="DIR_PATH",
         description="Folder for Install Engine. Empty: Blender's folder for this extension's files",
-        update=_make_whole,
+        update=_make_paths_absolute,
     )
     threads: IntProperty(
         name="Threads",
@@ -54,22 +50,19 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
         description="Absolute path of a folder with a Segment Anything model for boxes and clicks. Empty: boxes and "
         "clicks work without a model",
     )
-
     color_book: StringProperty(
         name="Color Book",
         subtype="FILE_PATH",
         description="Absolute path of a book of named colors: Adobe's .acb or .ase, GIMP's .gpl, or a .csv table. A "
         "swatch's menu shows the nearest names",
-        update=_make_book_whole,
+        update=_make_paths_absolute,
     )
 
     def draw(self, context):
         layout = self.layout
         managing.draw_engine(layout.box())
-        layout.prop(self, "engine_python")
-        layout.prop(self, "threads")
-        layout.prop(self, "marking_model")
-        layout.prop(self, "color_book")
+        for name in ("engine_python", "threads", "marking_model", "color_book"):
+            layout.prop(self, name)
         if color_book.known().problem:
-            draw_text(layout, color_book.known().problem, "ERROR", testing.WIDTH)
-        testing.draw_test(layout)
+            draw_text(layout, color_book.known().problem, "ERROR", managing.WIDTH)
+        managing.draw_test(layout)

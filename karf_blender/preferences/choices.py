@@ -6,43 +6,72 @@ from pathlib import Path
 import bpy
 
 from ... import __package__ as extension
-from ..engine import environment
-from ..engine.managed import home
+from .. import engine_api
+from ..engine.installer import home
 from ..engine_api import MissingDependency
+
+VARIABLE = "KARF_ENGINE_PYTHON"
 
 
 def current() -> bpy.types.AddonPreferences:
-    """The preferences of this extension."""
+    """Return the preferences of this extension."""
     return bpy.context.preferences.addons[extension].preferences
 
 
 def engine_folder() -> Path:
-    """Where the managed environment is, or would be made: outside the extension, which updates replace."""
+    """Return where the installed engine is, or would be: outside the extension, which updates replace."""
     chosen = current().engine_folder
     return Path(chosen) if chosen else Path(bpy.utils.extension_path_user(extension, path="engine"))
 
 
 def chosen_python() -> Path:
-    """The Python that runs the engine, there or not.
+    """Return the Python that runs the engine, there or not; never Blender's own.
+
+    It is that of the preference, of the variable, of the installed engine, else of `.venv/engine` beside a checkout.
 
     Raises:
-        MissingDependency: Its path is not absolute.
+        MissingDependency: Its path is not absolute: what it names would depend on the open file.
     """
-    return environment.chosen_python(current().engine_python, os.environ, home.python_in(engine_folder()))
+    chosen = _set_by_user()
+    if not chosen:
+        checkout = engine_api.ENGINE_FOLDER.parent / ".venv" / "engine"
+        return home.python_in(engine_folder()) or home.python_of(checkout)
+    # two slashes stand for the .blend's folder, which may be a stranger's
+    if chosen.startswith("//") or not Path(chosen).is_absolute():
+        raise MissingDependency(
+            "The engine's Python {python} is not an absolute path.",
+            "Set it in the KaRF preferences, in the file browser with Relative Path off.",
+            python=chosen,
+        )
+    return Path(chosen)
 
 
 def engine_python() -> Path:
-    """The Python that runs the engine.
+    """Return the Python that runs the engine.
 
     Raises:
-        MissingDependency: None is known.
+        MissingDependency: None is known, or it does not exist.
     """
-    return environment.find_python(current().engine_python, os.environ, home.python_in(engine_folder()))
+    python = chosen_python()
+    if python.is_file():
+        return python
+    if _set_by_user():
+        raise MissingDependency(
+            "The engine's Python {python} does not exist.", "Set it in the KaRF preferences.", python=python
+        )
+    raise MissingDependency(
+        "There is no engine yet.",
+        "Press Install Engine in the KaRF preferences, or set Engine Python there to a Python that has PyTorch.",
+    )
 
 
 def has_engine() -> bool:
-    """Whether a Python is there to run the engine."""
+    """Tell whether a Python is there to run the engine."""
     try:
         return engine_python().is_file()
     except MissingDependency:
         return False
+
+
+def _set_by_user() -> str:
+    return current().engine_python or os.environ.get(VARIABLE, "")

@@ -18,7 +18,7 @@ HAS_TIMER = not bpy.app.background
 
 
 class Known(NamedTuple):
-    """The book; None where none is chosen, or why it cannot be read."""
+    """The book, if one is chosen, or why it cannot be read."""
 
     book: ColorBook | None = None
     problem: Message | str = ""
@@ -26,14 +26,12 @@ class Known(NamedTuple):
 
 @dataclass
 class _State:
-    """What was read last, and of which file and time."""
-
-    key: tuple[str, int] = ("", 0)
+    key: tuple[str, int] = ("", 0)  # file and time
     known: Known = field(default_factory=Known)
 
 
 def known() -> Known:
-    """The chosen book as it was read last."""
+    """Return the chosen book as it was read last."""
     if not HAS_TIMER:
         refresh()
     return session.get(_State).known
@@ -43,9 +41,10 @@ def refresh() -> bool:
     """Read the book where another was chosen or its file has changed; True then. Never raises."""
     path = choices.current().color_book
     key = path, _written(path)
-    if key == session.get(_State).key:
+    state = session.get(_State)
+    if key == state.key:
         return False
-    session.get(_State).key, session.get(_State).known = key, _read(path)
+    state.key, state.known = key, _read(path)
     return True
 
 

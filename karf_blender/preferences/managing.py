@@ -1,15 +1,14 @@
-"""The engine at a glance: whether there is one, and the buttons that install, repair, update and remove it."""
+"""The engine at a glance: whether there is one, the buttons that install and remove it, and what its test has found."""
 
 import bpy
 
-from ..engine import installing, removing
-from ..engine.managed.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
-from ..engine.managed.plan import size_text
-from ..engine_api import Cancelled, Message
+from ..engine import installing, probing
+from ..engine.installer.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
+from ..engine.installer.plan import size_text
+from ..engine_api import ERROR, OK, WARNING, Cancelled, Finding, Message
 from ..host.labels import draw_text
 from . import state
 from .state import Engine
-from .testing import WIDTH
 
 OFFLINE = (
     "Blender may not use the network: switch on System > Network > Allow Online Access, or install from a folder of "
@@ -19,23 +18,23 @@ MISSING = "There is no engine yet."
 HOW = Message("There is no engine yet. Press Install Engine, or set Engine Python below to a Python that has PyTorch.")
 # what the button that installs does by the state of what is there
 VERBS = {NONE: "Install Engine", UNFINISHED: "Go On", BROKEN: "Repair", OUTDATED: "Update", READY: "Repair"}
+ICONS = {OK: "CHECKMARK", WARNING: "ERROR", ERROR: "CANCEL"}  # Blender's icon ERROR is the triangle of warnings
+WIDTH = 96  # letters that fit the preferences' usual width
 
 
 def draw_engine(layout):
-    """The state in a sentence, the installation at work, and the buttons."""
+    """Draw the state in a sentence, the installation at work, and the buttons."""
     engine = state.known()
+    managed = engine.managed
     if installing.is_running():
         draw_progress(layout)
         return
-    if removing.is_running():
-        layout.label(text="Removing the engine ...", icon="SORTTIME")
-        return
     draw_text(layout, sentence(engine), "ERROR" if engine.problem else "CHECKMARK", WIDTH)
     used = state.disk_use()
-    if engine.managed.state != NONE:
+    if managed.state != NONE:
         size = f", {size_text(used)}" if used else ""
         draw_text(layout, f"{engine.folder}{size}", "BLANK1", WIDTH)
-    error = removing.last_error() or installing.last_error()
+    error = installing.last_error()
     if error and not isinstance(error, Cancelled):  # who has cancelled knows it
         column = layout.column(align=True)
         column.alert = True
@@ -43,11 +42,15 @@ def draw_engine(layout):
         draw_text(layout, error.hint, "BLANK1", WIDTH)
     if engine.problem and not bpy.app.online_access:
         draw_text(layout, OFFLINE, "INTERNET_OFFLINE", WIDTH)
-    draw_buttons(layout.row(align=True), engine)
+    row = layout.row(align=True)
+    install = row.operator("karf.install_engine", text=VERBS[managed.state], icon="IMPORT")
+    install.build, install.photos = managed.build, "photos" in managed.extras
+    if managed.state != NONE:
+        row.operator("karf.remove_engine", icon="TRASH")
 
 
 def sentence(engine: Engine) -> str:
-    """Whether there is an engine, for people."""
+    """Say whether there is an engine."""
     managed = engine.managed
     if engine.is_managed and managed.state == READY:
         return f"Engine ready. {managed.sentence}"
@@ -61,18 +64,43 @@ def sentence(engine: Engine) -> str:
 
 
 def draw_progress(layout):
-    """The installation at work, and its end."""
+    """Draw the installation at work, and its end."""
     progress = installing.progress()
+    if not installing.can_be_cancelled():
+        layout.label(text=progress.title, icon="SORTTIME")
+        return
     row = layout.row(align=True)
     row.progress(factor=progress.fraction, text=progress.title)
     row.operator("karf.cancel_installation", text="", icon="CANCEL")
     draw_text(layout, progress.sentence, "BLANK1", WIDTH)
 
 
-def draw_buttons(row, engine: Engine):
-    """Install, or continue from what is there, and remove."""
-    managed = engine.managed
-    install = row.operator("karf.install_engine", text=VERBS[managed.state], icon="IMPORT")
-    install.build, install.photos = managed.build, "photos" in managed.extras
-    if managed.state != NONE:
-        row.operator("karf.remove_engine", icon="TRASH")
+# --- the test ------------------------------------------------------------------------------------------------------
+def draw_test(layout):
+    """Draw the buttons of the test, and its findings so far."""
+    row = layout.row(align=True)
+    is_running = probing.is_running()
+    row.operator("karf.examine_engine", text="Testing ..." if is_running else "Test Engine", icon="CHECKMARK")
+    if is_running:
+        row.operator("karf.cancel_examination", text="", icon="CANCEL")
+    row.operator("karf.copy_findings", icon="COPYDOWN")
+    python = state.known().python
+    verdict = probing.verdict_on(python)
+    column = layout.column(align=True)
+    if verdict is not None:  # first: below a long list nobody would see it
+        draw_finding(column.box(), verdict)
+    for finding in probing.findings_on(python):
+        if finding is not verdict:
+            draw_finding(column, finding)
+
+
+def draw_finding(layout, finding: Finding):
+    """Draw a finding; its remedy only where something is amiss."""
+    draw_text(layout, finding.sentence, ICONS[finding.status], WIDTH)
+    if finding.status == OK:
+        return
+    draw_text(layout, finding.remedy, "BLANK1", WIDTH)
+    if finding.command:
+        row = layout.row(align=True)
+        draw_text(row, finding.command, "BLANK1", WIDTH)
+        row.operator("karf.copy_command", text="", icon="COPYDOWN").command = finding.command

@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 
 from .. import session
-from ..engine.managed import home
-from ..engine.managed.home import NONE, Status
+from ..engine.installer import home
+from ..engine.installer.home import NONE, Status
 from ..engine_api import MissingDependency
 from ..host import windows
 from . import choices
@@ -26,55 +26,48 @@ SLICE_SECONDS = 0.05
 
 @dataclass(frozen=True)
 class Engine:
-    """The engine's Python, and the environment that the extension keeps.
+    """The engine's Python, and the environment that the extension keeps."""
 
-    Attributes:
-        python: The chosen one, there or not; None where its path is refused.
-        problem: Why no engine can run, with the remedy; empty where one can.
-        folder: That of the managed environment.
-        managed: What is in it.
-    """
-
-    python: Path | None = None
-    problem: str = ""
+    python: Path | None = None  # the chosen one, there or not; None where its path is refused
+    problem: str = ""  # why no engine can run, with the remedy
     folder: Path = Path()
-    managed: Status = NOTHING
+    managed: Status = NOTHING  # what is in the folder
 
     @property
     def is_managed(self) -> bool:
         """Whether the engine runs in the managed environment."""
-        return self.managed.is_usable and self.python == home.Home(self.folder, self.managed.environment).python
+        return self.managed.is_usable and self.python == home.python_of(self.folder / self.managed.environment)
 
 
 @dataclass
 class _State:
-    """What was read last; how many bytes the managed environment takes, and the measuring that is at work."""
-
-    engine: Engine = Engine()
-    used: int | None = None
+    engine: Engine = Engine()  # as read last
+    used: int | None = None  # bytes that the managed environment takes
     measuring: Iterator[int] | None = None
 
 
 def known() -> Engine:
-    """What there was of the engine when the disk was read last."""
+    """Return what there was of the engine when the disk was read last."""
     if not HAS_TIMER:
         refresh()
     return session.get(_State).engine
 
 
 def disk_use() -> int | None:
-    """Bytes that the managed environment takes; None while that is not known."""
-    return None if session.get(_State).measuring else session.get(_State).used
+    """Return the bytes that the managed environment takes; None while that is not known."""
+    state = session.get(_State)
+    return None if state.measuring else state.used
 
 
 def refresh() -> bool:
     """Read the disk; True where something has changed. Never raises."""
-    before, session.get(_State).engine = session.get(_State).engine, _read()
-    if before == session.get(_State).engine:
+    state = session.get(_State)
+    before, state.engine = state.engine, _read()
+    if before == state.engine:
         return False
-    session.get(_State).used = None
-    if session.get(_State).engine.managed.is_usable and HAS_TIMER:
-        session.get(_State).measuring = home.measure(session.get(_State).engine.folder)
+    state.used = None
+    if state.engine.managed.is_usable and HAS_TIMER:
+        state.measuring = home.measure(state.engine.folder)
         session.start_timer(_tick, persistent=True)
     return True
 
@@ -93,10 +86,11 @@ def _read() -> Engine:
 
 def _tick() -> float | None:
     """The timer: measures some folders of the environment, which has thousands."""
-    counted = list(islice(session.get(_State).measuring, SLICE))
+    state = session.get(_State)
+    counted = list(islice(state.measuring, SLICE))
     if counted:
-        session.get(_State).used = counted[-1]
+        state.used = counted[-1]
         return SLICE_SECONDS
-    session.get(_State).measuring = None
+    state.measuring = None
     windows.redraw("PREFERENCES")
     return None

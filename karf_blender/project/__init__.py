@@ -1,1 +1,1 @@
-"""A scene's files: where they lie, its capture and project as they are on disk, and what saving keeps."""
+"""A scene's files: where they lie, its capture and project as they are on disk, and how they move."""

@@ -1,12 +1,22 @@
 """The captures that scenes were made from, read once: large models take seconds."""
 
-from functools import lru_cache
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
 
+from .. import session
 from ..engine_api import BadRequest, Capture, View, open_capture
 from . import folders
+
+MOST_KEPT = 2
+
+
+@dataclass
+class ReadCaptures:
+    """The captures that were asked for last, by their paths."""
+
+    by_path: dict[Path, Capture] = field(default_factory=dict)
 
 
 def path_of(scene: bpy.types.Scene) -> Path:
@@ -26,7 +36,12 @@ def of(scene: bpy.types.Scene) -> Capture:
     Raises:
         KarfError: None was imported, or it cannot be read.
     """
-    return _read(path_of(scene))
+    path, known = path_of(scene), session.get(ReadCaptures).by_path
+    if path not in known:
+        known[path] = open_capture(path)
+        if len(known) > MOST_KEPT:
+            del known[next(iter(known))]
+    return known[path]
 
 
 def view_of(scene: bpy.types.Scene, name: str = "") -> View:
@@ -36,9 +51,4 @@ def view_of(scene: bpy.types.Scene, name: str = "") -> View:
 
 def forget() -> None:
     """Read captures from disk again at the next question."""
-    _read.cache_clear()
-
-
-@lru_cache(maxsize=2)
-def _read(path: Path) -> Capture:
-    return open_capture(path)
+    session.get(ReadCaptures).by_path.clear()

@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -14,11 +15,19 @@ from typing import Any
 
 import bpy
 
+from .. import session
 from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, result_fingerprint
 from . import folders
 
 GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
 LOOK_SECONDS = 30.0  # after which masks that others have overwritten in place are noticed
+
+
+@dataclass
+class MaskFolders:
+    """What folders of masks held when they were listed last, each with what the listing depends on."""
+
+    listings: dict[Path, tuple[tuple[int, int], tuple[int, float, tuple[Path, ...]]]] = field(default_factory=dict)
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
@@ -51,8 +60,7 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
 
 
 def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
-    """When a mask, correction or volume was written last, in seconds as the disk counts; folders too, which know of
-    those taken away."""
+    """When a mask, correction or volume was written or taken away last, in seconds as the disk counts."""
     roots = [folders.absolute(scene.karf.masks)] if scene.karf.masks else []
     objects = [each for root in (*roots, project.corrections_folder) for each in _folders_in(root)]
     written = [_marks_below(each)[1] for each in objects]
@@ -68,14 +76,17 @@ def _folders_in(root: Path) -> list[Path]:
 def _marks_below(folder: Path) -> tuple[int, float]:
     """The number of PNG files below a folder, and when one of them or a folder was written last, in seconds."""
     look = int(time.monotonic() // LOOK_SECONDS)
-    count, written, folders = _marks_in(folder, folder.stat().st_mtime_ns, look)
+    key = folder.stat().st_mtime_ns, look  # it is listed again when it has another time, or after a while
+    listings = session.get(MaskFolders).listings
+    if folder not in listings or listings[folder][0] != key:
+        listings[folder] = key, _list_marks(folder, key[0])
+    count, written, folders = listings[folder][1]
     below = [_marks_below(each) for each in folders]
     return count + sum(own for own, _ in below), max([written, *(own for _, own in below)])
 
 
-@lru_cache(maxsize=4096)
-def _marks_in(folder: Path, written_ns: int, look: int) -> tuple[int, float, tuple[Path, ...]]:
-    """The same of a folder alone, and the folders in it; kept until it has another time, or for a while."""
+def _list_marks(folder: Path, written_ns: int) -> tuple[int, float, tuple[Path, ...]]:
+    """The same of a folder alone, and the folders in it."""
     count, written, folders = 0, written_ns / 1e9, []
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -90,7 +101,7 @@ def _marks_in(folder: Path, written_ns: int, look: int) -> tuple[int, float, tup
 
 def forget_marks() -> None:
     """Look into all folders of masks at the next question."""
-    _marks_in.cache_clear()
+    session.get(MaskFolders).listings.clear()
 
 
 def _written(path: Path) -> float:
@@ -98,7 +109,7 @@ def _written(path: Path) -> float:
 
 
 def _state(scene: bpy.types.Scene) -> Mapping[str, Any]:
-    """The content of the project's project.json; empty where nothing was learned yet."""
+    """The project's project.json; empty where nothing was learned yet."""
     return _state_of(folders.project_of(scene)) if scene.karf.project else {}
 
 
@@ -186,8 +197,7 @@ def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
 
 def views_to_mark(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The views whose mark would decide most, as the last segmentation found them, the best first."""
-    suggestions = _reported(scene, "suggestions")
-    return tuple(name for name in suggestions if name in scene.karf.views)
+    return tuple(name for name in _reported(scene, "suggestions") if name in scene.karf.views)
 
 
 def any_view_helps(scene: bpy.types.Scene) -> bool:

@@ -1,6 +1,7 @@
 """Where files lie: paths as the .blend stores them (relative to it once it is saved) and as the disk knows them."""
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,43 +82,46 @@ def relocated(path: str, old: Path, new: Path) -> str:
 
 def relocate(old: Path, new: Path) -> None:
     """Let all scenes know a folder, and what is in it, by its new place."""
-    session.get(_State).is_rebasing = True
-    try:
-        for scene in bpy.data.scenes:
-            for name in PATH_PROPERTIES:
-                path = getattr(scene.karf, name)
-                if (moved := relocated(path, old, new)) != path:
-                    setattr(scene.karf, name, moved)
-    finally:
-        session.get(_State).is_rebasing = False
-
-
-@dataclass
-class _State:
-    """Whether paths are being rewritten."""
-
-    is_rebasing: bool = False
-
-
-def is_rebasing() -> bool:
-    """True while paths are rewritten: they name the same places as before."""
-    return session.get(_State).is_rebasing
+    _rewrite_paths(lambda path: relocated(path, old, new))
 
 
 def rebase(source: str, target: str) -> None:
     """Rewrite the relative paths of all scenes from one .blend's place to another's; an empty place: absolute."""
-    session.get(_State).is_rebasing = True
+    _rewrite_paths(lambda path: stored(absolute(path, source), target))
+
+
+@dataclass
+class PathRewriting:
+    """Whether paths are being rewritten."""
+
+    is_on: bool = False
+
+
+def is_rebasing() -> bool:
+    """True while paths are rewritten: they name the same places as before."""
+    return session.get(PathRewriting).is_on
+
+
+def _rewrite_paths(rewrite: Callable[[str], str]) -> None:
+    session.get(PathRewriting).is_on = True
     try:
-        _rebase(source, target)
+        for scene in bpy.data.scenes:
+            for name in PATH_PROPERTIES:
+                path = getattr(scene.karf, name)
+                if path and (rewritten := rewrite(path)) != path:
+                    setattr(scene.karf, name, rewritten)
     finally:
-        session.get(_State).is_rebasing = False
+        session.get(PathRewriting).is_on = False
 
 
-def _rebase(source: str, target: str) -> None:
-    for scene in bpy.data.scenes:
-        for name in PATH_PROPERTIES:
-            path = getattr(scene.karf, name)
-            if path:
-                moved = stored(absolute(path, source), target)
-                if moved != path:
-                    setattr(scene.karf, name, moved)
+@session.handler("save_pre", phase=session.Phase.STATE)
+def _before_save(target, *_):
+    if isinstance(target, str) and target:
+        rebase(bpy.data.filepath, target)
+
+
+@session.handler("save_post", "save_post_fail", phase=session.Phase.STATE)
+def _after_save(target, *_):
+    # a saved copy and a file that could not be written leave the open file where it was
+    if isinstance(target, str) and target:
+        rebase(target, bpy.data.filepath)

@@ -1,6 +1,7 @@
 """A project that was begun in an unsaved file lies in the extension's own folder; from there it moves beside the .blend.
 
-It is copied, the .blend is saved with its new place, and only then the old folder goes, unless other files use it.
+It is copied, the .blend is saved with its new place, and only then the old folder goes, unless other files use it. At the
+first save of such a file the user is asked whether it shall move.
 """
 
 import contextlib
@@ -14,16 +15,26 @@ import bpy
 from ... import __package__ as extension
 from .. import session
 from ..engine_api import BadRequest, DataError
+from ..host import windows
 from . import captures, disk, folders
 
 USERS = "used_by.txt"  # in a project of the extension's own folder: the .blend files that were saved with it
+ASK_SECONDS = 0.1  # after a save, until Blender takes questions again
 
 
 @dataclass
-class _State:
-    """Projects that have moved in this session, from where and where to: undo knows their old places."""
+class MovedProjects:
+    """Where the file's projects have moved from and to: undo knows their old places."""
 
-    moved: dict[Path, Path] = field(default_factory=dict)
+    per_file = True
+    places: dict[Path, Path] = field(default_factory=dict)
+
+
+@dataclass
+class AskedProjects:
+    """The projects that the user was asked about in this session."""
+
+    paths: set[str] = field(default_factory=set)
 
 
 def is_hidden(scene: bpy.types.Scene) -> bool:
@@ -57,7 +68,7 @@ def move(scene: bpy.types.Scene) -> Path:
         raise BadRequest("This file has not been saved yet.", "Save it first: the project moves to the file's folder.")
     old, new = folders.project_of(scene).folder, place_beside(scene)
     _copy(old, new)
-    session.get(_State).moved[old] = new
+    session.get(MovedProjects).places[old] = new
     _relocate(old, new)
     captures.forget()
     disk.refresh()
@@ -125,21 +136,45 @@ def _users(project: Path) -> set[str]:
     return {line for line in lines if Path(line).is_file()}
 
 
+# --- asking --------------------------------------------------------------------------------------------------------
+def window_to_ask() -> bpy.types.Window | None:
+    """A window whose scene has a project that nobody was asked about yet, and nobody wants to leave where it is."""
+    asked = session.get(AskedProjects).paths
+    for window in bpy.data.window_managers[0].windows:
+        karf = window.scene.karf
+        if is_hidden(window.scene) and not karf.stays_hidden and karf.project not in asked:
+            return window
+    return None
+
+
+def _ask() -> None:
+    """The timer: asks by the operator that moves the project, unless a job is at work; the next save asks then."""
+    disk.refresh()
+    window = window_to_ask()
+    if window is None:
+        return
+    area = next(area for area in window.screen.areas if area.type in windows.PANEL_AREAS)
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        if bpy.ops.karf.move_project.poll():
+            session.get(AskedProjects).paths.add(window.scene.karf.project)
+            bpy.ops.karf.move_project("INVOKE_DEFAULT")
+
+
 @session.handler("save_post")
 def _after_save(*_):
-    for scene in bpy.data.scenes if bpy.data.filepath else ():
+    if not bpy.data.filepath:
+        return
+    for scene in bpy.data.scenes:
         if is_hidden(scene) and (folder := folders.project_of(scene).folder).is_dir():
             with contextlib.suppress(OSError):
                 known = _users(folder) | {bpy.data.filepath}
                 (folder / USERS).write_text("\n".join(sorted(known)), encoding="utf-8")
+    if not bpy.app.background:
+        session.start_timer(_ask, ASK_SECONDS)
 
 
 @session.handler("undo_post", "redo_post", phase=session.Phase.STATE)
 def _after_undo(*_):
-    for old, new in session.get(_State).moved.items():
+    for old, new in session.get(MovedProjects).places.items():
         _relocate(old, new)
-
-
-@session.handler("load_post", phase=session.Phase.STATE)
-def _after_load(*_):
-    session.get(_State).moved.clear()

@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from ..engine_api import KarfError
-from ..marking import asking, mask_layers, objects
+from ..marking import mask_layers, objects, photo
 
 
 def _renamed(self, context):
@@ -17,13 +17,13 @@ def _renamed(self, context):
 
 
 def _changed(self, context):
-    mask_layers.follow(self.id_data)
+    mask_layers.redraw()
 
 
 def _switched(self, context):
-    begin_or_follow = asking.begin_correcting if self.correct else asking.follow
+    begin_or_follow = photo.begin_correcting if self.correct else photo.follow
     begin_or_follow(self.id_data)
-    mask_layers.follow(self.id_data)
+    mask_layers.redraw()
 
 
 class KARF_PG_marked_object(bpy.types.PropertyGroup):

@@ -15,7 +15,7 @@ from bpy.props import (
 from ..engine_api import COMPOSITING_MODES, PRESETS
 from ..host import windows
 from ..host.compat import PATH_OPTIONS
-from ..marking import asking, objects
+from ..marking import objects, photo
 from ..project import contents, disk, folders
 from ..rig import reprojection
 from ..swatches import displayed, palettes
@@ -60,7 +60,7 @@ SIZE_ITEMS = [
 
 def _view_chosen(self, context):
     displayed.of(self.id_data).refresh()
-    asking.follow(self.id_data)
+    photo.follow(self.id_data)
     disk.refresh()
 
 

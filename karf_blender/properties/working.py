@@ -3,12 +3,12 @@
 import bpy
 from bpy.props import BoolProperty, FloatVectorProperty, PointerProperty
 
-from ..rig import looking
+from ..rig import cameras
 from ..workspace.states import STEPS
 
 
 def _hiding_switched(self, context):
-    looking.hide_others(self.id_data)
+    cameras.hide_others(self.id_data)
 
 
 class KARF_PG_folding(bpy.types.PropertyGroup):
@@ -22,8 +22,8 @@ class KARF_PG_looking(bpy.types.PropertyGroup):
 
     is_on: BoolProperty(name="Looking Through")
     camera: PointerProperty(name="Camera", type=bpy.types.Object)
-    before: FloatVectorProperty(name="Picture Before", size=len(looking.PICTURE))
-    during: FloatVectorProperty(name="Picture", size=len(looking.PICTURE))
+    before: FloatVectorProperty(name="Picture Before", size=len(cameras.PICTURE))
+    during: FloatVectorProperty(name="Picture", size=len(cameras.PICTURE))
     hides_others: BoolProperty(
         name="Hide Others",
         description="Hide the other cameras and the sparse points while one camera is looked through",

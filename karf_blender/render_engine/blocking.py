@@ -1,56 +1,69 @@
-"""The worker that stills are asked of: from the render thread, which waits for each picture and hears of a cancel.
+"""Blocking queries from the render thread, which waits for each picture and can cancel it.
 
-It is another one than that of the interface's queries, which the timer polls on the main thread meanwhile. It is kept
-for the next frame of an animation, and ends when none comes for a while.
+They use a separate worker, as the timer polls the interface's worker on the main thread meanwhile. It stays for the
+next frame of an animation, and ends when none comes for a while.
 """
 
 import time
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
 
 from .. import session
-from ..engine.worker import Worker, error_from_event
+from ..engine.worker import error_from_event
 from ..engine_api import Cancelled, KarfError
 from ..project import folders
-from ..tasks.warm_worker import WarmWorker
+from ..tasks.workers import WarmWorker
 
 POLL_SECONDS = 0.005
 
 
 class RenderWorker(WarmWorker):
-    """The worker that stills are asked of."""
+    """The worker of the render thread."""
 
-    options: ClassVar = {"idle_minutes": 1}
+    idle_minutes = 1
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
-    """Send a query, and wait for its answer.
+    """Send a query, one of the engine's `queries.QUERIES`, and wait for its answer.
 
     Args:
-        scene: One with a project, which the option `project` names if it is not given.
-        kind: One of the engine's `queries.QUERIES`.
+        scene: Its project is the default of the option `project`.
+        kind: The query.
         options: JSON values, paths absolute.
-        is_cancelled: Asked while waiting.
+        is_cancelled: Called while waiting.
 
     Returns:
-        The answer's values; files that these name are the caller's to delete.
+        The answer's values; the caller deletes files that they name.
 
     Raises:
-        Cancelled: It was cancelled, which ends the worker: what it is at would take on.
-        KarfError: There is no answer.
+        Cancelled: `is_cancelled` returned True; the worker has ended, as it would finish the query.
+        KarfError: The engine does not answer.
     """
     options = {"project": str(folders.project_of(scene).folder), **options}
-    for _ in range(2):  # the worker may end for want of queries just when one comes
-        answer = _answer(_worker(scene), kind, options, is_cancelled)
+    for _ in range(2):  # an idle worker may end just before the query
+        answer = _answer(scene, kind, options, is_cancelled)
         if answer is not None:
             return answer
     raise KarfError("The engine exited before it answered.", "Try again.")
 
 
-def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict | None:
-    """The answer's values; None where the worker has ended in peace before."""
+def stop() -> None:
+    """End the worker and remove its folder."""
+    session.get(RenderWorker).close()
+
+
+def _answer(
+    scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]
+) -> dict[str, Any] | None:
+    """Return the answer's values; None if the worker has ended without a failure before."""
+    kept = session.get(RenderWorker)
+    if kept.worker is not None:
+        kept.worker.poll()
+        if kept.worker.ended:
+            kept.close()
+    worker = kept.start(scene)
     worker.query(kind, options, kind)
     while True:
         for _, event in worker.replies():
@@ -59,23 +72,9 @@ def _answer(worker: Worker, kind: str, options: dict[str, Any], is_cancelled: Ca
             if event.kind == "refused":
                 raise error_from_event(event)
         if worker.ended:
-            session.get(RenderWorker).leave()
+            kept.leave()
             return None
         if is_cancelled():
             stop()
             raise Cancelled("The render was cancelled.")
         time.sleep(POLL_SECONDS)
-
-
-def stop() -> None:
-    """End the worker, whose folder goes with it."""
-    session.get(RenderWorker).close()
-
-
-def _worker(scene: bpy.types.Scene) -> Worker:
-    kept = session.get(RenderWorker)
-    if kept.worker is not None:
-        kept.worker.poll()
-        if kept.worker.ended:
-            kept.close()
-    return kept.start(scene)

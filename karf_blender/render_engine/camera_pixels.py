@@ -1,4 +1,4 @@
-"""What the engine is asked for one camera, and the arrays of answers."""
+"""The engine's query for one camera, and the arrays of its answer."""
 
 import math
 from contextlib import suppress
@@ -8,26 +8,27 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..engine_api import Camera, camera_to_json, srgb_to_linear
+from ..engine_api import Camera, camera_to_json
 from ..swatches import colors, edits
 
 KIND = "show"
 
 
 def options_of(scene: bpy.types.Scene, camera: Camera, edited: edits.Edited = colors.edited) -> dict[str, Any]:
-    """The query's options: this camera, with the swatches as they stand in the scene, which may be an evaluated one, each
-    object's as `edited` says."""
+    """Return the query's options for a camera and the swatches of a scene, also an evaluated one.
+
+    `edited` returns the palette of an object.
+    """
     return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene, edited), "unseen": unseen(scene)}
 
 
 def unseen(scene: bpy.types.Scene) -> str:
-    """What is shown where no photo shows it, as the engine's setting `render.unseen`."""
+    """Return the engine's setting `render.unseen` for places that no photo shows."""
     return "faded" if scene.karf.fade_unseen else "shown"
 
 
 def arrays_of(answer: dict[str, Any]) -> dict[str, np.ndarray]:
-    """The arrays of an answer by name, read from its file, which is removed; see the engine's queries `show` and
-    `harmonics`."""
+    """Return the arrays of an answer to the queries `show` and `harmonics`, and remove the answer's file."""
     path = Path(answer["pixels"])
     try:
         data = path.read_bytes()
@@ -38,10 +39,3 @@ def arrays_of(answer: dict[str, Any]) -> dict[str, np.ndarray]:
         name: np.frombuffer(data, place["dtype"], math.prod(place["shape"]), place["offset"]).reshape(place["shape"])
         for name, place in answer["arrays"].items()
     }
-
-
-def combined(arrays: dict[str, np.ndarray]) -> np.ndarray:
-    """The picture as Blender wants it: [H, W, 4] float32, scene-linear, alpha premultiplied."""
-    color = srgb_to_linear(arrays["color"])
-    alpha = arrays.get("alpha", np.ones(color.shape[:2], np.float32))[..., None]
-    return np.concatenate([color * alpha, alpha], -1).astype(np.float32)

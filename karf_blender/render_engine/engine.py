@@ -1,17 +1,28 @@
-"""The render engine as Blender knows it."""
+"""The render engine as Blender knows it, and Blender's own panels that it is compatible with."""
 
 import bpy
 
+from .. import session
 from ..engine_api import Cancelled, KarfError
 from ..host.words import translate_error
-from . import compatible, passes, still
+from . import still
 from .viewport import Viewport
+
+NAME = "KARF"
+# panels of BLENDER_RENDER, whose settings KaRF does not use
+LEFT_OUT = {
+    "RENDER_PT_simplify",
+    "VIEWLAYER_PT_filter",
+    "VIEWLAYER_PT_layer_passes",
+    "SCENE_PT_audio",
+    "WORLD_PT_context_world",
+}
 
 
 class KARF_RE_engine(bpy.types.RenderEngine):
     """Render the recolored scene from any camera"""
 
-    bl_idname = compatible.NAME
+    bl_idname = NAME
     bl_label = "KaRF"
     bl_use_preview = False
     bl_use_eevee_viewport = True  # in Material Preview
@@ -19,15 +30,15 @@ class KARF_RE_engine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene, renderlayer):
         """Tell Blender which passes a render has."""
-        self.register_pass(scene, renderlayer, passes.COMBINED, 4, "RGBA", "COLOR")
-        for each in passes.beside_combined(scene, renderlayer):
+        self.register_pass(scene, renderlayer, still.COMBINED, 4, "RGBA", "COLOR")
+        for each in still.passes_of(scene, renderlayer):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
 
     def update(self, data, depsgraph):
-        """Before a render, on the main thread: nothing is to be made ready."""
+        """Prepare a render on the main thread: nothing to do."""
 
     def render(self, depsgraph):
-        """A still, or a frame of an animation."""
+        """Render a still, or a frame of an animation."""
         try:
             still.render(self, depsgraph)
         except Cancelled:
@@ -37,7 +48,7 @@ class KARF_RE_engine(bpy.types.RenderEngine):
             self.report({"ERROR"}, translate_error(error))  # to scripts, and at the mouse
 
     def view_update(self, context, depsgraph):
-        """Something has changed: what is drawn next sees it."""
+        """Redraw after a change."""
         self.tag_redraw()
 
     def view_draw(self, context, depsgraph):
@@ -46,3 +57,16 @@ class KARF_RE_engine(bpy.types.RenderEngine):
             self.viewport = Viewport()
         self.viewport.draw(self, context, depsgraph)
         self.update_stats("KaRF", self.viewport.message)
+
+
+@session.setup
+def _compatible_panels():
+    def panels() -> list[type]:
+        known = (each for each in bpy.types.Panel.__subclasses__() if each.__name__ not in LEFT_OUT)
+        return [each for each in known if "BLENDER_RENDER" in getattr(each, "COMPAT_ENGINES", ())]
+
+    for panel in panels():
+        panel.COMPAT_ENGINES.add(NAME)
+    yield
+    for panel in panels():
+        panel.COMPAT_ENGINES.discard(NAME)

@@ -1,15 +1,73 @@
-"""One picture of a render: what the engine shows a camera, put into Blender's render result."""
+"""One picture of a render with its passes: depth, masks of objects, weights of swatches."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
+from bpy.props import BoolProperty
 
-from ..engine_api import BadRequest, Camera
-from ..rig import frames
-from ..swatches import displayed
-from . import blocking, camera_pixels, passes
-from .passes import Pass
+from .. import session
+from ..engine_api import BadRequest, Camera, srgb_to_linear
+from ..nodes.sockets import swatch_socket
+from ..rig import lens
+from ..swatches import colors, displayed
+from . import blocking, camera_pixels
+
+COMBINED = "Combined"
+FAR = 1e10  # depth of the background, like that of Blender's own engines
+
+
+def _update_passes(_, context):
+    context.view_layer.update_render_passes()  # nodes of the compositor get a socket for each pass
+
+
+class KARF_PG_layer(bpy.types.PropertyGroup):
+    """The passes of a view layer beside Blender's own."""
+
+    use_weights: BoolProperty(
+        name="Weights",
+        description="Add a pass for each swatch with its share in every pixel, from 0 to 1",
+        update=_update_passes,
+    )
+    use_seen: BoolProperty(
+        name="Seen",
+        description="Add a pass of how well the photos cover each pixel, from 0 (no photo) to 1. Requires splats",
+        update=_update_passes,
+    )
+
+
+@session.setup
+def _layer_properties():
+    bpy.types.ViewLayer.karf = bpy.props.PointerProperty(type=KARF_PG_layer)
+    yield
+    del bpy.types.ViewLayer.karf
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A pass of Blender's render result."""
+
+    name: str
+    channels: str  # a letter for each
+    kind: str  # COLOR or VALUE
+    array: str  # in the answer to the engine's query `show`
+    index: tuple[int, ...] = ()  # in the array
+
+
+def passes_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[Pass]:
+    """Yield the passes of a view layer beside the picture."""
+    if layer.use_pass_z:
+        yield Pass("Depth", "Z", "VALUE", "depth")
+    if layer.use_pass_cryptomatte_object:
+        for level in range((layer.pass_cryptomatte_depth + 1) // 2):
+            yield Pass(f"CryptoObject{level:02d}", "RGBA", "COLOR", "cryptomatte", (level,))
+    if layer.karf.use_seen:
+        yield Pass("Seen", "X", "VALUE", "seen")
+    if layer.karf.use_weights:
+        for number, item in enumerate(scene.karf.objects):
+            for index in range(1, colors.size(item)):
+                yield Pass(swatch_socket(item.name, index), "X", "VALUE", "weights", (number, index))
 
 
 def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
@@ -17,39 +75,38 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
 
     Raises:
         Cancelled: The user has cancelled.
-        KarfError: There is no picture.
+        KarfError: The engine cannot make the picture.
     """
     scene, layer = depsgraph.scene, depsgraph.view_layer
     if scene.camera is None:
         raise BadRequest(
             "The scene {name!r} has no camera.", "Add one, or choose one in its properties.", name=scene.name
         )
-    camera = _bordered(scene, frames.pinhole_in(depsgraph, scene, scene.camera))
-    wanted = list(passes.beside_combined(scene, layer))
+    camera = _bordered(scene, lens.pinhole_in(depsgraph, scene, scene.camera))
+    passes = list(passes_of(scene, layer))
+    names = {each.array for each in passes} | ({"alpha"} if scene.render.film_transparent else set())
     edited = displayed.of(scene).solved
-    options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | _asked_for(scene, layer, wanted)
+    options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | {
+        "passes": ["color", *sorted(names)],
+        "cryptomatte": f"{layer.name}.CryptoObject",  # the name that Blender's Cryptomatte node expects
+    }
     engine.update_stats("", "KaRF")
     answer = blocking.ask(scene, camera_pixels.KIND, options, engine.test_break)
     arrays = camera_pixels.arrays_of(answer)
-    to_blender = frames.to_capture(depsgraph, scene).inverted().to_scale().x
+    to_blender = lens.to_capture(depsgraph, scene).inverted().to_scale().x
     result = engine.begin_result(0, 0, camera.width, camera.height, layer=layer.name)
     rendered = result.layers[0].passes
-    _put(rendered[passes.COMBINED], camera_pixels.combined(arrays))
-    for each in wanted:
-        _put(rendered[each.name], passes.pixels_of(each, arrays, to_blender))
+    _put(rendered[COMBINED], _combined(arrays))
+    for each in passes:
+        _put(rendered[each.name], _pixels_of(each, arrays, to_blender))
     engine.end_result(result)
-    whole = engine.get_result()  # that of one layer is gone once it is handed over
+    whole = engine.get_result()  # the result of one layer is gone now
     for name, value in answer.get("metadata", {}).items():
         whole.stamp_data_add_field(name, value)
 
 
-def _asked_for(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, wanted: list[Pass]) -> dict:
-    arrays = {each.array for each in wanted} | ({"alpha"} if scene.render.film_transparent else set())
-    return {"passes": ["color", *sorted(arrays)], "cryptomatte": passes.cryptomatte_name(layer)}
-
-
 def _bordered(scene: bpy.types.Scene, camera: Camera) -> Camera:
-    """The camera that sees only the part of the picture that is rendered."""
+    """Return the camera that sees only the rendered part of the picture."""
     render = scene.render
     if not render.use_border:
         return camera
@@ -59,6 +116,24 @@ def _bordered(scene: bpy.types.Scene, camera: Camera) -> Camera:
     return replace(camera, width=right - left, height=top - bottom, cx=camera.cx - left, cy=camera.cy - above)
 
 
+def _combined(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the picture as Blender expects it: [H, W, 4], scene-linear, alpha premultiplied."""
+    color = srgb_to_linear(arrays["color"])
+    alpha = arrays.get("alpha", np.ones(color.shape[:2], np.float32))[..., None]
+    return np.concatenate([color * alpha, alpha], -1)
+
+
+def _pixels_of(each: Pass, arrays: dict[str, np.ndarray], to_blender: float) -> np.ndarray:
+    """Return a pass [H, W, channels], zeros if the engine has nothing for it; depth times `to_blender`."""
+    array = arrays[each.array]
+    if each.array == "depth":
+        return np.where(array > 0, array * to_blender, FAR)[..., None]
+    if any(index >= size for index, size in zip(each.index, array.shape, strict=False)):
+        return np.zeros((*arrays["color"].shape[:2], len(each.channels)))
+    found = array[each.index]
+    return found if found.ndim == 3 else found[..., None]
+
+
 def _put(target: bpy.types.RenderPass, pixels: np.ndarray) -> None:
-    """Hand pixels [H, W, channels] to Blender, whose first row is the lowest."""
+    """Give pixels [H, W, channels] to Blender, whose first row is the lowest."""
     target.rect.foreach_set(np.ascontiguousarray(pixels[::-1], np.float32).ravel())

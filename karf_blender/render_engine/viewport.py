@@ -1,4 +1,4 @@
-"""What a rendered 3D View shows: small pictures while it moves or a swatch does, the whole one when both stand still."""
+"""The picture in a rendered 3D View: small while the view or a swatch changes, at full size after that."""
 
 import json
 import time
@@ -15,36 +15,32 @@ from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, srgb_to_linear
 from ..host import windows
 from ..host.words import translate_error
-from ..rig import frames, lens
+from ..rig import lens
 from ..tasks import queries, runner
 from . import camera_pixels
 
-MOVING_SECONDS = 0.04  # that a picture may take while something moves
-STILL_SECONDS = 0.12  # without a change, after which the whole picture is asked for
-FIRST_SIDE, LEAST_SIDE = 256, 96  # pixels of a picture while something moves
+MOVING_SECONDS = 0.04  # time limit of a small picture
+STILL_SECONDS = 0.12  # without a change before the full picture is requested
+FIRST_SIDE, LEAST_SIDE = 256, 96  # pixels of a small picture
 LEVELS = 1 << 16
-LINEAR = srgb_to_linear(np.arange(LEVELS) / (LEVELS - 1)).astype(np.float32)  # of sRGB in steps that nobody sees
+LINEAR = srgb_to_linear(np.arange(LEVELS) / (LEVELS - 1)).astype(np.float32)  # of sRGB in invisible steps
 
 
 class Viewport:
-    """One 3D View: what it is asked to show, what it shows, and why it may show nothing.
-
-    Attributes:
-        message: Why there is no picture; empty where there is one.
-    """
+    """The requested and the displayed picture of one 3D View."""
 
     def __init__(self) -> None:
-        self.message = ""
+        self.message = ""  # the reason for a missing picture
         self._wanted = ""
         self._wanted_since = 0.0
-        self._asked: tuple[str, int] | None = None  # what is on its way
+        self._asked: tuple[str, int] | None = None  # and not answered yet
         self._shown: tuple[str, int] | None = None
         self._moving_side = FIRST_SIDE
         self._pixels: np.ndarray | None = None
         self._texture: gpu.types.GPUTexture | None = None
 
     def draw(self, engine: bpy.types.RenderEngine, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
-        """Draw the latest picture, and ask for the next one; Blender has bound the 3D View's frame."""
+        """Draw the latest picture in the bound frame buffer, and request the next one."""
         try:
             self._ask(context, depsgraph)
         except KarfError as error:
@@ -60,7 +56,7 @@ class Viewport:
 
     def _ask(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
         if runner.is_running():
-            self._wanted, self._shown = "", None  # what a task learns changes the picture, and the cores are its own
+            self._wanted, self._shown = "", None  # the task changes the picture, and needs all cores
             return
         scene = depsgraph.scene
         camera = _pinhole(context, depsgraph)
@@ -86,7 +82,7 @@ class Viewport:
         queries.send(scene, camera_pixels.KIND, query, partial(self._take, self._asked), self._fail)
 
     def _is_awaited(self, wanted: str) -> bool:
-        """Whether what is on its way is let through: what is wanted, or small; else nothing would be seen while it moves."""
+        """Return whether to wait for the latest request: it is the wanted picture, or a small one, which arrives soon."""
         if self._asked is None or not queries.is_waiting(camera_pixels.KIND):
             return False
         return self._asked[0] == wanted or self._asked[1] <= self._moving_side
@@ -101,22 +97,22 @@ class Viewport:
 
     def _fail(self, error: KarfError) -> None:
         self.message, self._asked = translate_error(error), None
-        self._shown = self._wanted, 1 << 30  # it is asked again when something changes
+        self._shown = self._wanted, 1 << 30  # requested again after a change
         windows.redraw("VIEW_3D")
 
 
 def _pinhole(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Camera:
-    """The pinhole, in the capture's world, through which the region is looked into."""
+    """Return the pinhole of the region in the capture's world."""
     region, view = context.region, context.region_data
     if not view.is_perspective:
         raise BadRequest("An orthographic view cannot be rendered.", "Switch to perspective: View > Perspective.")
-    to_capture = frames.to_capture(depsgraph, depsgraph.scene)
+    to_capture = lens.to_capture(depsgraph, depsgraph.scene)
     pose = lens.rigid(np.array(to_capture @ view.view_matrix.inverted()), "3D View")
     return lens.pinhole_of(np.array(Matrix(view.window_matrix)), region.width, region.height, pose)
 
 
 def _displayable(color: np.ndarray) -> np.ndarray:
-    """sRGB [H, W, 3] as opaque scene-linear [H, W, 4], the lowest row first."""
+    """Return sRGB [H, W, 3] as opaque scene-linear [H, W, 4], the lowest row first."""
     height, width = color.shape[:2]
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = LINEAR[(color[::-1] * (LEVELS - 1) + 0.5).astype(np.uint16)]

@@ -1,1 +1,1 @@
-"""Cameras: a capture as a rig of Blender cameras and points, and Blender cameras as cameras of the engine."""
+"""Captured cameras and points in Blender, and Blender cameras as cameras of the engine."""

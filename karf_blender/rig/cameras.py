@@ -1,7 +1,6 @@
-"""A capture as Blender cameras and points under one Empty.
+"""A capture as Blender cameras and points below one Empty, which is the capture's world.
 
-The Empty is the capture's world: move, turn or scale it as a whole and all cameras stay right, since poses are always
-taken relative to it.
+Poses are always relative to the Empty, so that it may be moved, turned or scaled as a whole.
 """
 
 import contextlib
@@ -9,46 +8,41 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
-from ..engine_api import BadRequest, Camera, Capture, DataError, View
+from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
+from ..nodes import shadeless
 from ..pictures import photos
-from . import lens, placement, points
+from . import lens
 
+POINTS_NAME = "KaRF points"
 POINT_SIZE = 0.002  # radius of a sparse point, in units of the rig's extent
 CLIP_START, CLIP_END = 0.001, 1000.0
+ARBITRARY_WORLDS = ("llff", "colmap")  # formats without a known up axis
+UP_WEIGHT = 0.01  # weight of the cameras' up axes, which decide if their right axes do not
+PICTURE = ("resolution_x", "resolution_y", "resolution_percentage", "pixel_aspect_x", "pixel_aspect_y")
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a capture is shown; nothing here changes what is learned.
+    """How a capture is displayed; nothing here changes what is learned."""
 
-    Attributes:
-        orientation: `auto`, `file` or `upright`, see `placement.matrix_of`.
-        size: Extent of the cameras in Blender units; 0: as in the file.
-        points: Whether the sparse points are made.
-        photos: Whether photos are put behind the cameras.
-        camera_size: Drawn size of a camera, in units of the rig's extent.
+    orientation: str = "auto"  # `file`, `upright` (+z is up), or `auto`: upright if the format's world is arbitrary
+    size: float = 0.0  # extent of the cameras in Blender units; 0: as in the file
+    points: bool = True  # whether to make the sparse points
+    photos: bool = True  # whether to put photos behind the cameras
+    camera_size: float = 0.025  # drawn size of a camera, in units of the rig's extent
+
+
+def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options = Options()) -> bpy.types.Object:
+    """Make an Empty with a camera for each view and the sparse points, in a new collection, and return the Empty.
+
+    The cube of a new file is removed. If a camera cannot be made, the scene stays the same.
     """
-
-    orientation: str = "auto"
-    size: float = 0.0
-    points: bool = True
-    photos: bool = True
-    camera_size: float = 0.025
-
-
-def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options | None = None) -> bpy.types.Object:
-    """Make an Empty with a camera for each view, and the sparse points, in a collection of their own.
-
-    The scene stays as it was where a camera cannot be made.
-
-    Returns:
-        The Empty.
-    """
-    options = options or Options()
-    extent = placement.extent(capture)
-    matrix = Matrix(placement.matrix_of(capture, options.orientation, options.size).tolist())
+    cube = _untouched_cube(scene)
+    extent = extent_of(capture)
+    matrix = Matrix(world_matrix(capture, options.orientation, options.size).tolist())
     size = extent * matrix.to_scale().x  # cameras are drawn and clipped in the units of Blender's world
     collection = bpy.data.collections.new(name)
     made = []
@@ -60,7 +54,7 @@ def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options 
         for view in capture.views:
             made.append(_camera(view, empty, size, options))
         if options.points and capture.points is not None:
-            made.append(points.build(capture.points, empty, POINT_SIZE * extent))
+            made.append(build_points(capture.points, empty, POINT_SIZE * extent))
     except Exception:
         for item in made:
             bpy.data.objects.remove(item)
@@ -69,17 +63,19 @@ def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options 
     for item in made:
         collection.objects.link(item)
     scene.collection.children.link(collection)
+    if cube is not None:
+        bpy.data.meshes.remove(cube.data)  # removes the object too
     return empty
 
 
 def _camera(view: View, parent: bpy.types.Object, size: float, options: Options) -> bpy.types.Object:
     data = bpy.data.cameras.new(view.name)
-    set_lens(data, view.camera)
+    lens.set_lens(data, view.camera)
     data.display_size = options.camera_size * size
     data.clip_start, data.clip_end = CLIP_START * size, CLIP_END * size
     data.show_background_images = options.photos
     if options.photos and view.image is not None and view.image.exists():
-        with contextlib.suppress(DataError):  # looking through the camera says why it shows no photo
+        with contextlib.suppress(DataError):  # reported when the user views through the camera
             if photos.is_shown_as_stored(view):
                 _set_background(data, view.image)
     camera = bpy.data.objects.new(view.name, data)
@@ -87,15 +83,6 @@ def _camera(view: View, parent: bpy.types.Object, size: float, options: Options)
     camera.parent = parent
     camera.matrix_local = Matrix(view.camera.camera_to_world.tolist())
     return camera
-
-
-def set_lens(data: bpy.types.Camera, camera: Camera) -> None:
-    """Let a Blender camera project as this pinhole does, in a scene with its size and pixel aspect."""
-    numbers = lens.lens_of(camera)
-    data.sensor_fit = "HORIZONTAL"
-    data.sensor_width = lens.SENSOR_WIDTH
-    data.lens = numbers.focal_length
-    data.shift_x, data.shift_y = numbers.shift_x, numbers.shift_y
 
 
 def _set_background(data: bpy.types.Camera, photo: Path) -> None:
@@ -110,12 +97,20 @@ def _set_background(data: bpy.types.Camera, photo: Path) -> None:
     background.alpha = 1.0
 
 
-def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
-    """The rig's camera of a captured view.
+def _untouched_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """Return the cube of a new file that nobody has worked in."""
+    if bpy.data.filepath or set(scene.objects.keys()) != {"Camera", "Cube", "Light"}:
+        return None
+    cube = scene.objects["Cube"]
+    if cube.type != "MESH" or cube.modifiers or cube.animation_data is not None or cube.data.users > 1:
+        return None
+    corners = {tuple(round(value, 4) for value in vertex.co) for vertex in cube.data.vertices}
+    is_cube = len(corners) == 8 and all(abs(value) == 1 for corner in corners for value in corner)
+    return cube if is_cube and cube.matrix_basis == Matrix() else None
 
-    Raises:
-        BadRequest: It was deleted.
-    """
+
+def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
+    """Return the rig's camera of a captured view. Raises BadRequest if it was deleted."""
     rig = scene.karf.rig
     for camera in rig.children if rig else ():
         if camera.karf_view == view:
@@ -128,26 +123,151 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
     )
 
 
-def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
-    """Give the scene a pinhole's picture size and pixel aspect."""
-    render = scene.render
-    render.resolution_x, render.resolution_y = camera.width, camera.height
-    render.resolution_percentage = 100
-    render.pixel_aspect_x, render.pixel_aspect_y = lens.lens_of(camera).pixel_aspect
+def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
+    """Put the undistorted photo, kept in a folder, behind a view's camera if it should have one and has none yet.
 
-
-def straighten_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
-    """Put the photo, as the view's pinhole shows it, behind its camera where photos are wanted and it has none yet.
-
-    Args:
-        scene: Its rig has the camera.
-        view: The captured view.
-        folder: Where the picture is kept.
-
-    Raises:
-        DataError: The photo cannot be read.
+    Raises DataError if it cannot be read.
     """
     data = camera_of(scene, view.name).data
     is_wanted = data.show_background_images and not data.background_images
     if is_wanted and view.image is not None and view.image.exists():
         _set_background(data, photos.straightened(view, folder))
+
+
+# --- viewing through a camera --------------------------------------------------------------------------------------
+def look_through(scene: bpy.types.Scene, view: View) -> None:
+    """Make a view's camera the scene's, with its photo's picture; remember once what the scene had before.
+
+    Raises BadRequest if the camera was deleted.
+    """
+    looking, camera = scene.karf.looking, camera_of(scene, view.name)
+    if not looking.is_on:
+        looking.is_on, looking.camera, looking.before = True, scene.camera, _picture(scene)
+    scene.camera = camera
+    lens.set_picture(scene, view.camera)
+    looking.during = _picture(scene)
+    hide_others(scene)
+
+
+def leave(scene: bpy.types.Scene) -> None:
+    """Restore camera and picture, except for what the user has changed since."""
+    looking = scene.karf.looking
+    if scene.camera is not None and scene.camera.karf_view:
+        scene.camera = looking.camera
+    if _picture(scene) == list(looking.during):
+        for name, value in zip(PICTURE, looking.before, strict=True):
+            setattr(scene.render, name, type(getattr(scene.render, name))(value))
+    looking.is_on = False
+    hide_others(scene)
+
+
+def hide_others(scene: bpy.types.Scene) -> None:
+    """Hide the rig's other cameras and its points while viewing, if the user wants that; else show what this has hidden."""
+    looking, layer = scene.karf.looking, scene.view_layers[0]
+    for item in scene.karf.rig.children if scene.karf.rig else ():
+        if item.name not in layer.objects:
+            continue
+        is_unwanted = looking.is_on and looking.hides_others and item != scene.camera
+        if is_unwanted and not item.hide_get(view_layer=layer):
+            item.karf_hidden = True
+            item.hide_set(True, view_layer=layer)
+        elif item.karf_hidden and not is_unwanted:
+            item.karf_hidden = False
+            item.hide_set(False, view_layer=layer)
+
+
+def _picture(scene: bpy.types.Scene) -> list[float]:
+    return [float(getattr(scene.render, name)) for name in PICTURE]
+
+
+# --- sparse points -------------------------------------------------------------------------------------------------
+def build_points(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.types.Object:
+    """Make vertices with the attributes `color` (sRGB bytes) and `error` (pixels), displayed as balls, not rendered.
+
+    Vertices alone have no color in the viewport; balls do, in Solid mode (Color: Attribute) and with their material.
+    """
+    mesh = bpy.data.meshes.new(POINTS_NAME)
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.positions.astype(np.float32).ravel())
+    colors = np.ones((len(points), 4), np.float32)
+    colors[:, :3] = points.colors / np.float32(255)
+    mesh.attributes.new("color", "BYTE_COLOR", "POINT").data.foreach_set("color_srgb", colors.ravel())
+    mesh.attributes.new("error", "FLOAT", "POINT").data.foreach_set("value", points.errors.astype(np.float32))
+    mesh.update()
+    item = bpy.data.objects.new(POINTS_NAME, mesh)
+    item.modifiers.new("Balls", "NODES").node_group = _balls(radius)
+    item.parent = parent
+    item.hide_render = True
+    return item
+
+
+def _balls(radius: float) -> bpy.types.NodeTree:
+    """Make a node group that puts an octahedron on every vertex."""
+    group = bpy.data.node_groups.new(POINTS_NAME, "GeometryNodeTree")
+    group.is_modifier = True
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Radius", in_out="INPUT", socket_type="NodeSocketFloat").default_value = radius
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    add, link = group.nodes.new, group.links.new
+    entry, ball, instances = add("NodeGroupInput"), add("GeometryNodeMeshUVSphere"), add("GeometryNodeInstanceOnPoints")
+    realized, joined = add("GeometryNodeRealizeInstances"), add("GeometryNodeJoinGeometry")
+    neighbors, is_bare = add("GeometryNodeInputMeshVertexNeighbors"), add("FunctionNodeBooleanMath")
+    cleared, painted = add("GeometryNodeDeleteGeometry"), add("GeometryNodeSetMaterial")
+    is_bare.operation = "NOT"
+    ball.inputs["Segments"].default_value, ball.inputs["Rings"].default_value = 4, 2
+    painted.inputs["Material"].default_value = shadeless.material(POINTS_NAME, "color")
+    link(entry.outputs["Radius"], ball.inputs["Radius"])
+    link(entry.outputs["Geometry"], instances.inputs["Points"])
+    link(ball.outputs["Mesh"], instances.inputs["Instance"])
+    link(instances.outputs["Instances"], realized.inputs["Geometry"])
+    link(realized.outputs["Geometry"], joined.inputs["Geometry"])
+    # only the vertices know which attribute is the active color; join them, then delete them: Blender draws them black
+    link(entry.outputs["Geometry"], joined.inputs["Geometry"])
+    link(joined.outputs["Geometry"], cleared.inputs["Geometry"])
+    link(neighbors.outputs["Face Count"], is_bare.inputs[0])
+    link(is_bare.outputs["Boolean"], cleared.inputs["Selection"])
+    link(cleared.outputs["Geometry"], painted.inputs["Geometry"])
+    link(painted.outputs["Geometry"], add("NodeGroupOutput").inputs["Geometry"])
+    for column, node in enumerate(group.nodes):
+        node.location.x = 180 * column
+    return group
+
+
+# --- the capture's world in Blender's ------------------------------------------------------------------------------
+def world_matrix(capture: Capture, orientation: str, size: float) -> np.ndarray:
+    """Return the Empty's matrix [4, 4] float64 for these `Options`: a rotation times a uniform scale."""
+    matrix = np.eye(4)
+    is_arbitrary = capture.format in ARBITRARY_WORLDS or capture.splats is not None
+    if orientation == "upright" or (orientation == "auto" and is_arbitrary):
+        matrix[:3, :3] = _turn_to_z(up_of(capture))
+    if size:
+        matrix[:3, :3] *= size / extent_of(capture)
+    return matrix
+
+
+def extent_of(capture: Capture) -> float:
+    """Return the diagonal of the bounding box of all cameras in world units; 1 if they are all in one place."""
+    positions = np.array([view.camera.position for view in capture.views])
+    return float(np.linalg.norm(np.ptp(positions, axis=0))) or 1.0
+
+
+def up_of(capture: Capture) -> np.ndarray:
+    """Estimate the up direction, [3] of length 1, of the people who took the photos.
+
+    It is perpendicular to the cameras' right axes, as photos are tilted more than rolled. If these axes are all alike
+    and leave it open, it is the mean of the cameras' up axes.
+    """
+    axes = np.array([view.camera.camera_to_world[:3, :3] for view in capture.views])
+    right, up = axes[..., 0], axes[..., 1].mean(axis=0)
+    found = np.linalg.solve(right.T @ right / len(right) + UP_WEIGHT * np.eye(3), up)
+    length = np.linalg.norm(found)
+    return found / length if length > 1e-6 else np.array([0.0, 0.0, 1.0])
+
+
+def _turn_to_z(direction: np.ndarray) -> np.ndarray:
+    """Return the smallest rotation [3, 3] from a direction [3] of length 1 to +z."""
+    x, y, z = direction
+    if z < -1 + 1e-9:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.array([[0, 0, -x], [0, 0, -y], [x, y, 0]])  # of direction x +z, as a matrix
+    return np.eye(3) + cross + cross @ cross / (1 + z)

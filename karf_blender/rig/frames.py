@@ -1,30 +1,23 @@
-"""Blender cameras as cameras of the engine: pinholes in the capture's world, frame by frame."""
+"""Animated Blender cameras as views of the engine, frame by frame, and the reverse."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import bpy
-import numpy as np
 from mathutils import Matrix
 
 from ..engine_api import BadRequest, Camera, View, is_file_name
 from ..host import rendering
-from . import lens
+from .lens import pinhole, set_lens, set_picture
+
+ASPECT_TOLERANCE = 1e-4
 
 
 def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
-    """The camera as the engine sees it, frame by frame.
+    """Yield a camera at each frame as a view frame_0001, ... without a photo.
 
-    Args:
-        scene: It is at the frame when that is yielded; its current frame is restored at the end.
-        camera: A perspective camera.
-        numbers: The frames.
-
-    Yields:
-        Views without photos, named frame_0001 and so on.
-
-    Raises:
-        BadRequest: The camera is not a perspective camera, or Blender renders.
+    The scene is at that frame meanwhile, and back at its current frame at the end.
+    Raises BadRequest if it is not a perspective camera, or Blender is rendering.
     """
     rendering.refuse()
     current = scene.frame_current
@@ -38,10 +31,9 @@ def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterabl
 
 
 def file_name(camera: bpy.types.Object) -> str:
-    """A camera's name as the name of a file or folder, another one for every camera of the file.
+    """Return a camera's name as the name of a file or folder, unique in the .blend.
 
-    It is the camera's own where that may be one; a camera that differs from another by such signs or by case alone, or
-    that has a name no system takes, has a hash added.
+    A hash is appended if some system refuses the name, or if another camera differs from it by case or such signs only.
     """
     clean = bpy.path.clean_name(camera.name)
     others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
@@ -51,45 +43,50 @@ def file_name(camera: bpy.types.Object) -> str:
     return f"{clean}-{hashlib.sha256(camera.name.encode()).hexdigest()[:8]}"
 
 
-def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
-    """The pinhole, in the capture's world, of a Blender camera with the scene's render size at its current frame.
+def build_animation(views: Sequence[View], name: str, scene: bpy.types.Scene) -> bpy.types.Object:
+    """Make one camera below the scene's rig with keyframes for every view; the scene gets its picture and frame range.
 
-    Raises:
-        BadRequest: The camera is not a perspective camera, or it is mirrored or unevenly scaled.
+    Frames are the numbers at the ends of the views' names if all differ, else they are counted from the scene's first.
+    Raises BadRequest if pixel aspects differ.
     """
-    # the context's graph may be another scene's
-    layer = scene.view_layers[0]
-    layer.update()
-    return pinhole_in(layer.depsgraph, scene, camera)
+    cameras = _at_one_size(views)
+    ends = [view.name[len(view.name.rstrip("0123456789")) :] for view in views]
+    numbers = [int(end) for end in ends if end]
+    if len(set(numbers)) != len(views):
+        numbers = list(range(scene.frame_start, scene.frame_start + len(views)))
+    data = bpy.data.cameras.new(name)
+    item = bpy.data.objects.new(name, data)
+    item.parent = scene.karf.rig
+    item.rotation_mode = "QUATERNION"
+    before = None
+    for number, camera in sorted(zip(numbers, cameras, strict=True), key=lambda pair: pair[0]):
+        location, rotation, _ = Matrix(camera.camera_to_world.tolist()).decompose()
+        if before is not None:
+            rotation.make_compatible(before)
+        before = rotation
+        item.location, item.rotation_quaternion = location, rotation
+        set_lens(data, camera)
+        for owner, paths in ((item, ("location", "rotation_quaternion")), (data, ("lens", "shift_x", "shift_y"))):
+            for path in paths:
+                owner.keyframe_insert(path, frame=number)
+    scene.collection.objects.link(item)
+    scene.camera = item
+    scene.frame_start, scene.frame_end = min(numbers), max(numbers)
+    set_picture(scene, cameras[0])
+    scene.frame_set(scene.frame_start)
+    return item
 
 
-def pinhole_in(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
-    """The same as a dependency graph of the scene has evaluated it; for the render thread too.
-
-    Raises:
-        BadRequest: As for `pinhole`.
-    """
-    if camera.type != "CAMERA" or camera.data.type != "PERSP":
-        raise BadRequest(
-            "{name!r} is not a perspective camera.", "Set the camera's type to Perspective.", name=camera.name
-        )
-    render = scene.render
-    width, height = picture_size(scene)
-    evaluated = camera.evaluated_get(depsgraph)
-    projection = evaluated.calc_matrix_camera(
-        depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
-    )
-    pose = lens.rigid(np.array(to_capture(depsgraph, scene) @ evaluated.matrix_world), camera.name)
-    return lens.pinhole_of(np.array(projection), width, height, pose)
-
-
-def picture_size(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Width and height of what the scene renders, in pixels, rounded as Blender does."""
-    render = scene.render
-    return tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
-
-
-def to_capture(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Matrix:
-    """From Blender's world to the capture's, [4, 4]."""
-    rig = scene.karf.rig
-    return rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)
+def _at_one_size(views: Sequence[View]) -> list[Camera]:
+    """Return the views' pinholes at the first one's picture size; raise BadRequest if their pixel aspects differ."""
+    first = views[0].camera
+    cameras = [view.camera.without_distortion().scaled(first.width, first.height) for view in views]
+    for view, camera in zip(views, cameras, strict=True):
+        if abs(camera.fx * first.fy / (camera.fy * first.fx) - 1) > ASPECT_TOLERANCE:
+            raise BadRequest(
+                "{name!r} and {other!r} have different resolutions or pixel aspects.",
+                "Blender keeps these per scene: split the file, and import each part into a separate scene.",
+                name=view.name,
+                other=views[0].name,
+            )
+    return cameras

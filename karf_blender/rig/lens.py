@@ -1,51 +1,66 @@
-"""Pinhole cameras and Blender's camera numbers; pure maths, no bpy.
+"""Blender cameras as the engine's pinholes, and the reverse.
 
-Pinhole: pixels (u right, v down), corners at integers, so a centered principal point is (width / 2, height / 2).
-Blender: sensor_fit 'HORIZONTAL', always set explicitly ('AUTO' changes its meaning when the picture is higher than
-wide); lens and sensor width in millimeters; shifts in units of the picture's width; fx != fy through the scene's pixel
-aspect, with r = fx / fy.
+Pinhole: pixels (u right, v down), corners at integers, so that a centered principal point is (width / 2, height / 2).
+Blender: lens and sensor width in millimeters, shifts in units of the picture's width, pixel aspect of the scene.
 """
 
-from dataclasses import dataclass
-
+import bpy
 import numpy as np
+from mathutils import Matrix
 
 from ..engine_api import BadRequest, Camera
 
 SENSOR_WIDTH = 36.0
 
 
-@dataclass(frozen=True)
-class Lens:
-    """Blender's numbers of one pinhole: lens [mm] for a sensor SENSOR_WIDTH wide, shifts, the scene's pixel aspect."""
+# --- to Blender ----------------------------------------------------------------------------------------------------
+def set_lens(data: bpy.types.Camera, camera: Camera) -> None:
+    """Make a Blender camera project like this pinhole without distortion, in a scene with its picture."""
+    data.sensor_fit = "HORIZONTAL"  # AUTO would take the longer side
+    data.sensor_width = SENSOR_WIDTH
+    data.lens = camera.fx * SENSOR_WIDTH / camera.width
+    data.shift_x = (camera.width / 2 - camera.cx) / camera.width
+    data.shift_y = (camera.cy - camera.height / 2) * camera.fx / camera.fy / camera.width
 
-    focal_length: float
-    shift_x: float
-    shift_y: float
-    pixel_aspect: tuple[float, float]
+
+def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
+    """Give the scene a pinhole's picture size and pixel aspect."""
+    render, aspect = scene.render, camera.fx / camera.fy
+    render.resolution_x, render.resolution_y = camera.width, camera.height
+    render.resolution_percentage = 100
+    # Blender accepts 1 to 200 only
+    render.pixel_aspect_x, render.pixel_aspect_y = (1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0)
 
 
-def lens_of(camera: Camera) -> Lens:
-    """The numbers that make a Blender camera project as this pinhole does (its distortion is left out)."""
-    aspect = camera.fx / camera.fy
-    return Lens(
-        focal_length=camera.fx * SENSOR_WIDTH / camera.width,
-        shift_x=(camera.width / 2 - camera.cx) / camera.width,
-        shift_y=(camera.cy - camera.height / 2) * aspect / camera.width,
-        # Blender takes 1 to 200 only
-        pixel_aspect=(1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0),
+# --- to the engine -------------------------------------------------------------------------------------------------
+def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
+    """Return a camera in the capture's world, at the scene's current frame and render size.
+
+    Raises BadRequest if it is not a perspective camera, or is mirrored or unevenly scaled.
+    """
+    layer = scene.view_layers[0]  # the context's graph may be another scene's
+    layer.update()
+    return pinhole_in(layer.depsgraph, scene, camera)
+
+
+def pinhole_in(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
+    """Return the same from a dependency graph of the scene, also on the render thread; raises like `pinhole`."""
+    if camera.type != "CAMERA" or camera.data.type != "PERSP":
+        raise BadRequest(
+            "{name!r} is not a perspective camera.", "Set the camera's type to Perspective.", name=camera.name
+        )
+    render = scene.render
+    width, height = (side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
+    evaluated = camera.evaluated_get(depsgraph)
+    projection = evaluated.calc_matrix_camera(
+        depsgraph, x=width, y=height, scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y
     )
+    pose = rigid(np.array(to_capture(depsgraph, scene) @ evaluated.matrix_world), camera.name)
+    return pinhole_of(np.array(projection), width, height, pose)
 
 
 def pinhole_of(projection: np.ndarray, width: int, height: int, camera_to_world: np.ndarray) -> Camera:
-    """The pinhole of a perspective projection, as Blender computes it for any camera settings.
-
-    Args:
-        projection: OpenGL projection matrix [4, 4].
-        width: Of the picture, in pixels.
-        height: Of the picture, in pixels.
-        camera_to_world: Pose [4, 4].
-    """
+    """Return the pinhole of a perspective OpenGL projection matrix [4, 4]."""
     return Camera(
         width=width,
         height=height,
@@ -58,17 +73,9 @@ def pinhole_of(projection: np.ndarray, width: int, height: int, camera_to_world:
 
 
 def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
-    """A pose without its scale.
+    """Return the pose [4, 4] float64 of a camera without its scale.
 
-    Args:
-        matrix: [4, 4].
-        name: The camera's, for the error.
-
-    Returns:
-        [4, 4] float64: a pure rotation and a position.
-
-    Raises:
-        BadRequest: The matrix is sheared or mirrored.
+    Raises BadRequest if the matrix [4, 4] is sheared or mirrored.
     """
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
@@ -81,3 +88,9 @@ def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
     pose[:3, :3] = axes
     pose[:3, 3] = matrix[:3, 3]
     return pose
+
+
+def to_capture(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Matrix:
+    """Return the matrix [4, 4] from Blender's world to the capture's."""
+    rig = scene.karf.rig
+    return rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)

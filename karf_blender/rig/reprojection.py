@@ -1,6 +1,6 @@
-"""How far the sparse points are from where the looked-through photo shows them: numbers, and an overlay on the photo.
+"""Reprojection errors of the sparse points in a photo: numbers, and an overlay in the 3D View.
 
-The numbers belong to the session and are taken when a view is looked through; drawing only reads them.
+They are computed when the user starts to view through a captured camera; drawing only reads them.
 """
 
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ from ..engine_api import (
 from ..host import compat, windows
 from ..project import captures
 
-BAD_PIXELS = 4.0  # pixels of error from which it is drawn red
+BAD_PIXELS = 4.0  # errors from this size on are red
 GOOD, FAIR, BAD = np.array([[0.1, 0.9, 0.2, 1.0], [1.0, 0.85, 0.0, 1.0], [1.0, 0.05, 0.05, 1.0]], np.float32)
 LINE_WIDTH, POINT_SIZE = 1.5, 4.0
 TEXT_SIZE, TEXT_MARGIN = 14, 24
@@ -33,69 +33,54 @@ TEXT_SIZE, TEXT_MARGIN = 14, 24
 
 @dataclass(frozen=True)
 class Check:
-    """One view's errors.
-
-    Attributes:
-        capture: Where the capture lies.
-        view: The view's name.
-        summary: Count, median and worst error.
-        places: [2m, 3] float32, capture's world: each point as it is, and where the photo shows it at the same depth.
-        colors: [2m, 4] float32.
-        batches: Lines and dots on the graphics card, made at the first drawing.
-    """
+    """The errors in one view."""
 
     capture: Path
     view: str
     summary: ErrorSummary
-    places: np.ndarray
-    colors: np.ndarray
-    batches: list = field(default_factory=list)
+    places: np.ndarray  # [2m, 3] float32, capture's world: each point, and where the photo shows it at the same depth
+    colors: np.ndarray  # [2m, 4] float32
+    batches: list = field(default_factory=list)  # lines and dots on the GPU, made at the first drawing
 
 
 @dataclass
 class _State:
-    """The check of the view that was looked through last."""
+    """The check of the latest view."""
 
+    per_file = True
     check: Check | None = None
 
 
 # --- numbers -------------------------------------------------------------------------------------------------------
 def remember(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
-    """Remember the errors of a view of the scene's capture; captures without points have none."""
+    """Compute and keep the errors in a view of the scene's capture, if the capture has points."""
     session.get(_State).check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
 
 
 def check(path: Path, capture: Capture, name: str) -> Check:
-    """The errors of one view.
-
-    Raises:
-        DataError: The capture has no points or no such view.
-    """
+    """Return the errors in one view of the capture at a path. Raises DataError if the capture has no points."""
     view = capture.view(name)
-    number = capture.views.index(view)
+    number, camera = capture.views.index(view), view.camera
     observed, projected = reprojection_errors(capture, number)
     points = observed_points(capture, number)
-    camera = view.camera
-    shown, depth = camera.project(points)
-    origins, directions = camera.rays(undistort_points_near(camera, observed, shown))
+    exact, depth = camera.project(points)
+    origins, directions = camera.rays(undistort_points_near(camera, observed, exact))
     seen = origins + depth[:, None] * directions
     usable = np.isfinite(projected).all(-1) & np.isfinite(seen).all(-1)
-    errors = np.linalg.norm(observed - projected, axis=-1)[usable]
-    places = np.stack([points[usable], seen[usable]], 1).reshape(-1, 3)
-    return Check(
-        path, name, summarize(observed, projected), places.astype(np.float32), _colors(errors).repeat(2, axis=0)
-    )
+    places = np.stack([points[usable], seen[usable]], 1).reshape(-1, 3).astype(np.float32)
+    colors = _colors(np.linalg.norm(observed - projected, axis=-1)[usable])
+    return Check(path, name, summarize(observed, projected), places, colors.repeat(2, axis=0))
 
 
 def _colors(errors: np.ndarray) -> np.ndarray:
-    """Green, yellow, red for errors [m] of 0, half and all of BAD_PIXELS; [m, 4] float32."""
+    """Return green, yellow, red for errors [m] of 0, half and all of BAD_PIXELS; [m, 4] float32."""
     share = np.minimum(errors / BAD_PIXELS, 1)
     channels = [np.interp(share, [0, 0.5, 1], [GOOD[i], FAIR[i], BAD[i]]) for i in range(4)]
     return np.stack(channels, -1).astype(np.float32)
 
 
 def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> Check | None:
-    """What is known of a camera of the scene's rig; None where it was not looked through last."""
+    """Return the errors of a camera of the scene's rig, if it was viewed through last."""
     known = session.get(_State).check
     if known is None or camera is None or camera.parent is None or camera.parent != scene.karf.rig:
         return None
@@ -104,7 +89,7 @@ def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> Check 
 
 
 def refresh(scene: bpy.types.Scene) -> None:
-    """The overlay was switched: take the numbers of the scene's camera where they are not known yet, and redraw."""
+    """Compute the errors of the scene's camera when the overlay is switched on, and redraw."""
     camera = scene.camera
     if scene.karf.show_reprojection and camera is not None and camera.karf_view and of_camera(scene, camera) is None:
         try:
@@ -114,14 +99,17 @@ def refresh(scene: bpy.types.Scene) -> None:
     windows.redraw("VIEW_3D")
 
 
-def forget() -> None:
-    """Drop the numbers."""
-    session.get(_State).check = None
+@session.handler("load_post", phase=session.Phase.READ)
+def _after_load(*_):
+    captures.forget()
+    for scene in bpy.data.scenes:
+        if scene.karf.show_reprojection:
+            scene.karf.show_reprojection = False  # no camera is viewed through yet
 
 
 # --- the overlay ---------------------------------------------------------------------------------------------------
 def _drawn() -> Check | None:
-    """What the 3D View that is being drawn is to show."""
+    """Return the errors to draw in the current 3D View."""
     context = bpy.context
     space, scene = context.space_data, context.scene
     if not scene.karf.show_reprojection or not space.overlay.show_overlays:
@@ -163,16 +151,6 @@ def _draw_numbers() -> None:
     blf.position(0, (bpy.context.region.width - blf.dimensions(0, text)[0]) / 2, TEXT_MARGIN * scale, 0)
     blf.draw(0, text)
     blf.disable(0, blf.SHADOW)
-
-
-@session.handler("load_post", phase=session.Phase.READ)
-def _after_load(*_):
-    # the numbers were another file's, and the cameras are not looked through yet
-    forget()
-    captures.forget()
-    for scene in bpy.data.scenes:
-        if scene.karf.show_reprojection:
-            scene.karf.show_reprojection = False
 
 
 @session.setup

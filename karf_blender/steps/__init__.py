@@ -10,13 +10,9 @@ triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and
 from ..engine_api import Edit, KarfError
 from ..rig.cameras import Options as RigOptions
 from ..tasks.runner import Task
-from .calibration import find_chart, pick_chart, remove_chart
-from .cameras import export_cameras, frame_range, import_cameras
-from .capture import SPLAT_VIEWS, find_poses, import_capture, import_splat
-from .checking import check_capture, check_unasked
-from .colorways import colorways, colorways_folder, predict_colorways
-from .compositing import build_compositor, compositor_node, place_layers
-from .edit import apply_edit, becomes, match_picture, paint_over, save_edit
+from .blender_render import add_strip, put_objects_in, show_frames, use_engine
+from .capture import SPLAT_VIEWS, check_capture, check_unasked, find_poses, import_capture, import_splat, move_project
+from .edit import apply_edit, becomes, find_chart, match_picture, paint_over, pick_chart, remove_chart, save_edit
 from .engine import (
     engine_files,
     engine_status,
@@ -26,14 +22,16 @@ from .engine import (
     remove_engine,
     repair_engine,
 )
-from .farm import farm_bundle
-from .learn import extract_palette, learn_all, learn_scene, learn_splats, prepare_views, segment, show_view
+from .learn import extract_palette, learn_all, learn_scene, learn_splats, segment
 from .looks import (
     choose_look,
+    colorways,
+    colorways_folder,
     flip_looks,
     keep_look,
     looks_folder,
     move_look,
+    predict_colorways,
     remove_look,
     rename_look,
     render_looks,
@@ -51,14 +49,20 @@ from .masks import (
     set_volume,
     show_photo,
 )
-from .moving import move_project
 from .preview import preview_camera
-from .render import camera_folder, render_captured, render_sequence, render_view, save_shown
-from .rendering import put_objects_in, use_engine
-from .seeing import see_view, show_masks
-from .sequences import add_strip, show_frames
+from .render import (
+    camera_folder,
+    export_cameras,
+    farm_bundle,
+    frame_range,
+    import_cameras,
+    render_captured,
+    render_sequence,
+    render_view,
+    save_shown,
+)
+from .scene_nodes import build_compositor, export_scene, place_layers, place_points, show_scene
 from .splats import export_splat, follow_splat, unfollow_splat
-from .surface import export_scene, place_points, show_scene
 from .swatches import (
     Color,
     add_color,
@@ -73,4 +77,4 @@ from .swatches import (
     unlink_swatch,
     use_color_name,
 )
-from .view import leave_view, look_through, reprojection_error
+from .views import leave_view, look_through, prepare_views, reprojection_error, see_view, show_masks, show_view

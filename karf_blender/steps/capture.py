@@ -1,6 +1,7 @@
-"""Step 1: a capture becomes the scene's rig and project; poses are found for photos that have none."""
+"""Step 1: a capture becomes the scene's rig and project, is checked, and moves with the file; poses of photos."""
 
 import os
+import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,18 +10,27 @@ from typing import Any
 import bpy
 
 from .. import progress
-from ..engine_api import Capture, DataError, KarfError, Message, Project, Request, hold_out, open_capture
-from ..project import captures, folders
-from ..rig import cameras, factory
+from ..engine_api import BadRequest, Capture, DataError, KarfError, Message, Project, Request, hold_out, open_capture
+from ..host import windows
+from ..host.words import kept
+from ..marking import history, mask_layers
+from ..pictures import editors
+from ..preferences import state
+from ..project import captures, contents, folders, moving
+from ..rig import cameras
 from ..swatches import displayed, palettes
+from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from ..tasks.runner import Task
-from . import requests, view
+from . import requests
+from .views import show_camera
 
 USUAL_RIG = cameras.Options()
 SPLAT_VIEWS = 48  # that are chosen around splats without photos
+MAP_NAME = f"{editors.PREFIX} more photos"
 
 
+# --- import --------------------------------------------------------------------------------------------------------
 def import_capture(
     scene: bpy.types.Scene,
     path: str | Path,
@@ -28,21 +38,18 @@ def import_capture(
     holdout: int | None = None,
     rig: cameras.Options = USUAL_RIG,
 ) -> Capture:
-    """Build the rig of a capture and make it the scene's.
+    """Build the rig of a capture, a folder or a camera file, and make it the scene's.
 
     Palettes and masks of another capture leave the scene; they are kept in the project that they were made in.
 
     Args:
-        scene: The scene.
-        path: The capture's folder or camera file.
         project: Folder of all that is learned; default: the one the scene has of this capture, else one beside the
             .blend.
         holdout: N keeps every Nth photo out of learning where the capture declares none; 0: none. Default: as the
             project was learned, else 0.
-        rig: How the rig is shown.
 
     Returns:
-        The capture; its remarks say what could not be had.
+        The capture; its warnings say what could not be had.
     """
     captures.forget()
     path, project = Path(path).absolute(), Path(project).absolute() if project else None
@@ -57,10 +64,7 @@ def import_capture(
         project.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
-    cube = factory.find_cube(scene)
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
-    if cube is not None:  # it would stand amid what was captured
-        factory.remove(cube)
     with displayed.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
@@ -79,7 +83,7 @@ def import_capture(
         first = next(iter(capture.split("train")), capture.views[0])
         karf.active_view = first.name
     try:
-        view.show_camera(scene, capture, first)
+        show_camera(scene, capture, first)
     except DataError as error:  # the rig is built; one unreadable photo must not remove it
         capture = replace(capture, warnings=(*capture.warnings, error.sentence))
     return capture
@@ -114,18 +118,12 @@ def _common_folder(places: list[Path]) -> Path:
 def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG) -> Task:
     """Find the camera poses of a folder of photos, or of a video, in a new project folder, and import their capture.
 
-    Args:
-        scene: The scene.
-        photos: The folder or the video.
-        rig: How the rig is shown.
-
     Returns:
         The task; its result is the capture.
     """
     photos = Path(photos).absolute()
     named = photos.with_suffix("") if photos.is_file() else photos
-    job = "poses", {"photos": str(photos)}
-    return _task_of_new_capture(scene, "Find Camera Poses", named, job, rig)
+    return _task_of_new_capture(scene, "Find Camera Poses", named, ("poses", {"photos": str(photos)}), rig)
 
 
 def import_splat(
@@ -141,14 +139,11 @@ def import_splat(
     """Import Gaussian splats that another program has learned, as a capture in a new project folder.
 
     Args:
-        scene: The scene.
-        splat: The file.
         photos: The capture that they were learned from; None: views are rendered from cameras around them.
         cameras_file: Without photos, views of one's own, as `export_cameras` writes them.
         views: Without photos, how many cameras are chosen.
         up: Without photos, which axis points up: `auto`, `x`, `y`, `z`, `-x`, `-y` or `-z`.
         antialiased: Whether they were learned with antialiasing where neither file nor photos say so.
-        rig: How the rig is shown.
 
     Returns:
         The task; its result is the capture.
@@ -162,17 +157,9 @@ def import_splat(
 
 
 def _task_of_new_capture(
-    scene: bpy.types.Scene, label: str, named: Path, job: tuple[str, dict[str, Any]], rig: cameras.Options
+    scene: bpy.types.Scene, title: str, named: Path, job: requests.Job, rig: cameras.Options
 ) -> Task:
-    """The task of a job that makes a capture in a new project folder, which is then imported.
-
-    Args:
-        scene: The scene.
-        label: What the task is called.
-        named: The folder, there or not, after which the project is called.
-        job: The engine's stage and its options but the capture's folder.
-        rig: How the rig is shown.
-    """
+    """The task of a job that makes a capture in a new project folder called after `named`, and imports it."""
     wanted = project = folders.default_project(named)
     number = 2
     while (project / "capture").exists():  # made before: what was learned of it stays
@@ -193,4 +180,73 @@ def _task_of_new_capture(
 
     stage, options = job
     request = Request(stage, project, options | {"out": str(out)} | requests.threads())
-    return Task(label, (request,), import_made, owner, result=partial(captures.of, scene))
+    return Task(title, (request,), import_made, owner, result=partial(captures.of, scene))
+
+
+# --- check ---------------------------------------------------------------------------------------------------------
+def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
+    """Ask the engine how good the scene's capture is; what it answers stands in steps 1 and 2.
+
+    With `shows_map`, the Image Editors then show where more photos would help.
+    """
+    masks = folders.absolute(scene.karf.masks) if scene.karf.masks else None
+    options = {
+        "capture": str(captures.path_of(scene)),
+        "holdout": max(0, scene.karf.holdout),
+        "masks": str(masks) if masks is not None and masks.is_dir() else None,
+    }
+    queries.send(scene, "inspect", options, partial(_take_inspection, shows_map))
+
+
+def check_unasked(scene: bpy.types.Scene) -> None:
+    """Check a capture that was just imported, where an engine is there and nothing is learned of it yet. Never raises."""
+    is_wanted = not (state.known().problem or contents.finished_stages(scene) or scene.karf.advice)
+    if bpy.app.background or not is_wanted:
+        return
+    try:
+        check_capture(scene, shows_map=False)
+    except (KarfError, OSError) as error:
+        print(f"KaRF: {error}")
+
+
+def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    messages = [Message.from_json(each) for each in values["advice"]]
+    scene.karf.advice = "\n".join(map(kept, messages))
+    scene.karf.is_poor = values["is_poor"]
+    path = folders.project_of(scene).path("inspection", "more_photos.png")
+    path.parent.mkdir(exist_ok=True)
+    shutil.move(values["picture"], path)
+    if shows_map:
+        _show_map(path)
+    windows.redraw(*windows.PANEL_AREAS)
+
+
+def _show_map(path: Path) -> None:
+    image = bpy.data.images.get(MAP_NAME)
+    if image is None:
+        image = bpy.data.images.load(str(path))
+        image.name = MAP_NAME
+    image.filepath = str(path)
+    image.reload()
+    editors.reveal(image, is_wanted=True, is_whole=True)
+
+
+# --- move ----------------------------------------------------------------------------------------------------------
+def move_project(scene: bpy.types.Scene) -> Path:
+    """Move the scene's project out of the extension's own folder, beside the .blend, which is saved.
+
+    Returns:
+        The project's new folder.
+
+    Raises:
+        KarfError: A job runs, the file was never saved, or a disk cannot be written; nothing is lost.
+    """
+    if runner.is_running():
+        raise BadRequest("A KaRF job is running.", "Wait for it, or cancel it.")
+    queries.stop()
+    runner.release()
+    place = moving.move(scene)
+    history.forget()  # it knows files by their old places
+    mask_layers.forget()
+    displayed.forget(scene)
+    return place

@@ -1,14 +1,29 @@
-"""Step 6: one color becomes another, a view is matched to a picture of it, and edits are kept as files."""
+"""Step 6: one color becomes another, a view is matched to a picture of it, edits are files, and a chart tells the light."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import bpy
+import numpy as np
 
-from ..engine_api import Edit, ObjectMatch, read_edit_file, write_edit_file
-from ..pictures import editors
+from ..engine_api import (
+    BadRequest,
+    ChartFit,
+    Edit,
+    ObjectMatch,
+    fit_photo,
+    linear_to_srgb,
+    read_edit_file,
+    write_edit_file,
+)
+from ..host import windows
+from ..pictures import editors, images
+from ..project import captures
 from ..swatches import becomes as becoming
-from ..swatches import colors, edits, matching
+from ..swatches import colors, edits, matching, reference
 from ..swatches.solving import Becoming
+from ..tasks import queries
 from .swatches import Color, rgb_of
 
 
@@ -23,10 +38,7 @@ def becomes(
     """Set an object's swatches so that a color of it becomes another.
 
     Args:
-        scene: The scene.
-        object_name: The object's.
         source: As the photos show it in their mean exposure, or `from_edited` as the edited picture does.
-        target: What it shall become.
         rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
         from_edited: Continue from the swatches as they are; else only locked ones stay as they are.
     """
@@ -49,16 +61,11 @@ def match_picture(
     """Set the swatches so that the active view looks as a picture of it does; locked ones stay.
 
     Args:
-        scene: The scene.
         picture: A file or an image: the whole view, of any size, without lens distortion; None: the scene's own.
 
     Returns:
         For each object that the picture wants otherwise: its `name`, its `colors`, and the mean CIEDE2000 of its pixels
         to the picture `before` and what is `left`.
-
-    Raises:
-        BadRequest: There is no picture, or it is not of this view.
-        DataError: The file is unreadable.
     """
     if isinstance(picture, str | Path):
         found = matching.match(scene, Path(picture).name, matching.read(Path(picture)))
@@ -72,6 +79,7 @@ def match_picture(
     return found
 
 
+# --- files ---------------------------------------------------------------------------------------------------------
 def apply_edit(scene: bpy.types.Scene, edit: str | Path | Edit) -> None:
     """Set the swatches to an edit, or to an edit or palette file; what it does not name becomes as learned."""
     if not isinstance(edit, Edit):
@@ -82,3 +90,49 @@ def apply_edit(scene: bpy.types.Scene, edit: str | Path | Edit) -> None:
 def save_edit(scene: bpy.types.Scene, path: str | Path) -> None:
     """Write the swatches as an edit file, or as the palette file that the ending says."""
     write_edit_file(Path(path), edits.current_edit(scene))
+
+
+# --- light of the photos -------------------------------------------------------------------------------------------
+def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence[tuple[float, float]]) -> ChartFit:
+    """Read the light off a color chart of 24 patches (ColorChecker Classic) that a picture shows.
+
+    Names, numbers and sheets of colorways are then those under daylight, as by a gray card, whose place it takes.
+
+    Args:
+        image: A photo that is exposed and lit as those of the capture.
+        corners: Of its block of patches, in order around it; from (0, 0), the picture's lower left corner, to (1, 1).
+    """
+    if not image.size[0]:
+        raise BadRequest("{name} shows no picture.", "Open the photo of the chart.", name=image.name)
+    pixels = images.pixels(image)[..., :3].astype(np.float64)
+    photo = linear_to_srgb(pixels) if image.is_float else pixels
+    across, up = np.transpose(corners)
+    fit = fit_photo(np.clip(photo, 0, 1), np.stack([across * image.size[0], (1 - up) * image.size[1]], axis=-1))
+    reference.set_chart(scene, fit.light.matrix, fit.mean_residual)
+    return fit
+
+
+def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
+    """Let the engine find a color chart in the file of a picture, and read the light off it as `pick_chart` does.
+
+    A picture of KaRF's own stands for the active view's photo.
+    """
+    if image.name.startswith(editors.PREFIX):
+        photo = captures.view_of(scene).image
+    else:
+        photo = Path(bpy.path.abspath(image.filepath, library=image.library))
+        if not image.filepath or not photo.is_file():
+            raise BadRequest("{name} has no file.", "Save it, or click the corners of the chart.", name=image.name)
+    queries.send(scene, "chart", {"photo": str(photo)}, _take_light)
+
+
+def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    reference.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
+    if bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message="Find Color Chart")
+    windows.redraw(*windows.PANEL_AREAS)
+
+
+def remove_chart(scene: bpy.types.Scene) -> None:
+    """Forget the color chart: names are what photos show, or those of the gray card."""
+    reference.forget_chart(scene)

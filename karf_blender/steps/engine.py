@@ -7,9 +7,9 @@ import bpy
 
 from .. import engine_api, preferences
 from ..engine import examination, installing
-from ..engine.managed import home, machine, recipes, wheelhouse
-from ..engine.managed.home import Status
-from ..engine.managed.plan import Choices, Plan
+from ..engine.installer import computer, home, locks, plan
+from ..engine.installer.home import Status
+from ..engine.installer.plan import Choices, Plan
 from ..engine_api import ERROR, BadRequest, Finding, error_from_code
 from ..project import folders
 from ..tasks import queries, runner
@@ -17,7 +17,7 @@ from ..tasks import queries, runner
 
 def plan_engine(
     build: str = "auto",
-    extras: Sequence[str] = recipes.USUAL,
+    extras: Sequence[str] = (),
     folder: str | Path | None = None,
     wheels: str | Path | None = None,
     starter: str | Path = "",
@@ -26,7 +26,7 @@ def plan_engine(
 
     Args:
         build: Of torch: `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`.
-        extras: Of `photos` (pycolmap) and `fast` (numba).
+        extras: `photos` (pycolmap), or nothing.
         folder: Where to; default: that of the preferences.
         wheels: A folder of wheels, in place of the network.
         starter: A Python, or uv, that makes the environment; default: Blender's own Python, uv, any Python found.
@@ -34,14 +34,13 @@ def plan_engine(
     Returns:
         The plan; `sentences` for people, `commands(shell)` to do it by hand.
     """
-    place = Path(folder).absolute() if folder else preferences.engine_folder()
     offline = Path(wheels).absolute() if wheels else None
-    return installing.plan(Choices(place, build, tuple(extras), offline, str(starter)))
+    return installing.plan(Choices(_place(folder), build, _extras(extras), offline, str(starter)))
 
 
 def install_engine(
     build: str = "auto",
-    extras: Sequence[str] = recipes.USUAL,
+    extras: Sequence[str] = (),
     folder: str | Path | None = None,
     wheels: str | Path | None = None,
     starter: str | Path = "",
@@ -56,14 +55,14 @@ def install_engine(
     planned = plan_engine(build, extras, folder, wheels, starter)
     for sentence in planned.sentences:
         print(f"KaRF engine: {sentence}", flush=True)
-    _leave_python()
+    leave_python()
     installing.wait(planned)
-    return home.status(planned.choices.folder)
+    return home.status(planned.folder)
 
 
 def engine_status(folder: str | Path | None = None) -> Status:
-    """What is installed in a folder; default: that of the preferences."""
-    return home.status(Path(folder).absolute() if folder else preferences.engine_folder())
+    """Return what is installed in a folder; default: that of the preferences."""
+    return home.status(_place(folder))
 
 
 def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = None) -> Status:
@@ -84,40 +83,32 @@ def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = 
 
 def remove_engine(folder: str | Path | None = None) -> None:
     """Delete the environment; refuses a folder that KaRF has not made."""
-    _leave_python()
-    home.remove(Path(folder).absolute() if folder else preferences.engine_folder())
-
-
-def _leave_python() -> None:
-    """End what waits in the engine's Python, which may be replaced."""
-    queries.stop()
-    runner.release()
+    leave_python()
+    home.remove(_place(folder))
 
 
 def engine_files(
     platform: str = "",
     python: str = "3.11",
     build: str = "cpu",
-    extras: Sequence[str] = recipes.USUAL,
+    extras: Sequence[str] = (),
     shell: str = "posix",
 ) -> tuple[str, str]:
-    """What somebody must fetch on another computer for `wheels`.
+    """Say what somebody must fetch on another computer for `wheels`.
 
     Args:
         platform: `linux-x86_64`, `linux-aarch64`, `windows-x86_64` or `macos-arm64`; default: this one.
         python: The version of Blender's own Python, or of the starter.
         build: Of torch.
-        extras: Of `photos` and `fast`.
+        extras: `photos`, or nothing.
         shell: Of the other computer: `posix`, `powershell` or `cmd`.
 
     Returns:
         The text of `karf-wheels.txt`, and the command that reads it and fetches the files into the folder `wheels`.
     """
-    here = machine.Machine(platform, ()) if platform else machine.look()
-    recipe = recipes.find(here.platform, python)
-    backend = machine.backend_of(machine.build_for(build, here), here)
-    wheels = recipe.wheels(backend, extras) + recipe.parts["uv"]
-    return wheelhouse.listing(wheels), wheelhouse.fetching(recipe, wheels, shell)
+    here = computer.Machine(platform) if platform else computer.detect_machine()
+    lock = locks.read(here.platform, computer.build_for(build, here), python, _extras(extras))
+    return plan.fetching(lock, python, here.platform, shell)
 
 
 def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
@@ -138,3 +129,18 @@ def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
     if verdict.status == ERROR:
         raise error_from_code(verdict.code, verdict.sentence, " ".join(verdict.lines[1:]))
     return found
+
+
+def leave_python() -> None:
+    """End what waits in the engine's Python, which may be replaced."""
+    queries.stop()
+    runner.release()
+
+
+def _place(folder: str | Path | None) -> Path:
+    return Path(folder).absolute() if folder else preferences.engine_folder()
+
+
+def _extras(names: Sequence[str]) -> tuple[str, ...]:
+    # older scripts name `fast`: numba, which is always there
+    return tuple(name for name in names if name != "fast")

@@ -1,4 +1,4 @@
-"""Steps 2, 4 and 5: what the engine learns; and showing a view of it."""
+"""Steps 2, 4 and 5: what the engine learns."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 
 from ..engine_api import BadRequest
-from ..project import captures, contents, folders
-from ..swatches import colors, palettes
+from ..project import captures, folders
+from ..swatches import colors
 from ..tasks.runner import Task
 from . import requests
 
@@ -20,7 +20,6 @@ def learn_scene(
     """Learn the geometry from the photos, or import that of a pretrained NeRF. What is chosen becomes the panel's.
 
     Args:
-        scene: The scene.
         preset: Name of the settings; default: the panel's.
         overrides: Single settings as `stage.field=value`.
         nerf: Checkpoint of a NeRF of another program; default: the panel's.
@@ -34,30 +33,50 @@ def learn_scene(
     return requests.task(scene, "Learn Scene", *jobs, result=partial(_entry, scene, "geometry"))
 
 
-def _entry(scene: bpy.types.Scene, stage: str) -> dict[str, Any]:
-    return folders.project_of(scene).finished(stage)
-
-
 def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """Learn all in a row, and prepare the active view; what is done already is not learned again.
-
-    Args:
-        scene: The scene.
-        preset: As of `learn_scene`.
-        overrides: As of `learn_scene`.
+    """Learn scene, objects and palettes in a row, and prepare the active view; what is done already is kept.
 
     Returns:
         The task; its result is the palettes as learned, one an object.
-
-    Raises:
-        BadRequest: No masks are chosen.
     """
     jobs = _geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene)
     jobs = *jobs, *_imported_splats(scene)
     return requests.task(scene, "Learn All", *jobs, result=partial(colors.palettes, scene))
 
 
-def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> tuple[str, dict]:
+def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
+    """Segment the objects by coarse masks, `<object>/<photo name>.png` in a folder (default: the panel's).
+
+    Returns:
+        The task; its result is the stage's entry in the project.
+    """
+    job = _segmentation(scene, Path(masks).absolute() if masks else None)
+    return requests.task(scene, "Segment", job, result=partial(_entry, scene, "segmentation"))
+
+
+def extract_palette(scene: bpy.types.Scene) -> Task:
+    """Extract and learn the palettes, and prepare the active view.
+
+    Returns:
+        The task; its result is the palettes as learned, one an object.
+    """
+    return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(colors.palettes, scene))
+
+
+def learn_splats(scene: bpy.types.Scene) -> Task:
+    """Learn the scene as Gaussians, from which cameras that took no photo are rendered sharply and quickly.
+
+    Returns:
+        The task; its result is the stage's entry in the project.
+    """
+    return requests.task(scene, "Learn Splats", ("splats", {}), result=partial(_entry, scene, "splats"))
+
+
+def _entry(scene: bpy.types.Scene, stage: str) -> dict[str, Any]:
+    return folders.project_of(scene).finished(stage)
+
+
+def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> requests.Job:
     scene.karf.preset = preset or scene.karf.preset
     return "geometry", {
         "capture": str(captures.path_of(scene)),
@@ -71,29 +90,12 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
     }
 
 
-def _imported_splats(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
+def _imported_splats(scene: bpy.types.Scene) -> tuple[requests.Job, ...]:
     """The job that takes the splats that the capture came with, in a moment; none where they would have to be learned."""
     return (("splats", {}),) if captures.of(scene).splats else ()
 
 
-def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
-    """Segment the objects.
-
-    Args:
-        scene: The scene.
-        masks: Folder of coarse masks, `<object>/<photo name>.png`; default: the panel's.
-
-    Returns:
-        The task; its result is the stage's entry in the project.
-
-    Raises:
-        BadRequest: No folder is chosen.
-    """
-    job = _segmentation(scene, Path(masks).absolute() if masks else None)
-    return requests.task(scene, "Segment", job, result=partial(_entry, scene, "segmentation"))
-
-
-def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dict]:
+def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> requests.Job:
     if folder is None and not scene.karf.masks:
         raise BadRequest("No masks were chosen.", "Choose a folder with <object>/<photo name>.png, or paint a mask.")
     folder = folder or folders.absolute(scene.karf.masks)
@@ -101,55 +103,5 @@ def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> tuple[str, dic
     return "segmentation", {"masks": str(folder)}
 
 
-def extract_palette(scene: bpy.types.Scene) -> Task:
-    """Extract and learn the palettes, and prepare the active view.
-
-    Returns:
-        The task; its result is the palettes as learned, one an object.
-    """
-    return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(colors.palettes, scene))
-
-
-def _palettes(scene: bpy.types.Scene) -> tuple[tuple[str, dict], ...]:
+def _palettes(scene: bpy.types.Scene) -> tuple[requests.Job, ...]:
     return ("palette", {}), ("recoloring", {}), requests.planes(scene.karf.active_view)
-
-
-def learn_splats(scene: bpy.types.Scene) -> Task:
-    """Learn the scene as Gaussians, from which cameras that took no photo are rendered sharply and quickly.
-
-    Returns:
-        The task; its result is the stage's entry in the project.
-    """
-    return requests.task(scene, "Learn Splats", ("splats", {}), result=partial(_entry, scene, "splats"))
-
-
-def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
-    """Prepare captured views (a view's name, `train`, `test` or `all`), so that they show without the engine."""
-    return requests.task(scene, "Prepare Views", requests.planes(views))
-
-
-def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
-    """Make a captured view (default: the active one) active, and show it recolored.
-
-    Palettes that the project has learned meanwhile are imported first.
-
-    Returns:
-        The task that prepares the view first; where that is done already, it has no jobs. Its result is the image.
-
-    Raises:
-        KarfError: There is no such view, there are no palettes, or Blender renders.
-    """
-    karf = scene.karf
-    if view and view not in karf.views:
-        raise BadRequest("The capture has no view {view!r}.", "Choose one from the list.", view=view)
-    palettes.import_learned(scene)
-    if not karf.objects:
-        raise BadRequest("There is no palette yet.", "Extract the palettes first.")
-    if view:
-        karf.active_view = view
-    jobs = ()
-    if contents.is_current(folders.project_of(scene), karf.active_view):
-        requests.show_recolored(scene, is_wanted=True)
-    else:
-        jobs = (requests.planes(karf.active_view),)
-    return requests.task(scene, "Prepare Views", *jobs, result=lambda: scene.karf.result)

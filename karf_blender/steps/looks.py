@@ -1,33 +1,30 @@
-"""Step 6: named looks, whole states of the swatches. Step 7: each of them rendered."""
+"""Steps 6 and 7: named looks, whole states of the swatches; each of them, and each colorway of a sheet, in every view."""
 
 from pathlib import Path
 
 import bpy
 
-from ..engine_api import BadRequest, write_edit, write_json
+from .. import progress
+from ..engine_api import BadRequest, Message, PlannedColorway, plan_colorways, write_edit, write_json
 from ..project import folders
-from ..swatches import looks
+from ..swatches import colors, looks, reference
 from ..tasks.runner import Task
-from .cameras import export_cameras
-from .colorways import colorways
-from .render import camera_folder
+from . import requests
+from .edit import save_edit
+from .render import camera_folder, export_cameras
 
 
+# --- looks ---------------------------------------------------------------------------------------------------------
 def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
     """Keep the swatches as they stand as a look, which is then in use.
 
     Args:
-        scene: The scene.
         name: A new one, or the look to replace; empty: the first free letter.
 
     Returns:
         The look's name.
-
-    Raises:
-        BadRequest: There are no palettes, or the name is too like another look's.
     """
-    if not scene.karf.objects:
-        raise BadRequest("There is no palette yet.", "Extract the palettes first.")
+    requests.check_palettes(scene)
     name = name or looks.free_name(scene)
     if name not in scene.karf.looks:
         looks.check_name(scene, name)
@@ -36,18 +33,12 @@ def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
 
 
 def choose_look(scene: bpy.types.Scene, name: str) -> None:
-    """Set all swatches to a look, locked ones too: a look is a whole state.
-
-    Raises:
-        BadRequest: There is no such look.
-        DataError: What it keeps was spoiled.
-    """
+    """Set all swatches to a look, locked ones too: a look is a whole state."""
     looks.choose(scene, name)
 
 
 def flip_looks(scene: bpy.types.Scene) -> str:
-    """Choose the look that was in use before this one, else the next; returns its name. Raises BadRequest where there is
-    none."""
+    """Choose the look that was in use before this one, or else the next; returns its name."""
     name = looks.other(scene)
     if not name:
         raise BadRequest("There is no other look.", "Keep two looks to switch between them.")
@@ -56,18 +47,18 @@ def flip_looks(scene: bpy.types.Scene) -> str:
 
 
 def rename_look(scene: bpy.types.Scene, name: str, new: str) -> None:
-    """Give a look another name. Raises BadRequest where there is no such look, or the name is too like another's."""
+    """Give a look another name, which must not be too like another's."""
     looks.rename(scene, name, new)
 
 
 def remove_look(scene: bpy.types.Scene, name: str) -> None:
-    """Remove a look; swatches stay as they are. Raises BadRequest where there is none."""
+    """Remove a look; swatches stay as they are."""
     looks.named(scene, name)
     scene.karf.looks.remove(scene.karf.looks.find(name))
 
 
 def move_look(scene: bpy.types.Scene, name: str, by: int) -> None:
-    """Move a look down the list by so many places, or up. Raises BadRequest where there is none."""
+    """Move a look down the list by so many places, or up."""
     looks.named(scene, name)
     place, last = scene.karf.looks.find(name), len(scene.karf.looks) - 1
     scene.karf.looks.move(place, min(max(place + by, 0), last))
@@ -81,17 +72,12 @@ def render_looks(
     Pictures that are there already and would come out the same are kept.
 
     Args:
-        scene: The scene.
         views: `all`, `train`, `test`, names with commas, or the path of a camera file.
         of_camera: In place of these, what the scene's camera sees in the scene's frames.
         out: The folder; default: `looks_folder`.
 
     Returns:
-        The task; its result are the looks as colorways, each with its edit.
-
-    Raises:
-        BadRequest: There is no look, or no camera.
-        DataError: What a look keeps was spoiled.
+        The task; its result is the looks as colorways, each with its edit.
     """
     if not len(scene.karf.looks):
         raise BadRequest("The scene has no looks.", "Keep one first.")
@@ -109,3 +95,60 @@ def render_looks(
 def looks_folder(scene: bpy.types.Scene, of_camera: bool = False) -> Path:
     """Where pictures of the looks go: beside colorways, those of a camera beside its frames."""
     return camera_folder(scene) / "looks" if of_camera else folders.out_folder(scene) / "colorways" / "looks"
+
+
+# --- colorways -----------------------------------------------------------------------------------------------------
+def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
+    """Predict each color of a sheet without the engine; locked swatches stay.
+
+    With a gray card or a color chart the sheet's colors are those under daylight.
+    """
+    sheet, light = Path(sheet).absolute(), reference.light(scene)
+    return plan_colorways(folders.project_of(scene), sheet, _locked(scene), light, colors.edges(scene))
+
+
+def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
+    """Numbers of the locked swatches of each object that has some."""
+    locked = {
+        item.name: [i for i, swatch in enumerate(item.swatches[: colors.size(item)]) if swatch.locked]
+        for item in scene.karf.objects
+    }
+    return {name: numbers for name, numbers in locked.items() if numbers}
+
+
+def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out: str | Path | None = None) -> Task:
+    """Have the engine write every colorway of a sheet in every view, with a table and a contact sheet.
+
+    Pictures that are there already and would come out the same are kept.
+
+    Args:
+        sheet: CSV or JSON: a colorway, an object and a color a row; see docs/files.md.
+        views: `all`, `train`, `test`, names with commas, or the path of a camera file.
+        out: The folder; default: `colorways_folder`.
+
+    Returns:
+        The task; its result is the colorways, each with its edit and the predicted colors.
+    """
+    sheet = Path(sheet).absolute()
+    planned = predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
+    out = Path(out).absolute() if out else colorways_folder(scene, sheet)
+    locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
+    options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
+    light = reference.light(scene)
+    if light is not None:
+        options["light"] = light.matrix.ravel().tolist()
+    if colors.edges(scene):
+        edges = folders.project_of(scene).path("colorways_edges.json")
+        save_edit(scene, edges)
+        options["edges"] = str(edges)
+
+    def finish(*_) -> None:
+        progress.wrote(out)
+        progress.warn(Message("Colorways, their table and a contact sheet are in {out}.", out=out))
+
+    return requests.task(scene, "Colorways", ("colorways", options), finish=finish, result=lambda: planned)
+
+
+def colorways_folder(scene: bpy.types.Scene, sheet: Path) -> Path:
+    """Where the colorways of a sheet go."""
+    return folders.out_folder(scene) / "colorways" / sheet.stem

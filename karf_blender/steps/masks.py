@@ -10,7 +10,7 @@ import bpy
 
 from ..engine_api import BadRequest, KarfError
 from ..host.words import translatable
-from ..marking import asking, mask_layers, objects, photo, proposals, raster, tools, volumes
+from ..marking import mask_layers, objects, photo, proposals, raster, tools
 from ..marking.mask_layers import Layer
 from ..marking.raster import Place
 from ..pictures import editors
@@ -35,7 +35,7 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
     if not scene.karf.marking.objects:
         objects.add(scene)
     image = photo.show(scene)
-    asking.correct(scene)
+    photo.correct(scene)
     return image
 
 
@@ -65,7 +65,7 @@ def fit_photo(window: bpy.types.Window) -> None:
 
 def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
     areas = [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
-    return [area for area in areas if photo.is_shown(window.scene, area.spaces.active)]
+    return [area for area in areas if photo.is_displayed(window.scene, area.spaces.active)]
 
 
 # --- marks ---------------------------------------------------------------------------------------------------------
@@ -98,7 +98,7 @@ def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "A
     """
     if does == "ADD" and not scene.karf.marking.correct and not state.known().problem:
         _choose_folder(scene)
-        asking.propose(scene, proposals.box(scene, _name(scene), corner, other))
+        proposals.propose(scene, proposals.box(scene, _name(scene), corner, other))
         return
     layer = layer_to_mark(scene)
     raster.box(layer.pixels, corner, other, value_of(scene, does))
@@ -118,7 +118,7 @@ def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
         raise BadRequest("Clicks need the engine.", f"{problem} {WITHOUT_ENGINE}")
     else:
         _choose_folder(scene)
-        asking.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))
+        proposals.propose(scene, proposals.click(scene, _name(scene), place, does == "ADD"))
 
 
 def erase_mask(scene: bpy.types.Scene) -> None:
@@ -165,8 +165,8 @@ def _choose_folder(scene: bpy.types.Scene) -> None:
 
 def _after_mark(scene: bpy.types.Scene) -> None:
     disk.refresh()
-    mask_layers.follow(scene)
-    asking.correct(scene)
+    mask_layers.redraw()
+    photo.correct(scene)
 
 
 # --- objects and views ---------------------------------------------------------------------------------------------
@@ -235,10 +235,6 @@ def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str
         KarfError: There is no object to mark, or the shape is neither mesh nor Empty.
         OSError: The file cannot be written.
     """
-    name = _name(scene)
-    if shape is None:
-        volumes.clear(scene, name)
-    else:
-        volumes.add(scene, name, shape, kind)
-    asking.correct(scene)
-    return volumes.count(scene, name)
+    count = objects.set_volume(scene, _name(scene), shape, kind)
+    photo.correct(scene)
+    return count

@@ -18,14 +18,14 @@ from .. import session
 from ..engine_api import BadRequest, Camera, KarfError, camera_to_json, read_planes
 from ..host import rendering, windows
 from ..host.words import translatable
-from ..pictures import editors, images, settling
+from ..pictures import editors, images
 from ..render_engine import camera_pixels
-from ..rig import frames
+from ..rig import lens
 from ..swatches import colors, displayed, free_camera, views
 from ..swatches.views import DisplayedView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
-from .cameras import camera_of
+from .render import camera_of
 
 UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"
@@ -119,7 +119,7 @@ def preview_camera(
     Raises:
         KarfError: There is no camera, or nothing is learned.
     """
-    pinhole = frames.pinhole(scene, camera_of(scene, camera))
+    pinhole = lens.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
     images.write_png(Path(path), images.upright(view.recolored(scene)))
     return Path(path)
@@ -177,7 +177,7 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
     if is_coarse_on_its_way:  # it is let through: else nothing would be seen as long as the camera moves
         return
     try:
-        camera = frames.pinhole(scene, camera_of(scene, None))
+        camera = lens.pinhole(scene, camera_of(scene, None))
     except KarfError:
         live.text = ""  # as soon as there is a camera again, its picture is wanted
         raise
@@ -233,4 +233,4 @@ def _say(live: _Live | None, error: KarfError) -> None:
 @session.handler("save_pre")
 def _before_save(*_):
     # pixels that are only in memory are not saved
-    settling.pack(free_camera.image())
+    images.pack(free_camera.image())

@@ -1,32 +1,29 @@
-"""Step 7: recolored pictures as files."""
+"""Step 7: recolored pictures as files, also by a render farm; Blender cameras as files of other programs, and back."""
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
+from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, Message, Request, write_cameras, write_edit
+from ..engine_api import BadRequest, Message, open_capture, render_bundle, write_cameras, write_edit
 from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
-from ..rig.frames import file_name, frames_of
+from ..rig.frames import build_animation, file_name, frames_of
 from ..swatches import displayed, edits
-from ..tasks.ownership import Owner
 from ..tasks.runner import Task
-from . import requests, sequences
-from .cameras import camera_of, frame_range
+from . import requests
+from .blender_render import show_frames
 from .edit import save_edit
 
 
+# --- captured views ------------------------------------------------------------------------------------------------
 def save_shown(scene: bpy.types.Scene) -> Path:
-    """Write the active view as it is shown, a preview of the photo, without the engine.
-
-    Returns:
-        The PNG's path.
-    """
+    """Write the active view as it is shown, a preview of the photo, as PNG without the engine; returns its path."""
     colors = images.upright(displayed.of(scene).edited())
     # where the engine writes this view too
     path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
@@ -56,7 +53,6 @@ def render_captured(
     """Recolor captured views with the swatches as they stand, on their photos. What is chosen becomes the panel's.
 
     Args:
-        scene: The scene.
         views: `all`, `train`, `test` or names with commas.
         out: Output folder; default: the panel's.
         skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
@@ -78,20 +74,29 @@ def _choose(scene: bpy.types.Scene, out: str | Path | None, skip_existing: bool 
 
 
 def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | int | None) -> Task:
-    """What is shown stays: it is a preview of these pictures, and follows the swatches."""
-    out = folders.out_folder(scene)
-    edit = out / "edit.json"
-    save_edit(scene, edit)
-    job = requests.pictures(scene, views, str(edit), out, "photo", _captured_size(scene) if size is None else size)
+    karf, out = scene.karf, folders.out_folder(scene)
+    if size is None:
+        size = karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
+    save_edit(scene, out / "edit.json")
+    job = requests.pictures(scene, views, str(out / "edit.json"), out, "photo", size)
+    # what is shown stays: it is a preview of these pictures, and follows the swatches
     return _frames_task(scene, title, job, are_shown=False)
 
 
-def _captured_size(scene: bpy.types.Scene) -> str | int:
-    """The panel's size of captured views, as the engine takes it."""
-    karf = scene.karf
-    return karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
+def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_shown: bool) -> Task:
+    folder = Path(job[1]["out"]) / "recolor"
+    scene.karf.frames = folders.stored(folder)
+
+    def present(found: bpy.types.Scene) -> None:
+        progress.warn(Message("The pictures are in {folder}.", folder=folder))
+        if are_shown:
+            show_frames(found, folder, is_wanted=False)
+
+    finish = requests.presenting(present, Message("The frames are in {folder}.", folder=folder), folder)
+    return requests.task(scene, title, job, finish=finish, result=lambda: folder)
 
 
+# --- a camera's frames ---------------------------------------------------------------------------------------------
 def render_sequence(
     scene: bpy.types.Scene,
     camera: bpy.types.Object | None = None,
@@ -102,7 +107,6 @@ def render_sequence(
     """Recolor what any Blender camera sees, frame by frame, with the swatches of each. What is chosen becomes the panel's.
 
     Args:
-        scene: The scene.
         camera: Default: the scene's.
         frames: Their numbers; default: the scene's range.
         out: Output folder; default: the panel's.
@@ -118,22 +122,51 @@ def render_sequence(
     return _frames_task(scene, "Camera's Frames", job, are_shown=True)
 
 
+def farm_bundle(
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+    out: str | Path | None = None,
+    per_task: int = 10,
+    python: str = "python3",
+) -> Path:
+    """Write a bundle that renders what a camera sees, recolored, with the swatches of each frame; see docs/farm.md.
+
+    Args:
+        camera: Default: the scene's.
+        frames: Their numbers; default: the scene's range.
+        out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
+        per_task: How many frames a task renders.
+        python: The Python of the farm's machines that has the engine's packages.
+
+    Returns:
+        The bundle's folder.
+    """
+    out = Path(out).absolute() if out else _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
+    with TemporaryDirectory() as folder:
+        cameras, files = write_sequence(scene, camera, frames, Path(folder))
+        _, options = requests.pictures(scene, str(cameras), files, out, "render")
+        pictures = {name: options[name] for name in ("base", "format", "alpha")}
+        project = folders.project_of(scene).folder
+        return render_bundle(project, out, views=str(cameras), edit=files, per_task=per_task, python=python, **pictures)
+
+
+def _free(folder: Path) -> Path:
+    """The folder, or the next of its name that is not there yet."""
+    numbered = (folder.with_name(f"{folder.name}_{number}") for number in count(2))
+    return folder if not folder.exists() else next(other for other in numbered if not other.exists())
+
+
 def write_sequence(
     scene: bpy.types.Scene, camera: bpy.types.Object | None, frames: Iterable[int] | None, out: Path
 ) -> tuple[Path, list[str]]:
-    """Write what a camera (None: the scene's) is in these frames (None: the scene's), and the swatches there.
-
-    Equal edits are one file.
+    """Write the camera and the swatches of each frame; equal edits are one file.
 
     Returns:
         The camera file, and the edit's file of each frame.
-
-    Raises:
-        BadRequest: There is no camera, palette or frame.
     """
     camera = camera_of(scene, camera)
-    if not scene.karf.objects:
-        raise BadRequest("There is no palette yet.", "Extract the palettes first.")
+    requests.check_palettes(scene)
     views, files, known = [], [], {}
     with displayed.batched(scene):
         for view in frames_of(scene, camera, frame_range(scene) if frames is None else frames):
@@ -150,29 +183,54 @@ def write_sequence(
     return out / "cameras.json", files
 
 
-def _frames_task(scene: bpy.types.Scene, title: str, job: tuple[str, dict], are_shown: bool) -> Task:
-    """A task that says where the pictures are which it has written, and shows them or not."""
-    _, options = job
-    folder = Path(options["out"]) / "recolor"
-    scene.karf.frames = folders.stored(folder)
-    finish = partial(_present_frames, folder, are_shown)
-    return requests.task(scene, title, job, finish=finish, result=lambda: folder)
-
-
-def _present_frames(folder: Path, are_shown: bool, owner: Owner, request: Request) -> None:
-    del request
-    progress.wrote(folder)
-    scene = requests.find_scene(owner, Message("The frames are in {folder}.", folder=folder))
-    if scene is None:
-        return
-    progress.warn(Message("The pictures are in {folder}.", folder=folder))
-    if are_shown:
-        sequences.show_frames(scene, folder, is_wanted=False)
-
-
 def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None) -> Path:
     """Where a camera's (None: the scene's) frames go, with the cameras and edits they are made from.
 
     It is a folder of its own, `cameras/<camera>` in the output folder.
     """
     return folders.out_folder(scene) / "cameras" / file_name(camera_of(scene, camera))
+
+
+# --- cameras -------------------------------------------------------------------------------------------------------
+def export_cameras(
+    scene: bpy.types.Scene,
+    path: str | Path,
+    camera: bpy.types.Object | None = None,
+    frames: Iterable[int] | None = None,
+) -> Path:
+    """Write what a camera is frame by frame as a transforms.json, with poses relative to the rig where there is one.
+
+    Args:
+        camera: Default: the scene's.
+        frames: Their numbers; default: the scene's range.
+
+    Returns:
+        The file's path.
+    """
+    path, numbers = Path(path).absolute(), frame_range(scene) if frames is None else frames
+    views = list(frames_of(scene, camera_of(scene, camera), numbers))
+    if not views:
+        raise BadRequest("There are no frames to export.", "Give at least one frame.")
+    write_cameras(path, views)
+    return path
+
+
+def import_cameras(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
+    """Make one animated camera, below the rig where there is one, of the cameras in a file; it becomes the scene's."""
+    path = Path(path).absolute()
+    return build_animation(open_capture(path, photos=False).views, path.stem, scene)
+
+
+def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.types.Object:
+    """Return a camera, or the scene's, which must be there."""
+    camera = camera or scene.camera
+    if camera is None:
+        raise BadRequest(
+            "The scene {name!r} has no camera.", "Add one, or choose a camera of the capture.", name=scene.name
+        )
+    return camera
+
+
+def frame_range(scene: bpy.types.Scene) -> range:
+    """The scene's own frames."""
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)

@@ -1,4 +1,4 @@
-"""What steps ask of the engine, and what becomes of the results."""
+"""Tasks and jobs of the steps, and what becomes of their results."""
 
 from collections.abc import Callable
 from functools import partial
@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 
 from .. import preferences, progress
-from ..engine_api import Message, Project, Request, read_palettes
-from ..marking import asking
+from ..engine_api import BadRequest, Message, Project, Request, read_palettes
+from ..marking import photo
 from ..pictures import editors
 from ..project import contents, folders
 from ..render_engine import camera_pixels
@@ -24,9 +24,12 @@ FORMATS = {
     "OPEN_EXR": {"8": "exr16", "16": "exr16", "32": "exr32"},
 }
 
+Job = tuple[str, dict[str, Any]]  # the engine's stage and its options
+Finish = Callable[[Owner, Request], None]
+
 
 def import_results(owner: Owner, request: Request) -> None:
-    """Import what a job has learned into the scenes of its project in the file that began it; else say where it is."""
+    """Import what a job has learned into the scenes of its project in the file that began it, or warn where it is."""
     brings_planes = request.stage == "render" and request.options["planes"]
     if request.stage != "recoloring" and not brings_planes:
         return
@@ -48,26 +51,51 @@ def import_results(owner: Owner, request: Request) -> None:
 
 
 def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
-    """Show the whole active view recolored in the Image Editors, where it takes the place of the photo to mark.
-
-    Raises:
-        KarfError: It cannot be recolored.
-    """
+    """Show the whole active view recolored in the Image Editors, where it takes the place of the photo to mark."""
     editors.reveal(displayed.of(scene).recolor(), is_wanted, is_whole=True)
-    asking.leave_photo(scene)
+    photo.leave(scene)
+
+
+def check_palettes(scene: bpy.types.Scene) -> None:
+    """Raise BadRequest where the scene has no palettes."""
+    if not scene.karf.objects:
+        raise BadRequest("There is no palette yet.", "Extract the palettes first.")
+
+
+def check_rig(scene: bpy.types.Scene) -> None:
+    """Raise BadRequest where the scene has no captured cameras."""
+    if scene.karf.rig is None:
+        raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
+
+
+def presenting(present: Callable[[bpy.types.Scene], None], where: Message, written: Path | None = None) -> Finish:
+    """Make a `finish` that presents a result to the scene that began the job; where it is gone, it warns `where` it is.
+
+    `written` is the folder that *Open Folder* opens from then on.
+    """
+
+    def finish(owner: Owner, _: Request) -> None:
+        if written is not None:
+            progress.wrote(written)
+        scene = owner.find()
+        if scene is None:
+            progress.warn(
+                Message("The scene that requested this is gone or has another project. {result}", result=where)
+            )
+        else:
+            present(scene)
+
+    return finish
 
 
 def task(
     scene: bpy.types.Scene,
     title: str,
-    *jobs: tuple[str, dict],
-    finish: Callable[[Owner, Request], None] = import_results,
+    *jobs: Job,
+    finish: Finish = import_results,
     result: Callable[[], Any] = lambda: None,
 ) -> Task:
-    """A task of the scene's project: pairs of a stage and its options, run in a row.
-
-    `finish` is called after each, and `result` gives what a script gets in the end.
-    """
+    """Make a task of jobs in the scene's project; `finish` is called after each, `result` gives what `wait` returns."""
     project, owner = folders.project_of(scene).folder, Owner.of(scene)
     requests = tuple(Request(stage, project, options | threads()) for stage, options in jobs)
     seconds = estimates.of_jobs([stage for stage, _ in jobs], scene.karf.preset, scene.karf.n_points > 0)
@@ -75,22 +103,23 @@ def task(
 
 
 def threads() -> dict[str, int]:
-    """The option that limits the engine's threads, where the preferences do."""
+    """Return the option that limits the engine's threads, where the preferences do."""
     chosen = preferences.current().threads
     return {"threads": chosen} if chosen else {}
 
 
-def planes(views: str) -> tuple[str, dict]:
+# --- jobs ----------------------------------------------------------------------------------------------------------
+def planes(views: str) -> Job:
     """The job that makes edit planes of captured views: a view's name, `train`, `test` or `all`."""
     return _render(views, planes=True)
 
 
 def pictures(
     scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str, size: str | int = "photo"
-) -> tuple[str, dict]:
+) -> Job:
     """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`).
 
-    size: of photos, `photo`, `learned` or the long side in pixels.
+    The size of photos is `photo`, `learned` or the long side in pixels.
     """
     karf = scene.karf
     return _render(
@@ -106,14 +135,13 @@ def pictures(
     )
 
 
-def seen(scene: bpy.types.Scene, out: Path) -> tuple[str, dict]:
-    """The job that writes how the active view is seen: what is learned, rendered, the objects' masks, and where these are
-    unsure."""
-    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions kept no doubts
+def seen(scene: bpy.types.Scene, out: Path) -> Job:
+    """The job that renders what is learned of the active view, its objects' masks, and where these are unsure."""
+    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions did not keep it
     return _render(scene.karf.active_view, out=str(out), size="learned", unsure=is_known)
 
 
-def layers(scene: bpy.types.Scene, view: str, out: Path, edit: Path | None = None) -> tuple[str, dict]:
+def layers(scene: bpy.types.Scene, view: str, out: Path, edit: Path | None = None) -> Job:
     """The job that writes the layers of a captured view, in the scene's color space of layers.
 
     Added colors of an edit get layers of their own, and objects end where its edges do.
@@ -122,20 +150,6 @@ def layers(scene: bpy.types.Scene, view: str, out: Path, edit: Path | None = Non
     return _render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
 
 
-def _render(views: str, **chosen: Any) -> tuple[str, dict]:
-    return "render", {
-        "views": views,
-        "edit": None,
-        "out": None,
-        "planes": False,
-        "depth": False,
-        "base": "photo",
-    } | chosen
-
-
-def find_scene(owner: Owner, result: str) -> bpy.types.Scene | None:
-    """The scene that began a job; where it is gone, None and a warning that says where the result is."""
-    scene = owner.find()
-    if scene is None:
-        progress.warn(Message("The scene that requested this is gone or has another project. {result}", result=result))
-    return scene
+def _render(views: str, **chosen: Any) -> Job:
+    usual = {"edit": None, "out": None, "planes": False, "depth": False, "base": "photo"}
+    return "render", {"views": views} | usual | chosen

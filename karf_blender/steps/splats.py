@@ -20,7 +20,6 @@ from ..render_engine import camera_pixels
 from ..surface import splat_objects
 from ..swatches import edits
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
 from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
@@ -51,7 +50,6 @@ def export_splat(
     """Write the scene's splats with the swatches as they stand.
 
     Args:
-        scene: The scene, whose splats are learned or imported.
         path: The file: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
         axes: `capture`, those of the capture's own world, in which splats were imported; `blender`, where the rig stands
             and as large as it is, z up (other kinds of files than .ply say what is up, and get it); `viewers`, the same
@@ -62,13 +60,9 @@ def export_splat(
 
     Returns:
         The task; its result is the file's path.
-
-    Raises:
-        BadRequest: The scene has no captured cameras, or the axes are unknown.
     """
+    requests.check_rig(scene)
     karf, path = scene.karf, Path(path).absolute()
-    if karf.rig is None:
-        raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
     if axes not in AXES:
         raise BadRequest("Unknown axes {axes}.", "Use one of: {known}.", axes=axes, known=", ".join(AXES))
     options = {"out": str(path), "objects": list(objects), "solid": solid, "attributes": attributes}
@@ -81,12 +75,8 @@ def export_splat(
         save_edit(scene, edit)
         options["edit"] = str(edit)
 
-    def told(owner: Owner, request) -> None:
-        del request
-        progress.wrote(path.parent)
-        requests.find_scene(owner, Message("The splats are in {path}.", path=path))
-
-    return requests.task(scene, "Export Splat", ("export-splat", options), finish=told, result=lambda: path)
+    finish = requests.presenting(lambda _: None, Message("The splats are in {path}.", path=path), path.parent)
+    return requests.task(scene, "Export Splat", ("export-splat", options), finish=finish, result=lambda: path)
 
 
 def _matrix_of(rig: bpy.types.Object, path: Path, axes: str) -> np.ndarray:
@@ -102,13 +92,8 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     In background mode nothing follows: call this again after a change.
 
     Args:
-        scene: The scene, whose splats are learned or imported.
-        item: A point cloud of Blender, or a mesh of KIRI's add-on, that was imported from a file of these splats, all of
-            them or all but what is behind the scene.
-
-    Raises:
-        BadRequest: It is no such object, or in Edit Mode.
-        KarfError: The worker cannot be started; in background mode also: there is no answer.
+        item: A point cloud of Blender, or a mesh of KIRI's add-on, that was imported from a file of the scene's splats,
+            all of them or all but what is behind the scene.
     """
     if not splat_objects.is_splat(item):
         raise BadRequest(
@@ -141,7 +126,10 @@ def _look() -> float | None:
     elif rendering.is_over() and not queries.is_waiting(KIND):
         changed = next((scene for scene in followed if _has_changed(scene)), None)
         if changed is not None:
-            _ask_or_say(changed)
+            try:
+                _ask(changed)
+            except KarfError as error:
+                progress.fail(error)
     return LOOK_SECONDS if followed else None
 
 
@@ -161,13 +149,6 @@ def _ask(scene: bpy.types.Scene) -> None:
     session.get(_State).asked[scene.session_uid] = _wanted(scene)
     points = splat_objects.points_of(scene.karf.surface.splat)
     queries.send(scene, KIND, {"edit": edits.edit_option(scene), "points": points}, _take)
-
-
-def _ask_or_say(scene: bpy.types.Scene) -> None:
-    try:
-        _ask(scene)
-    except KarfError as error:
-        progress.fail(error)
 
 
 def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from .. import session
 from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import rendering
-from ..pictures import images, settling
+from ..pictures import images
 from ..project import contents, folders
 from . import colors, object_masks, solving, views
 from .object_masks import ObjectMasks
@@ -125,7 +125,7 @@ class DisplayedScene:
             karf.result = images.new_image(RESULT_NAME, width, height)
         images.fit(karf.result, width, height)
         images.upload(karf.result, buffer)
-        settling.note_change(karf.result)
+        images.note_change(karf.result)
         self.stand_in_key = views.stand_in_key(self.scene)
         self.load_masks()
         self.update_left()

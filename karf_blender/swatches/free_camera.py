@@ -3,8 +3,8 @@
 import bpy
 
 from ..host.words import translatable
-from ..pictures import editors, images, settling
-from . import displayed, object_masks, views
+from ..pictures import editors, images
+from . import object_masks, views
 from .object_masks import ObjectMasks
 from .views import DisplayedView
 
@@ -33,7 +33,7 @@ def show(scene: bpy.types.Scene, view: DisplayedView, width: int, height: int) -
     target = before or images.new_image(IMAGE_NAME, width, height)
     images.fit(target, width, height)
     images.upload(target, images.enlarged(picture, width, height))
-    settling.note_change(target)
+    images.note_change(target)
     if before is None:
         editors.reveal(target, is_wanted=True, is_whole=True)
     known.camera = view

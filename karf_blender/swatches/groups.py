@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import bpy
 import numpy as np
 
-from ..engine_api import AddedColor, BadRequest
+from ..engine_api import AddedColor, BadRequest, Surface
 from . import colors, displayed, gestures, solving
 
 
@@ -48,10 +48,12 @@ def merge(item: bpy.types.PropertyGroup, index: int, into: int) -> None:
 
 
 def split(item: bpy.types.PropertyGroup, index: int) -> None:
-    """Let all swatches that were merged into one move by themselves again; colors stay."""
-    for each in item.swatches:
-        if each.merged == index:
-            each.merged = 0
+    """Let all swatches that were merged into one move by themselves again; colors and pictures stay."""
+    with gestures.suspended(item.id_data):
+        for each in item.swatches:
+            if each.merged == index:
+                each.merged = 0
+                colors.write_surface(each, Surface())  # it has had none while it was merged
 
 
 # --- added colors --------------------------------------------------------------------------------------------------

@@ -289,8 +289,7 @@ def become(state: PaletteState, pair: Becoming, seen: ColorHistogram) -> tuple[n
         paints = add_fixed_paints(visible, pair.source, pair.target, pair.held)
         edited = match_becomes(visible, seen.counts, weights, start, *paints, held, state.is_metal)
     before, target = ColorHistogram(visible, seen.counts, weights), srgb_to_lab(pair.target)
-    palette = Palette(state.name, np.clip(start, 0, 1))
-    reached, _, reason = evaluate_edit(edited, palette, before, pair.source, target, held)
+    reached, _, reason = evaluate_edit(edited, start, before, pair.source, target, held)
     missed = f"{state.name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."
     return edited, missed if reason else ""
 

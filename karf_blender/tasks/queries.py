@@ -18,7 +18,7 @@ from ..engine_api import Event, KarfError
 from ..host import rendering, windows
 from ..project import folders
 from .ownership import Owner
-from .warm_worker import WarmWorker
+from .workers import WarmWorker
 
 POLL_SECONDS = 0.02
 

@@ -12,15 +12,16 @@ from typing import Any
 
 import bpy
 
-from .. import engine_api, preferences, progress, session
+from .. import engine_api, progress, session
 from ..engine.failures import disk_errors, log_tail
 from ..engine.worker import Worker
-from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request, new_job
+from ..engine_api import BadRequest, Cancelled, Event, KarfError, Request
 from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
-from .course import Course
+from .overall_progress import OverallProgress
 from .ownership import Owner
+from .workers import begin_job
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
@@ -67,25 +68,19 @@ class Task:
         return f"{self.title} ({scene.name})" if scene else self.title
 
 
-class _Running:
+class RunningTask:
     """A task at work: how many of its jobs are done, and whether it was asked to stop."""
 
-    is_stopping = False
-
-    def __init__(self, task: Task, python: Path, threads: int) -> None:
-        self.task = task
-        self._done = 0
-        self._python = python
-        self._threads = threads
-        self.course = Course(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
+    def __init__(self, task: Task, worker: Worker) -> None:
+        """Begin its first job."""
+        self.task, self.is_stopping = task, False
+        self.overall = OverallProgress(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
+        self._worker, self._n_done = worker, 0
         self._begin_next()
 
     def _begin_next(self) -> None:
-        request = self.task.requests[self._done]
         self._began = time.monotonic()
-        with disk_errors():
-            folder = new_job(Project(request.project), request.stage)
-        _jobs().worker.begin(self._python, request, folder, self._threads)
+        begin_job(self._worker, self.task.requests[self._n_done])
 
     def advance(self) -> bool:
         """Let Blender do what follows an ended job, and begin the next.
@@ -96,57 +91,61 @@ class _Running:
         Raises:
             KarfError: The job failed, or what follows it.
         """
-        if not _jobs().worker.ended:
+        if not self._worker.ended:
             return False
-        _jobs().worker.check()
-        session.notify(JOB_DONE, _jobs().worker.request, time.monotonic() - self._began)
+        self._worker.check()
+        session.notify(JOB_DONE, self._worker.request, time.monotonic() - self._began)
         with disk_errors():
-            self.task.after(_jobs().worker.request)
-        self._done += 1
-        if self._done == len(self.task.requests):
+            self.task.after(self._worker.request)
+        self._n_done += 1
+        if self._n_done == len(self.task.requests):
             return True
-        if self.course is not None:
-            self.course.begin_next(time.monotonic())
+        if self.overall is not None:
+            self.overall.begin_next(time.monotonic())
         self._begin_next()
         return False
 
 
 @dataclass
-class _Jobs:
-    """The task at work, if one is, and the worker that its jobs run in."""
+class Runner:
+    """The task at work, if one is, and the worker that it runs in."""
 
-    running: _Running | None = None
+    running: RunningTask | None = None
     worker: Worker = field(default_factory=lambda: Worker(KEEP_SECONDS))
 
+    def end_task(self) -> None:
+        """Forget the running task; its job is ended where it is still at work."""
+        if self.running is not None:
+            self.running = None
+            if not self.worker.ended:
+                self.worker.end()
+            progress.state().running = False
+            disk.refresh()
+
     def close(self) -> None:
-        """End both."""
-        _end()
+        """End the task and the worker."""
+        self.end_task()
         self.worker.end()
 
 
-def _jobs() -> _Jobs:
-    return session.get(_Jobs)
+def _worker() -> Worker:
+    return session.get(Runner).worker
 
 
-def _redraw(is_whole: bool) -> None:
-    """Draw the panels again, or the whole areas that have them."""
-    if is_whole:
-        windows.redraw(*windows.PANEL_AREAS)
-    else:
-        windows.redraw_sidebars()
-    session.notify(STATUS_CHANGED)
+def _running() -> RunningTask | None:
+    return session.get(Runner).running
 
 
 def is_running() -> bool:
     """True while a task is at work."""
-    return _jobs().running is not None
+    return _running() is not None
 
 
 def current_request(scene: bpy.types.Scene) -> Request | None:
     """What the engine is doing for the scene's project; None where it does nothing for it."""
-    if _jobs().running is None or not scene.karf.project:
+    if not is_running() or not scene.karf.project:
         return None
-    request = _jobs().worker.request
+    request = _worker().request
     return request if request.project == folders.project_of(scene).folder else None
 
 
@@ -174,8 +173,8 @@ def wait(task: Task) -> None:
     try:
         done = False
         while not done:
-            stage = _jobs().worker.request.stage
-            for event in _jobs().worker.poll():
+            stage = _worker().request.stage
+            for event in _worker().poll():
                 _show(running, event)
                 if event.kind != "progress" or time.monotonic() > quiet_until:
                     quiet_until = time.monotonic() + PRINT_SECONDS
@@ -187,8 +186,7 @@ def wait(task: Task) -> None:
         _finish(error)
         raise
     finally:
-        # also where the user interrupts with Ctrl-C
-        _end()
+        session.get(Runner).end_task()  # also where the user interrupts with Ctrl-C
 
 
 def cancel() -> None:
@@ -197,62 +195,50 @@ def cancel() -> None:
     Raises:
         BadRequest: None runs.
     """
-    if _jobs().running is None:
+    if not is_running():
         raise BadRequest("No KaRF job is running.", "")
-    _jobs().worker.cancel()
-    _jobs().running.is_stopping = True
+    _worker().cancel()
+    _running().is_stopping = True
     progress.state().text = "Stopping"
 
 
 def release() -> None:
     """End the worker where it only waits for a next job: its Python may be replaced."""
-    if _jobs().running is None:
-        _jobs().worker.end()
+    if not is_running():
+        _worker().end()
 
 
-def _begin(task: Task) -> _Running:
-    if _jobs().running is not None:
-        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=_jobs().running.task.title)
-    running = _Running(task, preferences.engine_python(), preferences.current().threads)
-    _jobs().running = running
+def _begin(task: Task) -> RunningTask:
+    runner = session.get(Runner)
+    if runner.running is not None:
+        raise BadRequest("KaRF is busy: {title}.", "Wait for it, or cancel it.", title=runner.running.task.title)
+    runner.running = RunningTask(task, runner.worker)
     progress.begin(task.label)
-    return running
-
-
-def _end() -> None:
-    """Forget the running task; its job is ended where it is still at work."""
-    jobs = _jobs()
-    if jobs.running is not None:
-        jobs.running = None
-        if not jobs.worker.ended:
-            jobs.worker.end()
-        progress.state().running = False
-        disk.refresh()
+    return runner.running
 
 
 def _finish(error: KarfError | None) -> None:
-    state = progress.state()
+    """Say how the task has ended, and forget it."""
+    state, folder = progress.state(), _worker().folder
     if isinstance(error, Cancelled):
         state.text = "cancelled"
     elif error is not None:
         progress.fail(error)
         if error.code in REPORTED:
-            state.job = str(_jobs().worker.folder)
-            print(
-                f"The end of {_jobs().worker.folder / engine_api.LOG_FILE}:\n{log_tail(_jobs().worker.folder)}",
-                flush=True,
-            )
+            state.job = str(folder)
+            print(f"The end of {folder / engine_api.LOG_FILE}:\n{log_tail(folder)}", flush=True)
     else:
         state.text = "done"
+    session.get(Runner).end_task()
 
 
 def _poll() -> float | None:
     """Called by the timer as long as a task runs: shows what it has reported."""
-    if _jobs().running is None:
+    running = _running()
+    if running is None:
         return None
-    running = _jobs().running
     try:
-        events = _jobs().worker.poll()
+        events = _worker().poll()
         for event in events:
             if not running.is_stopping:
                 _show(running, event)
@@ -265,28 +251,30 @@ def _poll() -> float | None:
             if is_ours
             else KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
         )
-        _end()
-        _redraw(is_whole=True)
+        windows.redraw(*windows.PANEL_AREAS)
+        session.notify(STATUS_CHANGED)
         if not is_ours:
             raise
         return None
     if done:
         _finish(None)
-        _end()
         # what the task brought into the scene is a step of its own to undo
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
+        windows.redraw(*windows.PANEL_AREAS)
+    elif events:
+        windows.redraw_sidebars()
     if events or done:
-        _redraw(is_whole=done)
+        session.notify(STATUS_CHANGED)
     return None if done else POLL_SECONDS
 
 
-def _show(running: _Running, event: Event) -> None:
+def _show(running: RunningTask, event: Event) -> None:
     """Show an event in the panel, a preview in an Image Editor."""
-    course, task = running.course, running.task
-    if course is not None and event.kind == "progress":
-        course.take(event, _jobs().worker.request.stage, time.monotonic())
-    progress.show_event(task.label, event, course and (course.share(), course.left()))
+    overall, task = running.overall, running.task
+    if overall is not None and event.kind == "progress":
+        overall.take(event, _worker().request.stage, time.monotonic())
+    progress.show_event(task.label, event, overall and (overall.share(), overall.left()))
     if event.kind == "preview" and task.is_file_open and not rendering.is_running():
         editors.show_preview(Path(event["path"]))
 

@@ -5,7 +5,8 @@ The message bus reports the user's clicks alone: undo brings the active view bac
 
 import bpy
 
-from ..host import messages, rendering, windows
+from .. import session
+from ..host import rendering, windows
 
 
 def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
@@ -23,7 +24,7 @@ def _is_looking_through() -> bool:
     return any(view is not None and view.view_perspective == "CAMERA" for view in views)
 
 
-@messages.on((bpy.types.LayerObjects, "active"))
+@session.subscribe((bpy.types.LayerObjects, "active"))
 def _clicked() -> None:
     window = bpy.data.window_managers[0].windows[0]
     choose_clicked(window.scene, window.view_layer)

@@ -10,7 +10,7 @@ import bpy
 from ... import __package__ as extension
 from .. import engine_api, preferences, session
 from ..engine import speed
-from ..engine.speed import Speed
+from ..engine.speed import Measurement, Speed
 from ..engine_api import PRESETS, KarfError, MissingDependency, Request
 from ..host import windows
 from ..project import disk
@@ -23,11 +23,21 @@ STAGES = {"learn_scene": ("geometry",), "learn_all": ("geometry", "segmentation"
 
 
 @dataclass
-class _State:
-    """What is known of this computer, and the measurement that is at work."""
+class ThisComputer:
+    """What is known of this computer's speed, and the measurement that is at work."""
 
-    known: Speed | None = None
-    measurement: speed.Measurement | None = None
+    speed: Speed | None = None
+    measurement: Measurement | None = None
+
+    @property
+    def samples_per_second(self) -> float:
+        """0 where the computer was not measured yet."""
+        return self.speed.samples_per_second if self.speed is not None else 0
+
+    def learn(self, found: Speed) -> None:
+        """Take in another speed, and keep it for the next session."""
+        self.speed = found
+        found.write(_file())
 
     def close(self) -> None:
         if self.measurement is not None:
@@ -37,38 +47,35 @@ class _State:
 
 def seconds(preset: str, button: str, is_open: bool) -> float | None:
     """What pressing a button of step 2 will take with a preset; None where nothing is known."""
-    if session.get(_State).known is None or not session.get(_State).known.samples_per_second:
+    computer = session.get(ThisComputer)
+    if not computer.samples_per_second:
         return None
-    promised = _promised(preset, session.get(_State).known.samples_per_second, is_open)
+    promised = _promised(preset, computer.samples_per_second, is_open)
     if promised is None:
         return None
-    stages = session.get(_State).known.corrected(promised)
+    stages = computer.speed.corrected(promised)
     return sum(stages[stage] for stage in STAGES[button])
 
 
 def of_jobs(stages: Sequence[str], preset: str, is_open: bool) -> tuple[float, ...]:
     """What jobs of these stages will take, as well as it is known: each its share of a bar."""
-    known = (
-        session.get(_State).known
-        if session.get(_State).known is not None and session.get(_State).known.samples_per_second
-        else Speed("", 0, USUAL)
-    )
+    computer = session.get(ThisComputer)
+    known = computer.speed if computer.samples_per_second else Speed("", 0, USUAL)
     promised = known.corrected(_promised(preset, known.samples_per_second, is_open) or {})
     return tuple(promised.get(stage) or SHORT for stage in stages)
 
 
 def measure_once() -> None:
     """Measure this computer alongside the interface, where that was not done yet with the engine as it is chosen."""
-    if bpy.app.background or session.get(_State).measurement is not None or runner.is_running():
+    computer = session.get(ThisComputer)
+    if bpy.app.background or computer.measurement is not None or runner.is_running():
         return
     _read_once()
-    if session.get(_State).known is None:
+    if computer.speed is None or computer.samples_per_second:
         return
-    python, threads = Path(session.get(_State).known.python), session.get(_State).known.threads
-    if session.get(_State).known.samples_per_second:
-        return
+    python, threads = Path(computer.speed.python), computer.speed.threads
     try:
-        session.get(_State).measurement = speed.Measurement(python, engine_api.ENGINE_FOLDER, threads)
+        computer.measurement = Measurement(python, engine_api.ENGINE_FOLDER, threads)
     except OSError:  # Test Engine says why
         return
     session.start_timer(_tick, POLL_SECONDS, persistent=True)
@@ -77,26 +84,30 @@ def measure_once() -> None:
 @session.listener(disk.READ)
 def _read_once() -> None:
     """Take in what was kept of this computer, where there is an engine."""
-    if session.get(_State).known is None:
+    computer = session.get(ThisComputer)
+    if computer.speed is None:
         try:
             python, threads = preferences.engine_python(), preferences.current().threads
         except MissingDependency:
             return
-        session.get(_State).known = speed.read(_file(), str(python), threads)
+        computer.speed = speed.read(_file(), str(python), threads)
 
 
 def _tick() -> float | None:
     """The timer: takes in what was measured. A job would be timed by what it leaves over, and is let go first."""
+    computer = session.get(ThisComputer)
     if runner.is_running():
-        session.get(_State).close()
+        computer.close()
         return None
-    found = session.get(_State).measurement.poll()
+    found = computer.measurement.poll()
     if found is None:
         return POLL_SECONDS
-    session.get(_State).measurement = None
-    session.get(_State).known = Speed(session.get(_State).known.python, session.get(_State).known.threads, found)
+    computer.measurement = None
+    measured = Speed(computer.speed.python, computer.speed.threads, found)
     if found:
-        session.get(_State).known.write(_file())
+        computer.learn(measured)
+    else:
+        computer.speed = measured
     windows.redraw(*windows.PANEL_AREAS)
     return None
 
@@ -104,23 +115,21 @@ def _tick() -> float | None:
 @session.listener(runner.JOB_DONE)
 def _take_time(request: Request, taken: float) -> None:
     """Correct the estimates by a job that is done; its notes show whether its scene was open."""
-    known, project = session.get(_State).known, engine_api.Project(request.project)
-    if known is None or request.options.get("overrides"):
+    computer, project = session.get(ThisComputer), engine_api.Project(request.project)
+    if computer.speed is None or request.options.get("overrides"):
         return
     try:
         state = project.state()
     except KarfError:  # a job that finds camera poses begins a folder that is not yet a project
         return
     space = state["stages"].get("geometry", {}).get("space", "box")
-    samples = _promised(state.get("settings", {}).get("preset", ""), 1.0, space != "box")
-    if not samples or not samples.get(request.stage):
+    samples = (_promised(state.get("settings", {}).get("preset", ""), 1.0, space != "box") or {}).get(request.stage)
+    if not samples:
         return
+    known = computer.speed
     if not known.samples_per_second:  # the job came before the measurement, and is one
-        known = replace(known, samples_per_second=samples[request.stage] / taken)
-    session.get(_State).known = known.learned_from(
-        request.stage, samples[request.stage] / known.samples_per_second, taken
-    )
-    session.get(_State).known.write(_file())
+        known = replace(known, samples_per_second=samples / taken)
+    computer.learn(known.learned_from(request.stage, samples / known.samples_per_second, taken))
 
 
 @lru_cache(maxsize=16)

@@ -15,11 +15,10 @@ from ..host import windows
 FILE = Path(__file__).with_name("workspace.blend")
 NAME = TAB = "KaRF"
 LATER, TRIES = 0.2, 20  # seconds between two looks, and how many: a sidebar knows its tabs once it was drawn
-ASIDE = "UI"
 
 
 @dataclass
-class _State:
+class SetUp:
     """How often it is still looked whether the sidebars are drawn, and what is done then."""
 
     tries: int = 0
@@ -41,25 +40,28 @@ def set_up(*then: Callable[[bpy.types.Window], None]) -> None:
     Args:
         then: Called with each of these windows, one after the other, when what the one before has changed is drawn.
     """
-    session.get(_State).tries, session.get(_State).then = TRIES, then
-    if not bpy.app.background and not bpy.app.timers.is_registered(_show_tabs):
+    state = session.get(SetUp)
+    state.tries, state.then = TRIES, then
+    if not bpy.app.background:
         session.start_timer(_show_tabs, LATER)
 
 
 def _show_tabs() -> float | None:
-    session.get(_State).tries -= 1
-    shown = [window for window in bpy.data.window_managers[0].windows if window.workspace.name == NAME]
-    areas = [area for window in shown for area in window.screen.areas if area.type in windows.PANEL_AREAS]
-    sidebars = [region for area in areas for region in area.regions if region.type == ASIDE]
-    if not sidebars:  # the window is not there yet
-        return LATER if session.get(_State).tries else None
+    state = session.get(SetUp)
+    state.tries -= 1
+    displayed = [window for window in bpy.data.window_managers[0].windows if window.workspace.name == NAME]
+    areas = [area for window in displayed for area in window.screen.areas if area.type in windows.PANEL_AREAS]
+    sidebars = [region for area in areas for region in area.regions if region.type == "UI"]
     try:
         for region in sidebars:
             region.active_panel_category = TAB
             region.tag_redraw()
     except (AttributeError, TypeError):  # it has no tabs yet
-        return LATER if session.get(_State).tries else None
-    for window in shown if session.get(_State).then else ():
-        session.get(_State).then[0](window)
-    session.get(_State).then = session.get(_State).then[1:]
-    return LATER if session.get(_State).then else None
+        sidebars = []
+    if not sidebars:  # the window is not there yet
+        return LATER if state.tries else None
+    if state.then:
+        for window in displayed:
+            state.then[0](window)
+        state.then = state.then[1:]
+    return LATER if state.then else None

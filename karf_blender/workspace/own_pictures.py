@@ -4,7 +4,7 @@ import bpy
 
 from .. import session
 from ..engine_api import KarfError
-from ..host import messages, rendering
+from ..host import rendering
 from ..pictures import editors
 from ..project import contents
 from ..swatches import displayed, palettes
@@ -33,7 +33,7 @@ def make(scene: bpy.types.Scene) -> None:
         print(f"KaRF: {error}")
 
 
-@messages.on((bpy.types.Window, "scene"))
+@session.subscribe((bpy.types.Window, "scene"))
 def show_own() -> None:
     """Let each Image Editor show the picture of its window's scene, and never another's beside that one's swatches."""
     for window in bpy.data.window_managers[0].windows:

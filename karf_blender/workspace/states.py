@@ -1,9 +1,15 @@
-"""How each step of a scene stands: done, stale and why, at work, or still to do. Asked at every redraw: no disk."""
+"""How each step of a scene stands (done, stale and why, at work, or still to do), and which steps are folded.
 
-from dataclasses import dataclass
+Panels ask at every redraw, so nothing reads the disk. A step that becomes done folds with those before it, and the next
+opens; what the user folds or opens by hand stays so until the next step is done.
+"""
+
+from dataclasses import dataclass, field
 
 import bpy
 
+from .. import session
+from ..host import windows
 from ..host.words import translatable
 from ..project import disk, folders
 from ..project.disk import Contents
@@ -11,6 +17,12 @@ from ..tasks import runner
 
 STEPS = ("import", "learn", "mark", "segment", "palette", "edit", "render")
 TO_DO, DONE, STALE, RUNNING = "to do", "done", "stale", "running"
+FOLDERS = (
+    "import",
+    "learn",
+    "segment",
+    "palette",
+)  # marking goes on after the first mask, and folds with the next step
 STEP_OF_STAGE = {
     "poses": "import",
     "import-splat": "import",
@@ -82,3 +94,54 @@ def _why_learn_again(scene: bpy.types.Scene, known: Contents) -> str:
     if nerf != folders.nerf_of(scene):
         return OTHER_NERF
     return OTHER_PRESET if not nerf and preset not in ("", scene.karf.preset) else ""
+
+
+# --- folding -------------------------------------------------------------------------------------------------------
+@dataclass
+class LastStates:
+    """The scene that was looked at last, by its `session_uid`, and how its steps stood."""
+
+    per_file = True
+    scene: int | None = None
+    kinds: dict[str, str] = field(default_factory=dict)
+
+
+def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
+    """Which steps to open or fold after their states have changed; others stay as they are.
+
+    Args:
+        before: The states of the steps, empty where nothing is known of the scene yet.
+        after: The states as they are now.
+    """
+    if not before:
+        return {step: step in _next(after) for step in STEPS}
+    stale = {step: True for step in STEPS if after[step] == STALE != before[step]}
+    done = [step for step in (*FOLDERS, "mark") if after[step] == DONE != before[step]]
+    if not done:
+        return stale
+    last = max((STEPS.index(step) for step in done if step in FOLDERS), default=-1)
+    return dict.fromkeys(STEPS[: last + 1], False) | dict.fromkeys(_next(after), True) | stale
+
+
+def _next(kinds: dict[str, str]) -> tuple[str, ...]:
+    """The steps to work on: the first that is not done, with marking alongside learning, which needs no marks."""
+    first = next((step for step in STEPS if kinds[step] != DONE), "edit")
+    return ("learn", "mark") if first == "learn" and kinds["mark"] != DONE else (first,)
+
+
+@session.listener(disk.READ)
+def update() -> None:
+    """Fold and open the panels of the main window's scene where its steps have changed."""
+    scene = bpy.data.window_managers[0].windows[0].scene
+    kinds = {step: state_of(scene, step).kind for step in STEPS}
+    if RUNNING in kinds.values():  # how it stands is known when it has ended
+        return
+    last = session.get(LastStates)
+    before = last.kinds if scene.session_uid == last.scene else {}
+    if kinds == before:
+        return
+    last.scene, last.kinds = scene.session_uid, kinds
+    folding = bpy.data.window_managers[0].karf_folding
+    for step, is_open in opened(before, kinds).items():
+        setattr(folding, f"show_{step}", is_open)
+    windows.redraw(*windows.PANEL_AREAS)

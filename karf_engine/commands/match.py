@@ -53,7 +53,8 @@ def _report(edit: ProjectEdit, name: str, pairs: list[tuple[str, str]], emit: Em
     seen = read_object_colors(edit.project.verified(edit.project.object_colors_file), name)
     sources = [as_color(source) for source, _ in pairs]
     for source, (before, after) in zip(sources, pairs, strict=True):
-        reached, left, reason = evaluate_edit(edit.colors[name], palette, seen, source, srgb_to_lab(as_color(after)))
+        wanted = srgb_to_lab(as_color(after))
+        reached, left, reason = evaluate_edit(edit.colors[name], palette.colors, seen, source, wanted)
         if reason:
             sentence = (
                 f"{name}: {before} becomes {rgb_to_hex(reached)}, not {after} (CIEDE2000 {left:.0f}), because {reason}."

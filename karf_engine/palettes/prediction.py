@@ -80,27 +80,31 @@ def predict(
         colors = match_becomes(*seen, palette.colors, source, target, locked)
     except BadRequest as error:  # a source that is black
         colors, reason = palette.colors, error.sentence.rstrip(".")
-    reached, difference, why = evaluate_edit(colors, palette, seen, source, target_color.lab, locked)
+    reached, difference, why = evaluate_edit(colors, palette.colors, seen, source, target_color.lab, locked)
     return Prediction(target_color, source, colors, reached, difference, reason if reason and why else why)
 
 
 def evaluate_edit(
     edited: np.ndarray,  # palette [M, 3]
-    palette: Palette,  # as learned
-    seen: ColorHistogram,  # the object's colors
+    start: np.ndarray,  # the palette [M, 3] before the edit; it may be an edited one, with colors beyond white
+    seen: ColorHistogram,  # the object's colors with it
     source: np.ndarray,  # the color to be replaced, sRGB [3]
     wanted: np.ndarray,  # the target color, Lab [3]
     locked: Iterable[int] = (),  # swatches that stay
 ) -> tuple[np.ndarray, float, str]:
     """Return the color that an edit reaches, sRGB [3], its CIEDE2000, and the reason if that exceeds 2, or ""."""
-    reached = reached_color(seen.colors, edited_colors(seen, palette, edited), source, seen.counts)
+    reached = reached_color(seen.colors, _moved(seen, start, edited), source, seen.counts)
     left = float(ciede2000(srgb_to_lab(reached), wanted))
-    return reached, left, _reason(wanted, palette, seen, source, tuple(locked)) if left > TOLERANCE else ""
+    return reached, left, _reason(wanted, start, seen, source, tuple(locked)) if left > TOLERANCE else ""
 
 
 def edited_colors(seen: ColorHistogram, palette: Palette, edited: np.ndarray) -> np.ndarray:
     """Return an object's colors [n, 3] after an edit of its palette, clipped as in pictures."""
-    return np.clip(seen.colors + seen.palette_weights @ (edited - palette.colors), 0, 1)
+    return _moved(seen, palette.colors, edited)
+
+
+def _moved(seen: ColorHistogram, start: np.ndarray, edited: np.ndarray) -> np.ndarray:
+    return np.clip(seen.colors + seen.palette_weights @ (edited - start), 0, 1)
 
 
 def reached_color(
@@ -132,20 +136,20 @@ def reason_in_view(prediction: Prediction, reached: np.ndarray) -> str:
 
 
 def _is_held(
-    lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]
+    lab: np.ndarray, start: np.ndarray, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]
 ) -> bool:
     """Return whether the color would be reached without the locks."""
-    if not locked:
+    if not any(locked):  # black is always
         return False
     try:
-        free = match_becomes(*seen, palette.colors, source, np.clip(lab_to_srgb(lab), 0, 1))
+        free = match_becomes(*seen, start, source, np.clip(lab_to_srgb(lab), 0, 1))
     except BadRequest:  # a source that is black
         return False
-    reached = reached_color(seen.colors, edited_colors(seen, palette, free), source, seen.counts)
+    reached = reached_color(seen.colors, _moved(seen, start, free), source, seen.counts)
     return bool(ciede2000(srgb_to_lab(reached), lab) <= TOLERANCE)
 
 
-def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
+def _reason(lab: np.ndarray, start: np.ndarray, seen: ColorHistogram, source: np.ndarray, locked: Iterable[int]) -> str:
     """Return the first applicable reason for missing a color."""
     wanted, color = lab_to_srgb(lab), rgb_to_hex(source)
     distance = ciede2000(srgb_to_lab(seen.colors), srgb_to_lab(source)).min()
@@ -157,15 +161,15 @@ def _reason(lab: np.ndarray, palette: Palette, seen: ColorHistogram, source: np.
     free = np.setdiff1d(np.arange(len(weights)), [0, *locked])
     if weights[free].sum() < ROUNDING:
         return f"its color {color} is all of black or locked swatches, which stay as they are"
-    if _is_held(lab, palette, seen, source, locked):
-        held = " and ".join(f"swatch {number}" for number in sorted(locked))
+    if _is_held(lab, start, seen, source, locked):
+        held = " and ".join(f"swatch {number}" for number in sorted(locked) if number)
         return f"locks hold it: without that of {held} it would be reached"
-    if (wanted > source + weights[free] @ (MAX_SRGB - palette.colors[free]) + ROUNDING).any():
+    if (wanted > source + weights[free] @ (MAX_SRGB - start[free]) + ROUNDING).any():
         return (
             f"{100 * weights[0]:.0f} % of its color {color} are the palette's black: too little light falls there, "
             "even with swatches twice as bright as white"
         )
-    if (wanted < source - weights[free] @ palette.colors[free] - ROUNDING).any():
+    if (wanted < source - weights[free] @ start[free] - ROUNDING).any():
         return f"locked swatches in its color {color} are brighter than this"
     if wanted.max() > BRIGHT:
         return "parts of the object that are better lit would be brighter than white"

@@ -92,7 +92,7 @@ def _of_object(
         left=residual_delta_e(seen.colors, after, seen.counts, *pair),
         asked=residual_delta_e(photos, ours, np.ones(len(photos)), *pair),
         true=float(ciede2000(srgb_to_lab(ours), srgb_to_lab(true)).mean()),
-        color=evaluate_edit(edited, palette, seen, pair[0], wanted)[1],
+        color=evaluate_edit(edited, palette.colors, seen, pair[0], wanted)[1],
         in_views=float(ciede2000(srgb_to_lab(in_views), wanted)),
     )
 

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[3]
 def test_make(bpy, addon, learned, capture_folder, tmp_path):
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
     enrich(bpy, tmp_path / "project")
-    _edit(bpy, addon)
+    _edit(bpy)
     blend = tmp_path / "scene.blend"
     for _ in range(2):  # paths are relative to where it was saved
         bpy.ops.wm.save_as_mainfile(filepath=str(blend), compress=True)
@@ -30,7 +30,7 @@ def test_make(bpy, addon, learned, capture_folder, tmp_path):
     expected = {"blender": bpy.app.version_string, "stored": everything_stored(bpy.context.scene.karf), "trials": {}}
     pictures = {}
     for trial in TRIALS:
-        expected["trials"][trial], pictures[trial.replace(" ", "_")] = tried(bpy, addon, blend, trial, tmp_path)
+        expected["trials"][trial], pictures[trial.replace(" ", "_")] = tried(bpy, blend, trial, tmp_path)
     (tmp_path / "shown.json").unlink()
     shutil.rmtree(tmp_path / "project" / "jobs", ignore_errors=True)
     target = DATA / f"saved_by_{version}"
@@ -42,7 +42,7 @@ def test_make(bpy, addon, learned, capture_folder, tmp_path):
     np.savez_compressed(target / "pictures.npz", **pictures)
 
 
-def _edit(bpy, addon):
+def _edit(bpy):
     """What an artist can do to swatches, and one of every kind of it."""
     scene, ops = bpy.context.scene, bpy.ops.karf
     karf, lid, pot = scene.karf, scene.karf.objects["lid"], scene.karf.objects["pot"]
@@ -69,7 +69,8 @@ def _edit(bpy, addon):
     pot.show_surface = pot.show_edge = lid.is_metal = True
     green = pot.swatches[3]
     green.saturation, green.brightness, green.gloss = 0.6, 0.3, 0.5
-    addon.headless.add_color("lid", lid.swatches[1].learned, (0.3, 0.5, 0.4), reach=0.8, protect=0.1)
+    ops.add_color(object_name="lid", picked=lid.swatches[1].learned, reach=0.8, protect=0.1)
+    next(swatch for swatch in lid.swatches if swatch.is_added).color = (0.3, 0.5, 0.4)
     pot.choke, pot.feather = 0.5, 1.5
     # animated
     for frame, color, gloss in ((1, (0.2, 0.4, 0.7), 0.5), (11, (0.5, 0.2, 0.6), 1.5)):

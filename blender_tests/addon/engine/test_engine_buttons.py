@@ -1,6 +1,7 @@
 """The preferences say whether there is an engine; their buttons install, cancel, repair and remove it."""
 
 import importlib
+import sys
 from pathlib import Path
 from types import MethodType, SimpleNamespace
 
@@ -14,14 +15,11 @@ from ..timers import run_to_end
 def managed(addon, chosen, tmp_path):
     """A folder that is KaRF's, with an environment of a few files."""
     folder = tmp_path / "engine"
-    place = addon.home.Home(folder)
-    addon.home.claim(
-        place, {"build": "cpu", "backend": "cpu", "extras": ["photos"], "platform": "any", "python": "3.11"}
-    )
-    (place.environment / "lib" / "torch").mkdir(parents=True)
-    (place.environment / "lib" / "torch" / "big.so").write_bytes(bytes(3000))
+    addon.home.claim(folder, {"build": "cpu", "extras": ["photos"], "platform": "any", "python": "3.11"})
+    (folder / "env" / "lib" / "torch").mkdir(parents=True)
+    (folder / "env" / "lib" / "torch" / "big.so").write_bytes(bytes(3000))
     chosen.engine_folder = str(folder)
-    return place
+    return folder
 
 
 @pytest.fixture
@@ -29,7 +27,7 @@ def engine(addon, tmp_path):
     """An engine as it may be found, by its state."""
 
     def made(state, problem="", sentence="", is_managed=True):
-        python = addon.home.Home(tmp_path).python if is_managed else tmp_path / "another"
+        python = addon.home.python_of(tmp_path / "env") if is_managed else tmp_path / "another"
         return addon.state.Engine(python, problem, tmp_path, addon.home.Status(state, sentence))
 
     return made
@@ -39,8 +37,8 @@ class Planned:
     """A plan as far as the buttons need it."""
 
     def __init__(self, choices):
-        self.choices = choices
-        self.sentences = (f"To {self.choices.folder}.", "About 351 MB.")
+        self.choices, self.folder = choices, choices.folder
+        self.sentences = (f"To {self.folder}.", "About 351 MB.")
 
     def commands(self, shell):
         return f"commands for {shell}"
@@ -58,7 +56,7 @@ def launched(addon, monkeypatch):
 def dialog(bpy, **values):
     """The text of the dialog of *Install Engine* with these values."""
     kind = bpy.types.KARF_OT_install_engine
-    values = {"build": "auto", "photos": False, "fast": True, "folder": "", "wheels": "", "starter": ""} | values
+    values = {"build": "auto", "photos": False, "folder": "", "wheels": "", "starter": ""} | values
     drawn = []
     shown = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=bpy.ops.karf.install_engine.get_rna_type(), **values)
     shown._plan = MethodType(kind._plan, shown)
@@ -115,10 +113,18 @@ def test_with_an_engine_of_ones_own_nobody_needs_the_network(bpy, addon, chosen,
     assert "Allow Online Access" not in drawn_preferences(bpy, chosen)
 
 
-@pytest.mark.parametrize(("system", "builds"), [("Linux", "cpu cuda rocm"), ("Darwin", "cpu mps"), ("Haiku", "cpu")])
-def test_the_dialog_offers_what_there_is_for_the_system(addon, system, builds):
-    machine = importlib.import_module(f"{addon.home.__package__}.machine")
-    assert machine.builds_for(machine.look(system, "arm64")) == tuple(builds.split())
+@pytest.mark.parametrize(
+    ("system", "processor", "builds"),
+    [
+        ("Linux", "x86_64", "cpu cuda rocm"),
+        ("Linux", "arm64", "cpu cuda"),
+        ("Darwin", "arm64", "cpu mps"),
+        ("Haiku", "x86_64", ""),
+    ],
+)
+def test_the_dialog_offers_what_there_is_for_the_system(addon, system, processor, builds):
+    computer = importlib.import_module(f"{addon.home.__package__}.computer")
+    assert computer.detect_machine(system, processor).builds == tuple(builds.split())
 
 
 def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch):
@@ -166,24 +172,16 @@ def test_what_was_chosen_is_installed_and_its_folder_remembered(bpy, addon, chos
     folder, wheels = tmp_path / "my engine", tmp_path / "wheels"
     assert bpy.ops.karf.install_engine(build="cpu", photos=True, folder=str(folder), wheels=str(wheels)) == {"FINISHED"}
     (planned,) = launched
-    assert planned.choices == type(planned.choices)(folder, "cpu", ("photos", "fast"), wheels, "")
+    assert planned.choices == type(planned.choices)(folder, "cpu", ("photos",), wheels, "")
     assert addon.preferences.engine_folder() == folder
-
-
-def test_what_learns_fast_is_installed_unless_it_is_unticked(bpy, addon, chosen, launched, tmp_path):
-    for ticks in ({}, {"fast": False}):
-        bpy.ops.karf.install_engine(folder=str(tmp_path / "engine"), **ticks)
-    assert [planned.choices.extras for planned in launched] == [("fast",), ()]
 
 
 def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, monkeypatch):
     cancelled = []
-    at_work = SimpleNamespace(
-        progress=SimpleNamespace(fraction=0.4, title="Installing torch", sentence="Installing torch, 151 of 351 MB"),
-        cancel=lambda: cancelled.append(True),
-    )
+    progress = SimpleNamespace(fraction=0.4, title="Installing torch", sentence="Installing torch, 151 of 351 MB")
+    at_work = SimpleNamespace(progress=progress, can_be_cancelled=True, cancel=lambda: cancelled.append(True))
     assert not bpy.ops.karf.cancel_installation.poll()
-    monkeypatch.setattr(addon.session.get(addon.installing._State), "installation", at_work)
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "work", at_work)
     drawn = drawn_preferences(bpy, chosen)
     assert "Installing torch, 151 of 351 MB" in drawn and "karf.cancel_installation" in drawn
     for name in ("install_engine", "remove_engine", "examine_engine"):
@@ -195,21 +193,30 @@ def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, mo
 def test_remove_deletes_the_environment_and_nothing_else(bpy, addon, managed, tmp_path):
     (tmp_path / "films").mkdir()
     (tmp_path / "films" / "pots.blend").touch()
-    (managed.environment / "lib64").symlink_to(tmp_path / "films", target_is_directory=True)
+    (managed / "env" / "lib64").symlink_to(tmp_path / "films", target_is_directory=True)
     assert bpy.ops.karf.remove_engine() == {"FINISHED"}
-    assert not managed.folder.exists() and (tmp_path / "films" / "pots.blend").exists()
+    assert not managed.exists() and (tmp_path / "films" / "pots.blend").exists()
 
 
-def test_remove_goes_bit_by_bit_beside_the_interface(bpy, addon, chosen, managed, monkeypatch):
-    for number in range(20):
-        (managed.environment / str(number)).mkdir()
-    monkeypatch.setattr(addon.removing, "SLICE_SECONDS", 0.0)
-    addon.removing._begin(managed.folder)
-    assert addon.removing._tick() == addon.removing.PAUSE_SECONDS and managed.environment.exists()
+def test_remove_goes_on_beside_the_interface(bpy, addon, chosen, managed):
+    installing = addon.installing
+    installing._begin(installing.Removal(managed, sys.executable))
     assert "Removing the engine ..." in drawn_preferences(bpy, chosen)
-    assert not bpy.ops.karf.install_engine.poll()
-    run_to_end(addon.removing._tick)
-    assert not managed.folder.exists() and not addon.removing.is_running() and addon.removing.last_error() is None
+    assert not bpy.ops.karf.install_engine.poll() and not bpy.ops.karf.cancel_installation.poll()
+    run_to_end(installing._tick)
+    assert not managed.exists() and not installing.is_running() and installing.last_error() is None
+
+
+def test_what_cannot_be_removed_is_told(bpy, addon, chosen, managed, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied", "torch.dll")
+
+    installing = addon.installing
+    installing._begin(installing.Removal(managed, "true"))
+    monkeypatch.setattr(addon.home.chores, "remove", refuse)
+    run_to_end(installing._tick)
+    assert "torch.dll: Permission denied" in drawn_preferences(bpy, chosen)
+    addon.session.get(installing._State).error = None
 
 
 def test_a_folder_of_others_is_not_removed(bpy, addon, chosen, tmp_path):
@@ -217,7 +224,4 @@ def test_a_folder_of_others_is_not_removed(bpy, addon, chosen, tmp_path):
     chosen.engine_folder = str(tmp_path)
     with pytest.raises(RuntimeError, match="was not made by KaRF"):
         bpy.ops.karf.remove_engine()
-    addon.removing._begin(tmp_path)
-    run_to_end(addon.removing._tick)
-    assert "was not made by KaRF" in drawn_preferences(bpy, chosen) and (tmp_path / "film.blend").exists()
-    addon.session.get(addon.removing._State).error = None
+    assert (tmp_path / "film.blend").exists()

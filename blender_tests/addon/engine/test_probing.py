@@ -157,14 +157,14 @@ def test_the_project_is_where_disk_and_locks_are_tried(bpy, addon, chosen, proje
 def test_the_copied_report_has_the_findings_and_no_names(bpy, addon, chosen, finding, tmp_path, monkeypatch):
     home = tmp_path / "ada"
     home.mkdir()
-    monkeypatch.setattr(addon.report.Path, "home", lambda: home)
-    monkeypatch.setattr(addon.report.getpass, "getuser", lambda: "ada")
-    monkeypatch.setattr(addon.report.platform, "node", lambda: "lovelace-pc")
+    monkeypatch.setattr(addon.failures.Path, "home", lambda: home)
+    monkeypatch.setattr(addon.failures.getpass, "getuser", lambda: "ada")
+    monkeypatch.setattr(addon.failures.platform, "node", lambda: "lovelace-pc")
     found = (
         finding("python", "ok", f"Python 3.11, {home}/engine/bin/python, is tested."),
         finding("disk", "error", "8 GB are free on /media/Ada/films.", "Ask the owner of lovelace-pc.", "rm /mnt/ada"),
     )
-    text = addon.report.compose_findings(found, {"KaRF": "0.1.0", "Engine Python": f"{home}/engine/bin/python"})
+    text = addon.failures.compose_findings(found, {"KaRF": "0.1.0", "Engine Python": f"{home}/engine/bin/python"})
     assert "KaRF: 0.1.0" in text and "~/engine/bin/python" in text and "error    8 GB are free" in text
     assert "ada" not in text.lower() and "lovelace" not in text
     chosen.engine_python = sys.executable
@@ -175,5 +175,5 @@ def test_the_copied_report_has_the_findings_and_no_names(bpy, addon, chosen, fin
 
 
 def test_a_name_within_a_word_is_none(addon):
-    assert addon.report.without_name("canada, ada's /ada/", "ada", "<user>") == "canada, <user>'s /<user>/"
-    assert addon.report.without_name("al", "al", "<user>") == "al"
+    assert addon.failures.without_name("canada, ada's /ada/", "ada", "<user>") == "canada, <user>'s /<user>/"
+    assert addon.failures.without_name("al", "al", "<user>") == "al"

@@ -37,7 +37,8 @@ def program(tmp_path, monkeypatch):
 
 
 def test_a_job_there_is_a_job_as_any_other(addon, program, tmp_path, monkeypatch):
-    assert addon.environment.find_python(str(program), {}) == program
+    monkeypatch.setenv("KARF_ENGINE_PYTHON", str(program))
+    assert addon.preferences.engine_python() == program
     project = tmp_path / "client" / "pots_karf"
     request = addon.engine_api.Request("render", project, {"views": "test", "out": str(tmp_path / "client" / "frames")})
     monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", ROOT / "karf_engine")

@@ -181,7 +181,7 @@ def test_a_box_and_clicks_become_what_the_engine_makes_of_them(bpy, addon, marke
     addon.steps.mark_click(marked, (6, 6), "TAKE")
     near = np.hypot(*(np.mgrid[0:16, 0:24] + 0.5 - np.array([6, 6])[:, None, None])) < 3
     np.testing.assert_array_equal(mask(addon, marked), box & ~near)
-    assert addon.proposals.shown(marked, "pot").points == ((6, 6, False),)
+    assert addon.proposals.current(marked, "pot").points == ((6, 6, False),)
 
 
 def test_undo_takes_a_click_back_with_its_answer(bpy, addon, marked):
@@ -191,11 +191,11 @@ def test_undo_takes_a_click_back_with_its_answer(bpy, addon, marked):
     first = mask(addon, scene)
     addon.steps.mark_click(scene, (16, 6))
     bpy.ops.ed.undo_push(message="second")
-    assert len(addon.proposals.shown(scene, "pot").points) == 2
+    assert len(addon.proposals.current(scene, "pot").points) == 2
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     np.testing.assert_array_equal(mask(addon, scene), first)
-    assert len(addon.proposals.shown(scene, "pot").points) == 1
+    assert len(addon.proposals.current(scene, "pot").points) == 1
 
 
 def test_a_click_on_a_mask_that_was_painted_adds_and_takes_away_there_alone(addon, marked):

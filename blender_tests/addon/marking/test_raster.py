@@ -62,7 +62,7 @@ def test_what_lies_outside_the_photo_is_left_out(addon, layer):
 
 def test_png_files_are_what_other_programs_read(addon, tmp_path):
     picture = np.arange(6 * 4, dtype=np.uint8).reshape(4, 6, 1) * 10
-    (tmp_path / "gray.png").write_bytes(addon.png.encode(picture))
+    (tmp_path / "gray.png").write_bytes(addon.raster.encode_png(picture))
     read = addon.images.read_picture(tmp_path / "gray.png")
     np.testing.assert_allclose(read * 255, picture.repeat(3, axis=-1), atol=1e-4)
     header = addon.engine_api.find_header(tmp_path / "gray.png")
@@ -72,9 +72,9 @@ def test_png_files_are_what_other_programs_read(addon, tmp_path):
 def test_own_png_files_are_read_back_and_others_are_left_to_blender(addon, tmp_path):
     for channels in (1, 2):
         pixels = np.random.default_rng(0).integers(0, 256, (7, 5, channels)).astype(np.uint8)
-        content = addon.png.encode(pixels)
-        np.testing.assert_array_equal(addon.png.decode(content), pixels)
+        content = addon.raster.encode_png(pixels)
+        np.testing.assert_array_equal(addon.raster.decode_png(content), pixels)
         for broken in (b"", content[:-5], content[:40], b"GIF" + content, content[:60] + b"?" + content[61:]):
-            assert addon.png.decode(broken) is None
+            assert addon.raster.decode_png(broken) is None
     addon.images.write_png(tmp_path / "other.png", np.ones((4, 6, 3)))
-    assert addon.png.decode((tmp_path / "other.png").read_bytes()) is None
+    assert addon.raster.decode_png((tmp_path / "other.png").read_bytes()) is None

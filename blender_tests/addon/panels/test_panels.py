@@ -261,7 +261,7 @@ def test_every_step_opens_its_page_of_the_manual(bpy, addon):
 
 def test_the_manual_has_all_pages_of_tasks(bpy, addon):
     pages = bpy.ops.karf.open_manual.get_rna_type().properties["page"].enum_items.keys()
-    assert sorted(pages) == sorted(file.stem for file in addon.manual.FOLDER.glob("*.md"))
+    assert sorted(pages) == sorted(file.stem for file in addon.project.MANUAL.glob("*.md"))
 
 
 def test_both_editors_have_the_panel(bpy, addon):
@@ -325,7 +325,7 @@ def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path
 def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
     chips = addon.chips
     chips.icon((1.0, 0.25, 0.0))
-    pixels = addon.session.get(chips._State).icons["#ff4000"].icon_pixels_float[:]
+    pixels = addon.session.get(chips.ColorIcons).icons["#ff4000"].icon_pixels_float[:]
     np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
 
 

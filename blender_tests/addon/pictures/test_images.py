@@ -28,5 +28,5 @@ def test_a_mask_is_read_as_the_engine_reads_it(addon, tmp_path, brightest):
 def test_a_cut_out_is_a_mask_by_its_alpha(addon, tmp_path):
     alpha = np.zeros((4, 6, 1), np.uint8)
     alpha[1:3, 2:5] = 255
-    (tmp_path / "mask.png").write_bytes(addon.png.encode(np.concatenate([np.zeros_like(alpha), alpha], -1)))
+    (tmp_path / "mask.png").write_bytes(addon.raster.encode_png(np.concatenate([np.zeros_like(alpha), alpha], -1)))
     np.testing.assert_array_equal(addon.images.read_mask(tmp_path / "mask.png"), alpha[..., 0] > 0)

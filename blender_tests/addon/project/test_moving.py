@@ -1,6 +1,5 @@
 """A project begun in an unsaved file moves beside it when that is saved, and nothing is lost."""
 
-import importlib
 import shutil
 
 import numpy as np
@@ -97,16 +96,16 @@ def test_nothing_beside_the_file_is_overwritten(bpy, addon, saved, tmp_path):
 
 
 def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved, tmp_path):
-    asking = importlib.import_module(f"{addon.folding.__package__}.asking")
-    assert asking.window_to_ask() is not None
+    asked = addon.session.get(addon.moving.AskedProjects).paths
+    assert addon.moving.window_to_ask() is not None
     saved.karf.stays_hidden = True
-    assert asking.window_to_ask() is None and bpy.ops.karf.move_project.poll()
+    assert addon.moving.window_to_ask() is None and bpy.ops.karf.move_project.poll()
     saved.karf.stays_hidden = False
-    addon.session.get(asking._State).asked.add(saved.karf.project)
-    assert asking.window_to_ask() is None
-    addon.session.get(asking._State).asked.clear()
+    asked.add(saved.karf.project)
+    assert addon.moving.window_to_ask() is None
+    asked.clear()
     bpy.ops.karf.move_project()
-    assert asking.window_to_ask() is None and not bpy.ops.karf.move_project.poll()
+    assert addon.moving.window_to_ask() is None and not bpy.ops.karf.move_project.poll()
 
 
 def test_an_unsaved_file_has_no_place_beside_it(bpy, addon, hidden):

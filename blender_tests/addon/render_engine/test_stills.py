@@ -97,7 +97,7 @@ def test_a_transparent_film_has_alpha(scene, render):
 
 def test_depth_is_in_blenders_units(addon, scene, render):
     scene.view_layers[0].use_pass_z = True
-    far = np.linalg.norm(addon.frames.pinhole(scene, scene.camera).position)
+    far = np.linalg.norm(addon.lens.pinhole(scene, scene.camera).position)
     scene.karf.rig.scale *= 3
     depth = render()["Depth"][..., 0]
     size = scene.karf.rig.matrix_world.to_scale().x
@@ -135,7 +135,7 @@ def test_the_camera_of_a_border_sees_what_the_whole_one_sees_there(addon, scene)
     settings = scene.render
     settings.use_border = True
     settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.25, 0.75, 0.5, 1
-    camera = addon.frames.pinhole(scene, scene.camera)
+    camera = addon.lens.pinhole(scene, scene.camera)
     part = addon.still._bordered(scene, camera)
     point = camera.position[None] - 3 * camera.camera_to_world[:3, 2]
     (u, v), (x, y) = camera.project(point)[0][0], part.project(point)[0][0]

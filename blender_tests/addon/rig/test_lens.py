@@ -57,7 +57,7 @@ def rigged(addon, scene, camera, tmp_path):
     api = addon.engine_api
     capture = api.Capture(tmp_path, "test", (api.View("one", "one", camera, None, "train"),))
     scene.karf.rig = addon.cameras.build(capture, "Rig", scene)
-    addon.looking.look_through(scene, capture.views[0])
+    addon.cameras.look_through(scene, capture.views[0])
     return scene
 
 
@@ -67,7 +67,7 @@ def test_a_rig_camera_projects_as_the_pinhole_does(bpy, rigged, camera):
 
 
 def test_a_rig_camera_reads_back_as_the_same_pinhole(addon, rigged, camera):
-    found = addon.frames.pinhole(rigged, rigged.camera)
+    found = addon.lens.pinhole(rigged, rigged.camera)
     assert (found.width, found.height) == (camera.width, camera.height)
     expected = (camera.fx, camera.fy, camera.cx, camera.cy)
     np.testing.assert_allclose((found.fx, found.fy, found.cx, found.cy), expected, atol=1e-3)
@@ -81,7 +81,7 @@ def test_any_blender_camera_becomes_a_pinhole_that_projects_alike(bpy, addon, sc
     scene.camera.data.sensor_fit, scene.camera.data.shift_y = "AUTO", 0.13
     scene.camera.data.lens = 41
     scene.render.resolution_x, scene.render.resolution_y = 300, 500
-    pixels, _ = addon.frames.pinhole(scene, scene.camera).project(POINTS)
+    pixels, _ = addon.lens.pinhole(scene, scene.camera).project(POINTS)
     assert np.abs(blender_pixels(bpy, scene, POINTS) - pixels).max() < 1e-3
 
 
@@ -99,7 +99,7 @@ def test_moving_and_scaling_the_empty_leaves_the_capture_unchanged(addon, rigged
     rigged.karf.rig.location = (4, -2, 1)
     rigged.karf.rig.rotation_euler = (0.3, 0.1, 2.0)
     rigged.karf.rig.scale = (2.5, 2.5, 2.5)
-    found = addon.frames.pinhole(rigged, rigged.camera)
+    found = addon.lens.pinhole(rigged, rigged.camera)
     np.testing.assert_allclose(found.camera_to_world, camera.camera_to_world, atol=1e-5)
 
 
@@ -114,4 +114,4 @@ def test_an_orthographic_camera_is_refused(bpy, addon, scene):
     data = bpy.data.cameras.new("map")
     data.type = "ORTHO"
     with pytest.raises(addon.engine_api.BadRequest, match="perspective"):
-        addon.frames.pinhole(scene, bpy.data.objects.new("map", data))
+        addon.lens.pinhole(scene, bpy.data.objects.new("map", data))

@@ -80,7 +80,7 @@ def test_a_hundred_thousand_points_keep_their_places(bpy, addon, scene):
     points = api.SparsePoints(
         places, np.full((n, 3), 7, np.uint8), np.zeros(n, np.float32), none, none, np.empty((0, 2), np.float32)
     )
-    item = addon.points.build(points, bpy.data.objects.new("rig", None), 0.01)
+    item = addon.cameras.build_points(points, bpy.data.objects.new("rig", None), 0.01)
     assert len(item.data.vertices) == n
     np.testing.assert_allclose(item.data.vertices[n - 1].co, places[-1], atol=1e-5)
 

@@ -198,10 +198,10 @@ def test_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, captur
     capture, cameras = addon.captures.of(scene), scene.karf.rig.children
     positions = np.array([camera.matrix_world.translation for camera in cameras])
     assert np.linalg.norm(np.ptp(positions, axis=0)) > 7  # the box was turned with the rig
-    assert scene.karf.rig.scale.x == pytest.approx(10 / addon.placement.extent(capture))
+    assert scene.karf.rig.scale.x == pytest.approx(10 / addon.cameras.extent_of(capture))
     for camera in cameras:
         assert not camera.data.background_images and camera.data.display_size == pytest.approx(0.5)
-        found = addon.frames.pinhole(scene, camera)
+        found = addon.lens.pinhole(scene, camera)
         np.testing.assert_allclose(
             found.camera_to_world, capture.view(camera.karf_view).camera.camera_to_world, atol=1e-5
         )

@@ -136,6 +136,14 @@ def test_a_color_that_the_object_does_not_show_is_refused_and_changes_nothing(bp
     np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
 
 
+def test_a_picture_with_paint_brighter_than_white_becomes_another(bpy, addon, learned):
+    item = learned.karf.objects["pot"]
+    addon.steps.set_swatch(learned, "pot", 2, (1.3, 1.2, 0.7))
+    item.source, item.target = RED, BLUE
+    assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
+    np.testing.assert_allclose(color(learned, "pot", 1), BLUE, atol=0.05)
+
+
 def test_what_was_dragged_before_does_not_hide_the_color_that_it_begins_with(bpy, addon, learned):
     item = learned.karf.objects["pot"]
     item.target = BLUE

@@ -39,6 +39,15 @@ def test_a_number_that_is_moved_to_and_fro_ends_where_it_would_at_once(pot, edit
     np.testing.assert_array_equal(edited(), direct)
 
 
+def test_splitting_a_swatch_that_had_a_surface_changes_no_color(bpy, pot, edited):
+    pot.swatches[2].saturation = 0
+    bpy.ops.karf.merge_swatch(object_name="pot", index=2, into=1)
+    before = edited()
+    bpy.ops.karf.split_swatch(object_name="pot", index=1)
+    pot.choke = 1  # any change brings the displayed palette up to date
+    np.testing.assert_array_equal(edited(), before)
+
+
 def test_a_color_that_is_dragged_takes_its_surface_along(pot, edited):
     pot.swatches[1].saturation = 0
     pot.swatches[1].color = (0.1, 0.2, 0.8)

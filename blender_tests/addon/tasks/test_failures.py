@@ -16,7 +16,7 @@ from ..timers import run_to_end
 def begin(addon, scene, behave, after=lambda request: None):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
     addon.runner._begin(addon.runner.Task("Trial", (request,), after))
-    return addon.runner._worker()
+    return addon.runner._jobs().worker
 
 
 def drawn_status(bpy, addon):
@@ -61,23 +61,23 @@ def test_a_report_has_what_a_developer_needs_and_no_home_folder(addon, tmp_path,
     )
     (job / "engine.log").write_text("early\n" * 50 + f"open({str(home / 'a.png')!r})\nlast line\n")
     versions = {"KaRF": "0.1", "Blender": "4.5", "Engine Python": str(home / "venv" / "python")}
-    text = addon.report.compose(job, "The engine crashed (SIGSEGV).", versions)
+    text = addon.failures.compose(job, "The engine crashed (SIGSEGV).", versions)
     for known in ("KaRF: 0.1", "Blender: 4.5", "System: ", "Stage: geometry", "torch 2.13", "SIGSEGV", "last line"):
         assert known in text
     assert str(home) not in text and "~" in text and text.count("early") < 30
     shutil.rmtree(job)
-    assert "Log: \nnone" in addon.report.compose(job, "It crashed.", versions)
+    assert "Log: \nnone" in addon.failures.compose(job, "It crashed.", versions)
 
 
 @pytest.mark.parametrize("text", ["/home/ada", "/home/ada/x", "'/home/ada'", "a /home/ada: b", "/home/ada\nb"])
 def test_a_home_folder_is_written_as_a_tilde(addon, text):
-    assert "ada" not in addon.report.without_home(text, "/home/ada")
+    assert "ada" not in addon.failures.without_home(text, "/home/ada")
 
 
 def test_folders_of_other_names_stay(addon):
-    assert addon.report.without_home("/home/adam/x", "/home/ada") == "/home/adam/x"
-    assert addon.report.without_home("C:\\\\Users\\\\ada\\\\x", "C:\\Users\\ada") == "~\\\\x"
-    assert addon.report.without_home("/usr/bin", "/") == "/usr/bin"
+    assert addon.failures.without_home("/home/adam/x", "/home/ada") == "/home/adam/x"
+    assert addon.failures.without_home("C:\\\\Users\\\\ada\\\\x", "C:\\Users\\ada") == "~\\\\x"
+    assert addon.failures.without_home("/usr/bin", "/") == "/usr/bin"
 
 
 DAMAGED = (

@@ -7,14 +7,14 @@ import pytest
 def known(addon, monkeypatch, tmp_path):
     """A computer that learns from a million samples a second."""
     speed = addon.speed.Speed("python", 2, 1e6)
-    monkeypatch.setattr(addon.session.get(addon.estimates._State), "known", speed)
+    monkeypatch.setattr(addon.session.get(addon.estimates.ThisComputer), "speed", speed)
     monkeypatch.setattr(addon.estimates, "_file", lambda: tmp_path / "speed.json")
     return speed
 
 
 def test_nothing_is_said_of_a_computer_that_was_not_measured_nor_of_the_papers_preset(addon, known, monkeypatch):
     assert addon.estimates.seconds("paper", "learn_scene", False) is None
-    monkeypatch.setattr(addon.session.get(addon.estimates._State), "known", None)
+    monkeypatch.setattr(addon.session.get(addon.estimates.ThisComputer), "speed", None)
     assert addon.estimates.seconds("demo", "learn_scene", False) is None
 
 

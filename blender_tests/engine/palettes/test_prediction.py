@@ -100,7 +100,7 @@ def test_a_lock_is_told_as_the_cause_where_it_would_be_reached_without():
     two = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.15], [0.8, 0.3, 0.2]], np.float32))
     weights = np.array([[0.0, 0.7, 0.3]])
     seen = ColorHistogram(weights @ two.colors, np.array([1]), weights)
-    free, held = (predict(target_color((0.05, 0.2, 0.6)), two, seen, locked) for locked in ((), (1,)))
+    free, held = (predict(target_color((0.05, 0.2, 0.6)), two, seen, locked) for locked in ((), (0, 1)))
     assert not free.reason and held.ciede2000 > 2
     assert held.reason == "locks hold it: without that of swatch 1 it would be reached"
 

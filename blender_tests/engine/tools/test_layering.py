@@ -13,7 +13,7 @@ FLOORS = (
         "dev",
         "convert_bmild",
         "judging",
-        "lock_recipes",
+        "lock_engine",
         "procedural",
         "reference",
         "release",

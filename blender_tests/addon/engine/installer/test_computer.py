@@ -1,0 +1,96 @@
+"""Which device torch could use, by files of drivers on made computers; and who can make an environment."""
+
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("system", "processor", "files", "platform", "devices"),
+    [
+        ("Linux", "x86_64", {}, "linux-x86_64", ()),
+        ("Linux", "x86_64", {"proc/driver/nvidia/version": ""}, "linux-x86_64", ("cuda",)),
+        ("Linux", "aarch64", {"dev/nvidiactl": ""}, "linux-aarch64", ("cuda",)),
+        ("Linux", "x86_64", {"usr/lib/wsl/lib/libcuda.so.1": ""}, "linux-x86_64", ("cuda",)),
+        (
+            "Linux",
+            "x86_64",
+            {"dev/kfd": "", "sys/class/kfd/kfd/topology/nodes/1/properties": "gfx_target_version 110000\n"},
+            "linux-x86_64",
+            ("rocm",),
+        ),
+        (
+            "Linux",
+            "x86_64",
+            {"dev/kfd": "", "sys/class/kfd/kfd/topology/nodes/0/properties": "gfx_target_version 0\n"},
+            "linux-x86_64",
+            (),
+        ),
+        ("Windows", "AMD64", {"Windows/System32/nvcuda.dll": ""}, "windows-x86_64", ("cuda",)),
+        ("Windows", "AMD64", {}, "windows-x86_64", ()),
+        ("Darwin", "arm64", {}, "macos-arm64", ("mps",)),
+        ("Darwin", "x86_64", {}, "macos-x86_64", ()),
+        ("FreeBSD", "amd64", {}, "freebsd-x86_64", ()),
+    ],
+)
+def test_drivers_are_found_without_torch(managed, tmp_path, system, processor, files, platform, devices):
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    here = managed.computer.detect_machine(system, processor, tmp_path)
+    assert (here.platform, here.devices) == (platform, devices)
+    assert here.device_sentence.endswith(".")
+
+
+# --- starters -----------------------------------------------------------------------------------------------------
+def program(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+def python(path, version="3 12", has_venv=True, bits=64):
+    """A Python, which answers without `venv` and `ensurepip` only where it is not asked for them."""
+    lacks = "" if has_venv else 'case "$3" in *ensurepip*) exit 1;; esac\n'
+    return program(path, f"{lacks}echo {version} {bits}")
+
+
+@pytest.fixture
+def find(managed, tmp_path):
+    """A function that looks for a starter where the PATH is a made folder."""
+
+    def run(own, chosen=""):
+        return managed.computer.find_starter(chosen, own, {"PATH": str(tmp_path / "bin")})
+
+    return run
+
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the made programs are shell scripts")
+
+
+def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_path, monkeypatch):
+    monkeypatch.setattr(managed.computer, "UNIX_FOLDERS", ())
+    starter = managed.computer.Starter
+    can, cannot = python(tmp_path / "own"), python(tmp_path / "bare", "3 14", has_venv=False)
+    other = python(tmp_path / "bin" / "python3.13", "3 13")
+    assert find(can) == starter(can, "3.12")
+    assert find(cannot) == starter(other, "3.13")
+    uv = program(tmp_path / "bin" / "uv", "exit 1")
+    assert find(cannot) == starter(cannot, "3.14", uv)  # uv needs no ensurepip
+    assert find(python(tmp_path / "old", "3 9")) == starter("", "3.13", uv)
+    assert find(can, chosen=other).python == other
+    assert find(can, chosen=uv).uv == uv
+
+
+def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(managed, find, tmp_path, monkeypatch):
+    monkeypatch.setattr(managed.computer, "UNIX_FOLDERS", ())
+    python(tmp_path / "bin" / "python3.11", "3 11", bits=32)
+    program(tmp_path / "bin" / "python3", "exit 1")
+    with pytest.raises(managed.api.MissingDependency) as caught:
+        find(python(tmp_path / "own", has_venv=False))
+    text = str(caught.value)
+    for part in ("own,", "python3.11 (Python 3.11 of 32 bits)", "python3.", "python3-venv"):
+        assert part in text
+    with pytest.raises(managed.api.MissingDependency, match="gone"):
+        find(python(tmp_path / "own"), chosen=str(tmp_path / "gone"))

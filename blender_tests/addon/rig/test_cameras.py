@@ -1,0 +1,120 @@
+"""Viewing through a captured camera, and how a capture's world is placed in Blender's: upright, at a size."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+TILTED = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float) @ np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+
+
+# --- viewing through a camera: only what nobody has changed since is put back --------------------------------------
+@pytest.fixture
+def shot(bpy, addon, scene, capture_folder, tmp_path):
+    """A scene with a camera and a render size of its own, and a capture, looked through."""
+    scene.camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
+    scene.collection.objects.link(scene.camera)
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y = 1998, 1080, 1.5
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
+    return scene
+
+
+def picture(scene):
+    return scene.camera.name, scene.render.resolution_x, scene.render.resolution_y, scene.render.pixel_aspect_y
+
+
+def test_leaving_gives_the_scene_its_camera_and_picture_back(bpy, shot):
+    assert picture(shot)[:3] == ("photo_0", 24, 16)
+    bpy.ops.karf.look_through(view="photo_2")
+    bpy.ops.karf.leave_view()
+    assert picture(shot) == ("Mine", 1998, 1080, 1.5)
+    assert not bpy.ops.karf.leave_view.poll()
+
+
+def test_what_was_chosen_meanwhile_stays(bpy, shot):
+    shot.camera, shot.render.resolution_x = bpy.data.objects["Mine"], 640
+    bpy.ops.karf.leave_view()
+    assert picture(shot)[:3] == ("Mine", 640, 16)
+
+
+def test_the_others_hide_while_one_is_looked_through(bpy, shot):
+    rig = {item.name: item for item in shot.karf.rig.children}
+    rig["photo_1"].hide_set(True)
+    shot.karf.looking.hides_others = True
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_0"]
+    bpy.ops.karf.look_through(view="photo_2")
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_2"]
+    bpy.ops.karf.leave_view()
+    assert [name for name in rig if not rig[name].hide_get()] == ["photo_0", "photo_2"]  # photo_1 was the user's wish
+
+
+def test_a_camera_that_is_clicked_becomes_the_active_view(bpy, addon, shot, monkeypatch):
+    layer = bpy.context.view_layer
+    for name, view in (("photo_1", "photo_1"), ("Mine", "photo_1"), ("photo_2", "photo_2")):
+        layer.objects.active = bpy.data.objects[name]
+        addon.clicking.choose_clicked(shot, layer)
+        assert shot.karf.active_view == view
+    monkeypatch.setattr(addon.clicking, "_is_looking_through", lambda: True)
+    layer.objects.active = bpy.data.objects["photo_1"]
+    addon.clicking.choose_clicked(shot, layer)
+    assert shot.karf.active_view == "photo_2"
+
+
+# --- placement -----------------------------------------------------------------------------------------------------
+def pose_of(position, target, up):
+    """The pose of a camera that looks at a target, its right axis level."""
+    pose = np.eye(4)
+    back = (position - target) / np.linalg.norm(position - target)
+    right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
+    pose[:3, :3] = np.stack([right, np.cross(back, right), back], -1)
+    pose[:3, 3] = position
+    return pose
+
+
+def capture_of(poses, format_name="colmap", splats=None):
+    cameras = (SimpleNamespace(camera_to_world=pose, position=pose[:3, 3]) for pose in poses)
+    views = [SimpleNamespace(camera=camera) for camera in cameras]
+    return SimpleNamespace(format=format_name, views=views, splats=splats)
+
+
+def arc(degrees, world):
+    """Cameras on part of a circle, all tilted down, in a world that is turned by the rotation `world`."""
+    angles = np.radians(np.linspace(0, degrees, 20))
+    level = np.stack([3 * np.cos(angles), 3 * np.sin(angles), np.full(20, 2.0)], -1)
+    return [pose_of(world @ place, np.zeros(3), world @ (0, 0, 1)) for place in level]
+
+
+@pytest.mark.parametrize("world", [np.eye(3), TILTED, np.diag([1.0, -1.0, -1.0])])
+@pytest.mark.parametrize("degrees", [70, 360])
+def test_up_is_found_from_photos_that_are_all_taken_from_above(addon, world, degrees):
+    up = addon.cameras.up_of(capture_of(arc(degrees, world)))
+    assert np.degrees(np.arccos(up @ world @ (0, 0, 1))) < 4
+
+
+def test_photos_side_by_side_are_upright_as_they_were_held(addon):
+    up = np.array([0.0, -1.0, 0.0])
+    poses = [pose_of(np.array([x, y, 0.0]), np.array([x, y, 9.0]), up) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+    np.testing.assert_allclose(addon.cameras.up_of(capture_of(poses)), up, atol=1e-6)
+
+
+def test_upright_turns_up_to_z_and_size_spreads_the_cameras(addon):
+    capture = capture_of(arc(360, TILTED))
+    matrix = addon.cameras.world_matrix(capture, "upright", 12.0)
+    scale = 12.0 / addon.cameras.extent_of(capture)
+    np.testing.assert_allclose(matrix[:3, :3] @ TILTED @ (0, 0, 1), [0, 0, scale], atol=2e-3)
+    np.testing.assert_allclose(matrix[:3, :3].T @ matrix[:3, :3], scale**2 * np.eye(3), atol=1e-9)
+
+
+def test_automatic_is_upright_only_where_the_files_axes_say_nothing(addon):
+    poses = arc(360, TILTED)
+    for name in ("colmap", "llff"):
+        assert not np.allclose(addon.cameras.world_matrix(capture_of(poses, name), "auto", 0.0), np.eye(4))
+    for name in ("transforms", "nerf-synthetic"):
+        np.testing.assert_array_equal(addon.cameras.world_matrix(capture_of(poses, name), "auto", 0.0), np.eye(4))
+    imported = capture_of(poses, "transforms", splats="garden.ply")  # whose world is that of another program
+    assert not np.allclose(addon.cameras.world_matrix(imported, "auto", 0.0), np.eye(4))
+    np.testing.assert_array_equal(addon.cameras.world_matrix(capture_of(poses), "file", 0.0), np.eye(4))
+
+
+def test_one_camera_has_an_extent(addon):
+    assert addon.cameras.extent_of(capture_of([np.eye(4)])) == 1.0

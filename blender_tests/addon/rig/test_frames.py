@@ -1,0 +1,122 @@
+"""Camera animations to transforms.json and back."""
+
+import json
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture
+def film(bpy, scene):
+    """An animated camera: place, turn, lens and shifts all change."""
+    data = bpy.data.cameras.new("film")
+    camera = bpy.data.objects.new("film", data)
+    scene.collection.objects.link(camera)
+    for frame, turn in ((1, 0.0), (12, 2.5)):
+        camera.location = (3 * np.cos(turn), 3 * np.sin(turn), 1 + turn)
+        camera.rotation_euler = (1.2 - 0.2 * turn, 0.1 * turn, turn + 1.5)
+        data.lens, data.shift_x, data.shift_y = 35 + 10 * turn, 0.1 * turn, 0.05 - 0.03 * turn
+        for path in ("location", "rotation_euler"):
+            camera.keyframe_insert(path, frame=frame)
+        for path in ("lens", "shift_x", "shift_y"):
+            data.keyframe_insert(path, frame=frame)
+    data.sensor_fit = "AUTO"
+    scene.camera = camera
+    scene.frame_start, scene.frame_end = 3, 9
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 600, 400, 50
+    scene.render.pixel_aspect_y = 1.25
+    return camera
+
+
+@pytest.fixture
+def rigged(bpy, addon, scene, capture_folder, tmp_path):
+    """A capture's rig, turned and scaled."""
+    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
+    rig = scene.karf.rig
+    rig.location, rig.rotation_euler, rig.scale = (2, -1, 0.5), (0.4, -0.2, 1.0), (1.7, 1.7, 1.7)
+    return rig
+
+
+def cameras_in(addon, path):
+    return [view.camera for view in addon.engine_api.open_capture(path, photos=False).views]
+
+
+def assert_alike(found, expected):
+    assert len(found) == len(expected)
+    for a, b in zip(found, expected, strict=True):
+        assert (a.width, a.height) == (b.width, b.height)
+        np.testing.assert_allclose((a.fx, a.fy, a.cx, a.cy), (b.fx, b.fy, b.cx, b.cy), rtol=2e-6)
+        np.testing.assert_allclose(a.camera_to_world, b.camera_to_world, atol=2e-6)
+
+
+def test_a_round_trip_loses_nothing(bpy, addon, scene, film, tmp_path):
+    first = addon.steps.export_cameras(scene, tmp_path / "first.json")
+    scene.render.resolution_percentage, scene.render.pixel_aspect_y = 100, 1.0
+    scene.frame_start, scene.frame_end = 1, 250
+    camera = addon.steps.import_cameras(scene, first)
+    assert camera is not film and scene.camera == camera and scene.frame_current == 3
+    assert (scene.frame_start, scene.frame_end) == (3, 9)
+    second = addon.steps.export_cameras(scene, tmp_path / "second.json")
+    assert json.loads(second.read_text())["frames"][0]["file_path"] == "frame_0003"
+    assert_alike(cameras_in(addon, second), cameras_in(addon, first))
+
+
+def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(bpy, addon, scene, film, rigged, tmp_path):
+    scene.camera = film
+    first = addon.steps.export_cameras(scene, tmp_path / "first.json", frames=range(1, 13, 4))
+    camera = addon.steps.import_cameras(scene, first)
+    assert camera.parent == rigged
+    rigged.location.x += 3  # the capture's world moves as a whole
+    second = addon.steps.export_cameras(scene, tmp_path / "second.json", frames=range(1, 13, 4))
+    assert_alike(cameras_in(addon, second), cameras_in(addon, first))
+
+
+def test_exported_cameras_project_as_the_blender_camera_does(addon, scene, film, tmp_path):
+    path = addon.steps.export_cameras(scene, tmp_path / "cameras.json", frames=[5])
+    scene.frame_set(5)
+    assert_alike(cameras_in(addon, path), [addon.lens.pinhole(scene, film)])
+
+
+def test_cameras_without_frame_numbers_follow_one_another(addon, scene, tmp_path):
+    api = addon.engine_api
+    camera = api.Camera(40, 30, 35.0, 35.0, 20.0, 15.0, np.eye(4))
+    api.write_cameras(tmp_path / "c.json", [api.View(name, name, camera, None, "test") for name in ("left", "right2")])
+    scene.frame_start = 7
+    addon.steps.import_cameras(scene, tmp_path / "c.json")
+    assert (scene.frame_start, scene.frame_end) == (7, 8)
+
+
+def test_other_sizes_are_brought_to_the_first_ones(addon, scene, tmp_path):
+    api = addon.engine_api
+    cameras = [api.Camera(40 * n, 30 * n, 35.0 * n, 35.0 * n, 21.0 * n, 15.0 * n, np.eye(4)) for n in (1, 3)]
+    views = [api.View(f"f{i}", f"f{i}", camera, None, "test") for i, camera in enumerate(cameras)]
+    api.write_cameras(tmp_path / "c.json", views)
+    addon.steps.import_cameras(scene, tmp_path / "c.json")
+    found = addon.steps.export_cameras(scene, tmp_path / "d.json")
+    assert_alike(cameras_in(addon, found), [cameras[0], cameras[0]])
+
+
+def test_another_aspect_is_refused_and_leaves_nothing_behind(bpy, addon, scene, tmp_path):
+    api = addon.engine_api
+    cameras = [api.Camera(40, 30, 35.0, fy, 20.0, 15.0, np.eye(4)) for fy in (35.0, 30.0)]
+    views = [api.View(f"f{i}", f"f{i}", camera, None, "test") for i, camera in enumerate(cameras)]
+    api.write_cameras(tmp_path / "c.json", views)
+    with pytest.raises(RuntimeError, match="'f1' and 'f0' have different resolutions or pixel aspects"):
+        bpy.ops.karf.import_cameras(filepath=str(tmp_path / "c.json"))
+    assert not bpy.data.objects
+
+
+@pytest.mark.parametrize("kind", ["ORTHO", "PANO"])
+def test_a_camera_without_a_pinhole_is_refused(bpy, addon, scene, film, tmp_path, kind):
+    film.data.type = kind
+    scene.frame_set(4)
+    with pytest.raises(RuntimeError, match="'film' is not a perspective camera"):
+        bpy.ops.karf.export_cameras(filepath=str(tmp_path / "cameras.json"))
+    assert not (tmp_path / "cameras.json").exists() and scene.frame_current == 4
+
+
+def test_without_a_camera_the_export_says_so(bpy, addon, scene, tmp_path):
+    with pytest.raises(RuntimeError, match="no camera"):
+        bpy.ops.karf.export_cameras(filepath=str(tmp_path / "cameras.json"))
+    with pytest.raises(addon.engine_api.BadRequest, match="no camera"):
+        addon.steps.export_cameras(scene, tmp_path / "cameras.json")

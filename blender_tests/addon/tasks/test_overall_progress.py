@@ -1,0 +1,106 @@
+"""One bar for a task of several jobs: a *Learn All* that was recorded on two cores, the demo with its preset."""
+
+import importlib
+
+import pytest
+
+# stage of the job, stage of the event, its step and total, and seconds since the task began
+PROGRESS = (
+    ("geometry", "points", 16, 60, 3.4),
+    ("geometry", "points", 60, 60, 5.1),
+    ("geometry", "geometry", 1, 650, 14.3),
+    ("geometry", "geometry", 101, 650, 17.1),
+    ("geometry", "geometry", 132, 650, 18.6),
+    ("geometry", "geometry", 169, 650, 20.1),
+    ("geometry", "geometry", 207, 650, 21.8),
+    ("geometry", "geometry", 245, 650, 23.4),
+    ("geometry", "geometry", 283, 650, 25.0),
+    ("geometry", "geometry", 301, 650, 26.8),
+    ("geometry", "geometry", 329, 650, 28.5),
+    ("geometry", "geometry", 359, 650, 30.2),
+    ("geometry", "geometry", 395, 650, 32.0),
+    ("geometry", "geometry", 428, 650, 33.6),
+    ("geometry", "geometry", 464, 650, 35.3),
+    ("geometry", "geometry", 486, 650, 36.7),
+    ("geometry", "geometry", 517, 650, 38.3),
+    ("geometry", "geometry", 550, 650, 40.0),
+    ("geometry", "geometry", 586, 650, 41.6),
+    ("geometry", "geometry", 617, 650, 43.2),
+    ("geometry", "geometry", 650, 650, 44.8),
+    ("segmentation", "surface", 65536, 442368, 45.6),
+    ("segmentation", "surface", 442368, 442368, 46.2),
+    ("segmentation", "segmentation", 1, 150, 49.5),
+    ("segmentation", "segmentation", 75, 150, 51.1),
+    ("segmentation", "segmentation", 150, 150, 52.6),
+    ("recoloring", "recoloring", 1, 250, 53.7),
+    ("recoloring", "recoloring", 52, 250, 55.3),
+    ("recoloring", "recoloring", 105, 250, 56.9),
+    ("recoloring", "recoloring", 155, 250, 58.5),
+    ("recoloring", "recoloring", 201, 250, 60.1),
+    ("recoloring", "recoloring", 241, 250, 61.8),
+    ("recoloring", "recoloring", 250, 250, 62.1),
+    ("render", "render", 1, 1, 63.7),
+)
+ENDS = {
+    "geometry": 45.2,
+    "segmentation": 53.4,
+    "palette": 53.5,
+    "recoloring": 62.1,
+    "render": 63.7,
+}  # of each job, seconds since the task began
+EXPECTED = {
+    "geometry": 45.5,
+    "segmentation": 10.0,
+    "palette": 1.0,
+    "recoloring": 10.4,
+    "render": 1.0,
+}  # before it began
+TOTAL = ENDS["render"]
+
+
+class Event(dict):
+    """As the engine's."""
+
+    kind = "progress"
+
+
+def replayed(course):
+    """The times of all events, and what the course says at each: the share that is done, and the seconds left."""
+    current = "geometry"
+    for job, stage, step, total, now in PROGRESS:
+        while job != current:
+            course.begin_next(ENDS[current])
+            current = list(ENDS)[list(ENDS).index(current) + 1]
+        course.take(Event(stage=stage, step=step, total=total), job, now)
+        yield now, course.share(), course.left()
+
+
+@pytest.fixture
+def course(addon):
+    module = importlib.import_module(f"{addon.runner.__package__}.overall_progress")
+    return lambda **seconds: module.OverallProgress(tuple((EXPECTED | seconds).values()), 0.0)
+
+
+def test_the_bar_never_goes_back_and_ends_full(course):
+    shares = [share for _, share, _ in replayed(course())]
+    assert shares == sorted(shares) and shares[0] < 0.1 and shares[-1] > 0.95
+
+
+def test_after_a_tenth_the_time_left_is_right_within_a_third(course):
+    for now, _, left in replayed(course()):
+        if now > TOTAL / 10:
+            assert abs(left - (TOTAL - now)) < max((TOTAL - now) / 3, 5), f"{left:.0f} s at {now} of {TOTAL}"
+
+
+def test_a_wrong_expectation_is_corrected_by_what_is_counted(course):
+    for factor in (0.5, 2):
+        wrong = {stage: seconds * factor for stage, seconds in EXPECTED.items()}
+        for now, _, left in replayed(course(**wrong)):
+            if 0.6 * TOTAL < now < ENDS["geometry"]:
+                assert abs(left - (TOTAL - now)) < (TOTAL - now) * 2 / 3, f"{left:.0f} s at {now} of {TOTAL}"
+
+
+def test_a_job_whose_work_was_done_before_says_nothing_of_the_others(course):
+    known = course()
+    known.begin_next(0.3)  # the scene was learned
+    assert known.left() == pytest.approx(sum(EXPECTED.values()) - EXPECTED["geometry"])

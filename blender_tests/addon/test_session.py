@@ -1,0 +1,134 @@
+"""The session: state that is dropped in time, timers that end, the message bus; and no state beside it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[2] / "karf_blender"
+
+
+@pytest.fixture
+def session(addon):
+    yield addon.session
+    addon.extension.unregister()
+    addon.extension.register()
+
+
+def test_a_state_is_closed_and_dropped_with_its_file_or_with_the_session(bpy, addon, session):
+    closed = []
+
+    class OfFile:
+        per_file = True
+
+        def close(self):
+            closed.append("file")
+
+    class OfSession:
+        def close(self):
+            closed.append("session")
+
+    first, second = session.get(OfFile), session.get(OfSession)
+    assert session.get(OfFile) is first and session.get(OfSession) is second
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert closed == ["file"] and session.get(OfSession) is second
+    session.get(OfFile)
+    addon.extension.unregister()
+    addon.extension.register()
+    assert sorted(closed) == ["file", "file", "session"]
+
+
+def test_timers_are_started_once_and_end_with_the_session(bpy, addon, session):
+    def timer():
+        """Never called here."""
+
+    session.start_timer(timer, 60)
+    session.start_timer(timer, 60)
+    assert bpy.app.timers.is_registered(timer)
+    session.stop_timer(timer)
+    assert not bpy.app.timers.is_registered(timer)
+    session.start_timer(timer, 60, persistent=True)
+    addon.extension.unregister()
+    addon.extension.register()
+    assert not bpy.app.timers.is_registered(timer)
+
+
+def test_the_extension_subscribes_to_scenes_clicks_and_sidebars_anew_in_each_file(bpy, addon, session, monkeypatch):
+    sidebars = {("SpaceView3D", "show_region_ui"), ("SpaceImageEditor", "show_region_ui"), ("Area", "ui_type")}
+    expected = {("Window", "scene"), ("LayerObjects", "active"), *sidebars}
+    subscribed, owners = set(), set()
+
+    class Bus:
+        @staticmethod
+        def subscribe_rna(key, owner, args, notify):
+            subscribed.add((key[0].__name__, key[1]))
+            owners.add(owner)
+
+        clear_by_owner = owners.discard
+
+    pretended = type("Bpy", (), {name: getattr(bpy, name) for name in ("app", "types", "utils")} | {"msgbus": Bus})
+    monkeypatch.setattr(session, "bpy", pretended)
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert subscribed == expected and owners
+    addon.extension.unregister()
+    assert not owners
+    addon.extension.register()
+    assert owners
+
+
+# --- no state beside the session -----------------------------------------------------------------------------------
+def changes(tree):
+    """The names that functions of a module change in place."""
+    for node in ast.walk(tree):
+        targets = node.targets if isinstance(node, ast.Assign | ast.Delete) else [getattr(node, "target", None)]
+        for target in targets if isinstance(node, ast.Assign | ast.AugAssign | ast.Delete) else ():
+            if isinstance(target, ast.Subscript | ast.Attribute) and isinstance(target.value, ast.Name):
+                yield target.value.id
+        called = getattr(node, "func", None)
+        if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) and called.attr in METHODS:
+            yield called.value.id
+
+
+METHODS = set("add append clear discard extend insert pop popitem remove setdefault update cache_clear".split())
+CONTAINERS = (ast.List, ast.Dict, ast.Set, ast.ListComp, ast.DictComp, ast.SetComp)
+
+
+def names_of(node):
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+def module_state(source):
+    """The names of what a module's functions change at its top, and of containers that all objects of a class share."""
+    tree = ast.parse(source)
+    own = {name for node in tree.body for name in names_of(node)} | {
+        node.name for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list
+    }
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    local = {name for each in functions for node in ast.walk(each) for name in names_of(node)}
+    found = {name for each in ast.walk(tree) if isinstance(each, ast.Global) for name in each.names}
+    found |= {name for each in functions for name in changes(each) if name in own - local}
+    for kind in (each for each in tree.body if isinstance(each, ast.ClassDef) and not each.name.startswith("KARF_")):
+        shared = [node for node in kind.body if isinstance(getattr(node, "value", None), CONTAINERS)]
+        found |= {f"{kind.name}.{name}" for node in shared for name in names_of(node) if name != "bl_options"}
+    return found
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "known = {}\ndef f(): known[1] = 2",
+        "known = []\ndef f(): known.append(2)",
+        "known = None\ndef f():\n    global known\n    known = 2",
+        "@lru_cache\ndef read(path): pass\ndef f(): read.cache_clear()",
+        "class Known:\n    names = []",
+    ],
+)
+def test_state_of_a_module_is_found(source):
+    assert module_state(source)
+
+
+def test_only_the_session_keeps_state():
+    found = {path.relative_to(FOLDER).as_posix(): module_state(path.read_text()) for path in FOLDER.rglob("*.py")}
+    assert found.pop("session.py") == {"_session"}
+    assert {name: names for name, names in found.items() if names} == {}

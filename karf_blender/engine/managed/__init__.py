@@ -1,4 +1,0 @@
-"""The environment that the extension makes for the engine: recipes, plans, the installation. No bpy.
-
-A `plan` says what would be done, an `Installation` does it, `home` knows what is in the folder.
-"""

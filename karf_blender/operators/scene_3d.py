@@ -1,0 +1,123 @@
+"""Step 7: the scene as points and Gaussian splats, in the 3D View and in files."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+
+from .. import progress, steps
+from ..host.words import translate_report
+from ..surface import scene_object, splat_objects
+from .base import IDLE, PALETTES, PROJECT, SPLATS, SaveFileOperator, StepOperator, file_filter, is_met, need
+
+SHAPE_ITEMS = [
+    ("quads", "Quads", "Small faces, displayed by every mesh viewer"),
+    ("points", "Points", "One vertex per point, for point cloud programs"),
+]
+
+AXES_ITEMS = [
+    ("auto", "Automatic", "Imported splats: as in their file. Scenes learned here: as displayed in Blender"),
+    ("capture", "As Imported", "World coordinates of the capture"),
+    ("blender", "Z Up", "Position and size as displayed in Blender, with the up axis in formats that define it"),
+    ("viewers", "Y Down", "As displayed in Blender, rotated as most splat viewers expect a .ply"),
+]
+
+FOLLOWING_SPLATS = need(
+    "Choose Gaussian splats imported by Blender or 3DGS Render",
+    lambda context: splat_objects.find(context.scene),
+)
+
+
+class KARF_OT_show_scene(StepOperator, bpy.types.Operator):
+    """Show the learned scene as an object whose colors follow the swatches. Replaces the existing one"""
+
+    bl_idname = "karf.show_scene"
+    bl_label = "Show in 3D View"
+    needs = (IDLE, PROJECT, PALETTES)
+
+    def step(self, context):
+        return steps.show_scene(context.scene)
+
+
+class KARF_OT_show_colors(StepOperator, bpy.types.Operator):
+    """Show true colors in the 3D Views: Solid mode, flat light, color attributes"""
+
+    bl_idname = "karf.show_colors"
+    bl_label = "Flat Colors"
+
+    def step(self, context):
+        scene_object.show_colors(area.spaces.active for area in context.screen.areas if area.type == "VIEW_3D")
+
+
+class KARF_OT_export_scene(SaveFileOperator, bpy.types.Operator):
+    """Write the scene in 3D with its current colors: PLY, glTF (.glb, .gltf) or USD, by file extension"""
+
+    bl_idname = "karf.export_scene"
+    bl_label = "Export Scene"
+    needs = (need("Show the scene in the 3D View first", lambda context: scene_object.find(context.scene)),)
+
+    filepath: StringProperty(subtype="FILE_PATH", default="scene.ply")
+    filter_glob: file_filter("*.ply;*.glb;*.gltf;*.usd;*.usda;*.usdc")
+    shape: EnumProperty(name="Shape", items=SHAPE_ITEMS)
+
+    def step(self, context):
+        path = steps.export_scene(context.scene, self.path, self.shape)
+        progress.wrote(path.parent)
+        return translate_report("Wrote {path}", path=path)
+
+
+class KARF_OT_export_splat(SaveFileOperator, bpy.types.Operator):
+    """Write the scene as Gaussian splats with the current swatches: PLY, SPZ, glTF or USD, by file extension"""
+
+    bl_idname = "karf.export_splat"
+    bl_label = "Export Splat"
+    bl_options = {"REGISTER", "PRESET"}
+    needs = (IDLE, PROJECT, SPLATS)
+
+    filepath: StringProperty(subtype="FILE_PATH", default="scene.ply", options={"SKIP_SAVE"})
+    filter_glob: file_filter("*.ply;*.spz;*.glb;*.gltf;*.usd;*.usda;*.usdc")
+    axes: EnumProperty(name="Axes", items=AXES_ITEMS)
+    object_name: StringProperty(name="Object", description="Only export this object. Empty: the whole scene")
+    solid: BoolProperty(name="Without Background", description="Leave out the shell of distant background")
+    attributes: BoolProperty(
+        name="Attributes", description="Store each Gaussian's object, probability and palette weights in a .ply"
+    )
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.prop(self, "axes")
+        self.layout.prop_search(self, "object_name", context.scene.karf, "objects")
+        self.layout.prop(self, "solid")
+        self.layout.prop(self, "attributes")
+
+    def step(self, context):
+        objects = (self.object_name,) if self.object_name else ()
+        return steps.export_splat(context.scene, self.path, self.axes, objects, self.solid, self.attributes)
+
+
+class KARF_OT_follow_splat(StepOperator, bpy.types.Operator):
+    bl_description = (
+        "Color the active object with the swatches, now and whenever they change. It must be Gaussian "
+        "splats imported by Blender or 3DGS Render. Press again to keep its current colors"
+    )
+
+    bl_idname = "karf.follow_splat"
+    bl_label = "Splat Follows Swatches"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if _newly_chosen(context) is not None:
+            return is_met(cls, context, PROJECT, SPLATS, PALETTES)
+        return is_met(cls, context, FOLLOWING_SPLATS)
+
+    def step(self, context):
+        item = _newly_chosen(context)
+        if item is None:
+            steps.unfollow_splat(context.scene)
+        else:
+            steps.follow_splat(context.scene, item)
+
+
+def _newly_chosen(context) -> bpy.types.Object | None:
+    """The active object, where it is splats that do not follow the swatches yet."""
+    item = context.object
+    return item if splat_objects.is_splat(item) and item != splat_objects.find(context.scene) else None

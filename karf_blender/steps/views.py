@@ -1,0 +1,134 @@
+"""One captured view: its camera, its recolored picture, and what is learned of it."""
+
+import re
+import shutil
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
+from ..marking import photo
+from ..pictures import editors
+from ..project import captures, contents, folders
+from ..rig import cameras, reprojection
+from ..swatches import displayed, drawn_over, palettes
+from ..tasks import queries
+from ..tasks.runner import Task
+from . import requests
+
+RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `contents.seen_folder`
+
+
+# --- camera --------------------------------------------------------------------------------------------------------
+def look_through(scene: bpy.types.Scene, name: str = "") -> None:
+    """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
+
+    The scene's camera and picture size are put back by `leave_view`.
+    """
+    show_camera(scene, captures.of(scene), captures.view_of(scene, name))
+
+
+def leave_view(scene: bpy.types.Scene) -> None:
+    """Give the scene its own camera and picture back."""
+    if not scene.karf.looking.is_on:
+        raise BadRequest("The scene {name!r} is not looking through a captured view.", "", name=scene.name)
+    cameras.leave(scene)
+
+
+def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
+    """Look through the camera of a view of the scene's capture; raises DataError where its photo cannot be read."""
+    cameras.look_through(scene, view)
+    reprojection.remember(scene, capture, view.name)
+    cameras.add_undistorted_background(scene, view, folders.project_of(scene).photos_folder)
+
+
+def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
+    """Measure how far the sparse points are from where a view (default: the active one) shows them in its photo.
+
+    Returns:
+        Count of points, and median and worst distance in pixels.
+    """
+    name = captures.view_of(scene, view).name
+    return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
+
+
+# --- recolored -----------------------------------------------------------------------------------------------------
+def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
+    """Make a captured view (default: the active one) active, and show it recolored.
+
+    Palettes that the project has learned meanwhile are imported first.
+
+    Returns:
+        The task that prepares the view; where that is done already, it has no jobs. Its result is the image.
+    """
+    karf = scene.karf
+    if view and view not in karf.views:
+        raise BadRequest("The capture has no view {view!r}.", "Choose one from the list.", view=view)
+    palettes.import_learned(scene)
+    requests.check_palettes(scene)
+    if view:
+        karf.active_view = view
+    jobs = ()
+    if contents.is_current(folders.project_of(scene), karf.active_view):
+        requests.show_recolored(scene, is_wanted=True)
+    else:
+        jobs = (requests.planes(karf.active_view),)
+    return requests.task(scene, "Prepare Views", *jobs, result=lambda: scene.karf.result)
+
+
+def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
+    """Prepare captured views (a view's name, `train`, `test` or `all`), so that they show without the engine."""
+    return requests.task(scene, "Prepare Views", requests.planes(views))
+
+
+# --- learned -------------------------------------------------------------------------------------------------------
+def show_masks(scene: bpy.types.Scene) -> None:
+    """Draw the objects' masks over the active view; where it was not rendered yet, as soon as the engine has made them."""
+    bpy.context.window_manager.karf_seeing.show_masks = True
+    displayed.of(scene).load_masks()
+    _reveal(scene)
+    if displayed.of(scene).known_masks() is None:
+        view = scene.karf.active_view
+        queries.send(scene, "masks", {"view": view}, partial(_take_masks, _rendered_folder(scene).name, view))
+
+
+def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    project = folders.project_of(scene)
+    for name, file in values["masks"].items():
+        # of what was learned when they were asked for
+        target = project.path("seen", rendered, "masks", name, f"{view}.png")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.move(file, target)
+    displayed.of(scene).load_masks()
+    if scene.karf.active_view == view:
+        _reveal(scene)
+
+
+def see_view(scene: bpy.types.Scene) -> Task:
+    """Render what is learned of the active view, and the masks of its objects."""
+    folder = _rendered_folder(scene)
+    where = Message("The engine's renders of the view are in {folder}.", folder=str(folder))
+    return requests.task(
+        scene, "Look at View", requests.seen(scene, folder), finish=requests.presenting(_reveal, where)
+    )
+
+
+def _rendered_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of what is learned now; those of what was learned before are removed."""
+    own = contents.seen_folder(scene)
+    if not own.parent.is_symlink() and own.parent.is_dir():
+        for folder in own.parent.iterdir():
+            if folder != own and RENDERED.fullmatch(folder.name) and not folder.is_symlink():
+                shutil.rmtree(folder, ignore_errors=True)
+    return own
+
+
+def _reveal(scene: bpy.types.Scene) -> None:
+    """Show the active view, recolored where it is prepared, in the Image Editors."""
+    known = displayed.of(scene)
+    image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
+    editors.reveal(image, is_wanted=True)
+    photo.leave(scene)
+    drawn_over.redraw()

@@ -1,0 +1,75 @@
+"""How far a task of several jobs is: one bar for all of them, and the time that is left.
+
+The expected seconds of each job are known before; how long jobs really take corrects them for the others. No bpy.
+"""
+
+from collections.abc import Sequence
+from math import sqrt
+
+from ..engine_api import Event
+
+TRUST = 2.0  # how much of its own count of the time left is believed, per share of the job that is done
+CACHED = 0.3  # share of what was expected of a job below which its work was done before
+
+
+class OverallProgress:
+    """Follows the events of a task's jobs. All times are in seconds of one clock."""
+
+    def __init__(self, expected: Sequence[float], now: float) -> None:
+        """Begin with the first job, whose expected seconds are the first of `expected`."""
+        self._expected = tuple(expected)
+        self._number = 0
+        self._start = self._began = self._seen = now
+        self._spent = self._promised = 0.0  # by the jobs that are done and had work to do
+        self._left = self._expected[0]  # of the current job
+        self._share = 0.0
+        self._steps: list[tuple[float, int]] = []  # times and counts
+
+    def begin_next(self, now: float) -> None:
+        """A job is done, and the next begins."""
+        taken, expected = now - self._began, self._expected[self._number]
+        if taken > CACHED * expected:
+            self._spent, self._promised = self._spent + taken, self._promised + expected
+        self._number += 1
+        self._began = self._seen = now
+        self._steps = []
+        self._left = self._expected[self._number] * _pace(self._spent, self._promised)
+
+    def take(self, event: Event, stage: str, now: float) -> None:
+        """Take in a progress event of the current job, whose stage is `stage`: what it does before counts for itself."""
+        self._seen = now
+        expected = self._expected[self._number] * _pace(self._spent, self._promised)
+        expected = max(expected - (now - self._began), 0.0)
+        counted, share = self._counted(event, stage, now), event["step"] / max(event["total"], 1)
+        trust = 0.0 if counted is None else min(1.0, TRUST * share)
+        self._left = trust * (counted or 0.0) + (1 - trust) * expected
+
+    def _counted(self, event: Event, stage: str, now: float) -> float | None:
+        """What the later half of the steps says is left; None where it says nothing.
+
+        What happened before the first step, kernels that were compiled for one, does not happen again.
+        """
+        if event["stage"] != stage:
+            return None
+        self._steps = [each for each in self._steps if 2 * each[1] >= event["step"]] + [(now, event["step"])]
+        start, first = self._steps[0]
+        passed = event["step"] - first
+        return (event["total"] - event["step"]) * (now - start) / passed if passed else None
+
+    def left(self) -> float:
+        """The seconds that are left of all jobs, as of the last event."""
+        current, done = self._expected[self._number], self._seen - self._began
+        pace = _pace(self._spent + done + self._left, self._promised + current)
+        return self._left + pace * sum(self._expected[self._number + 1 :])
+
+    def share(self) -> float:
+        """How much of all is done, 0 to 1; it never falls."""
+        passed = self._seen - self._start
+        self._share = max(self._share, passed / max(passed + self.left(), 1e-6))
+        return self._share
+
+
+def _pace(taken: float, promised: float) -> float:
+    """How much longer other jobs will take than is expected of them, by what some took: the computer is slower by half
+    of that, in the logarithm, and the rest was these jobs' own."""
+    return sqrt(taken / promised) if promised else 1.0
