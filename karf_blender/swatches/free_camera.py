@@ -4,7 +4,7 @@ import bpy
 
 from ..host.words import translatable
 from ..pictures import editors, images
-from . import object_masks, views
+from . import displayed, object_masks, views
 from .object_masks import ObjectMasks
 from .views import DisplayedView
 
