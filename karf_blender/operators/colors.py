@@ -14,7 +14,7 @@ from ..host.words import translatable, translate_report
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
-from ..swatches import drawn_over, loupe, shown
+from ..swatches import displayed, drawn_over, loupe
 from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, StepOperator, file_filter, reports_errors
 
 CORNERS = (
@@ -112,7 +112,7 @@ def _draw_loupe() -> None:
         picked = steps.color_at(context.scene, session.get(_Loupe).object_name, place)
     except KarfError:  # the object is not there: a click would say so
         picked = None
-    pixels = loupe.pixels_at(shown.of(context.scene).prepared_view().planes.base, place)
+    pixels = loupe.pixels_at(displayed.of(context.scene).prepared_view().planes.base, place)
     loupe.draw(pixels, picked, (x, y), (region.width, region.height))
 
 

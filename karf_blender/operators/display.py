@@ -5,7 +5,7 @@ from bpy.props import IntProperty, StringProperty
 
 from .. import steps
 from ..project import disk
-from ..swatches import drawn_over, edits, shown
+from ..swatches import displayed, drawn_over, edits
 from .base import GEOMETRY, IDLE, PALETTES, PROJECT, SEGMENTATION, StepOperator, is_met
 
 REACH = 8  # pixels from the line of the split view within which the mouse takes it
@@ -24,7 +24,7 @@ class KARF_OT_show_masks(StepOperator, bpy.types.Operator):
 
     def step(self, context):
         seeing = context.window_manager.karf_seeing
-        if seeing.show_masks and shown.of(context.scene).known_masks() is not None:
+        if seeing.show_masks and displayed.of(context.scene).known_masks() is not None:
             seeing.show_masks = False
         else:
             steps.show_masks(context.scene)

@@ -8,7 +8,7 @@ from .. import session
 from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
-from ..swatches import colors, shown
+from ..swatches import colors, displayed
 
 
 def draw_view(layout, karf):
@@ -70,7 +70,7 @@ def draw_masks(layout, context):
     if not seeing.show_masks:
         return
     column.prop(seeing, "tint", slider=True)
-    masks = shown.of(context.scene).known_masks()
+    masks = displayed.of(context.scene).known_masks()
     if masks is None:
         layout.label(text="Press Show Masks for this view", icon="INFO")
         return
@@ -90,7 +90,7 @@ def draw_solo(layout, name, index):
 def draw_left(layout, item):
     """Draw how far an object is from its target color, always in one row, so that no button moves."""
     source, target = colors.color_pair(item)
-    left = shown.of(item.id_data).left_to_target(item)
+    left = displayed.of(item.id_data).left_to_target(item)
     if source == target:
         layout.label(text="Right: target for the left color", icon="BLANK1")
     elif left is None:

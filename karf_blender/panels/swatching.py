@@ -9,7 +9,7 @@ from ..host.words import translate
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
-from ..swatches import reference, surfaces
+from ..swatches import colors, reference
 from .display import draw_left, draw_solo, how_visible
 
 NEAREST = 3  # names offered for a color
@@ -75,7 +75,7 @@ def _draw_surfaces(layout, item):
     column.label(text="")
     for _, swatch in shown:
         column.label(text="", icon_value=chips.icon(swatch.color))
-    for name in surfaces.NUMBERS:
+    for name in colors.SURFACE:
         column = table.column(align=True)
         column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
         for _, swatch in shown:
@@ -86,7 +86,7 @@ def _draw_surfaces(layout, item):
     column.label(text="")
     for index, swatch in shown:
         button = column.row(align=True)
-        button.enabled = not surfaces.of(swatch).is_neutral
+        button.enabled = not colors.surface_of(swatch).is_neutral
         reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
         reset.object_name, reset.index = item.name, index
 

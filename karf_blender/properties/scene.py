@@ -18,7 +18,7 @@ from ..host.compat import PATH_OPTIONS
 from ..marking import objects, photo
 from ..project import contents, disk, folders
 from ..rig import cameras, reprojection
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from .colors import srgb
 from .looks import KARF_PG_look
 from .marking import KARF_PG_marking
@@ -57,7 +57,7 @@ SIZE_ITEMS = [
 
 
 def _view_chosen(self, context):
-    shown.of(self.id_data).refresh()
+    displayed.of(self.id_data).refresh()
     photo.follow(self.id_data)
     disk.refresh()
 

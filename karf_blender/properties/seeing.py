@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import drawn_over, shown
+from ..swatches import displayed, drawn_over
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "Show the picture with the current swatches", "BRUSH_DATA", 0),
@@ -17,7 +17,7 @@ MODE_ITEMS = [
 
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
-        shown.of(scene).refresh()
+        displayed.of(scene).refresh()
     drawn_over.redraw()
 
 

@@ -13,7 +13,7 @@ from gpu_extras.batch import batch_for_shader
 from .. import session
 from ..host import windows
 from ..host.words import translate
-from . import free_camera, shown, views
+from . import displayed, free_camera, views
 from .object_masks import ObjectMasks
 
 LINE_WIDTH = 1.5
@@ -85,7 +85,7 @@ def _draw_in_image() -> None:
     seeing, place = context.window_manager.karf_seeing, picture_in(context.region)
     if seeing.show_masks:
         is_camera = free_camera.is_in(context.space_data)
-        _draw_masks(free_camera.masks() if is_camera else shown.of(context.scene).known_masks(), place)
+        _draw_masks(free_camera.masks() if is_camera else displayed.of(context.scene).known_masks(), place)
     if seeing.mode == "DIFFERENCE":
         _draw_scale(context.preferences.system.ui_scale)
     if seeing.is_wiped:
@@ -97,7 +97,7 @@ def _draw_in_view() -> None:
     if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
         place = _camera_frame(context)
         if place is not None:
-            _draw_masks(shown.of(context.scene).known_masks(), place)
+            _draw_masks(displayed.of(context.scene).known_masks(), place)
 
 
 def _draw_masks(masks: ObjectMasks | None, place: Rectangle) -> None:

@@ -37,7 +37,7 @@ class MovableObject:
         planes, k = self._planes, self._k
         probabilities = planes.probabilities.astype(np.float32)
         room = 1 - (probabilities.sum(axis=0) - probabilities[k])
-        palette = colors.palette(item).colors
+        palette = colors.state(item).palette.colors
         base = to_mean_exposure(planes.base, planes.gains)
         shown = base, planes.palette_weights[k, : len(palette)], probabilities[k]
         return ObjectEdge(*shown, room, palette, self._scale, colors.added(item))

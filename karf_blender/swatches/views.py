@@ -42,7 +42,7 @@ HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.
 
 
 @dataclass(eq=False)
-class ShownView:
+class DisplayedView:
     """Planes of one view, ready for compositing.
 
     Attributes:
@@ -71,8 +71,8 @@ class ShownView:
     movable: dict[int, edges.MovableObject] = field(default_factory=dict)
     moved: dict[int, ObjectPlanes] = field(default_factory=dict)
     edges: dict[str, EdgeShape] = field(default_factory=dict)
-    with_edges: dict[str, "ShownView"] = field(default_factory=dict)
-    with_sets: dict[str, "ShownView"] = field(default_factory=dict)
+    with_edges: dict[str, "DisplayedView"] = field(default_factory=dict)
+    with_sets: dict[str, "DisplayedView"] = field(default_factory=dict)
     canvas: np.ndarray | None = None
     split_at: int = 0
 
@@ -98,7 +98,7 @@ class ShownView:
         picture.paint(to_photo_exposure(factors, self.planes.gains))
         return buffer
 
-    def spread(self, scene: bpy.types.Scene) -> "ShownView":
+    def spread(self, scene: bpy.types.Scene) -> "DisplayedView":
         """The view with its weights spread over the sets of the scene's added colors; without such colors itself.
 
         Raises:
@@ -122,10 +122,10 @@ class ShownView:
             weights = split_weights_of_objects(self.planes.palette_weights, [learned[name] for name in objects], added)
             planes = dataclasses.replace(self.planes, palette_weights=weights)
             self.with_sets.clear()
-            self.with_sets[key] = ShownView(self.file, self.written, planes)
+            self.with_sets[key] = DisplayedView(self.file, self.written, planes)
         return self.with_sets[key]
 
-    def _ended(self, scene: bpy.types.Scene) -> "ShownView":
+    def _ended(self, scene: bpy.types.Scene) -> "DisplayedView":
         """The view with objects that end where the scene's edges do; without such edges itself."""
         wanted = colors.edges(scene)
         if not wanted:
@@ -133,10 +133,10 @@ class ShownView:
         if repr(wanted) not in self.with_edges:
             self.with_edges.clear()
             planes = edges.ended(scene, self.planes, wanted)
-            self.with_edges[repr(wanted)] = ShownView(self.file, self.written, planes)
+            self.with_edges[repr(wanted)] = DisplayedView(self.file, self.written, planes)
         return self.with_edges[repr(wanted)]
 
-    def _move_edges(self, scene: bpy.types.Scene, view: "ShownView") -> None:
+    def _move_edges(self, scene: bpy.types.Scene, view: "DisplayedView") -> None:
         """Let the objects in the picture of `view`, which is this one spread, end where the scene's edges do."""
         wanted = colors.edges(scene)
         if view.edges and not wanted:  # begun anew it has the planes' own bits
@@ -191,7 +191,7 @@ def key() -> tuple:
     return seeing.mode, *solo, seeing.is_wiped, seeing.wipe, seeing.show_masks
 
 
-def picture(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+def picture(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
     """A view as it is looked at.
 
     Args:
@@ -265,19 +265,19 @@ def heat(values: np.ndarray) -> np.ndarray:
 
 
 # --- the sides of a picture, [H, W, 3] or [H, W, 1] sRGB in [0, 1] --------------------------------------------------
-def _original(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+def _original(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
     del scene, files
     return view.planes.base.astype(np.float32) / np.float32(255)
 
 
-def _learned(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+def _learned(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
     rendering = None if view.is_free else _rendering(scene, files)
     if rendering is None:  # the base is it, or the panel says that there is none
         return _original(scene, view, files)
     return images.resized(rendering, *view.planes.base.shape[1::-1])
 
 
-def _weights(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+def _weights(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
     del files
     seeing = bpy.context.window_manager.karf_seeing
     shown = view.spread(scene).planes
@@ -286,20 +286,22 @@ def _weights(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np
         share = shown.probabilities[k].astype(np.float32)[..., None]
         return (DIMMED + (1 - DIMMED) * share) * images.upright(view.recolored(scene))
     number = min(seeing.solo_swatch, shown.palette_weights.shape[1] - 1)
-    weights = shown.palette_weights[k, colors.painted_by(scene.karf.objects[shown.objects[k]], number)]
+    state = colors.state(scene.karf.objects[shown.objects[k]])
+    is_set = number < len(state.is_added) and state.is_added[number]  # then its swatches together are its pigment
+    weights = shown.palette_weights[k, number : number + (state.size if is_set else 1)]
     return weights.sum(axis=0, dtype=np.float32)[..., None]
 
 
-def _difference(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+def _difference(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
     return heat(difference(images.upright(view.recolored(scene)), _original(scene, view, files)))
 
 
-def _unsure(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
+def _unsure(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
     photo = _original(scene, view, files)
     return photo if view.is_free else _with_doubts(scene, photo, files)
 
 
-SIDES: dict[str, Callable[[bpy.types.Scene, ShownView, PictureFiles], np.ndarray]] = {
+SIDES: dict[str, Callable[[bpy.types.Scene, DisplayedView, PictureFiles], np.ndarray]] = {
     "ORIGINAL": _original,
     "LEARNED": _learned,
     "WEIGHTS": _weights,

@@ -7,7 +7,7 @@ from ..engine_api import KarfError
 from ..host import rendering
 from ..pictures import editors
 from ..project import contents
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from ..tasks import runner
 
 
@@ -28,7 +28,7 @@ def make(scene: bpy.types.Scene) -> None:
         return
     try:
         if contents.is_prepared(scene):
-            shown.of(scene).recolor()
+            displayed.of(scene).recolor()
     except (KarfError, OSError) as error:  # nobody has asked for it
         print(f"KaRF: {error}")
 
