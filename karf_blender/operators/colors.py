@@ -14,7 +14,7 @@ from ..host.words import translatable, translate_report
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
-from ..swatches import displayed, drawn_over, loupe
+from ..swatches import displayed, overlays
 from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, StepOperator, file_filter, reports_errors
 
 CORNERS = (
@@ -59,7 +59,7 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
     def modal(self, context, event):
         if event.type == "MOUSEMOVE":
             session.get(_Loupe).mouse = event.mouse_x, event.mouse_y
-            drawn_over.redraw()
+            overlays.redraw()
             return {"RUNNING_MODAL"}
         if event.type in {"ESC", "RIGHTMOUSE"}:
             return self._finish(context, {"CANCELLED"})
@@ -78,7 +78,7 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
 
     def _finish(self, context, result):
         bpy.types.SpaceImageEditor.draw_handler_remove(session.get(_Loupe).handler, "WINDOW")
-        drawn_over.redraw()
+        overlays.redraw()
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
         return result
@@ -103,7 +103,7 @@ class _Loupe:
 def _draw_loupe() -> None:
     context, mouse = bpy.context, session.get(_Loupe).mouse
     region, place = context.region, mouse and _place_in_picture(context, mouse)
-    if not place or not drawn_over.is_result(context.scene, context.space_data):
+    if not place or not overlays.is_result(context.scene, context.space_data):
         return
     x, y = mouse[0] - region.x, mouse[1] - region.y
     if not (0 <= x < region.width and 0 <= y < region.height and 0 <= min(place) and max(place) < 1):
@@ -112,14 +112,14 @@ def _draw_loupe() -> None:
         picked = steps.color_at(context.scene, session.get(_Loupe).object_name, place)
     except KarfError:  # the object is not there: a click would say so
         picked = None
-    pixels = loupe.pixels_at(displayed.of(context.scene).prepared_view().planes.base, place)
-    loupe.draw(pixels, picked, (x, y), (region.width, region.height))
+    pixels = overlays.pixels_at(displayed.of(context.scene).prepared_view().planes.base, place)
+    overlays.draw_loupe(pixels, picked, (x, y), region)
 
 
 def _place_in_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> tuple[float, float]:
     """Return the mouse's place in the picture, 0 to 1 from the lower left corner; negative beside all pictures."""
     for region in _pictures(context):
-        place = drawn_over.place_under(region, mouse)
+        place = overlays.place_under(region, mouse)
         if place is not None:
             return place
     return -1.0, -1.0
@@ -128,7 +128,7 @@ def _place_in_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> tup
 def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
     """The main regions of the Image Editors that show the result image."""
     for area in context.screen.areas:
-        if drawn_over.is_result(context.scene, area.spaces.active):
+        if overlays.is_result(context.scene, area.spaces.active):
             yield next(region for region in area.regions if region.type == "WINDOW")
 
 
@@ -228,7 +228,7 @@ def _clicked(context, mouse):
     """Return the name of the image under the mouse and the place in it, 0 to 1 from the lower left corner; or None."""
     for area in _editors(context):
         region, image = next(each for each in area.regions if each.type == "WINDOW"), area.spaces.active.image
-        place = drawn_over.place_under(region, mouse)
+        place = overlays.place_under(region, mouse)
         if image and place and 0 <= min(place) and max(place) <= 1:
             return image.name, place
     return None

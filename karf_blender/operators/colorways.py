@@ -8,7 +8,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from .. import steps
 from ..host.words import translate, translate_report
 from ..pictures import chips
-from ..swatches import drawn_over, looks, reference
+from ..swatches import looks, overlays, reference
 from ..tasks import runner
 from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
 
@@ -62,7 +62,7 @@ class KARF_OT_flip_looks(StepOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         is_key = context.region is not None and context.region.type == "WINDOW"  # the button is in a sidebar
-        if is_key and not drawn_over.shows_picture(context):
+        if is_key and not overlays.shows_picture(context):
             return {"PASS_THROUGH"}  # over another picture keys keep their own meaning
         return self.execute(context)
 

@@ -5,7 +5,7 @@ from bpy.props import IntProperty, StringProperty
 
 from .. import steps
 from ..project import disk
-from ..swatches import displayed, drawn_over, edits
+from ..swatches import displayed, edits, overlays
 from .base import GEOMETRY, IDLE, PALETTES, PROJECT, SEGMENTATION, StepOperator, is_met
 
 REACH = 8  # pixels from the line of the split view within which the mouse takes it
@@ -71,7 +71,7 @@ class PictureOperator:
 
     @classmethod
     def poll(cls, context):
-        return drawn_over.shows_picture(context)
+        return overlays.shows_picture(context)
 
 
 class KARF_OT_before_after(PictureOperator, bpy.types.Operator):
@@ -142,7 +142,7 @@ class KARF_OT_drag_wipe(PictureOperator, bpy.types.Operator):
 def _share_of_picture(context: bpy.types.Context, event: bpy.types.Event) -> float:
     """Return the mouse's place across the picture: 0 at the left border, 1 at the right."""
     region = next(region for region in context.area.regions if region.type == "WINDOW")
-    left, _, right, _ = drawn_over.picture_in(region)
+    left, _, right, _ = overlays.picture_in(region)
     return min(1.0, max(0.0, (event.mouse_x - region.x - left) / max(1, right - left)))
 
 
@@ -156,10 +156,10 @@ class KARF_GT_wipe(bpy.types.Gizmo):
 
     def draw(self, context):
         if self.is_highlight:
-            drawn_over.draw_split(context, is_bold=True)
+            overlays.draw_split(context, is_bold=True)
 
     def test_select(self, context, location):
-        left, bottom, right, top = drawn_over.picture_in(context.region)
+        left, bottom, right, top = overlays.picture_in(context.region)
         line = left + context.window_manager.karf_seeing.wipe * (right - left)
         reach = REACH * context.preferences.system.ui_scale
         return 0 if abs(location[0] - line) < reach and bottom < location[1] < top else -1
@@ -188,7 +188,7 @@ class KARF_GGT_wipe(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context):
-        return context.window_manager.karf_seeing.is_wiped and drawn_over.shows_picture(context)
+        return context.window_manager.karf_seeing.is_wiped and overlays.shows_picture(context)
 
     def setup(self, context):
         self.gizmos.new(KARF_GT_wipe.bl_idname)

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import displayed, drawn_over
+from ..swatches import displayed, overlays
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "Show the picture with the current swatches", "BRUSH_DATA", 0),
@@ -18,11 +18,11 @@ MODE_ITEMS = [
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
         displayed.of(scene).refresh()
-    drawn_over.redraw()
+    overlays.redraw()
 
 
 def _overlay_changed(self, context):
-    drawn_over.redraw()
+    overlays.redraw()
 
 
 class KARF_PG_seeing(bpy.types.PropertyGroup):

@@ -13,7 +13,7 @@ from ..marking import photo
 from ..pictures import editors
 from ..project import captures, contents, folders
 from ..rig import cameras, reprojection
-from ..swatches import displayed, drawn_over, palettes
+from ..swatches import displayed, overlays, palettes
 from ..tasks import queries
 from ..tasks.runner import Task
 from . import requests
@@ -127,4 +127,4 @@ def _reveal(scene: bpy.types.Scene) -> None:
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
     photo.leave(scene)
-    drawn_over.redraw()
+    overlays.redraw()

@@ -69,7 +69,7 @@ class DisplayedScene:
         try:
             self.recolor()
         except KarfError:  # the panel says that the view is not prepared
-            if self.stand_in_key != views.stand_in_key(self.scene):
+            if self.stand_in_key != views.placeholder_key(self.scene):
                 self.show_unedited()
             self.update_left()
 
@@ -116,7 +116,7 @@ class DisplayedScene:
             BadRequest: Blender renders.
         """
         rendering.refuse()
-        return self._put(views.stand_in(self.scene, self.files))
+        return self._put(views.placeholder(self.scene, self.files))
 
     def _put(self, buffer: np.ndarray) -> bpy.types.Image:
         """Make an RGBA buffer [H, W, 4] the result image, as the active view's picture."""
@@ -126,7 +126,7 @@ class DisplayedScene:
         images.fit(karf.result, width, height)
         images.upload(karf.result, buffer)
         images.note_change(karf.result)
-        self.stand_in_key = views.stand_in_key(self.scene)
+        self.stand_in_key = views.placeholder_key(self.scene)
         self.load_masks()
         self.update_left()
         return karf.result
@@ -337,5 +337,5 @@ def _after_load(*_):
     forget_all()
     for scene in bpy.data.scenes:
         # a picture that was saved is that of the view that was active then
-        of(scene).stand_in_key = views.stand_in_key(scene)
+        of(scene).stand_in_key = views.placeholder_key(scene)
         of(scene).refresh()
