@@ -43,38 +43,21 @@ HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.
 
 @dataclass(eq=False)
 class DisplayedView:
-    """Planes of one view, ready for compositing.
-
-    Attributes:
-        file: Where they are from.
-        written: The file's time, in nanoseconds.
-        planes: As stored.
-        is_free: A camera's that has no photo: the base is what is learned.
-        masks: The objects in them, once they were painted.
-        pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
-            [H, W, 4] float32 in Blender's row order that it writes to.
-        movable: The objects whose edges were changed already, by number.
-        moved: Their parts of the picture that adds changes, by number.
-        edges: Of the picture that adds changes to the photo: its objects whose edges are moved or faded, by name.
-        with_edges: By edges, those asked for last: the view whose objects end there.
-        with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
-        canvas: Where a picture that is not just the edited one is put together, RGBA as above; None before the first.
-        split_at: The canvas has the original left of this column.
-    """
+    """Planes of one view, ready for compositing."""
 
     file: Path
-    written: int
+    written: int  # the file's time, in nanoseconds
     planes: Planes
-    is_free: bool = False
-    masks: ObjectMasks | None = None
-    pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
-    movable: dict[int, edges.MovableObject] = field(default_factory=dict)
-    moved: dict[int, ObjectPlanes] = field(default_factory=dict)
-    edges: dict[str, EdgeShape] = field(default_factory=dict)
-    with_edges: dict[str, "DisplayedView"] = field(default_factory=dict)
-    with_sets: dict[str, "DisplayedView"] = field(default_factory=dict)
-    canvas: np.ndarray | None = None
-    split_at: int = 0
+    is_free: bool = False  # a camera's that has no photo: the base is what is learned
+    masks: ObjectMasks | None = None  # once they were painted
+    pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)  # with its RGBA, by compositing
+    movable: dict[int, edges.MovableObject] = field(default_factory=dict)  # objects whose edges were changed already
+    moved: dict[int, ObjectPlanes] = field(default_factory=dict)  # their parts of the picture that adds changes
+    edges: dict[str, EdgeShape] = field(default_factory=dict)  # in that picture, by object
+    with_edges: dict[str, "DisplayedView"] = field(default_factory=dict)  # the view whose objects end there, by edges
+    with_sets: dict[str, "DisplayedView"] = field(default_factory=dict)  # spread over sets, by added colors
+    canvas: np.ndarray | None = None  # RGBA, for a picture that is not just the edited one
+    split_at: int = 0  # the canvas has the original left of this column
 
     def recolored(self, scene: bpy.types.Scene) -> np.ndarray:
         """Recolor the view by a scene's swatches; planes of before palettes were learned show their base.
@@ -168,12 +151,9 @@ class DisplayedView:
 # --- how it is looked at -------------------------------------------------------------------------------------------
 @dataclass
 class PictureFiles:
-    """Pictures of how the engine sees the active view, each read once.
+    """Pictures of how the engine sees the active view, each read once."""
 
-    Attributes:
-        known: By what they are of: their files with the times of these, and the brightest of them in each pixel.
-    """
-
+    # by what they are of: their files with the times of these, and the brightest of them in each pixel
     known: dict[str, tuple[list[tuple[Path, int]], np.ndarray]] = field(default_factory=dict)
 
     def read(self, kind: str, files: Sequence[Path]) -> np.ndarray:
@@ -224,7 +204,7 @@ def picture(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) ->
     return view.canvas
 
 
-def stand_in(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray:
+def placeholder(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray:
     """What is shown of a view that cannot be recolored, as `picture` returns it: its photo, or what is learned of it.
 
     Black where nothing can be read.
@@ -243,7 +223,7 @@ def stand_in(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray:
     return buffer
 
 
-def stand_in_key(scene: bpy.types.Scene) -> tuple:
+def placeholder_key(scene: bpy.types.Scene) -> tuple:
     """What a stand-in depends on."""
     return scene.karf.active_view, _mode(), bpy.context.window_manager.karf_seeing.show_masks
 
