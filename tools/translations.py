@@ -47,7 +47,10 @@ ERRORS = (
     "Diverged",
 )
 SENTENCES_AT = {**dict.fromkeys((*ERRORS, "Message"), (0, 1)), "warn": (0,)}  # which arguments are sentences
-ENGLISH = ("steps/engine.py", "installer/*.py")  # files whose sentences stay English: for programmers, and of installing
+ENGLISH = (
+    "steps/engine.py",
+    "installer/*.py",
+)  # files whose sentences stay English: for programmers, and of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 

@@ -35,7 +35,7 @@ MODULES = {
     "nodes": "drivers sockets",
     "surface": "scene_object splat_objects trees",
     "operators": "colorways project render",
-    "panels": "color_names learning seeing sidebar status swatching",
+    "panels": "editing display learning sidebar swatching",
     "workspace": "clicking estimates opening own_pictures states statusbar",
 }
 _exit_code = None

@@ -45,9 +45,8 @@ def note() -> Any:
 
 
 def record(scene: bpy.types.Scene, root: Path, files: Files, note: Any = None) -> int:
-    """Write files below a root folder as a new step of the scene, and return its number.
+    """Write files below a root folder as a new step of the scene, remove folders that become empty, and return its number.
 
-    Folders below the root that become empty are removed.
     Raises OSError, and makes no step, if a file cannot be written.
     """
     state = session.get(_State)

@@ -152,14 +152,8 @@ def marked_views(scene: bpy.types.Scene) -> list[str]:
 def set_volume(scene: bpy.types.Scene, name: str, shape: bpy.types.Object | None, kind: str) -> int:
     """Require an object to be `inside` or `outside` of a mesh or an Empty's box in its current place.
 
-    Without a shape, the object's volumes are removed. This is a step that undo takes back.
-
-    Returns:
-        The number of the object's volumes.
-
-    Raises:
-        KarfError: The shape is neither mesh nor Empty, or the scene has no rig, or the file of volumes is damaged.
-        OSError: The file cannot be written.
+    Without a shape, the object's volumes are removed. Undo takes this back. Returns the number of the object's volumes.
+    Raises KarfError if the shape is neither mesh nor Empty, or without a rig; OSError if the file cannot be written.
     """
     project = folders.project_of(scene)
     known = read_volumes(project.volumes_file)

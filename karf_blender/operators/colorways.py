@@ -73,7 +73,7 @@ class KARF_OT_flip_looks(StepOperator, bpy.types.Operator):
 
 
 def _unsaved_changes_warning(scene):
-    """A sentence where the swatches were not kept as they stand; undo brings them back."""
+    """Return a sentence if the swatches have unsaved changes, which undo brings back."""
     if not looks.is_changed(scene):
         return ""
     return translate_report("{name} had changed since you kept it: undo restores the changes", name=scene.karf.look)
@@ -235,7 +235,7 @@ class KARF_OT_render_colorways(StepOperator, bpy.types.Operator):
 
 
 def show_predictions(context, sheet):
-    """Fill the list with what each color of a sheet will be. Raises KarfError where the sheet is wrong."""
+    """Fill the list with the predicted colors of a sheet. Raises KarfError if the sheet is wrong."""
     planned = steps.predict_colorways(context.scene, sheet)
     shown = context.window_manager.karf_colorways
     shown.colors.clear()

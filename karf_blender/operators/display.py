@@ -1,4 +1,4 @@
-"""What is shown of the active view: masks, weights, before and after, the split view."""
+"""Display of the active view: masks, weights, before and after, the split view."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
@@ -67,7 +67,7 @@ class KARF_OT_solo_swatch(StepOperator, bpy.types.Operator):
 
 
 class PictureOperator:
-    """Mix-in of operators for the picture in the Image Editor: elsewhere their keys keep their own meaning."""
+    """Mix-in of operators whose keys work on the picture alone, and keep their other meanings elsewhere."""
 
     @classmethod
     def poll(cls, context):
@@ -140,7 +140,7 @@ class KARF_OT_drag_wipe(PictureOperator, bpy.types.Operator):
 
 
 def _share_of_picture(context: bpy.types.Context, event: bpy.types.Event) -> float:
-    """How far to the right in the picture the mouse is: 0 is its left border, 1 its right one."""
+    """Return the mouse's place across the picture: 0 at the left border, 1 at the right."""
     region = next(region for region in context.area.regions if region.type == "WINDOW")
     left, _, right, _ = drawn_over.picture_in(region)
     return min(1.0, max(0.0, (event.mouse_x - region.x - left) / max(1, right - left)))

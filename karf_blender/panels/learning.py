@@ -1,4 +1,4 @@
-"""Steps 1, 2, 4 and 5: the capture, and what is learned of it."""
+"""Steps 1 to 5: the capture, masks, and what is learned."""
 
 import bpy
 
@@ -6,20 +6,21 @@ from ... import __package__ as extension
 from ..engine import installing
 from ..host.labels import draw_text
 from ..host.words import translate
+from ..marking import objects
+from ..pictures import chips
 from ..preferences import state
 from ..project import disk, moving
 from ..rig import reprojection
 from ..tasks import queries
 from ..workspace import estimates
-from .seeing import draw_lacking, draw_masks
-from .views import draw_advanced, draw_space
+from .display import draw_advanced, draw_masks, draw_render_learned, draw_space, draw_view
 
 
 def draw_import(layout, context):
-    """Step 1; where nothing is imported yet, it also says what is missing to continue."""
+    """Draw step 1; before anything is imported, also what is missing to continue."""
     karf = context.scene.karf
     if not karf.project:
-        draw_engine(layout)
+        _draw_engine(layout)
     layout.operator("karf.import_capture", icon="IMPORT")
     layout.operator("karf.find_poses", icon="CON_CAMERASOLVER")
     layout.operator("karf.import_splat", icon="OUTLINER_OB_POINTCLOUD")
@@ -29,8 +30,8 @@ def draw_import(layout, context):
     row.operator("karf.look_through", text=karf.active_view, icon="VIEW_CAMERA", translate=False)
     row.prop(karf.looking, "hides_others", text="", icon="HIDE_ON" if karf.looking.hides_others else "HIDE_OFF")
     row.operator("karf.leave_view", text="", icon="LOOP_BACK")
-    layout.label(text=count_of_photos(karf.views))
-    draw_advice(layout, karf)
+    layout.label(text=_photo_counts(karf.views))
+    _draw_advice(layout, karf)
     row = layout.row(align=True)
     row.prop(karf, "project")
     row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "project"
@@ -38,20 +39,18 @@ def draw_import(layout, context):
         layout.operator("karf.move_project", icon="FILE_FOLDER")
     body = draw_advanced(layout, "import")
     if body is not None:
-        draw_reprojection(body, context.scene)
+        _draw_reprojection(body, context.scene)
         draw_space(body, karf, "photo_space")
 
 
-def count_of_photos(views) -> str:
-    """How many photos there are, and what for."""
+def _photo_counts(views) -> str:
     n_train = sum(view.split == "train" for view in views)
     if n_train == len(views):
         return f"{len(views)} photos, all to learn: new views are not judged"
     return f"{len(views)} photos: {n_train} to learn, {len(views) - n_train} to test"
 
 
-def draw_advice(layout, karf):
-    """What the engine says of the capture, and the way to ask it."""
+def _draw_advice(layout, karf):
     layout.operator("karf.check_capture", icon="VIEWZOOM")
     if queries.is_waiting("inspect"):
         layout.label(text="The engine is working", icon="SORTTIME")
@@ -62,8 +61,7 @@ def draw_advice(layout, karf):
         draw_text(layout, finding, "DOT")
 
 
-def draw_reprojection(layout, scene):
-    """The sparse points, and how far they are from where the photo that is looked through shows them."""
+def _draw_reprojection(layout, scene):
     if not scene.karf.n_points:
         layout.label(text="There are no sparse points to check the cameras with")
         return
@@ -78,12 +76,12 @@ def draw_reprojection(layout, scene):
 
 
 def draw_learn(layout, context):
-    """Step 2."""
+    """Draw step 2."""
     if context.scene.karf.is_poor:
         draw_text(layout, context.scene.karf.advice.splitlines()[0], "ERROR")
     layout.prop(context.scene.karf, "preset")
     if context.scene.karf.project:
-        draw_engine(layout)
+        _draw_engine(layout)
     for name, icon in (("learn_scene", "OUTLINER_OB_VOLUME"), ("learn_all", "PLAY")):
         column = layout.column(align=True)
         column.operator(f"karf.{name}", icon=icon)
@@ -105,8 +103,7 @@ def duration(seconds):
     return translate("About {count} minutes on this computer", count=minutes)
 
 
-def draw_engine(layout):
-    """The way to an engine where there is none, or what is happening to it."""
+def _draw_engine(layout):
     problem = state.known().problem
     if installing.is_running():
         progress = installing.progress()
@@ -118,7 +115,7 @@ def draw_engine(layout):
 
 
 def draw_segment(layout, context):
-    """Step 4."""
+    """Draw step 4."""
     layout.operator("karf.segment", icon="MOD_MASK")
     known = disk.contents_of(context.scene)
     if "segmentation" not in known.stages:
@@ -127,11 +124,11 @@ def draw_segment(layout, context):
         draw_masks(layout, context)
     body = draw_advanced(layout, "segment") if known.unsure else None
     if body is not None:
-        draw_unsure(body, context, known)
+        _draw_unsure(body, context, known)
 
 
-def draw_unsure(layout, context, known):
-    """How unsure the objects' borders are, which is no measure of how good the masks look, and where."""
+def _draw_unsure(layout, context, known):
+    # this does not measure the quality of the masks
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
@@ -142,9 +139,59 @@ def draw_unsure(layout, context, known):
             draw_text(layout, translate("{name}: {share} % unsure, marks and colors disagree", **shown), "QUESTION")
     if not context.scene.karf.objects:  # then step 6 has it
         layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
-        draw_lacking(layout, context)
+        draw_render_learned(layout, context)
 
 
 def draw_palette(layout, context):
-    """Step 5."""
+    """Draw step 5."""
     layout.operator("karf.extract_palette", icon="COLOR")
+
+
+class KARF_UL_objects(bpy.types.UIList):
+    """The objects to mark: their colors, names and numbers of masks."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        row.label(text="", icon_value=chips.icon(objects.tint(item)))
+        row.prop(item, "name", text="", emboss=False)
+        count = disk.contents_of(context.scene).masks.get(item.folder, 0)
+        row.label(text=translate("{count} marked", count=count) if count else "not marked")
+
+
+def draw_mark(layout, context):
+    """Draw step 3."""
+    scene, marking = context.scene, context.scene.karf.marking
+    row = layout.row()
+    row.template_list("KARF_UL_objects", "", marking, "objects", marking, "active", rows=3)
+    column = row.column(align=True)
+    column.operator("karf.add_object", text="", icon="ADD")
+    column.operator("karf.remove_object", text="", icon="REMOVE")
+    _draw_view_steps(layout, scene)
+    layout.operator("karf.mark", icon="RESTRICT_SELECT_OFF")
+    layout.label(text="Ctrl: exclude from the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
+    layout.prop(marking, "brush")
+    layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
+    if "segmentation" in disk.contents_of(scene).stages:
+        layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
+        layout.operator("karf.go_to_suggested", text=_suggested_view_label(scene), icon="LIGHT")
+        if disk.contents_of(scene).any_view_helps:
+            layout.label(text="All views would help about equally", icon="BLANK1")
+    layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
+    if state.known().problem:
+        draw_text(layout, "Without the engine, a box marks a rectangle and clicks do nothing.", "INFO")
+    if queries.is_waiting("propose") or queries.is_waiting("correct"):
+        layout.label(text="The engine is working", icon="SORTTIME")
+    layout.prop(scene.karf, "masks")
+
+
+def _suggested_view_label(scene) -> str:
+    suggested = disk.contents_of(scene).suggested
+    return translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
+
+
+def _draw_view_steps(layout, scene):
+    row = layout.row(align=True)
+    draw_view(row, scene.karf)
+    for icon, by, marked in (("TRIA_LEFT", -1, False), ("TRIA_RIGHT", 1, False), ("FF", 1, True)):
+        button = row.operator("karf.go_to_view", text="", icon=icon)
+        button.by, button.marked = by, marked

@@ -1,18 +1,19 @@
-"""Step 7, Render: the pictures, and below them a group that can be opened for each other kind of result."""
+"""Step 7: pictures, and a group for each other kind of result."""
 
 import bpy
 
+from ..host.labels import draw_text
 from ..host.words import translatable
 from ..project import disk
 from ..render_engine.engine import NAME
-from ..surface import splat_objects
-from .preview import draw_live
-from .surface import draw_surface
-from .views import draw_advanced, draw_space
+from ..steps import preview
+from ..surface import scene_object, splat_objects
+from ..swatches import free_camera
+from .display import draw_advanced, draw_space
 
 
 def draw_render(layout, context):
-    """Step 7: the pictures, whose buttons ask for all else in a dialog."""
+    """Draw step 7; the dialogs of its buttons ask for the rest."""
     karf = context.scene.karf
     row = layout.row(align=True)
     row.prop(karf, "out")
@@ -31,8 +32,7 @@ def draw_render(layout, context):
         body.operator("karf.farm_bundle", icon="NETWORK_DRIVE")
 
 
-def draw_views(layout, karf):
-    """The scene by Blender's own ways."""
+def _draw_views(layout, karf):
     known = disk.contents_of(karf.id_data)
     column = layout.column(align=True)
     if "geometry" in known.stages and "splats" not in known.stages:
@@ -46,30 +46,26 @@ def draw_views(layout, karf):
         column.operator("karf.follow_splat", icon="POINTCLOUD_DATA", depress=is_followed)
 
 
-def draw_cameras(layout, karf):
-    """A camera's path as a file."""
+def _draw_cameras(layout, karf):
     row = layout.row(align=True)
     row.operator("karf.import_cameras", icon="IMPORT")
     row.operator("karf.export_cameras", icon="EXPORT")
 
 
-def draw_sequence(layout, karf):
-    """Where frames are once they are rendered."""
+def _draw_sequence(layout, karf):
     row = layout.row(align=True)
     row.operator("karf.show_frames", icon="IMAGE_DATA")
     row.operator("karf.add_strip", icon="SEQUENCE")
     layout.operator("karf.open_folder", icon="FILEBROWSER").folder = "frames"
 
 
-def draw_colorways(layout, karf):
-    """A sheet of colors for objects, and the looks that were kept."""
+def _draw_colorways(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.colorways", icon="COLOR")
     column.operator("karf.render_looks", icon="RENDER_ANIMATION")
 
 
-def draw_compositor(layout, karf):
-    """Nodes with sockets of their own, or with sockets that follow the swatches."""
+def _draw_compositor(layout, karf):
     column = layout.column(align=True)
     column.operator("karf.build_compositor", icon="NODETREE")
     column.operator("karf.build_compositor", text="Build, Follow Swatches", icon="DRIVER").driven = True
@@ -78,15 +74,41 @@ def draw_compositor(layout, karf):
         draw_space(body, karf, "layer_space")
 
 
+def _draw_live(layout, karf):
+    is_live = preview.is_live()
+    row = layout.row(align=True)
+    row.operator("karf.live_camera", icon="PAUSE" if is_live else "PLAY", depress=is_live)
+    row.prop(bpy.data.window_managers[0].karf_preview, "long_side", text="")
+    if preview.message():
+        draw_text(layout, preview.message(), "INFO")
+    for sentence in free_camera.lacks():
+        draw_text(layout, sentence, "INFO")
+
+
+def _draw_surface(layout, karf):
+    row = layout.row(align=True)
+    row.operator("karf.show_scene", icon="OUTLINER_OB_POINTCLOUD")
+    row.prop(karf.surface, "count", text="")
+    item = scene_object.find(karf.id_data)
+    if item is None:
+        return
+    radius = scene_object.radius_node(item)
+    if radius is not None:
+        layout.prop(radius.outputs[0], "default_value", text="Radius")
+    row = layout.row(align=True)
+    row.operator("karf.show_colors", icon="SHADING_SOLID")
+    row.operator("karf.export_scene", icon="EXPORT")
+
+
 # name, title, what it draws
 GROUPS = (
-    ("views", translatable("Any View"), draw_views),
-    ("live", translatable("Live Camera"), draw_live),
-    ("sequence", translatable("Rendered Frames"), draw_sequence),
-    ("colorways", translatable("Colorways"), draw_colorways),
-    ("surface", translatable("Scene in 3D"), draw_surface),
-    ("compositor", translatable("Compositor"), draw_compositor),
-    ("cameras", translatable("Camera Paths"), draw_cameras),
+    ("views", translatable("Any View"), _draw_views),
+    ("live", translatable("Live Camera"), _draw_live),
+    ("sequence", translatable("Rendered Frames"), _draw_sequence),
+    ("colorways", translatable("Colorways"), _draw_colorways),
+    ("surface", translatable("Scene in 3D"), _draw_surface),
+    ("compositor", translatable("Compositor"), _draw_compositor),
+    ("cameras", translatable("Camera Paths"), _draw_cameras),
 )
 
 

@@ -1,12 +1,8 @@
-"""The steps from capture to picture, one below the other in one panel, each beside what it works on.
+"""The KaRF tab: the steps from capture to picture, one below the other in one panel.
 
-Marks and swatches are beside the picture, in the Image Editor; the status and the other steps in the 3D View. An editor
-shows a step of the other where the screen has not that one's sidebar, so that nothing stands twice side by side, and
-nothing is missing where an artist has one of them alone.
-
-Each step's header says how it stands, and has a button that opens its page of the manual. Steps that are done fold
-themselves (`workspace.states`), which only a panel in a layout allows: of panels of their own Blender keeps to itself
-which are open. A step that waits for another is greyed out, and its tooltip says for which.
+The Image Editor shows the steps that work on the picture (marks and swatches), the 3D View the status and all others.
+If only one of them has its sidebar open, it shows everything. Steps are panels in a layout, whose state the extension
+knows: finished ones fold themselves (`workspace.states`).
 """
 
 from collections.abc import Callable
@@ -17,43 +13,35 @@ import bpy
 from .. import session
 from ..host import windows
 from ..host.labels import draw_text
-from ..host.words import translatable
-from ..workspace import opening, states
-from . import editing, learning, marking, rendering
-from .status import draw_status
+from ..host.words import translatable, translate
+from ..project import disk
+from ..workspace import opening, states, statusbar
+from . import editing, learning, rendering, swatching
 
 STEPS, PICTURE = "VIEW_3D", "IMAGE_EDITOR"  # the editors
+WIDTH = 60  # letters in a line of the whole message
 
 
 @dataclass(frozen=True)
 class Section:
-    """A step in the sidebar.
+    """A step in the sidebar."""
 
-    Attributes:
-        name: One of `states.STEPS`.
-        title: Of its header.
-        draw: Draws what is below that.
-        home: The editor that shows it where the screen has both.
-        page: Of the manual, see `operators.manual`.
-    """
-
-    name: str
+    name: str  # one of `states.STEPS`
     title: str
     draw: Callable
-    home: str
-    page: str
+    home: str  # the editor that shows it if the screen has both
+    page: str  # of the manual
 
 
 SECTIONS = (
     Section("import", translatable("1  Import"), learning.draw_import, STEPS, "learn"),
     Section("learn", translatable("2  Learn Scene"), learning.draw_learn, STEPS, "learn"),
-    Section("mark", translatable("3  Mark Objects"), marking.draw_masks, PICTURE, "mark"),
+    Section("mark", translatable("3  Mark Objects"), learning.draw_mark, PICTURE, "mark"),
     Section("segment", translatable("4  Segment"), learning.draw_segment, STEPS, "correct"),
     Section("palette", translatable("5  Palette"), learning.draw_palette, STEPS, "recolor"),
     Section("edit", translatable("6  Edit"), editing.draw_edit, PICTURE, "recolor"),
     Section("render", translatable("7  Render"), rendering.draw_render, STEPS, "render"),
 )
-EDITORS = ((STEPS, "view3d"), (PICTURE, "image"))
 HEADERS = {  # text of a header after the step's title
     states.TO_DO: {"text": ""},
     states.DONE: {"text": "done", "icon": "CHECKMARK"},
@@ -63,25 +51,24 @@ HEADERS = {  # text of a header after the step's title
 
 
 def draw_steps(layout, context):
-    """What of the status and of all steps is this editor's to show."""
-    if is_here(context, STEPS):
+    """Draw the status and those steps that this editor shows."""
+    if is_displayed_here(context, STEPS):
         draw_status(layout, context)
     for section in SECTIONS:
-        if is_here(context, section.home):
-            draw_section(layout, context, section)
+        if is_displayed_here(context, section.home):
+            _draw_section(layout, context, section)
         elif section.home == PICTURE:
-            draw_elsewhere(layout, section)
+            _draw_elsewhere(layout, section)
 
 
-def is_here(context, home: str) -> bool:
-    """Whether the editor that is drawn shows what is at home in one of this type: that one, or what stands in for it."""
+def is_displayed_here(context, home: str) -> bool:
+    """Return whether this editor shows what belongs to the editor `home`, itself or as a substitute."""
     return context.area.type == home or not any(
         area.type == home and area.spaces.active.show_region_ui for area in context.screen.areas
     )
 
 
-def draw_section(layout, context, section: Section):
-    """A step: its header, and what is below that unless it is folded."""
+def _draw_section(layout, context, section: Section):
     header, body = layout.panel_prop(context.window_manager.karf_folding, f"show_{section.name}")
     state = states.state_of(context.scene, section.name)
     header.label(text=section.title)
@@ -94,8 +81,8 @@ def draw_section(layout, context, section: Section):
         section.draw(body, context)
 
 
-def draw_elsewhere(layout, section: Section):
-    """Where a step is that the list of steps has not: one line in its place."""
+def _draw_elsewhere(layout, section: Section):
+    """Draw one line instead of a step that the Image Editor shows."""
     row = layout.row()
     row.active = False
     row.label(text=section.title, icon="BLANK1")
@@ -104,8 +91,10 @@ def draw_elsewhere(layout, section: Section):
     right.label(text="Image Editor", icon="IMAGE_DATA")
 
 
-def make_panel(space: str, editor: str) -> type:
-    """The panel class of one editor."""
+class StepsPanel:
+    bl_region_type = "UI"
+    bl_category = "KaRF"
+    bl_label = "KaRF"
 
     def draw(self, context):
         draw_steps(self.layout, context)
@@ -114,27 +103,18 @@ def make_panel(space: str, editor: str) -> type:
         if context.workspace.name != opening.NAME:
             self.layout.operator("karf.open_workspace", text="", icon="WORKSPACE", emboss=False)
 
-    return type(
-        f"KARF_PT_{editor}_steps",
-        (bpy.types.Panel,),
-        {
-            "bl_space_type": space,
-            "bl_region_type": "UI",
-            "bl_category": "KaRF",
-            "bl_label": "KaRF",
-            "draw": draw,
-            "draw_header_preset": draw_header_preset,
-        },
-    )
+
+class KARF_PT_view3d_steps(StepsPanel, bpy.types.Panel):
+    bl_space_type = STEPS
 
 
-def draw_in_window_menu(self, context):
-    """The way to the workspace from anywhere, at the end of Blender's menu Window."""
+class KARF_PT_image_steps(StepsPanel, bpy.types.Panel):
+    bl_space_type = PICTURE
+
+
+def _draw_in_window_menu(self, context):
     self.layout.separator()
     self.layout.operator("karf.open_workspace", icon="WORKSPACE")
-
-
-CLASSES = tuple(make_panel(space, editor) for space, editor in EDITORS)
 
 
 @session.subscribe(
@@ -143,5 +123,110 @@ CLASSES = tuple(make_panel(space, editor) for space, editor in EDITORS)
     (bpy.types.Area, "ui_type"),
 )
 def _redraw_when_moved():
-    """A sidebar is opened or closed, or an editor becomes another: it decides where steps are shown."""
+    """An editor or its sidebar has come or gone, which decides the place of each step."""
     windows.redraw_sidebars()
+
+
+def draw_status(layout, context):
+    """Draw the running job, or how the last one ended: always two rows, so that no button below moves."""
+    progress = context.window_manager.karf_progress
+    column = layout.column()
+    if progress.running:
+        column.label(text=progress.stage, icon="SORTTIME")
+        statusbar.draw_progress(column.row(align=True), progress)
+        return
+    row = column.row(align=True)
+    row.alert = _has_trouble(context)
+    row.label(**_job_outcome(context))
+    if progress.text or progress.error:
+        row.operator("karf.dismiss", text="", icon="X", emboss=False)
+    row = column.row(align=True)
+    messages = row.row(align=True)
+    messages.enabled = _has_trouble(context) or bool(progress.warnings)
+    messages.popover(KARF_PT_message.__name__, text=_messages_title(context))
+    if progress.folder:
+        row.operator("karf.open_folder", text="", icon="FILEBROWSER").folder = "written"
+
+
+def _has_trouble(context):
+    return bool(context.window_manager.karf_progress.error or disk.contents_of(context.scene).missing)
+
+
+def _job_outcome(context):
+    progress = context.window_manager.karf_progress
+    if disk.contents_of(context.scene).missing:
+        return {"text": "The project folder is missing", "icon": "ERROR"}
+    if progress.error:
+        return {"text": translate("{what} failed", what=translate(progress.stage)), "icon": "ERROR"}
+    if progress.text:
+        return {"text": f"{translate(progress.stage)}: {translate(progress.text)}", "icon": "INFO"}
+    return {"text": "No job is running", "icon": "CHECKMARK"}
+
+
+def _messages_title(context):
+    if _has_trouble(context):
+        return translate("Why, and What to Do")
+    count = len(context.window_manager.karf_progress.warnings.splitlines())
+    return translate("Messages: {count}", count=count) if count else translate("No Messages")
+
+
+class KARF_PT_message(bpy.types.Panel):
+    """All messages of the last job, and what to do if it failed or the project is missing"""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"  # it opens from the status, and is nowhere else
+    bl_label = "Messages"
+    bl_ui_units_x = 18
+
+    def draw(self, context):
+        _draw_missing(self.layout, context.scene)
+        progress = context.window_manager.karf_progress
+        if progress.warnings:
+            draw_text(self.layout.box(), progress.warnings, "INFO", WIDTH)
+        if progress.error:
+            _draw_error(self.layout.box(), progress)
+
+
+def _draw_missing(layout, scene):
+    missing = disk.contents_of(scene).missing
+    if missing is None:
+        return
+    box = layout.box()
+    box.label(text="The project folder is missing", icon="ERROR")
+    draw_text(box, str(missing), "BLANK1", WIDTH)
+    draw_text(box, "Restore it, choose its new place, or import the capture again.", "BLANK1", WIDTH)
+    box.prop(scene.karf, "project")
+
+
+def _draw_error(box, progress):
+    column = box.column(align=True)
+    column.alert = True
+    draw_text(column, progress.error, "ERROR", WIDTH)
+    draw_text(box, progress.hint, "BLANK1", WIDTH)
+    if progress.job:
+        row = box.row(align=True)
+        row.operator("karf.copy_report", icon="COPYDOWN")
+        row.operator("karf.open_log", icon="TEXT")
+
+
+def _draw_import(self, context):
+    self.layout.operator("karf.import_splat", text="Gaussian Splat (KaRF)")
+
+
+def _draw_export(self, context):
+    self.layout.operator("karf.export_splat", text="Gaussian Splat (KaRF)")
+
+
+@session.setup
+def _menus():
+    added = (
+        (bpy.types.TOPBAR_MT_file_import, _draw_import),
+        (bpy.types.TOPBAR_MT_file_export, _draw_export),
+        (bpy.types.UI_MT_button_context_menu, swatching.draw_context_menu),
+        (bpy.types.TOPBAR_MT_window, _draw_in_window_menu),
+    )
+    for menu, draw in added:
+        menu.append(draw)
+    yield
+    for menu, draw in added:
+        menu.remove(draw)

@@ -1,11 +1,18 @@
-"""Step 6: an object's swatches and their menus."""
+"""Step 6: an object's swatches, their menus, and names of colors."""
 
 import bpy
+import numpy as np
 
+from ..engine_api import lab_chroma, lab_hue, nearest_names, srgb_to_lab
+from ..host.labels import draw_text
+from ..host.words import translate
 from ..pictures import chips
+from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
-from ..swatches import colors
-from .seeing import draw_left, draw_solo
+from ..swatches import colors, reference
+from .display import draw_left, draw_solo, how_visible
+
+NEAREST = 3  # names offered for a color
 
 
 def draw_object(layout, item):
@@ -19,32 +26,31 @@ def draw_object(layout, item):
     row = layout.row(align=True)
     for index, swatch in enumerate(item.swatches):
         if index and not swatch.merged:  # black is frozen
-            draw_swatch(row.column(align=True), item, index, swatch)
+            _draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
-    draw_fold(row, item, "show_becomes")
+    _draw_fold(row, item, "show_becomes")
     row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
-        draw_becomes(layout, item)
+        _draw_becomes(layout, item)
     row = layout.row()
-    draw_fold(row, item, "show_surface")
-    draw_fold(row, item, "show_edge")
+    _draw_fold(row, item, "show_surface")
+    _draw_fold(row, item, "show_edge")
     if item.show_surface:
-        draw_surfaces(layout, item)
+        _draw_surfaces(layout, item)
     if item.show_edge:
         row = layout.row(align=True)
         row.prop(item, "choke")
         row.prop(item, "feather")
 
 
-def draw_fold(row, item, name):
-    """The button that unfolds a part of an object's controls."""
+def _draw_fold(row, item, name):
     left = row.row()
     left.alignment = "LEFT"
     left.prop(item, name, icon="DOWNARROW_HLT" if getattr(item, name) else "RIGHTARROW", emboss=False)
 
 
-def draw_swatch(column, item, index, swatch):
+def _draw_swatch(column, item, index, swatch):
     """One swatch: above as learned (a click gives it back), below as edited, its weights alone, and its menu."""
     column.context_pointer_set("karf_object", item)
     column.context_pointer_set("karf_swatch", swatch)
@@ -59,11 +65,10 @@ def draw_swatch(column, item, index, swatch):
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
-    row.menu("KARF_MT_swatch", text="", icon=state_icon(swatch))  # the button has an arrow of its own
+    row.menu("KARF_MT_swatch", text="", icon=_state_icon(swatch))  # Blender adds an arrow
 
 
-def draw_surfaces(layout, item):
-    """The saturation, brightness and gloss of each swatch that is shown, and a button that makes them neutral."""
+def _draw_surfaces(layout, item):
     shown = [(index, swatch) for index, swatch in enumerate(item.swatches) if index and not swatch.merged]
     table = layout.row(align=True)
     column = table.column(align=True)
@@ -86,13 +91,11 @@ def draw_surfaces(layout, item):
         reset.object_name, reset.index = item.name, index
 
 
-def state_icon(swatch):
-    """What a swatch's menu button says of it."""
+def _state_icon(swatch):
     return "LOCKED" if swatch.locked else "LINKED" if swatch.link else "NONE"
 
 
-def draw_becomes(layout, item):
-    """The pair of colors, the rule and the button."""
+def _draw_becomes(layout, item):
     row = layout.row(align=True)
     row.prop(item, "source", text="")
     row.label(text="", icon="FORWARD")
@@ -107,16 +110,15 @@ def draw_becomes(layout, item):
     row.operator("karf.becomes", text="Apply").object_name = item.name
 
 
-def number_of(item, swatch):
-    """The number of an object's swatch."""
+def _index_of(item, swatch):
     return next(index for index, each in enumerate(item.swatches) if each == swatch)
 
 
-def act(layout, name, context, **options):
-    """A button of an operator on the swatch that the menu is of."""
+def _swatch_operator(layout, name, context, **options):
+    """Draw the button of an operator on the menu's swatch."""
     button = layout.operator(name, **options)
     button.object_name = context.karf_object.name
-    button.index = number_of(context.karf_object, context.karf_swatch)
+    button.index = _index_of(context.karf_object, context.karf_swatch)
     return button
 
 
@@ -130,25 +132,25 @@ class KARF_MT_swatch(bpy.types.Menu):
         layout.prop(swatch, "locked")
         layout.menu("KARF_MT_swatch_names", icon="COLOR")
         layout.separator()
-        act(layout, "karf.copy_swatch", context, icon="COPYDOWN")
-        act(layout, "karf.paste_swatch", context, icon="PASTEDOWN")
-        act(layout, "karf.reset_swatch", context, text="Reset", icon="LOOP_BACK")
+        _swatch_operator(layout, "karf.copy_swatch", context, icon="COPYDOWN")
+        _swatch_operator(layout, "karf.paste_swatch", context, icon="PASTEDOWN")
+        _swatch_operator(layout, "karf.reset_swatch", context, text="Reset", icon="LOOP_BACK")
         layout.separator()
         layout.menu("KARF_MT_swap")
         layout.menu("KARF_MT_link", icon="LINKED")
         if swatch.link:
-            act(layout, "karf.unlink_swatch", context, icon="UNLINKED")
+            _swatch_operator(layout, "karf.unlink_swatch", context, icon="UNLINKED")
         layout.separator()
         if swatch.is_added:
             layout.prop(swatch, "reach")
             layout.prop(swatch, "protect")
-            act(layout, "karf.remove_color", context, icon="X")
+            _swatch_operator(layout, "karf.remove_color", context, icon="X")
             return
-        act(layout, "karf.protect_neutrals", context, icon="SELECT_DIFFERENCE")
+        _swatch_operator(layout, "karf.protect_neutrals", context, icon="SELECT_DIFFERENCE")
         layout.menu("KARF_MT_merge")
-        act(layout, "karf.merge_swatch", context, text="Remove", icon="X")
-        if any(each.merged == number_of(item, swatch) for each in item.swatches):
-            act(layout, "karf.split_swatch", context)
+        _swatch_operator(layout, "karf.merge_swatch", context, text="Remove", icon="X")
+        if any(each.merged == _index_of(item, swatch) for each in item.swatches):
+            _swatch_operator(layout, "karf.split_swatch", context)
 
 
 class KARF_MT_swap(bpy.types.Menu):
@@ -157,7 +159,7 @@ class KARF_MT_swap(bpy.types.Menu):
     bl_label = "Swap With"
 
     def draw(self, context):
-        draw_others(self.layout, context, "karf.swap_swatches")
+        _draw_others(self.layout, context, "karf.swap_swatches")
 
 
 class KARF_MT_link(bpy.types.Menu):
@@ -166,16 +168,16 @@ class KARF_MT_link(bpy.types.Menu):
     bl_label = "Link With"
 
     def draw(self, context):
-        draw_others(self.layout, context, "karf.link_swatches")
+        _draw_others(self.layout, context, "karf.link_swatches")
 
 
-def draw_others(layout, context, operator):
-    """A button for each swatch of all objects but the one that the menu is of."""
+def _draw_others(layout, context, operator):
+    """Draw a button for each swatch except the menu's own."""
     for item in context.scene.karf.objects:
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not other.merged:
                 text, icon = f"{item.name} {index}", chips.icon(other.color)
-                button = act(layout, operator, context, text=text, icon_value=icon)
+                button = _swatch_operator(layout, operator, context, text=text, icon_value=icon)
                 button.other_name, button.other_index = item.name, index
 
 
@@ -189,7 +191,7 @@ class KARF_MT_merge(bpy.types.Menu):
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not (other.merged or other.is_added):
                 icon = chips.icon(other.learned)
-                act(
+                _swatch_operator(
                     self.layout, "karf.merge_swatch", context, text=f"{item.name} {index}", icon_value=icon
                 ).into = index
 
@@ -218,7 +220,7 @@ class KARF_MT_palette_presets(bpy.types.Menu):
 
 
 def draw_context_menu(menu, context):
-    """The menu of a swatch, where its field or its chip was clicked by the right button."""
+    """Add the swatch's menu to the context menu of its field or chip."""
     swatch, chip = getattr(context, "button_pointer", None), getattr(context, "button_operator", None)
     objects = context.scene.karf.objects
     if isinstance(swatch, KARF_PG_swatch):
@@ -232,3 +234,58 @@ def draw_context_menu(menu, context):
     menu.layout.context_pointer_set("karf_object", item)
     menu.layout.context_pointer_set("karf_swatch", swatch)
     menu.layout.menu("KARF_MT_swatch", text="KaRF Swatch")
+
+
+def _draw_names(layout, color, object_name, index):
+    """Lab and LCh of an sRGB color, and the names next to it; index: of the object's swatch, 0 for its target color."""
+    scene = bpy.context.scene
+    color = reference.as_named(scene, np.array(color))
+    lab = srgb_to_lab(color)
+    layout.label(text=_lab_text(lab))
+    layout.label(text=_lch_text(lab))
+    layout.separator()
+    layout.operator_context = "INVOKE_DEFAULT"  # the search and the file browser are what invoking opens
+    book, problem = color_book.known()
+    if problem:
+        draw_text(layout, problem, "ERROR")
+    if book is not None:
+        for near in nearest_names(book, color, NEAREST):
+            text = translate(
+                "{name}: {how} ({number})",
+                name=near.name,
+                how=how_visible(near.ciede2000),
+                number=f"{near.ciede2000:.1f}",
+            )
+            button = layout.operator("karf.use_color_name", text=text, icon_value=chips.icon(near.color))
+            button.object_name, button.index, button.color_name = object_name, index, near.name
+        find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
+        find.object_name, find.index = object_name, index
+    layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
+
+
+def _lab_text(lab):
+    return "Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0))  # no -0.0
+
+
+def _lch_text(lab):
+    hue = np.degrees(lab_hue(lab)) % 360
+    return f"LCh (D65)   {lab[0]:.1f}   {lab_chroma(lab):.1f}   {hue:.1f}\N{DEGREE SIGN}"
+
+
+class KARF_MT_swatch_names(bpy.types.Menu):
+    """The swatch's color in numbers, and the nearest names in the color book"""
+
+    bl_label = "Numbers and Names"
+
+    def draw(self, context):
+        item, swatch = context.karf_object, context.karf_swatch
+        _draw_names(self.layout, swatch.color, item.name, _index_of(item, swatch))
+
+
+class KARF_MT_target_names(bpy.types.Menu):
+    """The target color in numbers, and the nearest names in the color book"""
+
+    bl_label = "Numbers and Names of the Target"
+
+    def draw(self, context):
+        _draw_names(self.layout, context.karf_object.target, context.karf_object.name, 0)

@@ -26,20 +26,10 @@ class RenderWorker(WarmWorker):
 
 
 def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
-    """Send a query, one of the engine's `queries.QUERIES`, and wait for its answer.
+    """Send a query, one of the engine's `queries.QUERIES`, and return its answer; the caller deletes files that it names.
 
-    Args:
-        scene: Its project is the default of the option `project`.
-        kind: The query.
-        options: JSON values, paths absolute.
-        is_cancelled: Called while waiting.
-
-    Returns:
-        The answer's values; the caller deletes files that they name.
-
-    Raises:
-        Cancelled: `is_cancelled` returned True; the worker has ended, as it would finish the query.
-        KarfError: The engine does not answer.
+    The default of the option `project` is the scene's; paths are absolute. Raises Cancelled when `is_cancelled` returns
+    True, which ends the worker, and KarfError if the engine does not answer.
     """
     options = {"project": str(folders.project_of(scene).folder), **options}
     for _ in range(2):  # an idle worker may end just before the query

@@ -34,9 +34,6 @@ class KARF_RE_engine(bpy.types.RenderEngine):
         for each in still.passes_of(scene, renderlayer):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
 
-    def update(self, data, depsgraph):
-        """Prepare a render on the main thread: nothing to do."""
-
     def render(self, depsgraph):
         """Render a still, or a frame of an animation."""
         try:

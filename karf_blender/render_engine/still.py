@@ -71,12 +71,7 @@ def passes_of(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> Iterator[Pa
 
 
 def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
-    """Render the view layer of a dependency graph; on the render thread, so data is only read.
-
-    Raises:
-        Cancelled: The user has cancelled.
-        KarfError: The engine cannot make the picture.
-    """
+    """Render the view layer of a dependency graph; on the render thread, so data is only read. Raises KarfError."""
     scene, layer = depsgraph.scene, depsgraph.view_layer
     if scene.camera is None:
         raise BadRequest(

@@ -7,7 +7,7 @@ import bpy
 
 from .. import progress
 from ..compositor import over_scene
-from ..engine_api import BadRequest, Message, open_capture
+from ..engine_api import BadRequest, open_capture
 from ..host import compat
 from ..pictures import sequences
 from ..project import folders
@@ -50,10 +50,8 @@ def warn_of_view_transform(scene: bpy.types.Scene) -> None:
     transform = scene.view_settings.view_transform
     if transform not in STANDARD:
         progress.warn(
-            Message(
-                "The view transform {transform} changes colors: choose Standard to show them unchanged.",
-                transform=transform,
-            )
+            "The view transform {transform} changes colors: choose Standard to show them unchanged.",
+            transform=transform,
         )
 
 
@@ -87,13 +85,10 @@ def use_engine(scene: bpy.types.Scene, spaces: Iterable["bpy.types.SpaceView3D"]
 
 
 def put_objects_in(scene: bpy.types.Scene) -> bpy.types.Scene:
-    """Let renders show the scene's own objects within the captured one, each hidden where the other is nearer.
-
-    The objects are rendered as a scene of their own, by the engine that the scene has had, or by EEVEE. Done again, it
-    holds what the scene holds now.
+    """Render the scene's own objects within the captured one, each hidden where the other is nearer.
 
     Returns:
-        The scene of the objects.
+        A scene of the objects, rendered by the scene's former engine, or by EEVEE. Called again, it is updated.
     """
     requests.check_rig(scene)
     name = f"{scene.name} {over_scene.OBJECTS}"

@@ -26,7 +26,7 @@ from . import requests
 from .views import show_camera
 
 USUAL_RIG = cameras.Options()
-SPLAT_VIEWS = 48  # that are chosen around splats without photos
+SPLAT_VIEWS = 48  # around splats without photos
 MAP_NAME = f"{editors.PREFIX} more photos"
 
 
@@ -43,8 +43,7 @@ def import_capture(
     Palettes and masks of another capture leave the scene; they are kept in the project that they were made in.
 
     Args:
-        project: Folder of all that is learned; default: the one the scene has of this capture, else one beside the
-            .blend.
+        project: Folder for the results; default: the scene's project of this capture, else one beside the .blend.
         holdout: N keeps every Nth photo out of learning where the capture declares none; 0: none. Default: as the
             project was learned, else 0.
 
@@ -96,7 +95,11 @@ def _place_of(path: Path, capture: Capture) -> Path:
     """
     photos = [each.image for each in capture.views]
     start = path.parent if path.is_file() else path
-    for folder in (_common_folder([start, *(photo.parent for photo in photos if photo)]), start):
+    try:
+        common = Path(os.path.commonpath([start, *(photo.parent for photo in photos if photo)]))
+    except ValueError:  # several drives
+        common = start
+    for folder in (common, start):
         if folder == path:
             break
         try:
@@ -108,18 +111,10 @@ def _place_of(path: Path, capture: Capture) -> Path:
     return path
 
 
-def _common_folder(places: list[Path]) -> Path:
-    try:
-        return Path(os.path.commonpath(places))
-    except ValueError:  # several drives
-        return places[0]
-
-
 def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG) -> Task:
-    """Find the camera poses of a folder of photos, or of a video, in a new project folder, and import their capture.
+    """Find the camera poses of a folder of photos, or of a video, in a new project folder, and import the capture.
 
-    Returns:
-        The task; its result is the capture.
+    The task's result is the capture.
     """
     photos = Path(photos).absolute()
     named = photos.with_suffix("") if photos.is_file() else photos
@@ -139,11 +134,11 @@ def import_splat(
     """Import Gaussian splats that another program has learned, as a capture in a new project folder.
 
     Args:
-        photos: The capture that they were learned from; None: views are rendered from cameras around them.
-        cameras_file: Without photos, views of one's own, as `export_cameras` writes them.
-        views: Without photos, how many cameras are chosen.
-        up: Without photos, which axis points up: `auto`, `x`, `y`, `z`, `-x`, `-y` or `-z`.
-        antialiased: Whether they were learned with antialiasing where neither file nor photos say so.
+        photos: Their capture; None: views are rendered from cameras around them.
+        cameras_file: Without photos, the cameras to render, as `export_cameras` writes them.
+        views: Without photos, the number of cameras.
+        up: Without photos, the axis that points up: `auto`, `x`, `y`, `z`, `-x`, `-y` or `-z`.
+        antialiased: They were learned with antialiasing, even if neither file nor photos say so.
 
     Returns:
         The task; its result is the capture.
@@ -170,10 +165,7 @@ def _task_of_new_capture(
         found = owner.find()
         if found is None:
             progress.warn(
-                Message(
-                    "The scene that requested the capture is gone or has another project: import {out} by hand.",
-                    out=out,
-                )
+                "The scene that requested the capture is gone or has another project: import {out} by hand.", out=out
             )
         else:
             import_capture(found, out, project, rig=rig)
@@ -185,7 +177,7 @@ def _task_of_new_capture(
 
 # --- check ---------------------------------------------------------------------------------------------------------
 def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
-    """Ask the engine how good the scene's capture is; what it answers stands in steps 1 and 2.
+    """Ask the engine how good the scene's capture is; steps 1 and 2 show the answer.
 
     With `shows_map`, the Image Editors then show where more photos would help.
     """
@@ -216,12 +208,9 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
     path = folders.project_of(scene).path("inspection", "more_photos.png")
     path.parent.mkdir(exist_ok=True)
     shutil.move(values["picture"], path)
-    if shows_map:
-        _show_map(path)
     windows.redraw(*windows.PANEL_AREAS)
-
-
-def _show_map(path: Path) -> None:
+    if not shows_map:
+        return
     image = bpy.data.images.get(MAP_NAME)
     if image is None:
         image = bpy.data.images.load(str(path))

@@ -38,7 +38,7 @@ def becomes(
     """Set an object's swatches so that a color of it becomes another.
 
     Args:
-        source: As the photos show it in their mean exposure, or `from_edited` as the edited picture does.
+        source: In the photos at their mean exposure, or `from_edited` in the edited picture.
         rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
         from_edited: Continue from the swatches as they are; else only locked ones stay as they are.
     """
@@ -58,7 +58,7 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
 def match_picture(
     scene: bpy.types.Scene, picture: str | Path | bpy.types.Image | None = None
 ) -> tuple[ObjectMatch, ...]:
-    """Set the swatches so that the active view looks as a picture of it does; locked ones stay.
+    """Set the swatches so that the active view matches a picture of it; locked ones stay.
 
     Args:
         picture: A file or an image: the whole view, of any size, without lens distortion; None: the scene's own.
@@ -99,7 +99,7 @@ def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence
     Names, numbers and sheets of colorways are then those under daylight, as by a gray card, whose place it takes.
 
     Args:
-        image: A photo that is exposed and lit as those of the capture.
+        image: A photo with the light and the exposure of the capture's.
         corners: Of its block of patches, in order around it; from (0, 0), the picture's lower left corner, to (1, 1).
     """
     if not image.size[0]:
@@ -113,9 +113,9 @@ def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence
 
 
 def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
-    """Let the engine find a color chart in the file of a picture, and read the light off it as `pick_chart` does.
+    """Find a color chart in the file of a picture with the engine, and read the light off it as `pick_chart` does.
 
-    A picture of KaRF's own stands for the active view's photo.
+    For one of KaRF's pictures it takes the active view's photo.
     """
     if image.name.startswith(editors.PREFIX):
         photo = captures.view_of(scene).image

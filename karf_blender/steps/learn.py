@@ -36,8 +36,7 @@ def learn_scene(
 def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
     """Learn scene, objects and palettes in a row, and prepare the active view; what is done already is kept.
 
-    Returns:
-        The task; its result is the palettes as learned, one an object.
+    The task's result is that of `extract_palette`.
     """
     jobs = _geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene)
     jobs = *jobs, *_imported_splats(scene)
@@ -47,28 +46,19 @@ def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str]
 def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
     """Segment the objects by coarse masks, `<object>/<photo name>.png` in a folder (default: the panel's).
 
-    Returns:
-        The task; its result is the stage's entry in the project.
+    The task's result is the stage's entry in the project.
     """
     job = _segmentation(scene, Path(masks).absolute() if masks else None)
     return requests.task(scene, "Segment", job, result=partial(_entry, scene, "segmentation"))
 
 
 def extract_palette(scene: bpy.types.Scene) -> Task:
-    """Extract and learn the palettes, and prepare the active view.
-
-    Returns:
-        The task; its result is the palettes as learned, one an object.
-    """
+    """Extract and learn the palettes, and prepare the active view; the task's result is the palette of each object."""
     return requests.task(scene, "Extract Palette", *_palettes(scene), result=partial(colors.palettes, scene))
 
 
 def learn_splats(scene: bpy.types.Scene) -> Task:
-    """Learn the scene as Gaussians, from which cameras that took no photo are rendered sharply and quickly.
-
-    Returns:
-        The task; its result is the stage's entry in the project.
-    """
+    """Learn the scene as Gaussians: they render new cameras sharply and quickly. The task's result is the stage's entry."""
     return requests.task(scene, "Learn Splats", ("splats", {}), result=partial(_entry, scene, "splats"))
 
 
@@ -91,7 +81,7 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
 
 
 def _imported_splats(scene: bpy.types.Scene) -> tuple[requests.Job, ...]:
-    """The job that takes the splats that the capture came with, in a moment; none where they would have to be learned."""
+    """The job that takes over the capture's own splats, which is quick; none where they would have to be learned."""
     return (("splats", {}),) if captures.of(scene).splats else ()
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, Message, PlannedColorway, plan_colorways, write_edit, write_json
+from ..engine_api import BadRequest, PlannedColorway, plan_colorways, write_edit, write_json
 from ..project import folders
 from ..swatches import colors, looks, reference
 from ..tasks.runner import Task
@@ -16,7 +16,7 @@ from .render import camera_folder, export_cameras
 
 # --- looks ---------------------------------------------------------------------------------------------------------
 def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
-    """Keep the swatches as they stand as a look, which is then in use.
+    """Keep the swatches as they are as a look, which is then in use.
 
     Args:
         name: A new one, or the look to replace; empty: the first free letter.
@@ -58,7 +58,7 @@ def remove_look(scene: bpy.types.Scene, name: str) -> None:
 
 
 def move_look(scene: bpy.types.Scene, name: str, by: int) -> None:
-    """Move a look down the list by so many places, or up."""
+    """Move a look down the list by some places; up where `by` is negative."""
     looks.named(scene, name)
     place, last = scene.karf.looks.find(name), len(scene.karf.looks) - 1
     scene.karf.looks.move(place, min(max(place + by, 0), last))
@@ -130,7 +130,7 @@ def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out
         The task; its result is the colorways, each with its edit and the predicted colors.
     """
     sheet = Path(sheet).absolute()
-    planned = predict_colorways(scene, sheet)  # a wrong sheet is told now, and not by a job
+    planned = predict_colorways(scene, sheet)  # a wrong sheet is reported now, and not by a job
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
@@ -144,7 +144,7 @@ def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out
 
     def finish(*_) -> None:
         progress.wrote(out)
-        progress.warn(Message("Colorways, their table and a contact sheet are in {out}.", out=out))
+        progress.warn("Colorways, their table and a contact sheet are in {out}.", out=out)
 
     return requests.task(scene, "Colorways", ("colorways", options), finish=finish, result=lambda: planned)
 

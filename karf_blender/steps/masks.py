@@ -18,18 +18,12 @@ from ..preferences import state
 from ..project import contents, disk, folders
 from ..workspace import own_pictures
 
-MASK_VALUES = {"ADD": 1, "TAKE": 0, "CLEAR": 0}
-CORRECTION_VALUES = {"ADD": 1, "TAKE": -1, "CLEAR": 0}
 WITHOUT_ENGINE = translatable("Brush, lasso and box work without it.")
 CLICK_SHARE = 1 / 150  # radius of a correction's click, as a share of the photo's longer side
 
 
 def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Show the active view's photo with its masks, ready to mark; the first object is there already.
-
-    Raises:
-        KarfError: There is no capture, the photo or a mask cannot be read, or Blender renders.
-    """
+    """Show the active view's photo with its masks, ready to mark; the first object is there already."""
     mask_layers.forget()  # another program may have written masks
     objects.sync(scene)
     if not scene.karf.marking.objects:
@@ -40,8 +34,7 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
 
 
 def begin_marking(window: bpy.types.Window) -> None:
-    """In a window of the KaRF workspace: a capture of which nothing is learned yet is ready to mark, and of what is learned
-    the picture is shown. Never raises."""
+    """Show the photo ready to mark in a window of the KaRF workspace, or the picture of what is learned. Never raises."""
     scene = window.scene
     if not scene.karf.project or contents.finished_stages(scene):
         own_pictures.show_again()
@@ -70,12 +63,7 @@ def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
 
 # --- marks ---------------------------------------------------------------------------------------------------------
 def mark_stroke(scene: bpy.types.Scene, places: Sequence[Place], radius: float, does: str = "ADD") -> None:
-    """Mark what a round brush of a radius in pixels covers on its way.
-
-    Raises:
-        KarfError: There is nothing to mark.
-        OSError: The mask cannot be written.
-    """
+    """Mark what a round brush of a radius in pixels covers on its way. Marks raise OSError where none can be written."""
     layer = layer_to_mark(scene)
     for start, end in zip(places, [*places[1:], places[-1]], strict=True):
         raster.stroke(layer.pixels, start, end, radius, value_of(scene, does))
@@ -83,19 +71,14 @@ def mark_stroke(scene: bpy.types.Scene, places: Sequence[Place], radius: float, 
 
 
 def mark_lasso(scene: bpy.types.Scene, places: Sequence[Place], does: str = "ADD") -> None:
-    """Mark what a closed line surrounds; raises as `mark_stroke`."""
+    """Mark what a closed line surrounds."""
     layer = layer_to_mark(scene)
     raster.polygon(layer.pixels, places, value_of(scene, does))
     keep(scene, layer)
 
 
 def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "ADD") -> None:
-    """Mark the object in a box: the engine finds it there. Without an engine, and to take away, the box itself counts.
-
-    Raises:
-        KarfError: There is nothing to mark.
-        OSError: The mask cannot be written.
-    """
+    """Mark the object in a box: the engine finds it there. Without an engine, and to take away, the box itself counts."""
     if does == "ADD" and not scene.karf.marking.correct and not state.known().problem:
         _choose_folder(scene)
         proposals.propose(scene, proposals.box(scene, _name(scene), corner, other))
@@ -106,12 +89,7 @@ def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "A
 
 
 def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
-    """Mark what is under a click: the engine finds it; later clicks refine. In a correction it is a small dot.
-
-    Raises:
-        KarfError: There is nothing to mark, or no engine.
-        OSError: The correction cannot be written.
-    """
+    """Mark what is under a click: the engine finds it; later clicks refine. In a correction it is a small dot."""
     if scene.karf.marking.correct:
         mark_stroke(scene, [place], max(mask_layers.open_layers(scene).size) * CLICK_SHARE, does)
     elif problem := state.known().problem:
@@ -122,7 +100,7 @@ def mark_click(scene: bpy.types.Scene, place: Place, does: str = "ADD") -> None:
 
 
 def erase_mask(scene: bpy.types.Scene) -> None:
-    """Remove the object's mask, or its correction, in the active view; raises as `mark_stroke`."""
+    """Remove the object's mask, or its correction, in the active view."""
     layer = layer_to_mark(scene)
     layer.pixels[:] = 0
     keep(scene, layer)
@@ -130,25 +108,23 @@ def erase_mask(scene: bpy.types.Scene) -> None:
 
 # --- what marks are made of ----------------------------------------------------------------------------------------
 def layer_to_mark(scene: bpy.types.Scene) -> Layer:
-    """What marks change: the object's mask in the active view, or its correction; `keep` writes it.
-
-    Raises:
-        KarfError: There is no object or no view.
-    """
+    """Return what marks change: the object's mask in the active view, or its correction; `keep` writes it."""
     _choose_folder(scene)
     return mask_layers.open_layers(scene).layer(_name(scene), scene.karf.marking.correct)
 
 
 def value_of(scene: bpy.types.Scene, does: str) -> int:
-    """What a mark writes into the layer."""
-    return (CORRECTION_VALUES if scene.karf.marking.correct else MASK_VALUES)[does]
+    """Return what a mark writes into the layer: 1, 0, or in a correction -1 for "this is not"."""
+    return -1 if does == "TAKE" and scene.karf.marking.correct else int(does == "ADD")
 
 
 def keep(scene: bpy.types.Scene, layer: Layer) -> None:
-    """Write the layer that was marked."""
+    """Write the marked layer."""
     layer.touch()
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
-    _after_mark(scene)
+    disk.refresh()
+    mask_layers.redraw()
+    photo.correct(scene)
 
 
 def _name(scene: bpy.types.Scene) -> str:
@@ -163,12 +139,6 @@ def _choose_folder(scene: bpy.types.Scene) -> None:
         scene.karf.masks = folders.stored(folders.project_of(scene).masks_folder)
 
 
-def _after_mark(scene: bpy.types.Scene) -> None:
-    disk.refresh()
-    mask_layers.redraw()
-    photo.correct(scene)
-
-
 # --- objects and views ---------------------------------------------------------------------------------------------
 def add_object(scene: bpy.types.Scene, name: str = objects.FIRST) -> str:
     """Add an object by a name as people type them; returns the name that its folder and its swatches get."""
@@ -176,12 +146,7 @@ def add_object(scene: bpy.types.Scene, name: str = objects.FIRST) -> str:
 
 
 def remove_object(scene: bpy.types.Scene) -> None:
-    """Take the active object off the list, with its masks.
-
-    Raises:
-        KarfError: There is none.
-        OSError: A file cannot be removed.
-    """
+    """Remove the active object from the list, with its masks; raises OSError where a file cannot be removed."""
     _name(scene)
     objects.remove(scene)
     mask_layers.reread(scene)
@@ -193,9 +158,6 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
 
     Returns:
         Its name.
-
-    Raises:
-        KarfError: There is none.
     """
     names = list(scene.karf.views.keys())
     wanted = set(objects.marked_views(scene)) if marked else set(names)
@@ -209,14 +171,7 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
 
 
 def go_to_suggested(scene: bpy.types.Scene) -> str:
-    """Make the view active whose mark would decide most; asked again, the next best.
-
-    Returns:
-        Its name.
-
-    Raises:
-        BadRequest: The last segmentation suggests none.
-    """
+    """Make the view active whose mark would decide most, or called again, the next best; returns its name."""
     names = contents.views_to_mark(scene)
     if not names:
         raise BadRequest("No view is suggested.", "Segment first.")
@@ -226,14 +181,10 @@ def go_to_suggested(scene: bpy.types.Scene) -> str:
 
 
 def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str) -> int:
-    """Let the active object be `inside` or `outside` of a mesh or an Empty's box; without a shape: of none any more.
+    """Put the active object `inside` or `outside` of a mesh or an Empty's box; without a shape, forget its volumes.
 
     Returns:
-        How many volumes the object has now. *Segment* uses them.
-
-    Raises:
-        KarfError: There is no object to mark, or the shape is neither mesh nor Empty.
-        OSError: The file cannot be written.
+        The number of its volumes. *Segment* uses them.
     """
     count = objects.set_volume(scene, _name(scene), shape, kind)
     photo.correct(scene)

@@ -1,7 +1,7 @@
 """Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-looks at the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
+compares the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
 editor shows the picture, nothing is rendered.
 """
 
@@ -30,45 +30,35 @@ from .render import camera_of
 UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
-LOOK_SECONDS = 0.03
+TICK_SECONDS = 0.03
 
-Wanted = tuple[str, int]  # a camera and what else is asked, as a comparable text, and the long side of its picture
+Wanted = tuple[str, int]  # `_Live.text`, and the picture's long side
 
 
 @dataclass
 class _Live:
-    """The camera that is followed.
+    """The followed camera."""
 
-    Attributes:
-        owner: The scene.
-        camera: As it was seen last; its text; and the long sides that it is still to be asked for.
-        asked: What is on its way.
-        view: The planes that came last.
-        looks: The swatches that they are shown with, and how they are looked at.
-        message: Why there is no picture; empty where there is one.
-        is_seen: An editor shows the picture.
-    """
-
-    owner: Owner
-    camera: Camera | None = None
-    text: str = ""
-    sides: tuple[int, ...] = ()
-    asked: Wanted | None = None
-    view: DisplayedView | None = None
-    looks: tuple = ()
-    message: str = "The engine starts"
-    is_seen: bool = True
+    owner: Owner  # its scene
+    camera: Camera | None = None  # as it was seen last
+    text: str = ""  # what the picture depends on but swatches, as a comparable text
+    sides: tuple[int, ...] = ()  # long sides of the pictures that are still to be requested
+    requested: Wanted | None = None
+    view: DisplayedView | None = None  # the planes that came last
+    edit: tuple = ()  # the swatches and the display options that they are shown with
+    message: str = "The engine starts"  # why the picture is missing; empty where it is there
+    is_displayed: bool = True  # by an editor
 
 
 @dataclass
 class _State:
-    """The camera that is followed, if one is."""
+    """The followed camera, if any."""
 
     live: _Live | None = None
 
 
 def is_live() -> bool:
-    """Whether the scene's camera is followed."""
+    """Return whether a camera is followed."""
     return session.get(_State).live is not None
 
 
@@ -77,15 +67,11 @@ def message() -> str:
     live = session.get(_State).live
     if live is None:
         return ""
-    return live.message if live.is_seen else UNSEEN
+    return live.message if live.is_displayed else UNSEEN
 
 
 def start(scene: bpy.types.Scene) -> None:
-    """Follow the scene's camera, whose picture is shown in the Image Editors that are free.
-
-    Raises:
-        BadRequest: There is no window, or no camera.
-    """
+    """Follow the scene's camera, whose picture is shown in the Image Editors that are free."""
     if bpy.app.background:
         raise BadRequest("Live Camera needs a window.", "Write a picture instead: steps.preview_camera.")
     camera_of(scene, None)
@@ -108,16 +94,12 @@ def preview_camera(
     """Write what a camera sees now with the swatches as they stand; the worker that renders it stays for the next one.
 
     Args:
-        scene: The scene.
         path: The PNG to write.
         camera: Default: the scene's.
         long_side: Pixels; the scene's render size is never enlarged.
 
     Returns:
         The picture's path.
-
-    Raises:
-        KarfError: There is no camera, or nothing is learned.
     """
     pinhole = lens.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
@@ -141,7 +123,7 @@ def _taken(answer: dict[str, Any]) -> DisplayedView:
 
 # --- following -----------------------------------------------------------------------------------------------------
 def _tick() -> float | None:
-    """The timer: looks at camera and swatches, and ends itself when no camera is followed."""
+    """The timer: follows camera and swatches, and ends itself when no camera is followed."""
     live = session.get(_State).live
     scene = live.owner.find() if live else None
     if scene is None:
@@ -149,33 +131,33 @@ def _tick() -> float | None:
         windows.redraw(*windows.PANEL_AREAS)
         return None
     before = message()
-    live.is_seen = _is_seen(live)
+    live.is_displayed = _is_displayed(live)
     if not rendering.is_over() or runner.is_running():
         live.text = ""  # what a task learns changes the picture, and meanwhile the cores are its own
-    elif live.is_seen:
+    elif live.is_displayed:
         try:
-            _look(live, scene)
-            _follow_looks(live, scene)
+            _follow_camera(live, scene)
+            if live.view is not None and _edit_key(scene) != live.edit:
+                _show(live, scene)
         except KarfError as error:
             _say(live, error)
     if message() != before:
         windows.redraw(*windows.PANEL_AREAS)
-    return LOOK_SECONDS
+    return TICK_SECONDS
 
 
-def _is_seen(live: _Live) -> bool:
-    """Whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
+def _is_displayed(live: _Live) -> bool:
+    """Return whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
     image = free_camera.image()
     if image is None:
-        live.looks = ()
+        live.edit = ()
     return image is None or editors.is_shown(image)
 
 
-def _look(live: _Live, scene: bpy.types.Scene) -> None:
+def _follow_camera(live: _Live, scene: bpy.types.Scene) -> None:
     """Ask for the next picture: the coarse one of a camera that has moved, else a finer one."""
-    is_coarse_on_its_way = live.asked is not None and live.asked[1] == COARSE_SIDE
-    if is_coarse_on_its_way:  # it is let through: else nothing would be seen as long as the camera moves
-        return
+    if live.requested is not None and live.requested[1] == COARSE_SIDE:
+        return  # it is let through: else nothing would be seen as long as the camera moves
     try:
         camera = lens.pinhole(scene, camera_of(scene, None))
     except KarfError:
@@ -185,49 +167,39 @@ def _look(live: _Live, scene: bpy.types.Scene) -> None:
     text = json.dumps([camera_to_json(camera), full, scene.karf.fade_unseen])
     if text != live.text:
         finer = sorted(side for side in {full // 2, full} if side > COARSE_SIDE)
-        live.camera, live.text, live.sides, live.asked = camera.reduced(full), text, (COARSE_SIDE, *finer), None
-    if live.sides and live.asked is None:
+        live.camera, live.text, live.sides, live.requested = camera.reduced(full), text, (COARSE_SIDE, *finer), None
+    if live.sides and live.requested is None:
         side, *rest = live.sides
-        live.sides, live.asked = tuple(rest), (text, side)
-        queries.send(
-            scene,
-            KIND,
-            _options(scene, camera, side),
-            partial(_take, live.asked),
-            lambda error: _say(session.get(_State).live, error),
-        )
+        live.sides, live.requested = tuple(rest), (text, side)
+        on_answer, on_error = partial(_take, live.requested), lambda error: _say(session.get(_State).live, error)
+        queries.send(scene, KIND, _options(scene, camera, side), on_answer, on_error)
 
 
-def _take(asked: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
+def _take(requested: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
     """Show an answer, unless another camera is wanted by now."""
     view, live = _taken(answer), session.get(_State).live
-    if live is None or live.asked != asked:
+    if live is None or live.requested != requested:
         return
-    live.asked, live.view, live.message = None, view, ""
+    live.requested, live.view, live.message = None, view, ""
     _show(live, scene)
 
 
-def _follow_looks(live: _Live, scene: bpy.types.Scene) -> None:
-    if live.view is not None and _looks(scene) != live.looks:
-        _show(live, scene)
-
-
 def _show(live: _Live, scene: bpy.types.Scene) -> None:
-    live.looks = _looks(scene)
+    live.edit = _edit_key(scene)
     free_camera.show(scene, live.view, live.camera.width, live.camera.height)
 
 
-def _looks(scene: bpy.types.Scene) -> tuple:
-    """What the picture of planes depends on."""
+def _edit_key(scene: bpy.types.Scene) -> tuple:
+    """Return what the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
     added = [colors.keys(own) for own in colors.added_by_object(scene).values()]
     return scene.karf.compositing, *views.key(), *edited, added, colors.edges(scene)
 
 
 def _say(live: _Live | None, error: KarfError) -> None:
-    """Say why there is no picture; it is asked for again when the camera moves."""
+    """Say why the picture is missing; it is requested again when the camera moves."""
     if live is not None:
-        live.message, live.asked, live.sides = error.message, None, ()
+        live.message, live.requested, live.sides = error.message, None, ()
 
 
 @session.handler("save_pre")

@@ -33,11 +33,7 @@ def save_shown(scene: bpy.types.Scene) -> Path:
 
 
 def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
-    """Recolor the active view with the swatches as they stand, on its photo; `size` as of `render_captured`.
-
-    Returns:
-        The task; its result is the picture's path.
-    """
+    """Recolor the active view on its photo; `size` as of `render_captured`. The task's result is the picture's path."""
     view = scene.karf.active_view
     task = _captured_task(scene, "This View", view, size)
     return replace(task, result=lambda: files_in(task.result(), [view])[0])
@@ -50,7 +46,7 @@ def render_captured(
     skip_existing: bool | None = None,
     size: str | int | None = None,
 ) -> Task:
-    """Recolor captured views with the swatches as they stand, on their photos. What is chosen becomes the panel's.
+    """Recolor captured views with the swatches as they are, on their photos. What is chosen becomes the panel's.
 
     Args:
         views: `all`, `train`, `test` or names with commas.
@@ -88,7 +84,7 @@ def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_show
     scene.karf.frames = folders.stored(folder)
 
     def present(found: bpy.types.Scene) -> None:
-        progress.warn(Message("The pictures are in {folder}.", folder=folder))
+        progress.warn("The pictures are in {folder}.", folder=folder)
         if are_shown:
             show_frames(found, folder, is_wanted=False)
 
@@ -133,10 +129,9 @@ def farm_bundle(
     """Write a bundle that renders what a camera sees, recolored, with the swatches of each frame; see docs/farm.md.
 
     Args:
-        camera: Default: the scene's.
-        frames: Their numbers; default: the scene's range.
+        camera: As of `render_sequence`; so `frames`.
         out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
-        per_task: How many frames a task renders.
+        per_task: Frames of a task.
         python: The Python of the farm's machines that has the engine's packages.
 
     Returns:
@@ -184,10 +179,7 @@ def write_sequence(
 
 
 def camera_folder(scene: bpy.types.Scene, camera: bpy.types.Object | None = None) -> Path:
-    """Where a camera's (None: the scene's) frames go, with the cameras and edits they are made from.
-
-    It is a folder of its own, `cameras/<camera>` in the output folder.
-    """
+    """The folder of a camera's (None: the scene's) frames, and of the cameras and edits they are made from."""
     return folders.out_folder(scene) / "cameras" / file_name(camera_of(scene, camera))
 
 
@@ -200,12 +192,7 @@ def export_cameras(
 ) -> Path:
     """Write what a camera is frame by frame as a transforms.json, with poses relative to the rig where there is one.
 
-    Args:
-        camera: Default: the scene's.
-        frames: Their numbers; default: the scene's range.
-
-    Returns:
-        The file's path.
+    Camera and frames are as of `render_sequence`. Returns the file's path.
     """
     path, numbers = Path(path).absolute(), frame_range(scene) if frames is None else frames
     views = list(frames_of(scene, camera_of(scene, camera), numbers))

@@ -36,11 +36,9 @@ def import_results(owner: Owner, request: Request) -> None:
     scenes = list(owner.scenes())
     if not scenes:
         progress.warn(
-            Message(
-                "The scene that requested this is gone or has another project. The result is in {project}: "
-                "choose that project to load it.",
-                project=request.project,
-            )
+            "The scene that requested this is gone or has another project. The result is in {project}: "
+            "choose that project to load it.",
+            project=request.project,
         )
     for scene in scenes:
         if request.stage == "recoloring":
@@ -79,9 +77,7 @@ def presenting(present: Callable[[bpy.types.Scene], None], where: Message, writt
             progress.wrote(written)
         scene = owner.find()
         if scene is None:
-            progress.warn(
-                Message("The scene that requested this is gone or has another project. {result}", result=where)
-            )
+            progress.warn("The scene that requested this is gone or has another project. {result}", result=where)
         else:
             present(scene)
 
@@ -111,7 +107,7 @@ def threads() -> dict[str, int]:
 # --- jobs ----------------------------------------------------------------------------------------------------------
 def planes(views: str) -> Job:
     """The job that makes edit planes of captured views: a view's name, `train`, `test` or `all`."""
-    return _render(views, planes=True)
+    return render(views, planes=True)
 
 
 def pictures(
@@ -122,7 +118,7 @@ def pictures(
     The size of photos is `photo`, `learned` or the long side in pixels.
     """
     karf = scene.karf
-    return _render(
+    return render(
         views,
         edit=edit,
         out=str(out),
@@ -135,21 +131,7 @@ def pictures(
     )
 
 
-def seen(scene: bpy.types.Scene, out: Path) -> Job:
-    """The job that renders what is learned of the active view, its objects' masks, and where these are unsure."""
-    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions did not keep it
-    return _render(scene.karf.active_view, out=str(out), size="learned", unsure=is_known)
-
-
-def layers(scene: bpy.types.Scene, view: str, out: Path, edit: Path | None = None) -> Job:
-    """The job that writes the layers of a captured view, in the scene's color space of layers.
-
-    Added colors of an edit get layers of their own, and objects end where its edges do.
-    """
-    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
-    return _render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
-
-
-def _render(views: str, **chosen: Any) -> Job:
+def render(views: str, **chosen: Any) -> Job:
+    """The job that renders views, with other options than the usual ones."""
     usual = {"edit": None, "out": None, "planes": False, "depth": False, "base": "photo"}
     return "render", {"views": views} | usual | chosen

@@ -3,14 +3,22 @@
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import bpy
 import numpy as np
 
 from .. import progress
 from ..compositor import placing
-from ..engine_api import BadRequest, Message, Palette, extended_palettes, find_header, read_layer_names, read_points
+from ..engine_api import (
+    BadRequest,
+    Message,
+    ObjectLayers,
+    Palette,
+    extended_palettes,
+    find_header,
+    read_layer_names,
+    read_points,
+)
 from ..host import windows
 from ..nodes import drivers
 from ..pictures import images
@@ -22,16 +30,14 @@ from . import requests
 from .blender_render import warn_of_view_transform
 from .edit import save_edit
 
+_Learned = Palette | ObjectLayers  # what nodes are made of: the name of an object, and its learned palette
+
 
 # --- compositor ----------------------------------------------------------------------------------------------------
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Recolor a captured view (default: the active one) by nodes in the compositor, with a color socket for each swatch.
 
-    Args:
-        driven: Whether the sockets follow the scene's swatches; else they begin with them and can be set by hand.
-
-    Returns:
-        The task; its result is the group's node.
+    The sockets begin with the scene's swatches, and follow them if `driven`. The task's result is the group's node.
     """
     view = captures.view_of(scene, view).name
     out = folders.out_folder(scene)
@@ -42,10 +48,11 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
 
     def present(found: bpy.types.Scene) -> None:
         node = place_layers(found, path, driven)
-        progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
+        progress.warn("The compositor recolors {path} with the node {name}.", path=path, name=node.name)
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
-    job = requests.layers(scene, view, out, edit)
+    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
+    job = requests.render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
     return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(placing.find, scene, view))
 
 
@@ -62,11 +69,9 @@ def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False)
     space = scene.karf.layer_space
     if space and not images.knows_space(space):  # it takes their picture for another one
         progress.warn(
-            Message(
-                "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
-                name=space,
-                path=path,
-            )
+            "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
+            name=space,
+            path=path,
         )
     if driven:
         _follow(scene, node, known)
@@ -81,19 +86,15 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not placing.is_rendered(node):
         progress.warn(
-            Message(
-                "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
-            )
+            "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
         )
     if size != rendered:
         progress.warn(
-            Message(
-                "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
-                width=size[0],
-                height=size[1],
-                own_width=rendered[0],
-                own_height=rendered[1],
-            )
+            "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
+            width=size[0],
+            height=size[1],
+            own_width=rendered[0],
+            own_height=rendered[1],
         )
     warn_of_view_transform(scene)
 
@@ -102,8 +103,7 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
 def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
     """Show the learned scene as an object of about `count` points (default: the panel's) whose colors follow the swatches.
 
-    Returns:
-        The task; its result is the object: the one that showed the scene before, where there is one.
+    The task's result is the object; one from before gets the new points.
     """
     path = folders.project_of(scene).points_file
     job = "points", {"out": str(path), "count": count or scene.karf.surface.count}
@@ -159,13 +159,6 @@ def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads")
 
 
 # --- nodes that follow the swatches --------------------------------------------------------------------------------
-class _Learned(Protocol):
-    """What nodes were made of: an object's name and its palette as learned, [M, 3]."""
-
-    name: str
-    colors: np.ndarray
-
-
 def _with_swatches(scene: bpy.types.Scene, objects: Sequence[_Learned]) -> list[_Learned]:
     """Those whose palettes are the scene's."""
     return [each for each in objects if _is_ours(scene, each)]
@@ -184,7 +177,7 @@ def _edited(scene: bpy.types.Scene, known: Sequence[_Learned]) -> Mapping[str, n
 
 
 def _follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[_Learned]) -> None:
-    """Let the node's sockets follow the scene's swatches from now on."""
+    """Drive the node's sockets by the scene's swatches."""
     for each in known:
         for index in range(1, len(each.colors)):
             source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}]'
@@ -197,20 +190,16 @@ def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: s
     others = [each.name for each in objects if each.name in items and not _is_ours(scene, each)]
     if others:
         progress.warn(
-            Message(
-                "The swatches of {names} belong to other palettes than the {what}: the sockets start with the "
-                "learned colors. Choose the project again in step 1 to load its palettes, then build again.",
-                names=", ".join(others),
-                what=what,
-            )
+            "The swatches of {names} belong to other palettes than the {what}: the sockets start with the "
+            "learned colors. Choose the project again in step 1 to load its palettes, then build again.",
+            names=", ".join(others),
+            what=what,
         )
     ours = _with_swatches(scene, objects)
     fewer = [each.name for each in ours if len(each.colors) < len(items[each.name].swatches)]
     if fewer:
         progress.warn(
-            Message(
-                "The {what} lacks colors that were added to {names}: build again to include them.",
-                names=", ".join(fewer),
-                what=what,
-            )
+            "The {what} lacks colors that were added to {names}: build again to include them.",
+            names=", ".join(fewer),
+            what=what,
         )

@@ -1,11 +1,10 @@
 """Step 7: the scene as Gaussian splats in files of other programs, and in objects that these have imported.
 
-An object follows the swatches: one timer looks at them, so that anything that changes them counts, and asks the engine for
-colors, the next ones when the last have come.
+An object follows the swatches: one timer compares them, so that anything that changes them counts, and requests colors
+from the engine, the next ones when the last have come.
 """
 
 import json
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,14 +27,11 @@ from .edit import save_edit
 FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 AXES = ("auto", "capture", "blender", "viewers")
 KIND = "harmonics"
-LOOK_SECONDS = 0.05
+TICK_SECONDS = 0.05
 
 
-@dataclass
-class _State:
-    """What the object of each scene (by `session_uid`) has, or was asked for: see `_wanted`."""
-
-    asked: dict[int, str] = field(default_factory=dict)
+class _Requested(dict[int, str]):
+    """The `_color_key` of the colors that each scene's object (by `session_uid`) has or will get."""
 
 
 # --- files ---------------------------------------------------------------------------------------------------------
@@ -47,7 +43,7 @@ def export_splat(
     solid: bool = False,
     attributes: bool = False,
 ) -> Task:
-    """Write the scene's splats with the swatches as they stand.
+    """Write the scene's splats with the swatches as they are.
 
     Args:
         path: The file: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
@@ -92,8 +88,8 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     In background mode nothing follows: call this again after a change.
 
     Args:
-        item: A point cloud of Blender, or a mesh of KIRI's add-on, that was imported from a file of the scene's splats,
-            all of them or all but what is behind the scene.
+        item: A point cloud of Blender, or a mesh of KIRI's add-on, imported from a file of the scene's splats: all of
+            them, or all but what is behind the scene.
     """
     if not splat_objects.is_splat(item):
         raise BadRequest(
@@ -105,24 +101,19 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
         raise BadRequest("{name} is in Edit Mode.", "Leave Edit Mode first.", name=item.name)
     scene.karf.surface.splat = item
     _ask(scene)
-    _start()
+    session.start_timer(_tick, persistent=True)
 
 
 def unfollow_splat(scene: bpy.types.Scene) -> None:
-    """Let the object that follows the swatches keep the colors that it has."""
+    """Stop following the swatches; the object keeps its colors."""
     scene.karf.surface.splat = None
 
 
-def _start() -> None:
-    if not bpy.app.background:
-        session.start_timer(_look, persistent=True)
-
-
-def _look() -> float | None:
+def _tick() -> float | None:
     """Called by the timer as long as an object follows."""
-    followed = [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
+    followed = _followed_scenes()
     if runner.is_running():
-        session.get(_State).asked.clear()  # what a task learns changes the splats, and meanwhile the cores are its own
+        session.get(_Requested).clear()  # what a task learns changes the splats, and meanwhile the cores are its own
     elif rendering.is_over() and not queries.is_waiting(KIND):
         changed = next((scene for scene in followed if _has_changed(scene)), None)
         if changed is not None:
@@ -130,23 +121,27 @@ def _look() -> float | None:
                 _ask(changed)
             except KarfError as error:
                 progress.fail(error)
-    return LOOK_SECONDS if followed else None
+    return TICK_SECONDS if followed else None
+
+
+def _followed_scenes() -> list[bpy.types.Scene]:
+    return [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
 
 
 def _has_changed(scene: bpy.types.Scene) -> bool:
     item = splat_objects.find(scene)
     is_ready = item is not None and item.mode != "EDIT" and scene.karf.project
-    return bool(is_ready) and _wanted(scene) != session.get(_State).asked.get(scene.session_uid)
+    return bool(is_ready) and _color_key(scene) != session.get(_Requested).get(scene.session_uid)
 
 
-def _wanted(scene: bpy.types.Scene) -> str:
-    """What the colors depend on, as a comparable text."""
+def _color_key(scene: bpy.types.Scene) -> str:
+    """Return what the colors depend on, as a comparable text."""
     karf = scene.karf
     return json.dumps([karf.project, karf.surface.splat.session_uid, edits.edit_option(scene)])
 
 
 def _ask(scene: bpy.types.Scene) -> None:
-    session.get(_State).asked[scene.session_uid] = _wanted(scene)
+    session.get(_Requested)[scene.session_uid] = _color_key(scene)
     points = splat_objects.points_of(scene.karf.surface.splat)
     queries.send(scene, KIND, {"edit": edits.edit_option(scene), "points": points}, _take)
 
@@ -156,7 +151,7 @@ def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
     harmonics = camera_pixels.arrays_of(answer)["harmonics"]
     item = splat_objects.find(scene)
     if item is None or item.mode == "EDIT":
-        session.get(_State).asked.pop(scene.session_uid, None)
+        session.get(_Requested).pop(scene.session_uid, None)
         return
     splat_objects.write(item, harmonics)
     windows.redraw("VIEW_3D")
@@ -165,13 +160,13 @@ def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
 @session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
 def _after_undo(*_):
     # undo may take colors back that came after a swatch had changed
-    session.get(_State).asked.clear()
-    _start()
+    session.get(_Requested).clear()
+    session.start_timer(_tick, persistent=True)
 
 
 @session.handler("load_post", phase=session.Phase.REPORT)
 def _after_load(*_):
-    # an object that was saved has the colors of the swatches that were saved: the engine starts when one changes
-    followed = [scene for scene in bpy.data.scenes if scene.karf.surface.splat is not None]
-    session.get(_State).asked = {scene.session_uid: _wanted(scene) for scene in followed}
-    _start()
+    # a saved object has the colors of the saved swatches: the engine starts when one changes
+    session.get(_Requested).clear()
+    session.get(_Requested).update({scene.session_uid: _color_key(scene) for scene in _followed_scenes()})
+    session.start_timer(_tick, persistent=True)

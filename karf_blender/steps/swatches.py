@@ -32,11 +32,7 @@ def rgb_of(color: Color) -> np.ndarray:
 
 
 def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Color) -> None:
-    """Give one swatch a color, sRGB in [0, 2]; its paint's other swatches stay.
-
-    Raises:
-        BadRequest: There is no such swatch.
-    """
+    """Give one swatch a color, sRGB in [0, 2]; its paint's other swatches stay."""
     with displayed.batched(scene):
         edits.set_color(scene, object_name, index, rgb_of(color))
 
@@ -45,17 +41,10 @@ def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: C
     """Give one swatch, or an object's target color, the color of a name, as if it were dragged there.
 
     Args:
-        scene: The scene.
-        object_name: The object's.
         index: The swatch's; 0: the color that the object's source shall become.
-        book: That has the name.
-        name: The color's.
 
     Returns:
         CIEDE2000 from what a picture can show to the color of the name itself; 0 where a picture can show that.
-
-    Raises:
-        BadRequest: There is no such swatch or name, or the swatch is locked.
     """
     color = reference.as_photographed(scene, book[name])
     if index:
@@ -74,18 +63,12 @@ def set_surface(
     brightness: float = 0.0,
     gloss: float = 1.0,
 ) -> None:
-    """Give the paint of one swatch, and of those linked to it, another surface; colors that were chosen stay.
+    """Set the surface of a swatch's paint, and of those linked to it; chosen colors stay.
 
     Args:
-        scene: The scene.
-        object_name: The object's.
-        index: The swatch's number.
         saturation: 0 to 4; 0 is gray, 1 as it is.
         brightness: Of the mid-tones, -2 to 2; 0 is as it is.
         gloss: Strength of the highlights, 0 to 4; 0 is matte, 1 as it is.
-
-    Raises:
-        BadRequest: There is no such swatch, it is locked, or a value is out of range.
     """
     swatch, surface = edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss)
     with displayed.batched(scene):
@@ -93,11 +76,7 @@ def set_surface(
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
-    """Give one swatch the other's color, and let both, and what each was linked to, have one color from now on.
-
-    Raises:
-        BadRequest: There is no such swatch, or the first is locked.
-    """
+    """Give one swatch the other's color, and let both, and what each was linked to, have one color from now on."""
     first, second = edits.unlocked(scene, *one), edits.swatch_at(scene, *other)
     if first == second or second.merged:
         raise BadRequest(
@@ -111,24 +90,16 @@ def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
 
 
 def unlink_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
-    """Let a swatch move by itself again; its color stays."""
+    """Unlink a swatch from all others; its color stays."""
     groups.unlink(edits.swatch_at(scene, name, index))
 
 
 def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int | None = None) -> int:
-    """Let one swatch of an object move another's paint along with its own: both then change by the same amount.
+    """Merge one swatch of an object into another, which then moves both paints by the same amount.
 
     Args:
-        scene: The scene.
-        object_name: The object's.
-        index: The swatch that is no longer shown.
-        into: The one that moves it; None: the one whose learned color is nearest.
-
-    Returns:
-        The number of the swatch that moves it.
-
-    Raises:
-        BadRequest: There is no such swatch, it is locked, or no other is shown.
+        index: The swatch that disappears.
+        into: The one that moves it, whose number is returned; None: the one with the nearest learned color.
     """
     edits.unlocked(scene, object_name, index)
     item = edits.object_named(scene, object_name)
@@ -157,11 +128,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
 
 
 def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
-    """Show the swatches again that were merged into one; each moves by itself, colors stay.
-
-    Raises:
-        BadRequest: There is no such swatch, or it was added.
-    """
+    """Split a swatch from those merged into it; colors stay."""
     if edits.swatch_at(scene, name, index).is_added:
         raise BadRequest(
             "Swatch {index} of {name!r} is an added color and has no merged swatches.",
@@ -173,16 +140,9 @@ def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> np.ndarray:
-    """The color that an object has in the active view, as learned, sRGB [3]: the mean of a few pixels.
+    """Return the color that an object has in the active view, as learned, sRGB [3]: the mean of a few pixels.
 
-    Args:
-        scene: The scene.
-        name: The object's.
-        place: Where in the picture, from its lower left corner to its upper right one, 0 to 1.
-
-    Raises:
-        BadRequest: The object is not there.
-        KarfError: The view is not prepared.
+    The place is one in the picture: (0, 0) is its lower left corner, (1, 1) its upper right one.
     """
     view, learned = (
         displayed.of(scene).prepared_view().planes,
@@ -214,8 +174,6 @@ def add_color(
     """Give an object one more swatch, which changes only what has the pigment of a color that it shows.
 
     Args:
-        scene: The scene.
-        object_name: The object's.
         picked: The color as the photos show it.
         color: What it shall be; default: as it is shown now.
         reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4; see `edit.added`.
@@ -224,10 +182,6 @@ def add_color(
 
     Returns:
         The swatch's number, for `set_swatch`.
-
-    Raises:
-        BadRequest: The color is black, or the object has too many.
-        DataError: The project's histogram of the object's colors is damaged.
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(colors.added(item)) >= MAX_ADDED:
@@ -247,17 +201,13 @@ def add_color(
 
 
 def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
-    """Let a swatch change its own pigment alone, and leave silver, foil, paper and gloss as they are.
+    """Restrict a swatch to its own pigment: silver, foil, paper and gloss stay as they are.
 
-    An added color is told so. A learned swatch, which is part of many colors, gets an added color for the pigment that
-    it paints most, as this is shown now; itself and what followed it go back to where they were.
+    An added color gets that option. A learned swatch, which is part of many colors, gets an added color for the pigment
+    that it paints most, as this is shown now; itself and what followed it go back to where they were.
 
     Returns:
         The number of the swatch that changes the pigment from now on.
-
-    Raises:
-        BadRequest: There is no such swatch, it is locked, its pigment is black, or the object has too many.
-        DataError: The project's histogram of the object's colors is damaged.
     """
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if swatch.is_added:
@@ -271,16 +221,12 @@ def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> in
             for each, color in zip(item.swatches[: colors.size(item)], before, strict=False):
                 if not each.locked:
                     each.color = color
-            colors.write_surface(item.swatches[index], Surface())  # the pigment looks as it did with it
+            colors.write_surface(item.swatches[index], Surface())  # the pigment keeps its surface
     return number
 
 
 def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
-    """Take an added color away: its pigment is the swatches' again.
-
-    Raises:
-        BadRequest: There is no such swatch, it is locked, or it was learned.
-    """
+    """Take an added color away: its pigment is the swatches' again."""
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if not swatch.is_added:
         raise BadRequest(

@@ -45,11 +45,7 @@ def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
-    """Measure how far the sparse points are from where a view (default: the active one) shows them in its photo.
-
-    Returns:
-        Count of points, and median and worst distance in pixels.
-    """
+    """Measure the distances in pixels of the sparse points to where a view's photo (default: the active one's) shows them."""
     name = captures.view_of(scene, view).name
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
 
@@ -97,7 +93,7 @@ def show_masks(scene: bpy.types.Scene) -> None:
 def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     project = folders.project_of(scene)
     for name, file in values["masks"].items():
-        # of what was learned when they were asked for
+        # the folder of when they were requested
         target = project.path("seen", rendered, "masks", name, f"{view}.png")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
@@ -109,10 +105,10 @@ def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[s
 def see_view(scene: bpy.types.Scene) -> Task:
     """Render what is learned of the active view, and the masks of its objects."""
     folder = _rendered_folder(scene)
+    is_known = folders.project_of(scene).uncertainty_file.is_file()  # earlier versions did not keep it
+    job = requests.render(scene.karf.active_view, out=str(folder), size="learned", unsure=is_known)
     where = Message("The engine's renders of the view are in {folder}.", folder=str(folder))
-    return requests.task(
-        scene, "Look at View", requests.seen(scene, folder), finish=requests.presenting(_reveal, where)
-    )
+    return requests.task(scene, "Look at View", job, finish=requests.presenting(_reveal, where))
 
 
 def _rendered_folder(scene: bpy.types.Scene) -> Path:

@@ -16,16 +16,9 @@ USD_COLOR = "displayColor"  # the attribute that USD viewers display
 
 
 def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: str) -> None:
-    """Write the scene's object as displayed, in its place in Blender's world.
+    """Write the scene's object as displayed: its `quads`, or `points`, one vertex for each. The ending chooses the format.
 
-    Args:
-        scene: The scene; its selection stays the same.
-        item: The object.
-        path: The file; its ending chooses the format.
-        shape: `quads`, as displayed, or `points`, one vertex for each quad.
-
-    Raises:
-        BadRequest: The format is not known, or this Blender or the format cannot write that shape.
+    Raises BadRequest if the format is unknown, or if this Blender or the format cannot write that shape.
     """
     suffix = path.suffix.lower()
     if suffix not in WRITERS:

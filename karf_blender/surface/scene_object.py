@@ -32,17 +32,10 @@ def build(
     palettes: Sequence[Palette],
     edited: Mapping[str, np.ndarray],
 ) -> tuple[bpy.types.Object, bpy.types.Node]:
-    """Show points as an object below the rig.
+    """Show points below the rig, and return the object and the node with the swatches' sockets.
 
-    Args:
-        item: The object that showed points before: it keeps its name, its place and its other modifiers.
-        rig: The capture's Empty.
-        points: The points.
-        palettes: The learned palettes of their objects.
-        edited: Colors [M, 3] for the sockets, by object name; default: the learned ones.
-
-    Returns:
-        The object, and the node with the swatches' sockets.
+    An `item` that showed points before keeps its name, its place and its other modifiers. The sockets get the colors
+    [M, 3] of `edited` by object name, else the learned ones.
     """
     data = _mesh(points)
     if item is None:

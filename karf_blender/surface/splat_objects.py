@@ -45,13 +45,8 @@ def points_of(item: bpy.types.Object) -> dict[str, Any]:
 def write(item: bpy.types.Object, harmonics: np.ndarray) -> None:
     """Set the points' colors and keep their opacities; the object must not be in Edit Mode.
 
-    Args:
-        item: The object.
-        harmonics: [n, 3 K] float32: red, green and blue of each harmonic, in the order and signs of Kerbl et al. 2023.
-            Harmonics that the object does not have are left out.
-
-    Raises:
-        BadRequest: The object has another number of points.
+    `harmonics` [n, 3 K] float32 are red, green and blue of each harmonic, in the order and signs of Kerbl et al. 2023;
+    those that the object does not have are left out. Raises BadRequest if the number of points differs.
     """
     count = len(_points(item))
     if count != len(harmonics):

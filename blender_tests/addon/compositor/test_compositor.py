@@ -1,6 +1,5 @@
 """The compositor: mattes that Blender's own node reads, and nodes that recompose what the engine recolors."""
 
-import importlib
 import shutil
 import subprocess
 import sys
@@ -105,12 +104,11 @@ def test_a_space_that_blender_does_not_know_is_said(bpy, addon, scene, composito
 
 
 def test_the_engine_is_asked_for_the_chosen_spaces(bpy, addon, learned, tmp_path):
-    requests = importlib.import_module(addon.steps.__name__ + ".requests")
     learned.karf.layer_space, learned.karf.photo_space, learned.karf.ocio = "ACEScg", "ACEScct", "/show/config.ocio"
-    _, options = requests.layers(learned, "photo_0", tmp_path)
+    (request,) = addon.steps.build_compositor(learned).requests
+    options = request.options
     assert (options["layer_space"], options["ocio"]) == ("ACEScg", "/show/config.ocio")
-    learn = importlib.import_module(addon.steps.__name__ + ".learn")
-    _, options = learn._geometry(learned, "", ())
+    options = addon.steps.learn_scene(learned).requests[0].options
     assert (options["photo_space"], options["ocio"]) == ("ACEScct", "/show/config.ocio")
 
 

@@ -55,7 +55,7 @@ def test_without_an_engine_the_first_open_step_leads_to_one(bpy, addon, draw, ca
 
 def test_an_installation_shows_in_the_sidebar_too(addon, draw, monkeypatch):
     at_work = SimpleNamespace(progress=SimpleNamespace(fraction=0.4, title="Installing torch"))
-    monkeypatch.setattr(addon.session.get(addon.installing._State), "installation", at_work)
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "work", at_work)
     assert "Engine: Installing torch" in draw()
 
 
@@ -234,9 +234,9 @@ def test_an_editor_that_is_alone_has_all_steps(learned, draw, editor):
 
 def test_an_editor_whose_neighbor_has_put_its_sidebar_away_has_all_steps(addon, learned):
     screen = SimpleNamespace(areas=[area(VIEW), area(IMAGE, has_sidebar=False)])
-    assert addon.sidebar.is_here(SimpleNamespace(area=screen.areas[0], screen=screen), IMAGE)
+    assert addon.sidebar.is_displayed_here(SimpleNamespace(area=screen.areas[0], screen=screen), IMAGE)
     screen.areas[1].spaces.active.show_region_ui = True
-    assert not addon.sidebar.is_here(SimpleNamespace(area=screen.areas[0], screen=screen), IMAGE)
+    assert not addon.sidebar.is_displayed_here(SimpleNamespace(area=screen.areas[0], screen=screen), IMAGE)
 
 
 def test_the_3d_view_says_where_the_steps_are_that_it_has_not(learned, draw):
@@ -265,13 +265,14 @@ def test_the_manual_has_all_pages_of_tasks(bpy, addon):
 
 
 def test_both_editors_have_the_panel(bpy, addon):
-    assert {panel.bl_space_type for panel in addon.sidebar.CLASSES} == {"VIEW_3D", "IMAGE_EDITOR"}
-    assert all(hasattr(bpy.types, panel.__name__) for panel in addon.sidebar.CLASSES)
+    panels = addon.sidebar.StepsPanel.__subclasses__()
+    assert {panel.bl_space_type for panel in panels} == {"VIEW_3D", "IMAGE_EDITOR"}
+    assert all(hasattr(bpy.types, panel.__name__) for panel in panels)
 
 
 def test_no_panel_pulls_its_tab_before_those_of_blender(addon):
     """Blender puts panels without a header before all others, and tabs stand in the order of their first panels."""
-    assert not [panel for panel in addon.sidebar.CLASSES if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
+    assert not [panel for panel in addon.sidebar.StepsPanel.__subclasses__() if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
 
 
 def test_the_status_has_as_many_rows_whatever_it_says(bpy, addon):
@@ -292,7 +293,7 @@ def test_the_status_has_as_many_rows_whatever_it_says(bpy, addon):
 
     def rows():
         Rows.count = 0
-        addon.status.draw_status(Rows(bpy, []), bpy.context)
+        addon.sidebar.draw_status(Rows(bpy, []), bpy.context)
         return Rows.count
 
     progress = bpy.context.window_manager.karf_progress

@@ -26,11 +26,11 @@ def beside(bpy, addon, scene_of_splats, monkeypatch):
 
     def settle():
         deadline, before = time.monotonic() + 20, len(asked)
-        addon.splats._look()
+        addon.splats._tick()
         while addon.queries.is_waiting("harmonics"):
             assert time.monotonic() < deadline
             addon.queries._poll()
-            addon.splats._look()
+            addon.splats._tick()
             time.sleep(0.01)
         return asked[before:]
 
@@ -76,7 +76,7 @@ def test_of_several_changes_the_newest_wins(bpy, addon, beside):
     addon.steps.follow_splat(bpy.context.scene, item)
     for blue in (0.3, 0.5, 0.7):
         set_pot(bpy, addon, (0.1, 0.2, blue))
-        addon.splats._look()
+        addon.splats._tick()
     assert len(beside.asked) == 1
     assert len(beside.settle()) == 1
     assert_shows(item, (0.1, 0.2, 0.7))
@@ -95,7 +95,7 @@ def test_an_object_that_follows_no_more_keeps_its_colors(bpy, addon, beside):
     beside.settle()
     addon.steps.unfollow_splat(bpy.context.scene)
     set_pot(bpy, addon, (0.1, 0.2, 0.9))
-    assert beside.settle() == [] and addon.splats._look() is None
+    assert beside.settle() == [] and addon.splats._tick() is None
     assert_shows(item, (0.8, 0.2, 0.1))
 
 
@@ -135,7 +135,7 @@ def test_a_deleted_object_is_asked_for_no_more_and_undo_brings_it_back(bpy, addo
     assert len(beside.settle()) == 1
     assert_shows(item, (0.1, 0.2, 0.9))
     bpy.data.objects.remove(item)
-    assert beside.settle() == [] and addon.splats._look() is None
+    assert beside.settle() == [] and addon.splats._tick() is None
 
 
 def test_in_edit_mode_it_waits(bpy, addon, beside):
@@ -186,7 +186,7 @@ def test_an_engine_that_cannot_start_is_said(bpy, addon, beside, monkeypatch):
 
     monkeypatch.setattr(addon.queries, "send", refuse)
     set_pot(bpy, addon, (0.1, 0.2, 0.9))
-    assert addon.splats._look() is not None
+    assert addon.splats._tick() is not None
     assert addon.progress.state().error == "There is no engine yet."
 
 

@@ -75,7 +75,7 @@ def test_photos_have_splats_to_be_learned_by_a_button(addon, project_scene):
 def test_blenders_menus_lead_there(bpy, addon):
     for menu, name in (("import", "karf.import_splat"), ("export", "karf.export_splat")):
         draw = getattr(bpy.types, f"TOPBAR_MT_file_{menu}")._dyn_ui_initialize()
-        assert any(function.__module__.endswith("panels.menus") for function in draw), name
+        assert any(function.__module__.endswith("panels.sidebar") for function in draw), name
 
 
 # ----------------------------------------------------------------------------------------------------------------- out

@@ -29,7 +29,7 @@ def drawn(bpy, addon, menu, scene, index=1):
     found = []
     item = scene.karf.objects["pot"]
     context = SimpleNamespace(karf_object=item, karf_swatch=item.swatches[index])
-    getattr(addon.color_names, menu).draw(SimpleNamespace(layout=Layout(bpy, found)), context)
+    getattr(addon.swatching, menu).draw(SimpleNamespace(layout=Layout(bpy, found)), context)
     return found
 
 
@@ -151,7 +151,7 @@ def test_a_gray_card_turns_names_into_what_the_photos_show_of_them(bpy, addon, l
 def test_a_card_that_tells_nothing_is_said_and_changes_nothing(bpy, addon, learned, book):
     learned.karf.card = (1, 1, 1)
     found = []
-    addon.color_names.draw_light(Layout(bpy, found), learned)
+    addon.editing.draw_light(Layout(bpy, found), learned)
     assert found[-2:] == ["card", "The card is too dark or too bright at this point"]
     bpy.ops.karf.use_color_name(object_name="pot", index=1, color_name="Sky")
     assert addon.engine_api.rgb_to_hex(np.array(swatch(learned).color)) == "#3a7fb0"

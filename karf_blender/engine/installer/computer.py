@@ -54,7 +54,7 @@ class Machine:
 
 
 def detect_machine(system: str = "", processor: str = "", root: Path | None = None) -> Machine:
-    """Look for drivers' files; arguments other than the defaults stand for another computer."""
+    """Search for drivers' files; pass arguments to describe another computer."""
     system, processor = system or system_of.system(), (processor or system_of.machine()).lower()
     name, kind = SYSTEMS.get(system, system.lower()), PROCESSORS.get(processor, processor)
     root = root or Path(Path.cwd().anchor)
@@ -85,7 +85,7 @@ def build_for(choice: str, machine: Machine) -> str:
 # --- what makes an environment -----------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Starter:
-    """What makes the environment: a Python (empty: uv finds or fetches one) and uv (empty: that Python fetches it)."""
+    """A Python (empty: uv finds or fetches one) and uv (empty: that Python fetches it), which make the environment."""
 
     python: str
     version: str
@@ -189,9 +189,8 @@ def _pip_files(variables: Mapping[str, str]) -> Iterator[Path]:
         yield from (Path(root) / "pip" / "pip.ini" for root in roots if root)
         return
     own = Path(variables.get("XDG_CONFIG_HOME") or user / ".config")
-    yield from (own / "pip" / "pip.conf", user / ".pip" / "pip.conf")
-    yield user / "Library" / "Application Support" / "pip" / "pip.conf"
-    yield from (Path("/etc/xdg/pip/pip.conf"), Path("/etc/pip.conf"))
+    folders = (own / "pip", user / ".pip", user / "Library" / "Application Support" / "pip", "/etc/xdg/pip", "/etc")
+    yield from (Path(folder) / "pip.conf" for folder in folders)
 
 
 def _index_in(path: Path) -> str:

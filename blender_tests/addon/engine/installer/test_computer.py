@@ -4,6 +4,8 @@ import sys
 
 import pytest
 
+NODE = "sys/class/kfd/kfd/topology/nodes/1/properties"
+
 
 @pytest.mark.parametrize(
     ("system", "processor", "files", "platform", "devices"),
@@ -12,20 +14,8 @@ import pytest
         ("Linux", "x86_64", {"proc/driver/nvidia/version": ""}, "linux-x86_64", ("cuda",)),
         ("Linux", "aarch64", {"dev/nvidiactl": ""}, "linux-aarch64", ("cuda",)),
         ("Linux", "x86_64", {"usr/lib/wsl/lib/libcuda.so.1": ""}, "linux-x86_64", ("cuda",)),
-        (
-            "Linux",
-            "x86_64",
-            {"dev/kfd": "", "sys/class/kfd/kfd/topology/nodes/1/properties": "gfx_target_version 110000\n"},
-            "linux-x86_64",
-            ("rocm",),
-        ),
-        (
-            "Linux",
-            "x86_64",
-            {"dev/kfd": "", "sys/class/kfd/kfd/topology/nodes/0/properties": "gfx_target_version 0\n"},
-            "linux-x86_64",
-            (),
-        ),
+        ("Linux", "x86_64", {"dev/kfd": "", NODE: "gfx_target_version 110000\n"}, "linux-x86_64", ("rocm",)),
+        ("Linux", "x86_64", {"dev/kfd": "", NODE: "gfx_target_version 0\n"}, "linux-x86_64", ()),
         ("Windows", "AMD64", {"Windows/System32/nvcuda.dll": ""}, "windows-x86_64", ("cuda",)),
         ("Windows", "AMD64", {}, "windows-x86_64", ()),
         ("Darwin", "arm64", {}, "macos-arm64", ("mps",)),

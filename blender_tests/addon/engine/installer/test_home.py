@@ -22,15 +22,9 @@ def test_a_path_that_is_a_file_is_named(managed, tmp_path, below):
         managed.home.check_free(file / below)
 
 
-def test_remove_deletes_what_is_ours_and_keeps_what_was_put_beside_it(managed, install, place):
-    install()
-    (place / "notes.md").write_text("mine")
-    managed.home.remove(place)
-    assert [path.name for path in place.iterdir()] == ["notes.md"]
-    assert managed.home.status(place).state == "none"
-
-
-def test_remove_deletes_all_environments_and_follows_no_link(managed, install, place, tmp_path):
+def test_remove_deletes_all_that_is_ours_follows_no_link_and_keeps_what_others_put_beside_it(
+    managed, install, place, tmp_path
+):
     install()
     install()
     (tmp_path / "films").mkdir()
@@ -39,7 +33,7 @@ def test_remove_deletes_all_environments_and_follows_no_link(managed, install, p
     (place / "env-old").mkdir()
     managed.home.remove(place)
     assert sorted(path.name for path in place.iterdir()) == ["env-7", "env-old"]
-    assert (tmp_path / "films" / "pots.blend").exists()
+    assert (tmp_path / "films" / "pots.blend").exists() and managed.home.status(place).state == "none"
 
 
 @pytest.mark.parametrize("name", ["../elsewhere", "env-x", "", 7, None])
@@ -57,12 +51,6 @@ def test_a_file_under_two_names_is_counted_once(managed, tmp_path):
     (tmp_path / "two").hardlink_to(tmp_path / "below" / "one")
     (tmp_path / "three").write_bytes(b"x" * 500)
     assert list(managed.home.measure(tmp_path))[-1] == 1500
-
-
-def test_remove_leaves_no_empty_folder(managed, install, place):
-    install()
-    managed.home.remove(place)
-    assert not place.exists()
 
 
 def test_a_mark_that_is_damaged_is_nobodys(managed, tmp_path):

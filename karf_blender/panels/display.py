@@ -1,4 +1,4 @@
-"""How the picture is looked at: what of it, as a split view or not, with masks or not; and a pie of the same."""
+"""Display of the active view: modes, masks and split view, with their keys and pie menu."""
 
 from math import isinf
 
@@ -9,16 +9,34 @@ from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
 from ..swatches import colors, displayed
-from . import looks
 
-# the key that shows before and after, with Alt the pie; free in the Image Editor of Blender's own key map
-KEY = "C"
+
+def draw_view(layout, karf):
+    layout.prop_search(karf, "active_view", karf, "views", text="", icon="CAMERA_DATA")
+
+
+def draw_space(layout, karf, name):
+    column = layout.column(align=True)
+    for each in (name, "ocio"):
+        column.label(text=karf.bl_rna.properties[each].name)  # above: beside the field a sidebar cuts it off
+        column.prop(karf, each, text="")
+
+
+def draw_advanced(layout, step):
+    """Return the layout of a step's folded group of advanced options, None while it is folded."""
+    header, body = layout.panel(f"karf_{step}_advanced", default_closed=True)
+    header.label(text="Advanced")
+    return body
+
+
+# keys that Blender's own key map of the Image Editor leaves free; with Alt the first opens the pie
+BEFORE_AFTER_KEY, FLIP_KEY = "C", "V"
 MODES, ADVANCED_MODES = ("EDITED", "ORIGINAL"), ("DIFFERENCE", "LEARNED", "WEIGHTS", "UNSURE")
-INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 up to which a difference is not seen, and is seen side by side alone
+INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 below which a difference is invisible, or visible only side by side
 
 
-def draw_seeing(layout, context):
-    """What is shown of the active view, and the split view."""
+def draw_view_options(layout, context):
+    """Draw the choice of what is shown of the active view, and the split view."""
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
     draw_modes(column, context, MODES)
@@ -26,26 +44,24 @@ def draw_seeing(layout, context):
     row.prop(seeing, "is_wiped", text="", icon="ARROW_LEFTRIGHT")
     row.prop(seeing, "wipe", slider=True)
     row.operator("karf.drag_wipe", text="", icon="VIEW_PAN")
-    draw_lacking(layout, context)
+    draw_render_learned(layout, context)
     draw_masks(layout, context)
 
 
 def draw_modes(layout, context, names):
-    """What can be shown of the view, two side by side."""
     grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
     for name in names:
         grid.prop_enum(context.window_manager.karf_seeing, "mode", name)
 
 
-def draw_lacking(layout, context):
-    """The button that renders what is to be shown, where that was not done yet."""
+def draw_render_learned(layout, context):
+    """Draw the button that renders what is to be shown, if it is missing."""
     known, mode = disk.contents_of(context.scene), context.window_manager.karf_seeing.mode
     if (mode == "LEARNED" and not known.is_rendered) or (mode == "UNSURE" and not known.is_doubted):
         layout.operator("karf.see_view", icon="OUTLINER_OB_VOLUME")
 
 
 def draw_masks(layout, context):
-    """The objects' masks over the picture, and which color is whose."""
     seeing = context.window_manager.karf_seeing
     column = layout.column(align=True)
     row = column.row(align=True)
@@ -64,7 +80,7 @@ def draw_masks(layout, context):
 
 
 def draw_solo(layout, name, index):
-    """The eye icon next to a swatch, or to an object, whose number is 0."""
+    """Draw the eye icon of a swatch, or with index 0 of an object."""
     seeing = bpy.context.window_manager.karf_seeing
     is_solo = seeing.mode == "WEIGHTS" and (seeing.solo_object, seeing.solo_swatch) == (name, index)
     solo = layout.operator("karf.solo_swatch", text="", icon="HIDE_OFF", depress=is_solo)
@@ -72,7 +88,7 @@ def draw_solo(layout, name, index):
 
 
 def draw_left(layout, item):
-    """How far an object still is from its target color; a row that is always there, so that no button moves."""
+    """Draw how far an object is from its target color, always in one row, so that no button moves."""
     source, target = colors.color_pair(item)
     left = displayed.of(item.id_data).left_to_target(item)
     if source == target:
@@ -89,7 +105,7 @@ def draw_left(layout, item):
 
 
 def how_visible(difference):
-    """A difference, CIEDE2000, in words."""
+    """Return a CIEDE2000 difference in words."""
     if difference < INVISIBLE:
         return translate("invisible")
     return translate("visible side by side") if difference < CLOSE else translate("visible")
@@ -113,9 +129,9 @@ def _keys():
         yield
         return
     items = keymaps.keymaps.new("Image", space_type="IMAGE_EDITOR").keymap_items
-    pie = items.new("karf.seeing_pie", KEY, "PRESS", alt=True)
-    flip = items.new("karf.flip_looks", looks.KEY, "PRESS")
-    before_after = items.new("karf.before_after", KEY, "PRESS")
+    pie = items.new("karf.seeing_pie", BEFORE_AFTER_KEY, "PRESS", alt=True)
+    flip = items.new("karf.flip_looks", FLIP_KEY, "PRESS")
+    before_after = items.new("karf.before_after", BEFORE_AFTER_KEY, "PRESS")
     yield
     for item in (before_after, pie, flip):
         items.remove(item)
