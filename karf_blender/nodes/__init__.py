@@ -1,1 +1,1 @@
-"""What node trees of several rooms share: sockets of swatches, drivers that let them follow, a material without light."""
+"""What all node trees of KaRF share: building nodes, and color sockets that follow swatches."""

@@ -12,7 +12,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
-from ..nodes import shadeless
+from ..nodes.building import add, feed, shadeless_material
 from ..pictures import photos
 from . import lens
 
@@ -208,28 +208,22 @@ def _balls(radius: float) -> bpy.types.NodeTree:
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     group.interface.new_socket("Radius", in_out="INPUT", socket_type="NodeSocketFloat").default_value = radius
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    add, link = group.nodes.new, group.links.new
-    entry, ball, instances = add("NodeGroupInput"), add("GeometryNodeMeshUVSphere"), add("GeometryNodeInstanceOnPoints")
-    realized, joined = add("GeometryNodeRealizeInstances"), add("GeometryNodeJoinGeometry")
-    neighbors, is_bare = add("GeometryNodeInputMeshVertexNeighbors"), add("FunctionNodeBooleanMath")
-    cleared, painted = add("GeometryNodeDeleteGeometry"), add("GeometryNodeSetMaterial")
-    is_bare.operation = "NOT"
-    ball.inputs["Segments"].default_value, ball.inputs["Rings"].default_value = 4, 2
-    painted.inputs["Material"].default_value = shadeless.material(POINTS_NAME, "color")
-    link(entry.outputs["Radius"], ball.inputs["Radius"])
-    link(entry.outputs["Geometry"], instances.inputs["Points"])
-    link(ball.outputs["Mesh"], instances.inputs["Instance"])
-    link(instances.outputs["Instances"], realized.inputs["Geometry"])
-    link(realized.outputs["Geometry"], joined.inputs["Geometry"])
+    entry = add(group, "NodeGroupInput", (0, 0))
+    sizes = {"Segments": 4, "Rings": 2, "Radius": entry.outputs["Radius"]}
+    ball = add(group, "GeometryNodeMeshUVSphere", (1, 1), sizes)
+    inputs = {"Points": entry.outputs["Geometry"], "Instance": ball.outputs["Mesh"]}
+    instances = add(group, "GeometryNodeInstanceOnPoints", (2, 0), inputs)
+    realized = add(group, "GeometryNodeRealizeInstances", (3, 0), [instances.outputs[0]])
+    joined = add(group, "GeometryNodeJoinGeometry", (4, 0), [realized.outputs[0]])
     # only the vertices know which attribute is the active color; join them, then delete them: Blender draws them black
-    link(entry.outputs["Geometry"], joined.inputs["Geometry"])
-    link(joined.outputs["Geometry"], cleared.inputs["Geometry"])
-    link(neighbors.outputs["Face Count"], is_bare.inputs[0])
-    link(is_bare.outputs["Boolean"], cleared.inputs["Selection"])
-    link(cleared.outputs["Geometry"], painted.inputs["Geometry"])
-    link(painted.outputs["Geometry"], add("NodeGroupOutput").inputs["Geometry"])
-    for column, node in enumerate(group.nodes):
-        node.location.x = 180 * column
+    feed(joined.inputs[0], entry.outputs["Geometry"])
+    neighbors = add(group, "GeometryNodeInputMeshVertexNeighbors", (3, 1))
+    is_bare = add(group, "FunctionNodeBooleanMath", (4, 1), [neighbors.outputs["Face Count"]], operation="NOT")
+    inputs = {"Geometry": joined.outputs[0], "Selection": is_bare.outputs[0]}
+    cleared = add(group, "GeometryNodeDeleteGeometry", (5, 0), inputs)
+    inputs = {"Geometry": cleared.outputs[0], "Material": shadeless_material(POINTS_NAME, "color")}
+    painted = add(group, "GeometryNodeSetMaterial", (6, 0), inputs)
+    add(group, "NodeGroupOutput", (7, 0), [painted.outputs[0]])
     return group
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..engine_api import BadRequest
 from ..host import compat
-from ..nodes import shadeless
+from ..nodes.building import unlit_material
 from . import trees
 
 USD_COLOR = "displayColor"  # the attribute that USD viewers display
@@ -47,7 +47,7 @@ def _gltf(data: bpy.types.Mesh, path: str) -> None:
     if not data.polygons and not compat.HAS_GLTF_POINTS:
         raise BadRequest("This Blender cannot write points to glTF.", "Choose quads, or write a PLY file.")
     # the exporter writes a Background shader as an unlit material, and an Emission as white light
-    unlit = shadeless.background("KaRF unlit")
+    unlit = unlit_material("KaRF unlit")
     data.materials.clear()
     data.materials.append(unlit)
     kind = "GLB" if path.lower().endswith(".glb") else "GLTF_SEPARATE"

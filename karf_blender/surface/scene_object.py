@@ -6,7 +6,8 @@ import bpy
 import numpy as np
 
 from ..engine_api import Palette, ScenePoints
-from ..nodes import drivers, shadeless, sockets
+from ..nodes.building import shadeless_material
+from ..nodes.sockets import remove_drivers, set_colors
 from . import trees
 
 NAME = "KaRF scene"
@@ -34,8 +35,7 @@ def build(
 ) -> tuple[bpy.types.Object, bpy.types.Node]:
     """Show points below the rig, and return the object and the node with the swatches' sockets.
 
-    An `item` that showed points before keeps its name, its place and its other modifiers. The sockets get the colors
-    [M, 3] of `edited` by object name, else the learned ones.
+    An `item` that showed points before keeps its name, its place and its other modifiers. For `edited`, see `set_colors`.
     """
     data = _mesh(points)
     if item is None:
@@ -46,38 +46,26 @@ def build(
     else:
         old, item.data = item.data, data
         bpy.data.meshes.remove(old)
-    data.materials.append(shadeless.material(NAME, trees.COLOR))
+    data.materials.append(shadeless_material(NAME, trees.COLOR))
     tree = _own_tree(item)
-    if (node := recolor_node(item)) is not None:
-        drivers.remove(node)
+    if (old := tree.nodes.get(trees.RECOLOR)) is not None:
+        remove_drivers(old)
     node = trees.fill(tree, palettes)
-    for each in palettes:
-        colors = edited.get(each.name, each.colors)
-        for index in range(1, len(each.colors)):
-            node.inputs[sockets.swatch_socket(each.name, index)].default_value = sockets.scene_linear(colors[index])
+    set_colors(node, palettes, edited)
     return item, node
-
-
-def recolor_node(item: bpy.types.Object) -> bpy.types.Node | None:
-    """Return the node with the swatches' sockets, if there is one."""
-    return _node(item, trees.RECOLOR)
 
 
 def radius_node(item: bpy.types.Object) -> bpy.types.Node | None:
     """Return the node that scales the faces, if there is one."""
-    return _node(item, trees.RADIUS)
+    modifier = item.modifiers.get(NAME)
+    tree = modifier.node_group if modifier is not None and modifier.type == "NODES" else None
+    return tree.nodes.get(trees.RADIUS) if tree is not None else None
 
 
 def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
     """Let 3D Views show the colors of meshes as they are, in Solid mode."""
     for space in spaces:
         space.shading.type, space.shading.light, space.shading.color_type = "SOLID", "FLAT", "VERTEX"
-
-
-def _node(item: bpy.types.Object, name: str) -> bpy.types.Node | None:
-    modifier = item.modifiers.get(NAME)
-    tree = modifier.node_group if modifier is not None and modifier.type == "NODES" else None
-    return tree.nodes.get(name) if tree is not None else None
 
 
 def _own_tree(item: bpy.types.Object) -> bpy.types.NodeTree:
@@ -97,7 +85,7 @@ def _mesh(points: ScenePoints) -> bpy.types.Mesh:
     mesh.vertices.add(4 * n)
     mesh.loops.add(4 * n)
     mesh.polygons.add(n)
-    mesh.vertices.foreach_set("co", _corners(points).astype(np.float32).ravel())
+    mesh.vertices.foreach_set("co", _corners(points).ravel())
     mesh.loops.foreach_set("vertex_index", np.arange(4 * n, dtype=np.int32))
     mesh.polygons.foreach_set("loop_start", np.arange(0, 4 * n, 4, dtype=np.int32))
     learned = points.colors / np.float32(255)
@@ -124,7 +112,8 @@ def _corners(points: ScenePoints) -> np.ndarray:
     right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-12)
     up = np.cross(normals, right)
     half = COVER * points.sizes[:, None, None]
-    return points.positions[:, None] + half * (CORNERS[:, :1] * right[:, None] + CORNERS[:, 1:] * up[:, None])
+    offsets = half * (CORNERS[:, :1] * right[:, None] + CORNERS[:, 1:] * up[:, None])
+    return (points.positions[:, None] + offsets).astype(np.float32)
 
 
 def _add(mesh: bpy.types.Mesh, name: str, kind: str, values: np.ndarray) -> None:
