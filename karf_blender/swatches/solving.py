@@ -207,7 +207,7 @@ class Gesture:
     start: np.ndarray  # [M, 3]
     result: np.ndarray  # [M, 3] after its last change
 
-    def goes_on(self, moved: Sequence[int], chosen: np.ndarray) -> bool:
+    def continues(self, moved: Sequence[int], chosen: np.ndarray) -> bool:
         """True if these are the swatches, and no other has changed since but those that followed."""
         others = ~np.isin(np.arange(len(chosen)), moved)
         is_same = tuple(moved) == self.moved and len(chosen) == len(self.result)
