@@ -1,8 +1,8 @@
 """The session: what the extension keeps in memory, and what it has put into Blender.
 
 A module keeps its state in a class of its own, whose one object `get` returns. What Blender calls is declared where it is
-defined: classes by their name (KARF_...), functions by `handler`, `subscribe` and `setup`. `register` finds and installs
-it all, whatever the order of modules.
+defined: classes by their name (KARF_...), functions by `handler`, `draw_handler`, `subscribe` and `setup`. `register`
+finds and installs it all, whatever the order of modules.
 """
 
 import importlib
@@ -100,6 +100,11 @@ def notify(event: str, *values: Any) -> None:
             function(*values)
 
 
+def draw_handler(editor: type[bpy.types.Space], moment: str) -> Callable[[Callable], Callable]:
+    """Declare a function that draws in the main region of editors of a type; `moment` is POST_PIXEL or POST_VIEW."""
+    return _mark(karf_draws_in=editor, karf_draws=moment)
+
+
 def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]]:
     """Declare a generator function that installs something, yields once, and removes it again."""
     return _mark(karf_setup=contextmanager(function))(function)
@@ -134,6 +139,9 @@ def register(package: ModuleType) -> None:
             stack.callback(bpy.utils.unregister_class, each)
         for function in _declared(modules, "karf_setup"):
             stack.enter_context(function.karf_setup())
+        for function in _declared(modules, "karf_draws"):
+            drawn = function.karf_draws_in.draw_handler_add(function, (), "WINDOW", function.karf_draws)
+            stack.callback(function.karf_draws_in.draw_handler_remove, drawn, "WINDOW")
         for function in sorted(_declared(modules, "karf_events"), key=lambda each: each.karf_phase):
             for event in function.karf_events:
                 called = getattr(bpy.app.handlers, event, [])  # older Blenders lack some, such as exit_pre

@@ -25,7 +25,7 @@ MODULES = {
     "preferences": "choices color_book managing state",
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
-    "rig": "cameras frames lens reprojection",
+    "rig": "cameras lens reprojection",
     "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "blocking camera_pixels still viewport",
@@ -33,7 +33,7 @@ MODULES = {
     "tasks": "ownership queries runner",
     "compositor": "recoloring",
     "nodes": "sockets",
-    "surface": "scene_object splat_objects trees",
+    "surface": "scene_object splat_objects",
     "operators": "colorways project render",
     "panels": "editing display learning sidebar swatching",
     "workspace": "clicking estimates opening own_pictures states statusbar",
@@ -71,7 +71,7 @@ def addon(bpy, monkeypatch):
     assert not modules.runner.is_running()
     modules.preview.stop()
     modules.queries.stop()
-    modules.blocking.stop()
+    modules.session.get(modules.blocking.RenderWorker).close()
     modules.runner.release()
 
 

@@ -58,12 +58,13 @@ void main()
 
 
 @dataclass
-class _State:
+class _OnGpu:
     shader: gpu.types.GPUShader | None = None
     # by kind and object: a layer's version, and its pixels of one sign
     textures: dict[tuple[str, str], tuple[object, gpu.types.GPUTexture]] = field(default_factory=dict)
 
 
+@session.draw_handler(bpy.types.SpaceImageEditor, "POST_PIXEL")
 def _draw_overlay() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
@@ -72,7 +73,7 @@ def _draw_overlay() -> None:
         return
     gpu.state.blend_set("ALPHA")
     used = {_draw_layer(context.region, *each) for each in _layers(scene, layers)}
-    textures = session.get(_State).textures
+    textures = session.get(_OnGpu).textures
     for key in textures.keys() - used:
         del textures[key]
     _draw_clicks(context.region, scene, layers)
@@ -99,8 +100,7 @@ def _layers(scene, layers):
 # --- masks ---------------------------------------------------------------------------------------------------------
 def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
     """Draw the pixels of a layer that have a sign over the photo of a region; return the key of their texture."""
-    shader = _shader()
-    view = region.view2d
+    shader, view = _shader(), region.view2d
     low, high = (np.array(view.view_to_region(*place, clip=False), np.float32) for place in ((0, 0), (1, 1)))
     shader.bind()
     shader.uniform_sampler("mask", _texture(key, layer, sign))
@@ -113,7 +113,7 @@ def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, wid
 
 
 def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
-    textures = session.get(_State).textures
+    textures = session.get(_OnGpu).textures
     if key not in textures or textures[key][0] != layer.version:
         step = -(-max(layer.pixels.shape) // LONGEST)
         pixels = np.ascontiguousarray(layer.pixels[::-step, ::step] == sign, np.float32)
@@ -123,7 +123,7 @@ def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
 
 
 def _shader() -> gpu.types.GPUShader:
-    state = session.get(_State)
+    state = session.get(_OnGpu)
     if state.shader is None:
         between = gpu.types.GPUStageInterfaceInfo("karf_mask")
         between.smooth("VEC2", "place")
@@ -149,16 +149,15 @@ def _draw_clicks(region, scene, layers) -> None:
     if proposal is None:
         return
     width, height = layers.size
+
+    def on_screen(x: float, y: float) -> tuple[float, float]:
+        return region.view2d.view_to_region(x / width, 1 - y / height, clip=False)
+
     if proposal.box is not None:
         x0, y0, x1, y1 = proposal.box
-        corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
-        _draw_line([_on_screen(region, x / width, 1 - y / height) for x, y in corners])
+        _draw_line([on_screen(*corner) for corner in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))])
     for x, y, is_object in proposal.points:
-        _draw_click(_on_screen(region, x / width, 1 - y / height), is_object)
-
-
-def _on_screen(region, u: float, v: float) -> tuple[float, float]:
-    return region.view2d.view_to_region(u, v, clip=False)
+        _draw_click(on_screen(x, y), is_object)
 
 
 def _draw_click(place, is_object: bool) -> None:
@@ -188,10 +187,3 @@ def _draw_line(places) -> None:
         shader.uniform_float("lineWidth", width)
         shader.uniform_float("color", color)
         batch.draw(shader)
-
-
-@session.setup
-def _overlay():
-    handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_overlay, (), "WINDOW", "POST_PIXEL")
-    yield
-    bpy.types.SpaceImageEditor.draw_handler_remove(handler, "WINDOW")

@@ -36,22 +36,29 @@ def areas(scene: bpy.types.Scene) -> list[bpy.types.Area]:
 
 
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Display the active view's original photo with its masks, also in the Image Editors that are free.
-
-    Raises KarfError if the photo or a mask cannot be read, or Blender is rendering.
-    """
-    image = _load(scene)
+    """Show the active view's photo with its masks, also in free Image Editors. Raises KarfError."""
+    rendering.refuse()
+    view, marking = captures.view_of(scene), scene.karf.marking
+    if view.image is None:
+        raise BadRequest("The view {name!r} has no photo.", "Choose another view.", name=view.name)
+    file = photos.taken(view, folders.project_of(scene).photos_folder)
+    if marking.photo is None:
+        marking.photo = bpy.data.images.new(NAME, 1, 1)
+        marking.photo.source = "FILE"
+    image = marking.photo
+    if image.filepath != str(file):
+        image.filepath = str(file)  # Blender reloads it
+    if not image.size[0]:
+        raise DataError("{path} cannot be read as an image.", "Check the file.", path=file)
+    image[VIEW] = view.name
     editors.reveal(image, is_wanted=True)
     mask_layers.open_layers(scene)
-    mask_layers.redraw()
+    windows.redraw()
     return image
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Update photo and corrected masks where they are displayed, after a change of the view or of *Correct*.
-
-    Errors are printed.
-    """
+    """Update photo and corrected masks where they are displayed after a change; errors are printed."""
     image = scene.karf.marking.photo
     spaces = (area.spaces.active for area in windows.areas("IMAGE_EDITOR"))
     if image is not None and any(space.image == image for space in spaces):
@@ -67,24 +74,6 @@ def leave(scene: bpy.types.Scene) -> None:
     if not areas(scene):
         tools.lay_down()
         scene.karf.marking.correct = False
-
-
-def _load(scene: bpy.types.Scene) -> bpy.types.Image:
-    rendering.refuse()
-    view, marking = captures.view_of(scene), scene.karf.marking
-    if view.image is None:
-        raise BadRequest("The view {name!r} has no photo.", "Choose another view.", name=view.name)
-    file = photos.taken(view, folders.project_of(scene).photos_folder)
-    if marking.photo is None:
-        marking.photo = bpy.data.images.new(NAME, 1, 1)
-        marking.photo.source = "FILE"
-    image = marking.photo
-    if image.filepath != str(file):
-        image.filepath = str(file)  # Blender reloads it
-    if not image.size[0]:
-        raise DataError("{path} cannot be read as an image.", "Check the file.", path=file)
-    image[VIEW] = view.name
-    return image
 
 
 @session.handler("undo_post", "redo_post", phase=session.Phase.READ)
@@ -107,7 +96,7 @@ class Gesture:
 
 
 def photo_place(region: bpy.types.Region, size: tuple[int, int], place: tuple[int, int]) -> Place:
-    """Return a place in an Image Editor's region, from its lower left, in pixels of the photo, y down."""
+    """Return a place in an Image Editor's region in pixels of the photo, y down."""
     u, v = region.view2d.region_to_view(*place)
     return u * size[0], (1 - v) * size[1]
 
@@ -120,10 +109,7 @@ def photo_length(region: bpy.types.Region, size: tuple[int, int], length: float)
 
 # --- corrected masks -----------------------------------------------------------------------------------------------
 def correct(scene: bpy.types.Scene) -> None:
-    """Request the masks of the active view with all corrections, if *Correct* is on.
-
-    Raises KarfError if the engine cannot be started.
-    """
+    """Request the active view's masks with all corrections, if *Correct* is on. Raises KarfError."""
     can_answer = "segmentation" in disk.contents_of(scene).stages and not state.known().problem
     if scene.karf.marking.correct and can_answer:
         view = scene.karf.active_view
@@ -136,7 +122,7 @@ def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -
     layers = mask_layers.opened(scene)
     if layers is not None and layers.view.name == view:
         layers.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
-        mask_layers.redraw()
+        windows.redraw()
     for file in files.values():
         file.unlink(missing_ok=True)
 

@@ -1,7 +1,6 @@
 """Blocking queries from the render thread, which waits for each picture and can cancel it.
 
-They use a separate worker, as the timer polls the interface's worker on the main thread meanwhile. It stays for the
-next frame of an animation, and ends when none comes for a while.
+They have a worker of their own, as a timer polls the interface's meanwhile. It stays for the next frame of an animation.
 """
 
 import time
@@ -39,11 +38,6 @@ def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled
     raise KarfError("The engine exited before it answered.", "Try again.")
 
 
-def stop() -> None:
-    """End the worker and remove its folder."""
-    session.get(RenderWorker).close()
-
-
 def _answer(
     scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]
 ) -> dict[str, Any] | None:
@@ -65,6 +59,6 @@ def _answer(
             kept.leave()
             return None
         if is_cancelled():
-            stop()
+            kept.close()
             raise Cancelled("The render was cancelled.")
         time.sleep(POLL_SECONDS)

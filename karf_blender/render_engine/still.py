@@ -108,8 +108,8 @@ def _bordered(scene: bpy.types.Scene, camera: Camera) -> Camera:
         return camera
     left, right = (int(share * camera.width) for share in (render.border_min_x, render.border_max_x))
     bottom, top = (int(share * camera.height) for share in (render.border_min_y, render.border_max_y))
-    above = camera.height - top
-    return replace(camera, width=right - left, height=top - bottom, cx=camera.cx - left, cy=camera.cy - above)
+    cy = camera.cy - (camera.height - top)
+    return replace(camera, width=right - left, height=top - bottom, cx=camera.cx - left, cy=cy)
 
 
 def _combined(arrays: dict[str, np.ndarray]) -> np.ndarray:

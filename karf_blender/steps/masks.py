@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine_api import BadRequest, KarfError
+from ..host import windows
 from ..host.words import translatable
 from ..marking import mask_layers, objects, photo, proposals, raster, tools
 from ..marking.mask_layers import Layer
@@ -123,7 +124,7 @@ def keep(scene: bpy.types.Scene, layer: Layer) -> None:
     layer.touch()
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     disk.refresh()
-    mask_layers.redraw()
+    windows.redraw()
     photo.correct(scene)
 
 

@@ -78,6 +78,7 @@ def _camera_frame(context: bpy.types.Context) -> Rectangle | None:
 
 
 # --- drawing -------------------------------------------------------------------------------------------------------
+@session.draw_handler(bpy.types.SpaceImageEditor, "POST_PIXEL")
 def _draw_in_image() -> None:
     context = bpy.context
     if not shows_picture(context) or not context.space_data.overlay.show_overlays:
@@ -92,6 +93,7 @@ def _draw_in_image() -> None:
         draw_split(context)
 
 
+@session.draw_handler(bpy.types.SpaceView3D, "POST_PIXEL")
 def _draw_in_view() -> None:
     context = bpy.context
     if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
@@ -180,14 +182,3 @@ def _write(text: str, x: float, y: float) -> None:
     blf.position(0, x, y, 0)
     blf.draw(0, text)
     blf.disable(0, blf.SHADOW)
-
-
-@session.setup
-def _overlays():
-    handlers = [
-        (space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL"))
-        for space, draw in ((bpy.types.SpaceImageEditor, _draw_in_image), (bpy.types.SpaceView3D, _draw_in_view))
-    ]
-    yield
-    for space, handler in handlers:
-        space.draw_handler_remove(handler, "WINDOW")

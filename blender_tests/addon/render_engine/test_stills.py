@@ -152,7 +152,7 @@ def test_one_process_renders_an_animation_and_its_files_go(addon, scene, render,
     folders = {addon.folders.Path(each["pixels"]).parents[1] for each in answers}
     assert len(folders) == 1  # the job's folder of one worker
     assert not list(folders.pop().glob("answers/*"))
-    addon.blocking.stop()
+    addon.session.get(addon.blocking.RenderWorker).close()
     assert not any(each.exists() for each in folders)
 
 
