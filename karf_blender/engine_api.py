@@ -97,7 +97,7 @@ from ..karf_engine.worker.protocol import (
     folder_line,
 )
 
-# the file or folder by which each known kind of capture is recognized
+# each known kind of capture has one of these files or folders
 CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
 # the folder that the engine's own Python executes
 ENGINE_FOLDER = Path(karf_engine.__file__).parent

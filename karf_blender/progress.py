@@ -1,10 +1,11 @@
-"""What the panel and the console say of the running task and of how the last one ended."""
+"""Messages about the running task and the end of the last one, in the panel and on the console."""
 
 from pathlib import Path
+from typing import Any
 
 import bpy
 
-from .engine_api import Event, KarfError
+from .engine_api import Event, KarfError, Message
 from .host.words import kept, translate
 
 # codes of warnings that stay in the job's record: what was found is used, and there is nothing that an artist could do
@@ -12,12 +13,12 @@ FOR_THE_RECORD = ("convergence",)
 
 
 def state() -> bpy.types.PropertyGroup:
-    """The session's `WindowManager.karf_progress`, which the panel shows."""
+    """Return the session's `WindowManager.karf_progress`, which the panel shows."""
     return bpy.data.window_managers[0].karf_progress
 
 
 def begin(label: str) -> None:
-    """A task starts: nothing is said of the last one any more."""
+    """Show that a task starts, and clear the messages of the last one."""
     progress = state()
     progress.running = True
     progress.stage = label
@@ -26,8 +27,10 @@ def begin(label: str) -> None:
     progress.text = "Starting"
 
 
-def warn(sentence: str) -> None:
-    """Show the user a message, in the panel and on the console."""
+def warn(sentence: str, /, **values: Any) -> None:
+    """Show the user a message, in the panel and on the console; `values` fill in its placeholders."""
+    if values:
+        sentence = Message(sentence, **values)
     print(f"KaRF: {sentence}", flush=True)
     _add_warning(sentence)
 
@@ -39,18 +42,18 @@ def _add_warning(sentence: str) -> None:
 
 
 def wrote(folder: Path) -> None:
-    """Files were written there: the panel has a button that opens it."""
+    """Remember a folder with new files: the panel has a button that opens it."""
     state().folder = str(folder)
 
 
 def fail(error: KarfError) -> None:
-    """Say why something failed, and what can be done."""
+    """Show why something failed, and how to solve it."""
     progress = state()
     progress.text, progress.error, progress.hint = "", kept(error.sentence), kept(error.hint)
 
 
 def dismiss() -> None:
-    """Clear what the panel says of the last task."""
+    """Clear the messages of the last task."""
     progress = state()
     for name in ("text", "figures", "warnings", "error", "hint", "job", "folder"):
         setattr(progress, name, "")
@@ -59,7 +62,7 @@ def dismiss() -> None:
 def show_event(label: str, event: Event, whole: tuple[float, float] | None = None) -> None:
     """Show an engine's event in the panel, under the running task's label.
 
-    whole: Of a task of several jobs how much of all is done, 0 to 1, and the seconds that are left.
+    whole: For a task of several jobs: the share done, 0 to 1, and the seconds left.
     """
     progress = state()
     progress.running, progress.stage = True, label
@@ -74,14 +77,14 @@ def show_event(label: str, event: Event, whole: tuple[float, float] | None = Non
 
 
 def print_event(stage: str, event: Event) -> None:
-    """Print an engine's event, where it says something to a person."""
+    """Print an engine's event, if it is meant for people."""
     line = _line(event)
     if line:
         print(f"KaRF {stage}: {line}", flush=True)
 
 
 def _line(event: Event) -> str:
-    """An event as a person reads it; empty for events that are not for people."""
+    """Describe an event; empty if it is not meant for people."""
     if event.kind == "progress":
         return f"{event['step']}/{event['total']}{_time_left(event)}{_metrics(event)}"
     if event.kind == "stage":
@@ -90,7 +93,7 @@ def _line(event: Event) -> str:
 
 
 def _share_and_time(share: float, left: float | None) -> str:
-    """How much is done and how long the rest takes, in the user's language."""
+    """Describe the share done and the time left, in the user's language."""
     percent = f"{share:.0%}"
     if not left:
         return percent

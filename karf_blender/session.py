@@ -1,8 +1,8 @@
 """The session: what the extension keeps in memory, and what it has put into Blender.
 
-A module keeps its state in a class of its own, whose one object `get` returns. What Blender calls is declared where it is
-defined: classes by their name (KARF_...), functions by `handler`, `draw_handler`, `subscribe` and `setup`. `register`
-finds and installs it all, whatever the order of modules.
+A module keeps its state in its own class, and `get` returns the one object of that class. Functions that Blender calls
+are declared beside their code: by `handler`, `draw_handler`, `subscribe` and `setup`; classes by their name (KARF_...).
+`register` finds and installs them all, whatever the order of modules.
 """
 
 import importlib
@@ -21,7 +21,7 @@ Timer = Callable[[], float | None]  # returns the seconds until the next call; N
 
 
 class Phase(IntEnum):
-    """When a handler is called among all handlers of an event; those of one phase must not depend on each other."""
+    """The order of the handlers of an event; those of one phase must not depend on each other."""
 
     STATE = 0  # what other handlers depend on: which file is open, whether Blender renders
     READ = 1  # reads files of projects
@@ -57,12 +57,14 @@ def get(kind: type[T]) -> T:
 
 
 def clear(per_file: bool = False) -> None:
-    """Close and drop all state; with `per_file`, only what belongs to the file that was open."""
+    """Close and drop all state; with `per_file`, only what belongs to the closed file."""
     for kind in tuple(_session.states):
         if not per_file or getattr(kind, "per_file", False):
             if hasattr(kind, "close"):
                 _session.states[kind].close()
             _session.states.pop(kind, None)
+    if not per_file:
+        _session.states.clear()  # closing one may have created another
 
 
 # --- declarations --------------------------------------------------------------------------------------------------
@@ -81,7 +83,7 @@ def handler(*events: str, phase: Phase = Phase.SHOW) -> Callable[[Callable], Cal
 
 
 def subscribe(*properties: tuple[type, str]) -> Callable[[Callable], Callable]:
-    """Declare a function that is called when one of these properties, each of a Blender type, is set.
+    """Declare a function to call when one of these properties of Blender types is set.
 
     Blender's message bus reports what the user and scripts set, but not undo; in background mode it reports nothing.
     """
@@ -89,7 +91,7 @@ def subscribe(*properties: tuple[type, str]) -> Callable[[Callable], Callable]:
 
 
 def listener(event: str) -> Callable[[Callable], Callable]:
-    """Declare a function that is called whenever an event of the extension's own is announced by `notify`."""
+    """Declare a function to call whenever `notify` announces this event of the extension."""
     return _mark(karf_listens=event)
 
 
@@ -123,7 +125,7 @@ def start_timer(timer: Timer, seconds: float = 0.02, persistent: bool = False) -
 
 
 def stop_timer(timer: Timer) -> None:
-    """Call a function of `start_timer` no more."""
+    """Stop calling a function of `start_timer`."""
     _session.timers.discard(timer)
     if bpy.app.timers.is_registered(timer):
         bpy.app.timers.unregister(timer)
@@ -176,7 +178,7 @@ def _after_load(*_) -> None:
 
 
 def _subscribe_all() -> None:
-    """Subscribe to the message bus, of which each file has its own."""
+    """Subscribe to the message bus: each file has a new one."""
     for function in _session.subscribers:
         bpy.msgbus.clear_by_owner(function)
         for key in function.karf_properties:
@@ -189,13 +191,13 @@ def _submodules(package: ModuleType) -> Iterator[ModuleType]:
 
 
 def _declared(modules: list[ModuleType], mark: str) -> list[Callable]:
-    """The functions that modules define and that carry a mark of a declaration."""
+    """Return the functions with a mark of a declaration."""
     found = (value for module in modules for value in vars(module).values() if inspect.isfunction(value))
     return list(dict.fromkeys(each for each in found if hasattr(each, mark)))
 
 
 def _classes(modules: list[ModuleType]) -> list[type]:
-    """Blender's classes that modules define: by their own name, or in a tuple `CLASSES` where they are made in a loop."""
+    """Return the Blender classes of modules: by their own name, or in a tuple `CLASSES` if made in a loop."""
     found = (value for module in modules for value in (*vars(module).values(), *getattr(module, "CLASSES", ())))
     return list(dict.fromkeys(each for each in found if inspect.isclass(each) and each.__name__.startswith("KARF_")))
 

@@ -26,7 +26,7 @@ MODULES = {
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "cameras lens reprojection",
-    "swatches": "becomes colors drawn_over edits free_camera looks loupe object_masks palettes reference shown surfaces views",
+    "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "blocking camera_pixels still viewport",
     "steps": "masks preview splats",
@@ -66,7 +66,7 @@ def addon(bpy, monkeypatch):
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
-    modules.shown.forget_all()
+    modules.displayed.forget_all()
     yield modules
     assert not modules.runner.is_running()
     modules.preview.stop()

@@ -17,9 +17,9 @@ class Examination:
     """The findings as they come: `poll` it until it has ended. It never fails: what goes wrong is a finding too.
 
     Args:
-        python: The Python that is asked.
+        python: The one to ask.
         engine: The engine's folder, which that Python executes.
-        folder: Where projects lie or would lie.
+        folder: Of projects, there or not.
         threads: Processor threads; 0: the engine chooses.
     """
 
@@ -43,7 +43,7 @@ class Examination:
         """Take in what was found since the last call; True at the end. Never blocks."""
         if self.has_ended:
             return True
-        # the exit is asked for first, so that all that was written before it is read
+        # poll the exit first, so that nothing written before it is missed
         code = self._process.poll()
         if new := self._new_findings():
             self.findings += new

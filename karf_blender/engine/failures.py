@@ -1,4 +1,4 @@
-"""What is said of failures: files that the system refuses, a failed job's log, reports without the user's names. No bpy."""
+"""Sentences and reports about failures: refused files, a failed job's log, reports without the user's names. No bpy."""
 
 import getpass
 import platform

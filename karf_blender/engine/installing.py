@@ -46,7 +46,7 @@ def is_running() -> bool:
 
 
 def can_be_cancelled() -> bool:
-    """Whether an installation is at work; a removal goes on to its end."""
+    """Return True while an installation is at work; a removal cannot be cancelled."""
     work = session.get(_State).work
     return work is not None and work.can_be_cancelled
 

@@ -1,6 +1,6 @@
 """The test of the engine's Python: alongside the interface, or blocking in background mode, where timers never fire.
 
-What was found belongs to the Python that was asked and to this session.
+Findings belong to one Python and to this session.
 """
 
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ def verdict_on(python: Path | None) -> Finding | None:
 def launch(python: Path, folder: Path, threads: int = 0) -> None:
     """Test a Python alongside the interface and return at once; in background mode, block until it is done.
 
-    `folder` is where projects lie or would lie; with 0 threads the engine chooses.
+    `folder` is that of projects, there or not; with 0 threads the engine chooses.
     """
     if bpy.app.background:
         session.get(_State).examination = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads)

@@ -1,4 +1,4 @@
-"""Child processes of another Python, each leading a group of its own: what they start ends with them. No bpy."""
+"""Child processes of another Python, each the leader of a process group: what they start ends with them. No bpy."""
 
 import contextlib
 import os
@@ -26,7 +26,7 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
 
 
 def engine_command(python: Path, engine: Path, *arguments: str | Path) -> list[str]:
-    """Return the command line by which a Python executes the engine's folder; arguments begin with the verb."""
+    """Return the command line for a Python that executes the engine's folder; arguments begin with the verb."""
     # -B: no compiled files appear in the extension's folder, which updates replace
     return [str(python), "-I", "-B", "-u", "-X", "utf8", str(engine), *map(str, arguments)]
 
@@ -34,7 +34,7 @@ def engine_command(python: Path, engine: Path, *arguments: str | Path) -> list[s
 def start(
     command: Sequence[str], threads: int = 0, variables: Mapping[str, str] = NO_VARIABLES, **options: Any
 ) -> subprocess.Popen:
-    """Start a command in a group of its own, without Blender's environment; raises OSError where it does not start.
+    """Start a command in a new process group, without Blender's environment; raises OSError where it does not start.
 
     Args:
         command: The program and its arguments.

@@ -1,4 +1,4 @@
-"""How fast the engine learns on this computer: measured once, corrected by the jobs that were done. No bpy.
+"""The speed of the engine on this computer: measured once, corrected by finished jobs. No bpy.
 
 It is kept in a file of the user's, for one Python with one number of threads.
 """
@@ -19,7 +19,7 @@ UNBELIEVABLE = 0.3  # share of its estimate below which a job had resumed anothe
 
 @dataclass(frozen=True)
 class Speed:
-    """What is known of a computer."""
+    """Knowledge about a computer."""
 
     python: str  # the engine's
     threads: int  # that it was given; 0: it chose

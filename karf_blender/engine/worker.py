@@ -40,7 +40,7 @@ REPLIES = ("answer", "refused", "dropped")
 
 @dataclass
 class _Job:
-    """How far a job is."""
+    """The progress of a job."""
 
     request: Request
     folder: Path
@@ -83,7 +83,7 @@ class Worker:
 
         Args:
             python: The Python that has the engine's packages.
-            request: What is asked; it is written into the folder.
+            request: Is written into the folder.
             folder: The job's own folder, new or empty.
             threads: Processor threads; 0: the engine chooses.
 
@@ -105,7 +105,7 @@ class Worker:
         job = self._job
         if job.has_ended:
             return []
-        # the exit is asked for first, so that all events written before it are read
+        # poll the exit first, so that no event written before it is missed
         has_exited = self._process.poll() is not None
         events = self._new_events()
         if events:
@@ -207,11 +207,10 @@ class Worker:
     # --- the process -----------------------------------------------------------------------------------------------
     @property
     def is_waiting(self) -> bool:
-        """Whether the process waits for its next job."""
         return time.monotonic() < self._waits_until and self._process.poll() is None
 
     def suits(self, python: Path, threads: int) -> bool:
-        """Whether the process was made for these settings, and for the environment as it is now."""
+        """Tell whether the process was made for these settings and today's environment variables."""
         return self._made_for == _settings(python, threads)
 
     def end(self) -> None:
@@ -263,7 +262,6 @@ class Worker:
 
 
 def _settings(python: Path, threads: int) -> tuple[Any, ...]:
-    """What a process is made for."""
     return python, engine_api.ENGINE_FOLDER, processes.child_environment(os.environ, threads)
 
 

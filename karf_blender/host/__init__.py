@@ -1,1 +1,1 @@
-"""Blender as the host: what differs between its versions, its handlers, its message bus, its windows, whether it renders."""
+"""Blender as the host: differences between its versions, translation, windows, and whether it renders."""

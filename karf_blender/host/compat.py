@@ -1,4 +1,4 @@
-"""What differs between Blender versions, and nothing else; the only file that asks for the version."""
+"""Differences between Blender versions, and nothing else; the only file that asks for the version."""
 
 import bpy
 
@@ -7,7 +7,7 @@ BLENDER = bpy.app.version_string
 # properties that hold paths must say since 4.5 that `//` is understood; before, the word is unknown
 PATH_OPTIONS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
 
-# points of a size have had a shader of their own since 4.5
+# since 4.5 a separate shader draws points of a given size
 POINT_SHADER = "POINT_FLAT_COLOR" if bpy.app.version >= (4, 5, 0) else "FLAT_COLOR"
 
 # Blender's engine for the graphics card, which was called next from 4.2 to 4.5
@@ -18,13 +18,13 @@ HAS_GLTF_POINTS = bpy.app.version >= (4, 3, 0)
 
 
 def give_nodes(material: bpy.types.Material) -> None:
-    """Let a new material have nodes; since 5.0 all have."""
+    """Enable nodes in a new material; since 5.0 they always are."""
     if bpy.app.version < (5, 0, 0):
         material.use_nodes = True
 
 
 def curves_of(owner: bpy.types.AnimData | bpy.types.NlaStrip) -> list[bpy.types.FCurve]:
-    """The curves with which animation data, or an NLA strip, animates; actions have slots and layers since 4.4."""
+    """Return the F-curves of animation data or of an NLA strip; actions have slots and layers since 4.4."""
     if owner.action is None:
         return []
     if bpy.app.version < (4, 4, 0):
@@ -36,7 +36,7 @@ def curves_of(owner: bpy.types.AnimData | bpy.types.NlaStrip) -> list[bpy.types.
 
 # --- the compositor, whose trees and nodes changed in 4.5 and 5.0 ----------------------------------------------------
 def compositing_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
-    """The scene's compositing nodes, switched on; an empty tree is made where there is none."""
+    """Return the scene's compositing nodes, switched on; create an empty tree if there is none."""
     if bpy.app.version < (5, 0, 0):
         is_new = scene.node_tree is None
         scene.use_nodes = True
@@ -49,12 +49,12 @@ def compositing_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
 
 
 def compositing_tree_or_none(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
-    """The scene's compositing nodes, if it has some."""
+    """Return the scene's compositing nodes, if it has some."""
     return scene.node_tree if bpy.app.version < (5, 0, 0) else scene.compositing_node_group
 
 
 def compositing_output(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """The socket whose picture is rendered; the output node is made where there is none."""
+    """Return the socket of the rendered picture; create the output node if there is none."""
     if bpy.app.version < (5, 0, 0):
         node = _first(tree, "COMPOSITE") or tree.nodes.new("CompositorNodeComposite")
         return node.inputs["Image"]
@@ -70,7 +70,7 @@ def _first(tree: bpy.types.NodeTree, kind: str) -> bpy.types.Node | None:
 
 
 def new_color_math(tree: bpy.types.NodeTree, operation: str, clips: bool = False) -> bpy.types.Node:
-    """A node that adds, subtracts or multiplies two colors (`ADD`, `SUBTRACT`, `MULTIPLY`), see `color_math_sockets`.
+    """Create a node that adds, subtracts or multiplies two colors (`ADD`, `SUBTRACT`, `MULTIPLY`).
 
     clips: Whether to clip the result to 0..1.
     """
@@ -86,13 +86,13 @@ def new_color_math(tree: bpy.types.NodeTree, operation: str, clips: bool = False
 
 
 def color_math_sockets(node: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """The two inputs and the result of such a node, which has sockets of other types too."""
+    """Return the two inputs and the result of such a node, which has sockets of other types too."""
     first, second = [socket for socket in node.inputs if socket.type == "RGBA"]
     return first, second, next(socket for socket in node.outputs if socket.type == "RGBA")
 
 
 def set_option(node: bpy.types.Node, socket: str, name: str, value: bool) -> None:
-    """Set an option of a node, which is a socket since 4.5, and before a property."""
+    """Set an option of a node: a socket since 4.5, a property before."""
     if socket in node.inputs:
         node.inputs[socket].default_value = value
     else:
@@ -101,20 +101,20 @@ def set_option(node: bpy.types.Node, socket: str, name: str, value: bool) -> Non
 
 # --- the sequencer, whose strips are called strips since 4.4 ---------------------------------------------------------
 def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
-    """The strips of the scene's sequencer, which is made where there is none."""
+    """Return the strips of the scene's sequencer; create the sequencer if there is none."""
     editor = scene.sequence_editor or scene.sequence_editor_create()
     return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips
 
 
 def show_in_sequencers(scene: bpy.types.Scene) -> None:
-    """Let sequencers that show no scene show this one; since 5.0 that is the workspace's and not the window's."""
+    """Show this scene in sequencers that show none; since 5.0 the workspace stores it, not the window."""
     for workspace in bpy.data.workspaces:
         if getattr(workspace, "sequencer_scene", scene) is None:
             workspace.sequencer_scene = scene
 
 
 def strip_range(strip: "bpy.types.Strip") -> tuple[int, int]:
-    """The first frame of a strip and the one behind its last; its ends are called handles since 5.1."""
+    """Return the first frame of a strip and the one after its last; its ends are called handles since 5.1."""
     if bpy.app.version < (5, 1, 0):
         return strip.frame_final_start, strip.frame_final_end
     return strip.left_handle, strip.right_handle

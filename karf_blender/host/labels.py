@@ -1,4 +1,4 @@
-"""Long texts in panels, which break no lines by themselves."""
+"""Long texts in panels, which do not break lines themselves."""
 
 import textwrap
 
@@ -10,7 +10,7 @@ SIDEBAR = 34  # letters that fit the sidebar's usual width
 
 
 def draw_text(layout, text, icon, width=SIDEBAR):
-    """A text as labels, one below the other, of at most this many letters; the icon stands before the first."""
+    """Draw a text as labels of at most `width` letters, one below the other; the first has the icon."""
     column = layout.column(align=True)
     paragraphs = [text] if isinstance(text, Message) else text.splitlines()
     text = "\n".join(map(translate_message, paragraphs))

@@ -1,5 +1,5 @@
-"""Whether Blender itself renders. Its render thread reads the file and calls handlers: what touches pixels or data
-meanwhile crashes Blender, so nothing of ours does."""
+"""Whether Blender renders. Its render thread reads the file and calls handlers; touching pixels or data meanwhile
+crashes Blender."""
 
 from dataclasses import dataclass
 
@@ -11,19 +11,19 @@ from ..engine_api import BadRequest
 
 @dataclass
 class Render:
-    """Whether a render has begun and not ended."""
+    """The state of Blender's own render."""
 
     per_file = True
     has_begun: bool = False
 
 
 def is_running() -> bool:
-    """True from a render's first handler to its last; on any thread."""
+    """Return True from a render's first handler to its last; on any thread."""
     return session.get(Render).has_begun or bpy.app.is_job_running("RENDER")
 
 
 def refuse() -> None:
-    """Refuse what must not happen while Blender renders.
+    """Refuse an action during a render.
 
     Raises:
         BadRequest: Blender renders.
@@ -33,7 +33,8 @@ def refuse() -> None:
 
 
 def is_over() -> bool:
-    """For timers, which Blender calls beside a render job and never within a render: True if none is running."""
+    """Return True if no render job is running. Only for timers: Blender calls them beside a render job, never within a
+    render."""
     if bpy.app.is_job_running("RENDER"):
         return False
     session.get(Render).has_begun = False

@@ -8,13 +8,13 @@ PANEL_AREAS = ("VIEW_3D", "IMAGE_EDITOR")  # those with the KaRF tab
 
 
 def areas(*kinds: str) -> Iterator[bpy.types.Area]:
-    """The areas of these types, in all windows."""
+    """Yield the areas of these types in all windows."""
     for window in bpy.data.window_managers[0].windows:
         yield from (area for area in window.screen.areas if area.type in kinds)
 
 
 def window_of(area: bpy.types.Area) -> bpy.types.Window:
-    """The window that an area is in."""
+    """Return the window of an area."""
     return next(window for window in bpy.data.window_managers[0].windows if window.screen == area.id_data)
 
 
@@ -25,7 +25,7 @@ def redraw(*kinds: str) -> None:
 
 
 def redraw_sidebars() -> None:
-    """Draw the panels again, but not the scene next to them, which may take long."""
+    """Redraw the panels, but not the scene next to them, which may be slow."""
     for area in areas(*PANEL_AREAS):
         for region in area.regions:
             if region.type == "UI":
@@ -33,8 +33,8 @@ def redraw_sidebars() -> None:
 
 
 def show_text(name: str, content: str) -> bpy.types.Text:
-    """Put a text into the file, in the place of one of this name, and show it in a Text Editor: an open one, else a new
-    window's. In background mode it is not shown."""
+    """Write a text datablock and show it in an open Text Editor or in a new window; in background mode, only write
+    it."""
     text = bpy.data.texts.get(name) or bpy.data.texts.new(name)
     text.from_string(content)
     if not bpy.app.background:

@@ -1,9 +1,9 @@
-"""Words that Blender translates: what it does not see by itself is marked or asked for here.
+"""Translation of texts that Blender does not translate without help.
 
-Labels, names and tooltips are translated where they are shown. Sentences with values in them are put together here,
-after their translation. Sentences of errors and warnings stay English where they are raised, as in logs and reports to
-developers, and as the engine says them; as messages they know their keys and values, and are translated where they are
-shown. `tools/translations.py` collects all of them from the sources.
+Blender translates labels, names and tooltips when it draws them. This module translates sentences and then inserts
+their values. Errors and warnings are raised in English, as in logs, reports to developers and the engine; as messages
+they keep their keys and values, so that they can be translated when displayed. `tools/translations.py` collects all of
+them from the sources.
 """
 
 from dataclasses import dataclass, field
@@ -18,29 +18,29 @@ MOST_KEPT = 256
 
 @dataclass
 class KeptMessages:
-    """The messages of which properties hold the English text."""
+    """Messages by their English text, for properties that only store text."""
 
     by_text: dict[str, Message] = field(default_factory=dict)
 
 
 def translatable(text: str) -> str:
-    """A text as it is, marked as one that is shown, and translated, elsewhere."""
+    """Mark a text for translation; it is displayed elsewhere."""
     return text
 
 
 def translate(text: str, **values: object) -> str:
-    """A text of the interface in the user's language, with its values in their places."""
+    """Translate a text of the interface and insert its values."""
     translated = pgettext_iface(text)
     return translated.format(**values) if values else translated
 
 
 def translate_report(text: str, **values: object) -> str:
-    """The same for a report."""
+    """Translate a report and insert its values."""
     return pgettext_rpt(text).format(**values)
 
 
 def kept(message: str) -> str:
-    """A message that a property is going to hold, which holds its English text alone: the rest is remembered here."""
+    """Return a message for a property, which stores only its English text, and remember the rest."""
     if isinstance(message, Message):
         kept_messages = session.get(KeptMessages).by_text
         kept_messages.pop(str(message), None)
@@ -51,9 +51,9 @@ def kept(message: str) -> str:
 
 
 def translate_message(text: str) -> str:
-    """A message, or the text of one that was kept, in the user's language.
+    """Translate a message, or the text of a kept one.
 
-    What no table has stays as it is. Values may be messages too; names are never translated.
+    Texts without translation stay as they are. Values may be messages too; names are never translated.
     """
     message = text if isinstance(text, Message) else session.get(KeptMessages).by_text.get(text)
     if message is None:
@@ -65,5 +65,5 @@ def translate_message(text: str) -> str:
 
 
 def translate_error(error: KarfError) -> str:
-    """What went wrong and what can be done about it, in the user's language."""
+    """Translate an error and how to solve it."""
     return translate_message(error.message)

@@ -101,7 +101,7 @@ class StepOperator:
 
 
 class OpenFileOperator(StepOperator):
-    """Mix-in of operators that read a file: one that was dropped or given, or else chosen in the file browser."""
+    """Mix-in of operators that read a file, dropped, given or chosen in the file browser."""
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
 

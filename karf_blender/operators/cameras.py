@@ -10,7 +10,7 @@ from .base import CAMERA, GEOMETRY, PROJECT, OpenFileOperator, SaveFileOperator,
 
 
 def view_from_camera(area, colored_points: bool = False) -> None:
-    """Let a 3D View look through the scene's camera; other areas (or none) are left alone."""
+    """Show the scene's camera in a 3D View; do nothing in other areas."""
     if area is not None and area.type == "VIEW_3D":
         view = area.spaces.active
         view.region_3d.view_perspective = "CAMERA"

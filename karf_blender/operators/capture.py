@@ -44,7 +44,7 @@ def _then_mark(task: Task) -> Task:
 
 
 class ImportOperator(OpenFileOperator):
-    """Mix-in of operators that build a rig: how it is shown. What is learned stays in the capture's own world."""
+    """Mix-in of operators that import a capture, with options for the display of its rig."""
 
     orientation: EnumProperty(name="Orientation", items=ORIENTATION_ITEMS)
     size: FloatProperty(

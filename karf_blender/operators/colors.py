@@ -1,19 +1,20 @@
 """Step 6: colors picked in the picture or in a color book, and the color chart."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 
 import bpy
 import numpy as np
 from bpy.props import EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import preferences, steps
+from .. import preferences, session, steps
 from ..engine_api import BOOK_SUFFIXES, BadRequest, ColorBook, KarfError, read_color_book
 from ..host.words import translatable, translate_report
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
-from ..swatches import drawn_over, loupe, shown
+from ..swatches import displayed, overlays
 from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, StepOperator, file_filter, reports_errors
 
 CORNERS = (
@@ -44,8 +45,9 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
         if not list(_pictures(context)):
             raise BadRequest("No Image Editor shows the recolored picture.", "Open one, and press Show in step 6.")
         context.window_manager.modal_handler_add(self)
-        _Loupe.mouse, _Loupe.object_name = None, self.object_name
-        _Loupe.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_loupe, (), "WINDOW", "POST_PIXEL")
+        magnifier = session.get(_Loupe)
+        magnifier.mouse, magnifier.object_name = None, self.object_name
+        magnifier.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_loupe, (), "WINDOW", "POST_PIXEL")
         context.window.cursor_modal_set("EYEDROPPER")
         context.workspace.status_text_set(
             translate_report(
@@ -56,8 +58,8 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
 
     def modal(self, context, event):
         if event.type == "MOUSEMOVE":
-            _Loupe.mouse = event.mouse_x, event.mouse_y
-            drawn_over.redraw()
+            session.get(_Loupe).mouse = event.mouse_x, event.mouse_y
+            overlays.redraw()
             return {"RUNNING_MODAL"}
         if event.type in {"ESC", "RIGHTMOUSE"}:
             return self._finish(context, {"CANCELLED"})
@@ -75,8 +77,8 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
         self._finish(context, {"CANCELLED"})
 
     def _finish(self, context, result):
-        bpy.types.SpaceImageEditor.draw_handler_remove(_Loupe.handler, "WINDOW")
-        drawn_over.redraw()
+        bpy.types.SpaceImageEditor.draw_handler_remove(session.get(_Loupe).handler, "WINDOW")
+        overlays.redraw()
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
         return result
@@ -89,34 +91,35 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
         return translate_report("Swatch {number} was added: change its color", number=number)
 
 
+@dataclass
 class _Loupe:
-    """Where the mouse is in the window while a color is picked, of which object, and what draws there."""
+    """The magnifier beside the mouse while a color is picked."""
 
-    mouse: tuple[int, int] | None = None
+    mouse: tuple[int, int] | None = None  # in the window
     object_name: str = ""
     handler: object = None
 
 
 def _draw_loupe() -> None:
-    context = bpy.context
-    region, place = context.region, _Loupe.mouse and _place_in_picture(context, _Loupe.mouse)
-    if not place or not drawn_over.is_result(context.scene, context.space_data):
+    context, mouse = bpy.context, session.get(_Loupe).mouse
+    region, place = context.region, mouse and _place_in_picture(context, mouse)
+    if not place or not overlays.is_result(context.scene, context.space_data):
         return
-    x, y = _Loupe.mouse[0] - region.x, _Loupe.mouse[1] - region.y
+    x, y = mouse[0] - region.x, mouse[1] - region.y
     if not (0 <= x < region.width and 0 <= y < region.height and 0 <= min(place) and max(place) < 1):
         return
     try:
-        picked = steps.color_at(context.scene, _Loupe.object_name, place)
+        picked = steps.color_at(context.scene, session.get(_Loupe).object_name, place)
     except KarfError:  # the object is not there: a click would say so
         picked = None
-    pixels = loupe.pixels_at(shown.of(context.scene).prepared_view().planes.base, place)
-    loupe.draw(pixels, picked, (x, y), (region.width, region.height))
+    pixels = overlays.pixels_at(displayed.of(context.scene).prepared_view().planes.base, place)
+    overlays.draw_loupe(pixels, picked, (x, y), region)
 
 
 def _place_in_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> tuple[float, float]:
-    """Where the mouse is in the picture, from its lower left corner to its upper right one; beside it, out of 0 to 1."""
+    """Return the mouse's place in the picture, 0 to 1 from the lower left corner; negative beside all pictures."""
     for region in _pictures(context):
-        place = drawn_over.place_under(region, mouse)
+        place = overlays.place_under(region, mouse)
         if place is not None:
             return place
     return -1.0, -1.0
@@ -125,7 +128,7 @@ def _place_in_picture(context: bpy.types.Context, mouse: tuple[int, int]) -> tup
 def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
     """The main regions of the Image Editors that show the result image."""
     for area in context.screen.areas:
-        if drawn_over.is_result(context.scene, area.spaces.active):
+        if overlays.is_result(context.scene, area.spaces.active):
             yield next(region for region in area.regions if region.type == "WINDOW")
 
 
@@ -222,10 +225,10 @@ def _photo(context):
 
 
 def _clicked(context, mouse):
-    """The name of the image under the mouse, and where in it, from its lower left corner to its upper right one; or None."""
+    """Return the name of the image under the mouse and the place in it, 0 to 1 from the lower left corner; or None."""
     for area in _editors(context):
         region, image = next(each for each in area.regions if each.type == "WINDOW"), area.spaces.active.image
-        place = drawn_over.place_under(region, mouse)
+        place = overlays.place_under(region, mouse)
         if image and place and 0 <= min(place) and max(place) <= 1:
             return image.name, place
     return None
@@ -298,7 +301,6 @@ class KARF_OT_choose_color_book(OpenFileOperator, bpy.types.Operator):
 
 
 def _book() -> ColorBook:
-    """The chosen book. Raises BadRequest where there is none."""
     book, problem = color_book.known()
     if problem:
         raise BadRequest(problem)

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from .. import steps
 from ..host.words import translate, translate_report
 from ..pictures import chips
-from ..swatches import drawn_over, looks, reference
+from ..swatches import looks, overlays, reference
 from ..tasks import runner
 from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
 
@@ -62,7 +62,7 @@ class KARF_OT_flip_looks(StepOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         is_key = context.region is not None and context.region.type == "WINDOW"  # the button is in a sidebar
-        if is_key and not drawn_over.shows_picture(context):
+        if is_key and not overlays.shows_picture(context):
             return {"PASS_THROUGH"}  # over another picture keys keep their own meaning
         return self.execute(context)
 
@@ -73,7 +73,7 @@ class KARF_OT_flip_looks(StepOperator, bpy.types.Operator):
 
 
 def _unsaved_changes_warning(scene):
-    """A sentence where the swatches were not kept as they stand; undo brings them back."""
+    """Return a sentence if the swatches have unsaved changes, which undo brings back."""
     if not looks.is_changed(scene):
         return ""
     return translate_report("{name} had changed since you kept it: undo restores the changes", name=scene.karf.look)
@@ -235,7 +235,7 @@ class KARF_OT_render_colorways(StepOperator, bpy.types.Operator):
 
 
 def show_predictions(context, sheet):
-    """Fill the list with what each color of a sheet will be. Raises KarfError where the sheet is wrong."""
+    """Fill the list with the predicted colors of a sheet. Raises KarfError if the sheet is wrong."""
     planned = steps.predict_colorways(context.scene, sheet)
     shown = context.window_manager.karf_colorways
     shown.colors.clear()

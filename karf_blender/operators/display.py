@@ -1,11 +1,11 @@
-"""What is shown of the active view: masks, weights, before and after, the split view."""
+"""Display of the active view: masks, weights, before and after, the split view."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import steps
 from ..project import disk
-from ..swatches import drawn_over, edits, shown
+from ..swatches import displayed, edits, overlays
 from .base import GEOMETRY, IDLE, PALETTES, PROJECT, SEGMENTATION, StepOperator, is_met
 
 REACH = 8  # pixels from the line of the split view within which the mouse takes it
@@ -24,7 +24,7 @@ class KARF_OT_show_masks(StepOperator, bpy.types.Operator):
 
     def step(self, context):
         seeing = context.window_manager.karf_seeing
-        if seeing.show_masks and shown.of(context.scene).known_masks() is not None:
+        if seeing.show_masks and displayed.of(context.scene).known_masks() is not None:
             seeing.show_masks = False
         else:
             steps.show_masks(context.scene)
@@ -67,11 +67,11 @@ class KARF_OT_solo_swatch(StepOperator, bpy.types.Operator):
 
 
 class PictureOperator:
-    """Mix-in of operators for the picture in the Image Editor: elsewhere their keys keep their own meaning."""
+    """Mix-in of operators whose keys work on the picture alone, and keep their other meanings elsewhere."""
 
     @classmethod
     def poll(cls, context):
-        return drawn_over.shows_picture(context)
+        return overlays.shows_picture(context)
 
 
 class KARF_OT_before_after(PictureOperator, bpy.types.Operator):
@@ -140,9 +140,9 @@ class KARF_OT_drag_wipe(PictureOperator, bpy.types.Operator):
 
 
 def _share_of_picture(context: bpy.types.Context, event: bpy.types.Event) -> float:
-    """How far to the right in the picture the mouse is: 0 is its left border, 1 its right one."""
+    """Return the mouse's place across the picture: 0 at the left border, 1 at the right."""
     region = next(region for region in context.area.regions if region.type == "WINDOW")
-    left, _, right, _ = drawn_over.picture_in(region)
+    left, _, right, _ = overlays.picture_in(region)
     return min(1.0, max(0.0, (event.mouse_x - region.x - left) / max(1, right - left)))
 
 
@@ -156,10 +156,10 @@ class KARF_GT_wipe(bpy.types.Gizmo):
 
     def draw(self, context):
         if self.is_highlight:
-            drawn_over.draw_split(context, is_bold=True)
+            overlays.draw_split(context, is_bold=True)
 
     def test_select(self, context, location):
-        left, bottom, right, top = drawn_over.picture_in(context.region)
+        left, bottom, right, top = overlays.picture_in(context.region)
         line = left + context.window_manager.karf_seeing.wipe * (right - left)
         reach = REACH * context.preferences.system.ui_scale
         return 0 if abs(location[0] - line) < reach and bottom < location[1] < top else -1
@@ -188,7 +188,7 @@ class KARF_GGT_wipe(bpy.types.GizmoGroup):
 
     @classmethod
     def poll(cls, context):
-        return context.window_manager.karf_seeing.is_wiped and drawn_over.shows_picture(context)
+        return context.window_manager.karf_seeing.is_wiped and overlays.shows_picture(context)
 
     def setup(self, context):
         self.gizmos.new(KARF_GT_wipe.bl_idname)

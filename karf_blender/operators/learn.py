@@ -34,7 +34,7 @@ class KARF_OT_learn_scene(StepOperator, bpy.types.Operator):
 
 
 class PaletteOperator(StepOperator):
-    """Mix-in of operators that replace the palettes: where there are edits, they say what becomes of them."""
+    """Mix-in of operators that replace the palettes, after a confirmation if there are edits."""
 
     def invoke(self, context, event):
         if not palettes.has_edits(context.scene):

@@ -189,7 +189,7 @@ class KARF_OT_mark_click(MarkingTool, bpy.types.Operator):
 
 
 class DragTool(MarkingTool):
-    """Mix-in of tools that are dragged; Esc or the right button cancels the drag."""
+    """Mix-in of tools for dragging; Esc or the right button cancels."""
 
     hint = ""
 

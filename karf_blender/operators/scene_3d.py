@@ -118,6 +118,6 @@ class KARF_OT_follow_splat(StepOperator, bpy.types.Operator):
 
 
 def _newly_chosen(context) -> bpy.types.Object | None:
-    """The active object, where it is splats that do not follow the swatches yet."""
+    """Return the active object if its splats can follow the swatches and do not yet."""
     item = context.object
     return item if splat_objects.is_splat(item) and item != splat_objects.find(context.scene) else None

@@ -1,4 +1,4 @@
-"""What is shown of the active view: choice, modes, masks, split view, their keys and the pie menu."""
+"""Display of the active view: modes, masks and split view, with their keys and pie menu."""
 
 from math import isinf
 
@@ -8,7 +8,7 @@ from .. import session
 from ..host.words import translate
 from ..pictures import chips
 from ..project import disk
-from ..swatches import colors, shown
+from ..swatches import colors, displayed
 
 
 def draw_view(layout, karf):
@@ -32,7 +32,7 @@ def draw_advanced(layout, step):
 # keys that Blender's own key map of the Image Editor leaves free; with Alt the first opens the pie
 BEFORE_AFTER_KEY, FLIP_KEY = "C", "V"
 MODES, ADVANCED_MODES = ("EDITED", "ORIGINAL"), ("DIFFERENCE", "LEARNED", "WEIGHTS", "UNSURE")
-INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 up to which a difference is not seen, and is seen side by side alone
+INVISIBLE, CLOSE = 1.0, 3.0  # CIEDE2000 below which a difference is invisible, or visible only side by side
 
 
 def draw_view_options(layout, context):
@@ -70,7 +70,7 @@ def draw_masks(layout, context):
     if not seeing.show_masks:
         return
     column.prop(seeing, "tint", slider=True)
-    masks = shown.of(context.scene).known_masks()
+    masks = displayed.of(context.scene).known_masks()
     if masks is None:
         layout.label(text="Press Show Masks for this view", icon="INFO")
         return
@@ -90,7 +90,7 @@ def draw_solo(layout, name, index):
 def draw_left(layout, item):
     """Draw how far an object is from its target color, always in one row, so that no button moves."""
     source, target = colors.color_pair(item)
-    left = shown.of(item.id_data).left_to_target(item)
+    left = displayed.of(item.id_data).left_to_target(item)
     if source == target:
         layout.label(text="Right: target for the left color", icon="BLANK1")
     elif left is None:

@@ -62,7 +62,6 @@ def _draw_advice(layout, karf):
 
 
 def _draw_reprojection(layout, scene):
-    """The sparse points, and how far they are from where the photo that is looked through shows them."""
     if not scene.karf.n_points:
         layout.label(text="There are no sparse points to check the cameras with")
         return
@@ -129,7 +128,7 @@ def draw_segment(layout, context):
 
 
 def _draw_unsure(layout, context, known):
-    """How unsure the objects' borders are, which is no measure of how good the masks look, and where."""
+    # this does not measure the quality of the masks
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:

@@ -19,7 +19,7 @@ from ..workspace import opening, states, statusbar
 from . import editing, learning, rendering, swatching
 
 STEPS, PICTURE = "VIEW_3D", "IMAGE_EDITOR"  # the editors
-WIDTH = 60  # letters of a line where the whole message is shown
+WIDTH = 60  # letters in a line of the whole message
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _draw_section(layout, context, section: Section):
 
 
 def _draw_elsewhere(layout, section: Section):
-    """Draw one line in the place of a step that the Image Editor shows."""
+    """Draw one line instead of a step that the Image Editor shows."""
     row = layout.row()
     row.active = False
     row.label(text=section.title, icon="BLANK1")
@@ -123,7 +123,7 @@ def _draw_in_window_menu(self, context):
     (bpy.types.Area, "ui_type"),
 )
 def _redraw_when_moved():
-    """A sidebar is opened or closed, or an editor becomes another: it decides where steps are shown."""
+    """An editor or its sidebar has come or gone, which decides the place of each step."""
     windows.redraw_sidebars()
 
 

@@ -9,8 +9,10 @@ from ..host.words import translate
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
-from ..swatches import reference, surfaces
+from ..swatches import colors, reference
 from .display import draw_left, draw_solo, how_visible
+
+NEAREST = 3  # names offered for a color
 
 
 def draw_object(layout, item):
@@ -63,18 +65,17 @@ def _draw_swatch(column, item, index, swatch):
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
-    row.menu("KARF_MT_swatch", text="", icon=_state_icon(swatch))  # the button has an arrow of its own
+    row.menu("KARF_MT_swatch", text="", icon=_state_icon(swatch))  # Blender adds an arrow
 
 
 def _draw_surfaces(layout, item):
-    """The saturation, brightness and gloss of each swatch that is shown, and a button that makes them neutral."""
     shown = [(index, swatch) for index, swatch in enumerate(item.swatches) if index and not swatch.merged]
     table = layout.row(align=True)
     column = table.column(align=True)
     column.label(text="")
     for _, swatch in shown:
         column.label(text="", icon_value=chips.icon(swatch.color))
-    for name in surfaces.NUMBERS:
+    for name in colors.SURFACE:
         column = table.column(align=True)
         column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
         for _, swatch in shown:
@@ -85,7 +86,7 @@ def _draw_surfaces(layout, item):
     column.label(text="")
     for index, swatch in shown:
         button = column.row(align=True)
-        button.enabled = not surfaces.of(swatch).is_neutral
+        button.enabled = not colors.surface_of(swatch).is_neutral
         reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
         reset.object_name, reset.index = item.name, index
 
@@ -219,7 +220,7 @@ class KARF_MT_palette_presets(bpy.types.Menu):
 
 
 def draw_context_menu(menu, context):
-    """The menu of a swatch, where its field or its chip was clicked by the right button."""
+    """Add the swatch's menu to the context menu of its field or chip."""
     swatch, chip = getattr(context, "button_pointer", None), getattr(context, "button_operator", None)
     objects = context.scene.karf.objects
     if isinstance(swatch, KARF_PG_swatch):
@@ -233,9 +234,6 @@ def draw_context_menu(menu, context):
     menu.layout.context_pointer_set("karf_object", item)
     menu.layout.context_pointer_set("karf_swatch", swatch)
     menu.layout.menu("KARF_MT_swatch", text="KaRF Swatch")
-
-
-NEAREST = 3  # names that are offered
 
 
 def _draw_names(layout, color, object_name, index):

@@ -1,4 +1,4 @@
-"""Icons of one flat color: learned colors in the panel, which a greyed-out color field would show too dark."""
+"""Icons of one flat color for learned colors in the panel: a disabled color field would be too dark."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ SIDE = 16
 
 
 class ColorIcons:
-    """The icons made so far, by color; Blender wants the collection back."""
+    """The icons by color; Blender needs the collection until the end."""
 
     def __init__(self) -> None:
         self.icons = bpy.utils.previews.new()
@@ -21,7 +21,7 @@ class ColorIcons:
 
 
 def icon(color: Sequence[float]) -> int:
-    """The icon of an sRGB color, as layouts take it for `icon_value`."""
+    """Return the `icon_value` of an sRGB color."""
     name = rgb_to_hex(color)
     icons = session.get(ColorIcons).icons
     if name not in icons:

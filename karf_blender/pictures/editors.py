@@ -6,7 +6,7 @@ import bpy
 
 from ..host import windows
 
-PREFIX = "KaRF"  # prefix of the names of all pictures that are shown
+PREFIX = "KaRF"  # prefix of the names of all images
 PREVIEW_NAME = f"{PREFIX} preview"
 MARGIN = 0.95  # share of the editor that a picture fills
 
@@ -14,12 +14,12 @@ MARGIN = 0.95  # share of the editor that a picture fills
 def reveal(image: bpy.types.Image, is_wanted: bool = False, is_whole: bool = False) -> None:
     """Show an image in the Image Editors that show none, or one of KaRF's own.
 
-    The engine's preview never takes the place of another picture.
+    The engine's preview never replaces another picture.
 
     Args:
         image: The picture to show.
-        is_wanted: The user asked for this very picture; else one that is being painted on is left alone.
-        is_whole: Editors that get it show all of it; those that have it already stay as they are zoomed.
+        is_wanted: The user has requested this picture; else one in paint mode stays.
+        is_whole: Zoom to the whole image in editors that did not show it before.
     """
     replaced = PREVIEW_NAME if image.name.startswith(PREVIEW_NAME) else PREFIX
     for area in windows.areas("IMAGE_EDITOR"):
@@ -32,19 +32,19 @@ def reveal(image: bpy.types.Image, is_wanted: bool = False, is_whole: bool = Fal
 
 
 def is_shown(image: bpy.types.Image) -> bool:
-    """Whether an Image Editor of an open window shows this image."""
+    """Return whether an Image Editor of an open window shows this image."""
     return any(area.spaces.active.image == image for area in windows.areas("IMAGE_EDITOR"))
 
 
 def is_empty(area: bpy.types.Area) -> bool:
-    """Whether an Image Editor shows nothing: no picture, or one of KaRF's that cannot be read any more."""
+    """Return whether an Image Editor shows no picture, or a lost one of KaRF."""
     image = area.spaces.active.image
     return image is None or (image.name.startswith(PREFIX) and not image.size[0])
 
 
 def show(area: bpy.types.Area, image: bpy.types.Image | None) -> None:
-    """Show an image, or none, in an Image Editor where the last one was, and as wide: Blender 5.2 alone would show it at
-    100 %."""
+    """Show an image, or none, in an Image Editor, at the place and width of the last one: Blender 5.2 would reset the
+    zoom."""
     play(area)
     space = area.spaces.active
     if space.image == image:
@@ -56,12 +56,13 @@ def show(area: bpy.types.Area, image: bpy.types.Image | None) -> None:
 
 
 def play(area: bpy.types.Area) -> None:
-    """Let an Image Editor follow the animation wherever it is started: Blender alone plays the editor under the mouse."""
+    """Update an Image Editor during playback, wherever it started: by default only the editor under the mouse
+    plays."""
     area.id_data.use_play_image_editors = True
 
 
 def fit(area: bpy.types.Area) -> None:
-    """Let an Image Editor show its whole picture between its sidebar and toolbar, which may lie over it."""
+    """Zoom an Image Editor to its whole picture, beside its overlapping sidebar and toolbar."""
     width, height = area.spaces.active.image.size
     region, (x0, y0, x1, y1) = _free(area)
     if not width or min(x1 - x0, y1 - y0) <= 1:  # it cannot be read, or the editor was not drawn yet
@@ -73,7 +74,7 @@ def fit(area: bpy.types.Area) -> None:
 
 
 def place(area: bpy.types.Area, low: tuple[float, float], high: tuple[float, float]) -> None:
-    """Let an Image Editor show its picture between two corners of its main region, in pixels; the width counts."""
+    """Fit the picture of an Image Editor between two corners of its main region, in pixels; the width counts."""
     space, region = area.spaces.active, _main_region(area)
     zoom = (high[0] - low[0]) / space.image.size[0]
     aside = low[0] + high[0] - region.width, low[1] + high[1] - region.height
@@ -84,7 +85,7 @@ def place(area: bpy.types.Area, low: tuple[float, float], high: tuple[float, flo
 
 
 def _ends(area: bpy.types.Area) -> tuple[tuple[int, int], tuple[int, int]] | None:
-    """The lower left and the upper right corner of the picture that an Image Editor shows, if it does."""
+    """Return the lower left and the upper right corner of the displayed picture, if any."""
     view = _main_region(area).view2d
     if area.spaces.active.image is None:
         return None
@@ -92,7 +93,7 @@ def _ends(area: bpy.types.Area) -> tuple[tuple[int, int], tuple[int, int]] | Non
 
 
 def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
-    """The main region of an editor, and what of it no other covers: left, bottom, right, top in the window."""
+    """Return the main region of an editor and its uncovered part: left, bottom, right, top in the window."""
     main = _main_region(area)
     x0, y0, x1, y1 = main.x, main.y, main.x + main.width, main.y + main.height
     for region in area.regions:
@@ -119,7 +120,7 @@ def set_mode(image: bpy.types.Image, mode: str) -> None:
 
 
 def show_preview(path: Path) -> None:
-    """Show the engine's latest preview in the one preview image; a file that is gone or half written is ignored."""
+    """Show the engine's latest preview; a missing or incomplete file is ignored."""
     image = bpy.data.images.get(PREVIEW_NAME)
     try:
         if image is None:

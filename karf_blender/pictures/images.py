@@ -1,7 +1,7 @@
-"""Pixels between numpy and Blender's Image datablocks; nowhere else are pixels touched.
+"""Pixels between numpy and Blender's Image datablocks; no other module touches pixels.
 
 numpy: [H, W, channels] float32 sRGB in [0, 1], first row at the top. Blender: rows from the bottom, RGBA. Pictures are
-opaque byte images labelled sRGB: their numbers go through unchanged in every Blender version, and are saved unchanged.
+opaque byte images labelled sRGB: every Blender version keeps and saves their numbers unchanged.
 """
 
 import time
@@ -21,7 +21,7 @@ STILL_SECONDS = 0.5  # that a picture has not changed: one that follows the mous
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
-    """A black, opaque byte image labelled sRGB.
+    """Create a black, opaque byte image labelled sRGB.
 
     Raises:
         BadRequest: Blender renders.
@@ -34,31 +34,31 @@ def new_image(name: str, width: int, height: int) -> bpy.types.Image:
 
 
 def knows_space(name: str) -> bool:
-    """Whether Blender's color management has a space of this name."""
+    """Return whether Blender's color management has a space of this name."""
     spaces = bpy.types.Image.bl_rna.properties["colorspace_settings"].fixed_type.properties["name"].enum_items
     return name in spaces
 
 
 def fit(image: bpy.types.Image, width: int, height: int) -> None:
-    """Give an image this size; editors that show it keep it."""
+    """Resize an image; editors continue to show it."""
     if tuple(image.size) != (width, height):
         image.scale(width, height)
 
 
 def blank(width: int, height: int) -> np.ndarray:
-    """An opaque black RGBA buffer [H, W, 4] in Blender's row order; `upright` shows its colors in numpy's."""
+    """Return an opaque black RGBA buffer [H, W, 4] in Blender's row order; see `upright`."""
     buffer = np.zeros((height, width, 4), np.float32)
     buffer[..., 3] = 1
     return buffer
 
 
 def upright(buffer: np.ndarray) -> np.ndarray:
-    """The colors [H, W, 3] of an RGBA buffer, first row at the top; writing to them writes to the buffer."""
+    """Return a view of a buffer's colors [H, W, 3], first row at the top."""
     return buffer[::-1, :, :3]
 
 
 def enlarged(buffer: np.ndarray, width: int, height: int) -> np.ndarray:
-    """An RGBA buffer [h, w, 4] at another size, by linear interpolation between the centers of its pixels."""
+    """Resize an RGBA buffer [h, w, 4] by linear interpolation between the centers of its pixels."""
     if buffer.shape[:2] == (height, width):
         return buffer
     low, high, share = _between(buffer.shape[0], height)
@@ -68,20 +68,20 @@ def enlarged(buffer: np.ndarray, width: int, height: int) -> np.ndarray:
 
 
 def _between(count: int, wanted: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The two of `count` pixels between whose centers each of the wanted ones lies, and how near to the second."""
+    """Return for each wanted pixel the two of `count` pixels around its center, and the weight of the second."""
     place = ((np.arange(wanted, dtype=np.float32) + np.float32(0.5)) * count / wanted - 0.5).clip(0, count - 1)
     low = place.astype(np.int64)
     return low, np.minimum(low + 1, count - 1), (place - low).astype(np.float32)
 
 
 def upload(image: bpy.types.Image, buffer: np.ndarray) -> None:
-    """Show an RGBA buffer [H, W, 4] in an image of the same size."""
+    """Copy an RGBA buffer [H, W, 4] to an image of the same size."""
     image.pixels.foreach_set(buffer.ravel())
     image.update()
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:
-    """The image's pixels [H, W, 4] float32, first row at the top."""
+    """Return the image's pixels [H, W, 4] float32, first row at the top."""
     width, height = image.size
     buffer = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(buffer)
@@ -89,7 +89,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
-    """A picture file's own numbers [H, W, 3] float32, transparency put on white; at most `long_side` pixels long.
+    """Read a picture's numbers [H, W, 3] float32, transparency put on white; at most `long_side` pixels long.
 
     Raises:
         DataError: The file is unreadable.
@@ -103,7 +103,7 @@ def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
 
 @contextmanager
 def opened(path: Path) -> Iterator[bpy.types.Image]:
-    """A picture file as an image that is gone after this block.
+    """Load a picture file as an image, and remove it after this block.
 
     Raises:
         DataError: The file is unreadable.
@@ -125,14 +125,15 @@ def opened(path: Path) -> Iterator[bpy.types.Image]:
 
 
 def colors_of(image: bpy.types.Image) -> np.ndarray:
-    """The image's colors [H, W, 3] float32, transparency put on white."""
+    """Return the image's colors [H, W, 3] float32, transparency put on white."""
     rgba = pixels(image)
     colors, alpha = rgba[..., :3], rgba[..., 3:]
     return colors if alpha.min() == 1 else colors * alpha + (1 - alpha)
 
 
 def read_mask(path: Path) -> np.ndarray:
-    """A mask [H, W] bool, by the engine's rules: over one half in alpha where that varies, else in the brightest channel.
+    """Read a mask [H, W] bool by the engine's rules: over one half in alpha if that varies, else in the brightest
+    channel.
 
     Raises:
         DataError: The file is unreadable.
@@ -147,7 +148,8 @@ def read_mask(path: Path) -> np.ndarray:
 
 
 def read_correction(path: Path) -> np.ndarray:
-    """A correction [H, W] int8: 1 where opaque white says "this is it", -1 where opaque black says "this is not", else 0.
+    """Read a correction [H, W] int8: 1 for opaque white (part of the object), -1 for opaque black (not part of it),
+    else 0.
 
     Raises:
         DataError: The file is unreadable.
@@ -160,30 +162,30 @@ def read_correction(path: Path) -> np.ndarray:
 
 
 def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Colors [H, W, 3] in [0, 1] at another size, in 8 bits where that is not their own."""
+    """Resize colors [H, W, 3] in [0, 1], in 8 bits."""
     if colors.shape[1::-1] == (width, height):
         return colors
-    buffer = blank(colors.shape[1], colors.shape[0])
-    upright(buffer)[:] = colors
-    image = new_image("resized", colors.shape[1], colors.shape[0])
-    try:
-        upload(image, buffer)
+    with _temporary_image("resized", colors) as image:
         fit(image, width, height)
         return colors_of(image)
-    finally:
-        bpy.data.images.remove(image)
 
 
 def write_png(path: Path, colors: np.ndarray) -> None:
-    """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, no view transform."""
+    """Write [H, W, 3] in [0, 1] as an 8 bit PNG, atomically; the numbers are rounded, without view transform."""
+    with _temporary_image(path.stem, colors) as image:
+        image.file_format = "PNG"
+        atomic_write(path, lambda temporary: _save(image, temporary))
+
+
+@contextmanager
+def _temporary_image(name: str, colors: np.ndarray) -> Iterator[bpy.types.Image]:
     height, width = colors.shape[:2]
     buffer = blank(width, height)
     upright(buffer)[:] = colors
-    image = new_image(path.stem, width, height)
+    image = new_image(name, width, height)
     try:
         upload(image, buffer)
-        image.file_format = "PNG"
-        atomic_write(path, lambda temporary: _save(image, temporary))
+        yield image
     finally:
         bpy.data.images.remove(image)
 
@@ -201,17 +203,17 @@ def _save(image: bpy.types.Image, path: Path) -> None:
 # --- packing -------------------------------------------------------------------------------------------------------
 @dataclass
 class ChangedImages:
-    """When a picture has changed last, and the names of those that did and are not packed yet."""
+    """Images to pack, and the time of the last change."""
 
     last_change: float = 0.0
     names: set[str] = field(default_factory=set)
 
 
 def note_change(image: bpy.types.Image) -> None:
-    """Pack a picture that has other pixels now, as soon as it stands still.
+    """Pack an image after a change, as soon as it stays the same for a moment.
 
-    On saving and on quitting Blender asks whether to save modified images, but not for those that are packed. In
-    background mode, where nobody is asked, saving packs it.
+    When saving and quitting, Blender offers to save modified images, but not packed ones. In background mode saving
+    packs them.
     """
     if bpy.app.background:
         return
@@ -222,7 +224,7 @@ def note_change(image: bpy.types.Image) -> None:
 
 
 def _pack_still_images() -> float | None:
-    """The timer: packs what has changed, once nothing changes any more."""
+    """Pack the changed images after the last change. A timer."""
     changed = session.get(ChangedImages)
     if time.monotonic() - changed.last_change < STILL_SECONDS or not rendering.is_over():
         return STILL_SECONDS
@@ -233,7 +235,7 @@ def _pack_still_images() -> float | None:
 
 
 def pack(image: bpy.types.Image | None) -> None:
-    """Put the pixels of a picture into the .blend where they are only in memory, which is not saved."""
+    """Store the pixels of an image in the .blend if they are only in memory, as these would be lost."""
     if image is not None and image.is_dirty:
         image.pack()
 

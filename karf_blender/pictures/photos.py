@@ -1,4 +1,4 @@
-"""Captured photos as Blender shows them: turned as their camera was made for, and without lens distortion."""
+"""Captured photos as Blender displays them: turned as their cameras expect, and without lens distortion."""
 
 import hashlib
 from pathlib import Path
@@ -21,12 +21,12 @@ SHOWN_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full ph
 
 
 def is_shown_as_stored(view: View) -> bool:
-    """Whether the photo's own pixels, which Blender does not turn, are what the view's pinhole shows."""
+    """Return whether Blender, which does not turn photos, shows the file as the view's pinhole does."""
     return view.camera.is_pinhole and _orientation(view) == 1
 
 
 def read(view: View, long_side: int | None = None) -> np.ndarray:
-    """The photo as its camera, lens and all, has taken it: the picture that masks are painted on.
+    """Read the photo with its lens distortion, as the user paints masks on it.
 
     Returns:
         [H, W, 3] float32, sRGB in [0, 1]; at most `long_side` pixels long.
@@ -38,7 +38,7 @@ def read(view: View, long_side: int | None = None) -> np.ndarray:
 
 
 def taken(view: View, folder: Path) -> Path:
-    """A file that Blender shows as `read` gives the photo: its own where it can, else a copy in the folder, made once.
+    """Return a file that Blender shows like `read`: the photo if possible, else a copy in the folder, made once.
 
     Raises:
         DataError: The photo cannot be read.
@@ -53,7 +53,7 @@ def taken(view: View, folder: Path) -> Path:
 
 
 def straightened(view: View, folder: Path) -> Path:
-    """The photo as the view's pinhole shows it, as a PNG in the folder of at most SHOWN_PIXELS, made once.
+    """Return a PNG of the photo as the view's pinhole shows it, at most SHOWN_PIXELS large, made once in the folder.
 
     Raises:
         DataError: The photo cannot be read, or has another size than its camera.
@@ -67,19 +67,19 @@ def straightened(view: View, folder: Path) -> Path:
 
 
 def _copy(view: View, folder: Path, purpose: object) -> Path:
-    """The name of a copy of the photo as it is now, for a purpose."""
+    """Return the path of a copy of the photo, for a purpose."""
     made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
     return checked_path(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
 
 
 def _shown(camera: Camera) -> Camera:
-    """The camera at the size of the picture behind it, which Blender stretches over its frame."""
+    """Return the camera at the size of its background image, which Blender stretches over the frame."""
     shrink = min(1.0, (SHOWN_PIXELS / (camera.width * camera.height)) ** 0.5)
     return camera.scaled(max(1, round(camera.width * shrink)), max(1, round(camera.height * shrink)))
 
 
 def _read_small(view: View, camera: Camera) -> np.ndarray:
-    """The photo as `read` gives it, at the size of the camera given."""
+    """Read the photo at the size of this camera."""
     is_turned = _orientation(view) >= 5
     with images.opened(view.image) as image:
         width, height = reversed(image.size) if is_turned else image.size
@@ -91,7 +91,7 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
 
 
 def _taken(view: View, picture: np.ndarray) -> np.ndarray:
-    """A photo's own numbers [H, W, 3] as stored, as the camera has taken it, sRGB."""
+    """Convert a photo's stored numbers [H, W, 3] to upright sRGB."""
     header = _header(view)
     if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
         picture = linear_to_srgb(np.clip(picture, 0, 1))
@@ -99,14 +99,14 @@ def _taken(view: View, picture: np.ndarray) -> np.ndarray:
 
 
 def _orientation(view: View) -> int:
-    """The Exif orientation (1..8) to apply: the photo's own, or 1 where its camera is that of the pixels as stored."""
+    """Return the Exif orientation (1..8) to apply: 1 if the camera describes the pixels as stored."""
     header = _header(view)
     is_upright = header is not None and header.display_size == (view.camera.width, view.camera.height)
     return header.orientation if is_upright else 1
 
 
 def _header(view: View):
-    """What the photo's head says, or None. Raises DataError where the file cannot be opened."""
+    """Return the photo's header, or None. Raises DataError if the file cannot be opened."""
     try:
         return find_header(view.image)
     except OSError as error:
@@ -116,7 +116,7 @@ def _header(view: View):
 
 
 def _turned(picture: np.ndarray, orientation: int) -> np.ndarray:
-    """A picture [H, W, C] as stored, turned and mirrored as its Exif orientation (1..8) says."""
+    """Turn and mirror a stored picture [H, W, C] by its Exif orientation (1..8)."""
     if orientation >= 5:
         picture = picture.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):

@@ -1,4 +1,4 @@
-"""Frames on disk as one picture in the Image Editors, and as a strip in the sequencer."""
+"""Frames on disk as an image sequence in the Image Editors, and as a strip in the sequencer."""
 
 import re
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # suffixes of pictures that the eng
 
 
 def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
-    """The pictures of a folder, which need not exist, in the order of their names.
+    """Return the pictures of a folder, which need not exist, sorted by name.
 
-    names: Take these alone, in their order; of several files of one name the newest.
+    names: Only these, in their order; of several files with one name the newest.
     """
     found: dict[str, Path] = {}
     for path in sorted(folder.glob("*"), key=lambda path: path.stat().st_mtime_ns):
@@ -27,12 +27,12 @@ def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types.Image:
-    """Show frames in the Image Editors: as a sequence where their names count up, else the first of them.
+    """Show frames in the Image Editors: as a sequence if their names count up, else the first of them.
 
     Args:
         files: In their order.
-        first: The frame of the scene that shows the first.
-        is_wanted: The user asked for them now; else a picture that is being painted on is left alone.
+        first: The scene's frame for the first file.
+        is_wanted: The user has requested them; else a picture in paint mode stays.
 
     Raises:
         BadRequest: Blender renders.
@@ -60,20 +60,20 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
 
 
 def _follow_frames(user: bpy.types.ImageUser, numbers: Sequence[int], first: int) -> None:
-    """Let an editor show the file of the scene's current frame."""
+    """Show the file of the scene's current frame in an editor."""
     user.frame_start, user.frame_offset = first, numbers[0] - 1
     user.frame_duration = numbers[-1] - numbers[0] + 1
     user.use_auto_refresh = True
 
 
 def number_of(path: Path) -> int | None:
-    """The number at the end of a file's name, by which Blender counts a sequence."""
+    """Return the number at the end of a file's name: Blender counts sequences by it."""
     match = re.search(r"\d+$", path.stem)
     return int(match[0]) if match else None
 
 
 def add_strip(scene: bpy.types.Scene, files: Sequence[Path], first: int, name: str) -> "bpy.types.Strip":
-    """Put frames, which are in one folder, into the scene's sequencer as a strip on the first free channel."""
+    """Add frames of one folder to the scene's sequencer as a strip on the first free channel."""
     strips = compat.strips_of(scene)
     taken = {strip.channel for strip in strips if _overlaps(strip, first, first + len(files))}
     channel = next(number for number in range(1, len(taken) + 2) if number not in taken)

@@ -1,4 +1,4 @@
-"""What the user has chosen: which Python runs the engine, and where the extension keeps one of its own."""
+"""The user's choices: the Python that runs the engine, and the folder of the installed engine."""
 
 import os
 from pathlib import Path
@@ -36,7 +36,7 @@ def chosen_python() -> Path:
     if not chosen:
         checkout = engine_api.ENGINE_FOLDER.parent / ".venv" / "engine"
         return home.python_in(engine_folder()) or home.python_of(checkout)
-    # two slashes stand for the .blend's folder, which may be a stranger's
+    # two slashes mean the .blend's folder, and a stranger's .blend may bring a program
     if chosen.startswith("//") or not Path(chosen).is_absolute():
         raise MissingDependency(
             "The engine's Python {python} is not an absolute path.",

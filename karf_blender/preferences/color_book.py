@@ -1,7 +1,7 @@
 """The color book that the user has chosen, as it was read last: drawing asks only this.
 
 Whoever watches the disk calls `refresh`, and so does the choice of another file. In background mode nothing is drawn and
-timers never fire: there every question looks at the file.
+timers never fire: there `known` reads the file.
 """
 
 from dataclasses import dataclass, field

@@ -16,7 +16,7 @@ OFFLINE = (
 )
 MISSING = "There is no engine yet."
 HOW = Message("There is no engine yet. Press Install Engine, or set Engine Python below to a Python that has PyTorch.")
-# what the button that installs does by the state of what is there
+# the label of the button that installs, by the state of the environment
 VERBS = {NONE: "Install Engine", UNFINISHED: "Go On", BROKEN: "Repair", OUTDATED: "Update", READY: "Repair"}
 ICONS = {OK: "CHECKMARK", WARNING: "ERROR", ERROR: "CANCEL"}  # Blender's icon ERROR is the triangle of warnings
 WIDTH = 96  # letters that fit the preferences' usual width

@@ -1,7 +1,7 @@
-"""What the disk held of the engine when it was read last: drawing asks only this.
+"""The state of the engine as last read from disk, for drawing.
 
-The code that watches the disk calls `refresh`. In background mode nothing is drawn and timers never fire: there every
-question reads the disk.
+The code that watches the disk calls `refresh`. In background mode nothing is drawn and timers never fire: there
+`known` reads the disk.
 """
 
 from collections.abc import Iterator
@@ -35,7 +35,6 @@ class Engine:
 
     @property
     def is_managed(self) -> bool:
-        """Whether the engine runs in the managed environment."""
         return self.managed.is_usable and self.python == home.python_of(self.folder / self.managed.environment)
 
 

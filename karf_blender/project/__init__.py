@@ -1,1 +1,1 @@
-"""A scene's files: where they lie, its capture and project as they are on disk, and how they move."""
+"""A scene's files: their paths, its capture, its project on disk, and moving it."""

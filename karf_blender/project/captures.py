@@ -1,4 +1,4 @@
-"""The captures that scenes were made from, read once: large models take seconds."""
+"""The captures of scenes, read once: large models take seconds."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,13 +14,14 @@ MOST_KEPT = 2
 
 @dataclass
 class ReadCaptures:
-    """The captures that were asked for last, by their paths."""
+    """The latest captures, by their paths."""
 
+    per_file = True
     by_path: dict[Path, Capture] = field(default_factory=dict)
 
 
 def path_of(scene: bpy.types.Scene) -> Path:
-    """Where the scene's capture lies.
+    """Return the path of the scene's capture.
 
     Raises:
         BadRequest: None was imported.
@@ -31,7 +32,7 @@ def path_of(scene: bpy.types.Scene) -> Path:
 
 
 def of(scene: bpy.types.Scene) -> Capture:
-    """The scene's capture, as it was when it was read last.
+    """Return the scene's capture, as of the last time it was read.
 
     Raises:
         KarfError: None was imported, or it cannot be read.
@@ -45,10 +46,10 @@ def of(scene: bpy.types.Scene) -> Capture:
 
 
 def view_of(scene: bpy.types.Scene, name: str = "") -> View:
-    """A captured view by name; an empty name is the active view's."""
+    """Return a captured view by name; by default the active view."""
     return of(scene).view(name or scene.karf.active_view)
 
 
 def forget() -> None:
-    """Read captures from disk again at the next question."""
+    """Read captures again from disk next time."""
     session.get(ReadCaptures).by_path.clear()

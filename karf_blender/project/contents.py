@@ -1,6 +1,6 @@
-"""What a scene's project and folder of masks hold: finished stages, edit planes, masks.
+"""Read a scene's project and folder of masks: finished stages, edit planes, masks.
 
-Every function reads the disk; drawing asks `disk.contents_of`.
+Every function reads the disk; for drawing use `disk.contents_of`.
 """
 
 import os
@@ -25,18 +25,18 @@ LOOK_SECONDS = 30.0  # after which masks that others have overwritten in place a
 
 @dataclass
 class MaskFolders:
-    """What folders of masks held when they were listed last, each with what the listing depends on."""
+    """Listings of folders of masks, each with its key."""
 
     listings: dict[Path, tuple[tuple[int, int], tuple[int, float, tuple[Path, ...]]]] = field(default_factory=dict)
 
 
 def finished_stages(scene: bpy.types.Scene) -> frozenset[str]:
-    """The engine's stages that the scene's project has finished."""
+    """Return the finished stages of the scene's project."""
     return frozenset(_state(scene).get("stages", ()))
 
 
 def learned_with(scene: bpy.types.Scene) -> tuple[str, str]:
-    """The preset and the pretrained NeRF that the project's geometry was learned with; empty where there is none."""
+    """Return the preset and the pretrained NeRF of the geometry; empty if there is none."""
     state = _state(scene)
     geometry = state.get("stages", {}).get("geometry")
     if geometry is None:
@@ -45,7 +45,7 @@ def learned_with(scene: bpy.types.Scene) -> tuple[str, str]:
 
 
 def outdated(scene: bpy.types.Scene) -> frozenset[str]:
-    """The stages whose result is there, while what it was made of is another now."""
+    """Return the stages with a result of other data than the present."""
     stages = finished_stages(scene)
     if not scene.karf.project:
         return stages
@@ -60,7 +60,7 @@ def outdated(scene: bpy.types.Scene) -> frozenset[str]:
 
 
 def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
-    """When a mask, correction or volume was written or taken away last, in seconds as the disk counts."""
+    """Return the last change of a mask, correction or volume, in seconds as the disk counts."""
     roots = [folders.absolute(scene.karf.masks)] if scene.karf.masks else []
     objects = [each for root in (*roots, project.corrections_folder) for each in _folders_in(root)]
     written = [_marks_below(each)[1] for each in objects]
@@ -69,12 +69,12 @@ def _newest_mark(scene: bpy.types.Scene, project: Project) -> float:
 
 
 def _folders_in(root: Path) -> list[Path]:
-    """The folders in one that may not be there, in order."""
+    """Return the sorted folders in a folder, which need not exist."""
     return sorted(each for each in root.iterdir() if each.is_dir()) if root.is_dir() else []
 
 
 def _marks_below(folder: Path) -> tuple[int, float]:
-    """The number of PNG files below a folder, and when one of them or a folder was written last, in seconds."""
+    """Return the number of PNG files below a folder, and their last change in seconds."""
     look = int(time.monotonic() // LOOK_SECONDS)
     key = folder.stat().st_mtime_ns, look  # it is listed again when it has another time, or after a while
     listings = session.get(MaskFolders).listings
@@ -86,7 +86,7 @@ def _marks_below(folder: Path) -> tuple[int, float]:
 
 
 def _list_marks(folder: Path, written_ns: int) -> tuple[int, float, tuple[Path, ...]]:
-    """The same of a folder alone, and the folders in it."""
+    """Return the same of a folder alone, and its folders."""
     count, written, folders = 0, written_ns / 1e9, []
     with os.scandir(folder) as entries:
         for entry in entries:
@@ -100,7 +100,7 @@ def _list_marks(folder: Path, written_ns: int) -> tuple[int, float, tuple[Path, 
 
 
 def forget_marks() -> None:
-    """Look into all folders of masks at the next question."""
+    """List all folders of masks again next time."""
     session.get(MaskFolders).listings.clear()
 
 
@@ -109,7 +109,7 @@ def _written(path: Path) -> float:
 
 
 def _state(scene: bpy.types.Scene) -> Mapping[str, Any]:
-    """The project's project.json; empty where nothing was learned yet."""
+    """Return the content of project.json; empty before anything is learned."""
     return _state_of(folders.project_of(scene)) if scene.karf.project else {}
 
 
@@ -126,13 +126,13 @@ def _read_state(folder: Path, written: int, size: int) -> Mapping[str, Any]:
 
 
 def _key_of(path: Path) -> tuple[int, int]:
-    """When a file was written, and its size: whether it is the one that was read. Raises OSError where it is gone."""
+    """Return the time and size of a file, which tell whether it has changed. Raises OSError if it is gone."""
     found = path.stat()
     return found.st_mtime_ns, found.st_size
 
 
 def planes_file(scene: bpy.types.Scene) -> Path:
-    """The planes of the scene's active view.
+    """Return the planes file of the scene's active view.
 
     Raises:
         BadRequest: No view of the capture is chosen.
@@ -143,13 +143,13 @@ def planes_file(scene: bpy.types.Scene) -> Path:
 
 
 def is_prepared(scene: bpy.types.Scene) -> bool:
-    """True if the active view can be shown recolored: it has planes, made of what was learned last."""
+    """Return True if the active view can be recolored: it has current planes."""
     is_chosen = scene.karf.project and scene.karf.active_view in scene.karf.views
     return bool(is_chosen) and is_current(folders.project_of(scene), scene.karf.active_view)
 
 
 def is_current(project: Project, view: str) -> bool:
-    """True if the view has planes, and these were made from what is learned now."""
+    """Return True if the view has planes of what is learned now."""
     try:
         file = project.planes_file(view)
         return _planes_made_from(file, *_key_of(file)) == result_fingerprint(_state_of(project), "recoloring")
@@ -163,51 +163,50 @@ def _planes_made_from(file: Path, written: int, size: int) -> str:
 
 
 def seen_folder(scene: bpy.types.Scene) -> Path:
-    """Where the engine puts how it sees single views: a rendering, the objects' masks, and where these are unsure.
+    """Return the engine's folder of single views: a rendering, the masks of objects, and where these are unsure.
 
-    Named by what is learned: what was rendered before is in other folders.
+    Its name depends on what is learned, so older renderings are in other folders.
     """
     project = folders.project_of(scene)
     return project.path("seen", result_fingerprint(_state_of(project), "segmentation"))
 
 
 def seen_rendering(scene: bpy.types.Scene) -> Path | None:
-    """What is learned of the active view, rendered; None where there is none since it was learned or segmented."""
+    """Return the rendering of the active view; None if there is none of what is learned now."""
     file = seen_folder(scene) / "render" / f"{scene.karf.active_view}.png"
     return file if file.is_file() else None
 
 
 def seen_masks(scene: bpy.types.Scene) -> dict[str, Path]:
-    """The masks of the active view by object, as they were segmented last; empty where they were not asked for since."""
+    """Return the masks of the active view from the last segmentation, by object."""
     files = sorted(seen_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
     return {file.parent.name: file for file in files}
 
 
 def seen_doubts(scene: bpy.types.Scene) -> list[Path]:
-    """Pictures of what is unsure of each object in the active view; none where they were not rendered since."""
+    """Return the pictures of what is unsure of each object in the active view, if rendered."""
     return sorted(seen_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))
 
 
 def mask_counts(scene: bpy.types.Scene) -> dict[str, int]:
-    """The objects in the chosen folder of masks, each with its number of masks; empty where there is no folder."""
+    """Return the number of masks of each object in the chosen folder of masks."""
     objects = _folders_in(folders.absolute(scene.karf.masks)) if scene.karf.masks else []
     counts = {each.name: _marks_below(each)[0] for each in objects}
     return {name: count for name, count in counts.items() if count}
 
 
 def views_to_mark(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """The views whose mark would decide most, as the last segmentation found them, the best first."""
+    """Return the views whose mark would decide most according to the last segmentation, the best first."""
     return tuple(name for name in _reported(scene, "suggestions") if name in scene.karf.views)
 
 
 def any_view_helps(scene: bpy.types.Scene) -> bool:
-    """Whether a mark in any other view would decide about as much, as the last segmentation found it."""
+    """Return whether a mark in any other view would decide about as much."""
     return _report(scene).get("any_view_helps") is True
 
 
 def unsure_objects(scene: bpy.types.Scene) -> tuple[tuple[str, float, bool], ...]:
-    """Each object's name, the share of it that is unsure, in [0, 1], and whether mostly because no marked photo shows
-    it; as the last segmentation found it."""
+    """Return each object's name, its unsure share in [0, 1], and whether that is mostly unseen by marked photos."""
     try:
         return tuple(
             (name, float(each["share"]), each["unseen"] > 0.5) for name, each in _reported(scene, "unsure").items()
@@ -217,13 +216,13 @@ def unsure_objects(scene: bpy.types.Scene) -> tuple[tuple[str, float, bool], ...
 
 
 def _reported(scene: bpy.types.Scene, key: str) -> Mapping[str, Any]:
-    """A table of the last segmentation's report; empty where there is none."""
+    """Return a table of the last segmentation's report; empty if there is none."""
     found = _report(scene).get(key)
     return found if isinstance(found, dict) else {}
 
 
 def _report(scene: bpy.types.Scene) -> Mapping[str, Any]:
-    """The last segmentation's report; empty where there is none."""
+    """Return the last segmentation's report; empty if there is none."""
     if "segmentation" not in finished_stages(scene):
         return {}
     try:

@@ -1,7 +1,7 @@
-"""What the disk held when it was read last: drawing and polls, which run at every redraw, ask only this.
+"""A snapshot of the files of all scenes, for drawing and polls, which run at every redraw.
 
-A slow timer reads it again, and so do the events that change something: a job's end, a folder chosen, a mask saved,
-undo, load and save. In background mode nothing is drawn and timers never fire: there every question reads the disk.
+A slow timer refreshes it, and so does every change: a job's end, another folder, a new mask, undo, load and save. In
+background mode nothing is drawn and timers never fire: there each call reads the disk.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ READ = "disk_read"  # event, where anything is drawn
 
 @dataclass(frozen=True)
 class Contents:
-    """What there is of one scene's files."""
+    """The state of one scene's files."""
 
     missing: Path | None = None  # the scene's project folder where it is gone
     stages: frozenset[str] = frozenset()  # the finished ones
@@ -40,22 +40,22 @@ class Contents:
 
 @dataclass
 class LastRead:
-    """What was read last, each scene's under what it depends on."""
+    """The snapshot: the files of each scene."""
 
     scenes: Mapping[tuple[str, ...], Contents] = field(default_factory=dict)
 
 
 def contents_of(scene: bpy.types.Scene) -> Contents:
-    """Return what there was of the scene when the disk was read last; nothing where that has not happened yet."""
+    """Return the scene's files as of the last refresh; nothing before the first one."""
     if not HAS_TIMER:
         refresh()
     return session.get(LastRead).scenes.get(_key(scene), Contents())
 
 
 def refresh(lists_again: bool = True) -> bool:
-    """Read the disk for all scenes of the open file; True where something has changed. Never raises.
+    """Read the disk for all scenes of the open file; True after a change. Never raises.
 
-    lists_again: Look into folders of masks too whose times have not changed.
+    lists_again: Also list folders of masks whose times have not changed.
     """
     if lists_again:
         contents.forget_marks()

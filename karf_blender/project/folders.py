@@ -1,4 +1,4 @@
-"""Where files lie: paths as the .blend stores them (relative to it once it is saved) and as the disk knows them."""
+"""Paths of files: as the .blend stores them (relative to it once it is saved) and as absolute paths."""
 
 import os
 from collections.abc import Callable
@@ -15,13 +15,13 @@ PATH_PROPERTIES = ("project", "capture", "masks", "out", "frames", "nerf", "ocio
 
 
 def absolute(stored: str, blend: str | None = None) -> Path:
-    """The path on disk of one stored in the .blend (default: the open one); one place has one path, without `..`."""
+    """Return the absolute path of one stored in the .blend (default: the open one), without `..`."""
     start = str(Path(blend).parent) if blend else None
     return Path(os.path.normpath(bpy.path.abspath(stored, start=start)))
 
 
 def stored(path: Path, blend: str | None = None) -> str:
-    """The path as the .blend stores it: `//...` relative to a saved file, else absolute."""
+    """Return the path as the .blend stores it: `//...` relative to a saved file, else absolute."""
     blend = bpy.data.filepath if blend is None else blend
     if not blend:
         return str(path)
@@ -32,7 +32,7 @@ def stored(path: Path, blend: str | None = None) -> str:
 
 
 def project_of(scene: bpy.types.Scene) -> Project:
-    """The scene's project folder.
+    """Return the scene's project.
 
     Raises:
         BadRequest: None is chosen.
@@ -43,22 +43,22 @@ def project_of(scene: bpy.types.Scene) -> Project:
 
 
 def out_folder(scene: bpy.types.Scene) -> Path:
-    """Where pictures are written: the chosen folder, else `out` in the project."""
+    """Return the folder for results: the chosen one, else `out` in the project."""
     return absolute(scene.karf.out) if scene.karf.out else project_of(scene).path("out")
 
 
 def nerf_of(scene: bpy.types.Scene) -> str:
-    """Whole path of the chosen pretrained NeRF; empty where the geometry is learned."""
+    """Return the absolute path of the pretrained NeRF; empty if the geometry is learned."""
     return str(absolute(scene.karf.nerf)) if scene.karf.nerf else ""
 
 
 def ocio_of(scene: bpy.types.Scene) -> str:
-    """Whole path of the chosen OpenColorIO configuration; empty for the engine's."""
+    """Return the absolute path of the OpenColorIO configuration; empty for the engine's."""
     return str(absolute(scene.karf.ocio)) if scene.karf.ocio else ""
 
 
 def default_project(capture: Path) -> Path:
-    """A project folder for this capture: next to the saved .blend, else in the extension's own folder."""
+    """Return a project folder for this capture: next to the saved .blend, else in the extension's folder."""
     name = (capture.parent if capture.is_file() else capture).name
     if bpy.data.filepath:
         return Path(bpy.data.filepath).parent / f"{name}_karf"
@@ -66,14 +66,14 @@ def default_project(capture: Path) -> Path:
 
 
 def likely_project(scene: bpy.types.Scene) -> Path:
-    """Where the scene's project lies, or its next one would; nothing is made."""
+    """Return the folder of the scene's project, or of its next one; nothing is created."""
     if scene.karf.project:
         return project_of(scene).folder
     return Path(bpy.data.filepath).parent if bpy.data.filepath else Path(bpy.utils.extension_path_user(extension))
 
 
 def relocated(path: str, old: Path, new: Path) -> str:
-    """A path as the .blend stores it, to the same file where that has moved with its folder; any other as it is."""
+    """Return a stored path with its new place if it is in the moved folder; any other unchanged."""
     place = absolute(path) if path else None
     if place is None or (place != old and old not in place.parents):
         return path
@@ -81,24 +81,24 @@ def relocated(path: str, old: Path, new: Path) -> str:
 
 
 def relocate(old: Path, new: Path) -> None:
-    """Let all scenes know a folder, and what is in it, by its new place."""
+    """Update the paths of all scenes after a folder has moved."""
     _rewrite_paths(lambda path: relocated(path, old, new))
 
 
 def rebase(source: str, target: str) -> None:
-    """Rewrite the relative paths of all scenes from one .blend's place to another's; an empty place: absolute."""
+    """Rewrite the relative paths of all scenes for another place of the .blend; an empty place: absolute."""
     _rewrite_paths(lambda path: stored(absolute(path, source), target))
 
 
 @dataclass
 class PathRewriting:
-    """Whether paths are being rewritten."""
+    """The state of `rebase` and `relocate`."""
 
     is_on: bool = False
 
 
 def is_rebasing() -> bool:
-    """True while paths are rewritten: they name the same places as before."""
+    """Return True while paths are rewritten: they name the same places as before."""
     return session.get(PathRewriting).is_on
 
 

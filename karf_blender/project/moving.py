@@ -1,7 +1,7 @@
-"""A project that was begun in an unsaved file lies in the extension's own folder; from there it moves beside the .blend.
+"""Move a project from the extension's folder, where unsaved files have theirs, to the folder of the .blend.
 
-It is copied, the .blend is saved with its new place, and only then the old folder goes, unless other files use it. At the
-first save of such a file the user is asked whether it shall move.
+The project is copied, the .blend is saved with its new path, and then the old folder is deleted, unless other files use
+it. The first save of such a file asks the user whether to move it.
 """
 
 import contextlib
@@ -18,13 +18,13 @@ from ..engine_api import BadRequest, DataError
 from ..host import windows
 from . import captures, disk, folders
 
-USERS = "used_by.txt"  # in a project of the extension's own folder: the .blend files that were saved with it
+USERS = "used_by.txt"  # in a project in the extension's folder: the .blend files that use it
 ASK_SECONDS = 0.1  # after a save, until Blender takes questions again
 
 
 @dataclass
 class MovedProjects:
-    """Where the file's projects have moved from and to: undo knows their old places."""
+    """The old and new folders of the file's moved projects: undo restores old paths."""
 
     per_file = True
     places: dict[Path, Path] = field(default_factory=dict)
@@ -32,20 +32,20 @@ class MovedProjects:
 
 @dataclass
 class AskedProjects:
-    """The projects that the user was asked about in this session."""
+    """The projects of the session's questions."""
 
     paths: set[str] = field(default_factory=set)
 
 
 def is_hidden(scene: bpy.types.Scene) -> bool:
-    """Whether the scene's project lies in the extension's own folder, where nobody looks for it."""
+    """Return whether the scene's project is in the extension's folder, where users do not find it."""
     if not scene.karf.project:
         return False
     return _own_folder() in folders.project_of(scene).folder.parents
 
 
 def place_beside(scene: bpy.types.Scene) -> Path:
-    """A folder beside the .blend for the scene's project, which is not there yet."""
+    """Return a new folder beside the .blend for the scene's project."""
     wanted = place = Path(bpy.data.filepath).parent / f"{folders.project_of(scene).folder.name}_karf"
     number = 2
     while place.exists():
@@ -54,15 +54,15 @@ def place_beside(scene: bpy.types.Scene) -> Path:
 
 
 def move(scene: bpy.types.Scene) -> Path:
-    """Move the scene's project beside the .blend, and save that.
+    """Move the scene's project beside the .blend, and save the file.
 
     Returns:
         The project's new folder.
 
     Raises:
         BadRequest: The file was never saved.
-        DataError: The folder cannot be written; then all is as it was. Or the .blend cannot: then the project lies in both
-            places.
+        DataError: The folder cannot be written, and nothing has changed. Or the .blend cannot be saved: then the project is
+            in both places.
     """
     if not bpy.data.filepath:
         raise BadRequest("This file has not been saved yet.", "Save it first: the project moves to the file's folder.")
@@ -106,7 +106,7 @@ def _copy(old: Path, new: Path) -> None:
 
 
 def _relocate(old: Path, new: Path) -> None:
-    """Let scenes, images and strips know a folder by its new place."""
+    """Update the paths of scenes, images and strips."""
     folders.relocate(old, new)
     for image in bpy.data.images:
         if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
@@ -118,7 +118,7 @@ def _relocate(old: Path, new: Path) -> None:
 def _picture_strips() -> "Iterator[bpy.types.Strip]":
     editors = [scene.sequence_editor for scene in bpy.data.scenes if scene.sequence_editor is not None]
     for editor in editors:
-        # an empty collection is false, so the name is asked for, not the strips; Blender 4.2 and 4.3 call them sequences
+        # hasattr, as an empty collection is false; Blender 4.2 and 4.3 call strips sequences
         strips = editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all
         yield from (strip for strip in strips if strip.type == "IMAGE")
 
@@ -128,7 +128,7 @@ def _own_folder() -> Path:
 
 
 def _users(project: Path) -> set[str]:
-    """The .blend files that were saved with a project, and are still there."""
+    """Return the existing .blend files of a project."""
     try:
         lines = (project / USERS).read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -138,7 +138,7 @@ def _users(project: Path) -> set[str]:
 
 # --- asking --------------------------------------------------------------------------------------------------------
 def window_to_ask() -> bpy.types.Window | None:
-    """A window whose scene has a project that nobody was asked about yet, and nobody wants to leave where it is."""
+    """Return a window whose scene has a hidden project and no answer yet."""
     asked = session.get(AskedProjects).paths
     for window in bpy.data.window_managers[0].windows:
         karf = window.scene.karf
@@ -148,7 +148,7 @@ def window_to_ask() -> bpy.types.Window | None:
 
 
 def _ask() -> None:
-    """The timer: asks by the operator that moves the project, unless a job is at work; the next save asks then."""
+    """Ask by the operator that moves the project, unless a job is running; then the next save asks. A timer."""
     disk.refresh()
     window = window_to_ask()
     if window is None:

@@ -4,11 +4,9 @@ import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
 from .. import session
-from .preview import KARF_PG_preview
-from .progress import KARF_PG_colorways, KARF_PG_progress
+from .progress import KARF_PG_colorways, KARF_PG_folding, KARF_PG_preview, KARF_PG_progress
 from .scene import KARF_PG_scene
 from .seeing import KARF_PG_seeing
-from .working import KARF_PG_folding
 
 
 @session.setup

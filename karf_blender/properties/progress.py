@@ -1,8 +1,9 @@
-"""What belongs to the session: the sheet that is looked at, the running job."""
+"""Properties of the session, which a .blend does not store: the sheet of colorways, the running job, the panels."""
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty, IntProperty, StringProperty
 
+from ..workspace.states import STEPS
 from .colors import srgb
 
 
@@ -18,7 +19,7 @@ class KARF_PG_color(bpy.types.PropertyGroup):
 
 
 class KARF_PG_colorways(bpy.types.PropertyGroup):
-    """The sheet of colorways that is looked at."""
+    """The sheet of colorways in the dialog."""
 
     colors: CollectionProperty(type=KARF_PG_color)
     active: IntProperty()
@@ -37,3 +38,22 @@ class KARF_PG_progress(bpy.types.PropertyGroup):
     job: StringProperty(description="Folder of the failed job with its log")
     hint: StringProperty()
     folder: StringProperty(description="Folder of the last written files")
+
+
+class KARF_PG_folding(bpy.types.PropertyGroup):
+    """The open steps of the sidebars."""
+
+    __annotations__ = {f"show_{step}": BoolProperty(name="Open", default=step == STEPS[0]) for step in STEPS}
+
+
+class KARF_PG_preview(bpy.types.PropertyGroup):
+    """The picture of Live Camera."""
+
+    long_side: IntProperty(
+        name="Long Side",
+        subtype="PIXEL",
+        default=512,
+        min=96,
+        max=2048,
+        description="Resolution of the live camera picture",
+    )

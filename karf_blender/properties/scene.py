@@ -12,19 +12,17 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine_api import COMPOSITING_MODES, PRESETS
+from ..engine_api import COMPOSITING_MODES, PRESETS, PointsOptions, bounds_of
 from ..host import windows
 from ..host.compat import PATH_OPTIONS
 from ..marking import objects, photo
 from ..project import contents, disk, folders
-from ..rig import reprojection
-from ..swatches import palettes, shown
+from ..rig import cameras, reprojection
+from ..swatches import displayed, palettes
 from .colors import srgb
 from .looks import KARF_PG_look
 from .marking import KARF_PG_marking
-from .surface import KARF_PG_surface
 from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
-from .working import KARF_PG_looking
 
 PRESET_HELP = {
     "demo": "For a quick preview: photos of 256 pixels, on any computer",
@@ -59,7 +57,7 @@ SIZE_ITEMS = [
 
 
 def _view_chosen(self, context):
-    shown.of(self.id_data).refresh()
+    displayed.of(self.id_data).refresh()
     photo.follow(self.id_data)
     disk.refresh()
 
@@ -99,6 +97,39 @@ class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
     split: StringProperty(name="Split", description="train, val or test")
+
+
+def _hiding_switched(self, context):
+    cameras.hide_others(self.id_data)
+
+
+class KARF_PG_looking(bpy.types.PropertyGroup):
+    """The scene's camera and resolution before and while a captured camera is looked through."""
+
+    is_on: BoolProperty(name="Looking Through")
+    camera: PointerProperty(name="Camera", type=bpy.types.Object)
+    before: FloatVectorProperty(name="Picture Before", size=len(cameras.PICTURE))
+    during: FloatVectorProperty(name="Picture", size=len(cameras.PICTURE))
+    hides_others: BoolProperty(
+        name="Hide Others",
+        description="Hide the other cameras and the sparse points while one camera is looked through",
+        update=_hiding_switched,
+    )
+
+
+class KARF_PG_surface(bpy.types.PropertyGroup):
+    """The objects that show the learned scene."""
+
+    count: IntProperty(
+        name="Points",
+        default=bounds_of(PointsOptions, "count")["default"],
+        min=1000,
+        max=600_000,
+        step=10_000,
+        description="Approximate number. Ten times as many show finer detail, but follow swatches more slowly",
+    )
+    item: PointerProperty(name="Object", type=bpy.types.Object, description="Object that shows the learned scene")
+    splat: PointerProperty(name="Splat", type=bpy.types.Object, description="Splat object colored by the swatches")
 
 
 class KARF_PG_scene(bpy.types.PropertyGroup):

@@ -3,7 +3,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import drawn_over, shown
+from ..swatches import displayed, overlays
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "Show the picture with the current swatches", "BRUSH_DATA", 0),
@@ -17,12 +17,12 @@ MODE_ITEMS = [
 
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
-        shown.of(scene).refresh()
-    drawn_over.redraw()
+        displayed.of(scene).refresh()
+    overlays.redraw()
 
 
 def _overlay_changed(self, context):
-    drawn_over.redraw()
+    overlays.redraw()
 
 
 class KARF_PG_seeing(bpy.types.PropertyGroup):

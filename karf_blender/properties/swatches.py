@@ -14,7 +14,7 @@ from bpy.props import (
 
 from .. import progress
 from ..engine_api import MAX_BRIGHTNESS, MAX_CHOKE, MAX_FACTOR, MAX_FEATHER, MAX_SRGB, UNIT_GAINS, KarfError
-from ..swatches import becomes, edits, groups, material, shown
+from ..swatches import becomes, displayed, edits, gestures
 from .colors import pigment_reach, protected_neutrals, srgb
 
 RULE_ITEMS = [
@@ -27,30 +27,25 @@ STOPS = {"min": -MAX_BRIGHTNESS, "max": MAX_BRIGHTNESS, "soft_min": -1.0, "soft_
 
 def edit_changed(self, context):
     """The update of a property that changes the picture."""
-    shown.of(self.id_data).refresh()
+    displayed.of(self.id_data).refresh()
 
 
 def _color_changed(self, context):
-    before = tuple(self.last if any(self.last) else self.learned)  # files of older versions have no last one
-    self.last = self.color
-    if groups.follow(self):
-        material.follow(self, before)
-        shown.of(self.id_data).refresh()
+    gestures.color_changed(self)
 
 
 def _surface_changed(self, context):
-    if groups.follow_surface(self):
-        shown.of(self.id_data).refresh()
+    gestures.surface_changed(self)
 
 
 def _reach_changed(self, context):
     if self.is_added:
-        _color_changed(self, context)
+        gestures.color_changed(self)
 
 
 def _source_picked(self, context):
-    becomes.picked(self)
-    shown.of(self.id_data).update_left()
+    becomes.source_picked(self)
+    displayed.of(self.id_data).update_left()
 
 
 def _target_changed(self, context):
@@ -59,12 +54,11 @@ def _target_changed(self, context):
             becomes.apply_picked(self)
         except (KarfError, OSError) as error:
             progress.warn(str(error))
-    shown.of(self.id_data).update_left()
+    displayed.of(self.id_data).update_left()
 
 
 def _metal_changed(self, context):
-    if self.dragged:
-        material.follow_again(self)
+    gestures.drag_again(self)
     _target_changed(self, context)
 
 
@@ -116,9 +110,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
     is_added: BoolProperty(description="This color was added by hand. Its pigment has a separate set of swatches")
     reach: pigment_reach(options=set(), update=_reach_changed)
     protect: protected_neutrals(options=set(), update=_reach_changed)
-    last: srgb("Last", highest=MAX_SRGB, description="Color after its last change")
-    began: srgb("Began", highest=MAX_SRGB, description="Color at the start of dragging a swatch of the object")
-    given: srgb("Given", highest=MAX_SRGB, description="Color at the last step of that drag")
+    began: srgb("Began", highest=MAX_SRGB, description="Color at the start of the object's last drag, for keyframes")
     before: srgb("Before", highest=MAX_SRGB, description="Color when the source was picked")
     after: srgb("After", highest=MAX_SRGB, description="Color last set by Becomes")
 
@@ -137,7 +129,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
         size=3, default=UNIT_GAINS, description="Exposure of the photo in which the source was picked"
     )
     target: srgb("Target", 0.5, description="New color for the source", update=_target_changed)
-    dragged: IntProperty(description="Number of the last dragged swatch. 0: none")
+    dragged: IntProperty(description="Number of the last dragged swatch, for keyframes. 0: none")
     held: StringProperty(name="Held", description="Colors set earlier on its paints, kept by Becomes")
     rule: EnumProperty(name="Rule", items=RULE_ITEMS, update=_target_changed)
     is_metal: BoolProperty(

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import bpy
 import numpy as np
@@ -12,7 +11,7 @@ from .. import session
 from ..engine_api import BadRequest, Camera, srgb_to_linear
 from ..nodes.sockets import swatch_socket
 from ..rig import lens
-from ..swatches import colors, shown, surfaces
+from ..swatches import colors, displayed
 from . import blocking, camera_pixels
 
 COMBINED = "Combined"
@@ -81,7 +80,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     camera = _bordered(scene, lens.pinhole_in(depsgraph, scene, scene.camera))
     passes = list(passes_of(scene, layer))
     names = {each.array for each in passes} | ({"alpha"} if scene.render.film_transparent else set())
-    edited = partial(surfaces.solved, histogram_of=shown.of(scene).histogram)
+    edited = displayed.of(scene).solved
     options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | {
         "passes": ["color", *sorted(names)],
         "cryptomatte": f"{layer.name}.CryptoObject",  # the name that Blender's Cryptomatte node expects

@@ -99,7 +99,6 @@ def refresh(scene: bpy.types.Scene) -> None:
 
 @session.handler("load_post", phase=session.Phase.READ)
 def _after_load(*_):
-    captures.forget()
     for scene in bpy.data.scenes:
         if scene.karf.show_reprojection:
             scene.karf.show_reprojection = False  # no camera is viewed through yet

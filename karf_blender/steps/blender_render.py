@@ -7,7 +7,7 @@ import bpy
 
 from .. import progress
 from ..compositor import over_scene
-from ..engine_api import BadRequest, Message, open_capture
+from ..engine_api import BadRequest, open_capture
 from ..host import compat
 from ..pictures import sequences
 from ..project import folders
@@ -50,10 +50,8 @@ def warn_of_view_transform(scene: bpy.types.Scene) -> None:
     transform = scene.view_settings.view_transform
     if transform not in STANDARD:
         progress.warn(
-            Message(
-                "The view transform {transform} changes colors: choose Standard to show them unchanged.",
-                transform=transform,
-            )
+            "The view transform {transform} changes colors: choose Standard to show them unchanged.",
+            transform=transform,
         )
 
 

@@ -18,7 +18,7 @@ from ..pictures import editors
 from ..preferences import state
 from ..project import captures, contents, folders, moving
 from ..rig import cameras
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from ..tasks.runner import Task
@@ -64,7 +64,7 @@ def import_capture(
     except OSError as error:
         capture = replace(capture, warnings=(*capture.warnings, f"{project} cannot be made: {error.strerror}."))
     karf.rig = cameras.build(capture, f"KaRF {project.name}", scene, rig)
-    with shown.batched(scene):
+    with displayed.batched(scene):
         if not is_known:
             palettes.load_palettes(scene, ())
             karf.advice, karf.is_poor = "", False
@@ -165,10 +165,7 @@ def _task_of_new_capture(
         found = owner.find()
         if found is None:
             progress.warn(
-                Message(
-                    "The scene that requested the capture is gone or has another project: import {out} by hand.",
-                    out=out,
-                )
+                "The scene that requested the capture is gone or has another project: import {out} by hand.", out=out
             )
         else:
             import_capture(found, out, project, rig=rig)
@@ -240,5 +237,5 @@ def move_project(scene: bpy.types.Scene) -> Path:
     place = moving.move(scene)
     history.forget()  # it knows files by their old places
     mask_layers.forget()
-    shown.forget(scene)
+    displayed.forget(scene)
     return place

@@ -22,6 +22,7 @@ from ..pictures import editors, images
 from ..project import captures
 from ..swatches import becomes as becoming
 from ..swatches import colors, edits, matching, reference
+from ..swatches.solving import Becoming
 from ..tasks import queries
 from .swatches import Color, rgb_of
 
@@ -43,7 +44,7 @@ def becomes(
     """
     item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)
-    becoming.apply(scene, object_name, rgb_of(source), rgb_of(target), rule, start)
+    becoming.apply(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:

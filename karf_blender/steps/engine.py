@@ -28,7 +28,7 @@ def plan_engine(
         build: Of torch: `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`.
         extras: `photos` (pycolmap), or nothing.
         folder: Where to; default: that of the preferences.
-        wheels: A folder of wheels, in place of the network.
+        wheels: A folder of wheels, instead of the network.
         starter: A Python, or uv, that makes the environment; default: Blender's own Python, uv, any Python found.
 
     Returns:
@@ -50,7 +50,7 @@ def install_engine(
     Arguments are those of `plan_engine`. The network is used only where Blender may (`--online-mode`).
 
     Returns:
-        What is installed.
+        The state of the environment.
     """
     planned = plan_engine(build, extras, folder, wheels, starter)
     for sentence in planned.sentences:
@@ -70,10 +70,10 @@ def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = 
 
     Args:
         folder: Default: that of the preferences.
-        wheels: A folder of wheels, in place of the network.
+        wheels: A folder of wheels, instead of the network.
 
     Returns:
-        What is installed.
+        The state of the environment.
     """
     was = engine_status(folder)
     if was.state == home.NONE:
@@ -115,7 +115,7 @@ def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
     """Test Engine: ask for packages, device and disk, and try each stage on a tiny scene; prints what was found.
 
     Args:
-        scene: The one whose project's disk is looked at.
+        scene: Its project's disk is tested.
 
     Returns:
         The findings; the last one sums up.

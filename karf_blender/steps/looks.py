@@ -5,7 +5,7 @@ from pathlib import Path
 import bpy
 
 from .. import progress
-from ..engine_api import BadRequest, Message, PlannedColorway, plan_colorways, write_edit, write_json
+from ..engine_api import BadRequest, PlannedColorway, plan_colorways, write_edit, write_json
 from ..project import folders
 from ..swatches import colors, looks, reference
 from ..tasks.runner import Task
@@ -144,7 +144,7 @@ def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out
 
     def finish(*_) -> None:
         progress.wrote(out)
-        progress.warn(Message("Colorways, their table and a contact sheet are in {out}.", out=out))
+        progress.warn("Colorways, their table and a contact sheet are in {out}.", out=out)
 
     return requests.task(scene, "Colorways", ("colorways", options), finish=finish, result=lambda: planned)
 

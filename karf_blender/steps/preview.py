@@ -21,8 +21,8 @@ from ..host.words import translatable
 from ..pictures import editors, images
 from ..render_engine import camera_pixels
 from ..rig import lens
-from ..swatches import colors, free_camera, shown, views
-from ..swatches.views import ShownView
+from ..swatches import colors, displayed, free_camera, views
+from ..swatches.views import DisplayedView
 from ..tasks import queries, runner
 from ..tasks.ownership import Owner
 from .render import camera_of
@@ -44,7 +44,7 @@ class _Live:
     text: str = ""  # what the picture depends on but swatches, as a comparable text
     sides: tuple[int, ...] = ()  # long sides of the pictures that are still to be requested
     requested: Wanted | None = None
-    view: ShownView | None = None  # the planes that came last
+    view: DisplayedView | None = None  # the planes that came last
     edit: tuple = ()  # the swatches and the display options that they are shown with
     message: str = "The engine starts"  # why the picture is missing; empty where it is there
     is_displayed: bool = True  # by an editor
@@ -85,7 +85,7 @@ def start(scene: bpy.types.Scene) -> None:
 def stop() -> None:
     """Follow no camera; its last picture stays."""
     session.get(_State).live = None
-    shown.follow_no_camera()
+    displayed.follow_no_camera()
 
 
 def preview_camera(
@@ -111,11 +111,11 @@ def _options(scene: bpy.types.Scene, camera: Camera, long_side: int) -> dict[str
     return {"camera": camera_to_json(camera), "long_side": long_side, "unseen": camera_pixels.unseen(scene)}
 
 
-def _taken(answer: dict[str, Any]) -> ShownView:
+def _taken(answer: dict[str, Any]) -> DisplayedView:
     """The planes of an answer, whose file is removed."""
     file = Path(answer["planes"])
     try:
-        return ShownView(file, 0, read_planes(file), is_free=True)
+        return DisplayedView(file, 0, read_planes(file), is_free=True)
     finally:
         with suppress(OSError):
             file.unlink()

@@ -14,7 +14,7 @@ from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
 from ..rig.lens import build_animation, file_name, frames_of
-from ..swatches import edits, shown
+from ..swatches import displayed, edits
 from ..tasks.runner import Task
 from . import requests
 from .blender_render import show_frames
@@ -24,7 +24,7 @@ from .edit import save_edit
 # --- captured views ------------------------------------------------------------------------------------------------
 def save_shown(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, a preview of the photo, as PNG without the engine; returns its path."""
-    colors = images.upright(shown.of(scene).edited())
+    colors = images.upright(displayed.of(scene).edited())
     # where the engine writes this view too
     path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
     images.write_png(path, colors)
@@ -84,7 +84,7 @@ def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_show
     scene.karf.frames = folders.stored(folder)
 
     def present(found: bpy.types.Scene) -> None:
-        progress.warn(Message("The pictures are in {folder}.", folder=folder))
+        progress.warn("The pictures are in {folder}.", folder=folder)
         if are_shown:
             show_frames(found, folder, is_wanted=False)
 
@@ -163,7 +163,7 @@ def write_sequence(
     camera = camera_of(scene, camera)
     requests.check_palettes(scene)
     views, files, known = [], [], {}
-    with shown.batched(scene):
+    with displayed.batched(scene):
         for view in frames_of(scene, camera, frame_range(scene) if frames is None else frames):
             edit = edits.current_edit(scene)
             key = b"".join([repr(edit.edges).encode(), *(colors.tobytes() for colors in edit.colors.values())])

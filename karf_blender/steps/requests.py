@@ -13,7 +13,7 @@ from ..marking import photo
 from ..pictures import editors
 from ..project import contents, folders
 from ..render_engine import camera_pixels
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from ..tasks.ownership import Owner
 from ..tasks.runner import Task
 from ..workspace import estimates
@@ -36,15 +36,13 @@ def import_results(owner: Owner, request: Request) -> None:
     scenes = list(owner.scenes())
     if not scenes:
         progress.warn(
-            Message(
-                "The scene that requested this is gone or has another project. The result is in {project}: "
-                "choose that project to load it.",
-                project=request.project,
-            )
+            "The scene that requested this is gone or has another project. The result is in {project}: "
+            "choose that project to load it.",
+            project=request.project,
         )
     for scene in scenes:
         if request.stage == "recoloring":
-            shown.forget(scene)
+            displayed.forget(scene)
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
         elif contents.is_prepared(scene):
             show_recolored(scene)
@@ -52,7 +50,7 @@ def import_results(owner: Owner, request: Request) -> None:
 
 def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
     """Show the whole active view recolored in the Image Editors, where it takes the place of the photo to mark."""
-    editors.reveal(shown.of(scene).recolor(), is_wanted, is_whole=True)
+    editors.reveal(displayed.of(scene).recolor(), is_wanted, is_whole=True)
     photo.leave(scene)
 
 
@@ -79,9 +77,7 @@ def presenting(present: Callable[[bpy.types.Scene], None], where: Message, writt
             progress.wrote(written)
         scene = owner.find()
         if scene is None:
-            progress.warn(
-                Message("The scene that requested this is gone or has another project. {result}", result=where)
-            )
+            progress.warn("The scene that requested this is gone or has another project. {result}", result=where)
         else:
             present(scene)
 

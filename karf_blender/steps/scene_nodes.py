@@ -30,7 +30,7 @@ from . import requests
 from .blender_render import warn_of_view_transform
 from .edit import save_edit
 
-_Learned = Palette | ObjectLayers  # an object's name and its palette as learned, of which nodes were made
+_Learned = Palette | ObjectLayers  # what nodes are made of: the name of an object, and its learned palette
 
 
 # --- compositor ----------------------------------------------------------------------------------------------------
@@ -48,7 +48,7 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
 
     def present(found: bpy.types.Scene) -> None:
         node = place_layers(found, path, driven)
-        progress.warn(Message("The compositor recolors {path} with the node {name}.", path=path, name=node.name))
+        progress.warn("The compositor recolors {path} with the node {name}.", path=path, name=node.name)
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
     spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
@@ -69,11 +69,9 @@ def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False)
     space = scene.karf.layer_space
     if space and not images.knows_space(space):  # it takes their picture for another one
         progress.warn(
-            Message(
-                "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
-                name=space,
-                path=path,
-            )
+            "Blender does not know the color space {name}: set the color space of {path} in its Image node.",
+            name=space,
+            path=path,
         )
     if driven:
         _follow(scene, node, known)
@@ -88,19 +86,15 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
     if not recoloring.is_rendered(node):
         progress.warn(
-            Message(
-                "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
-            )
+            "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
         )
     if size != rendered:
         progress.warn(
-            Message(
-                "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
-                width=size[0],
-                height=size[1],
-                own_width=rendered[0],
-                own_height=rendered[1],
-            )
+            "The layers have {width} x {height} pixels, but the scene renders {own_width} x {own_height}.",
+            width=size[0],
+            height=size[1],
+            own_width=rendered[0],
+            own_height=rendered[1],
         )
     warn_of_view_transform(scene)
 
@@ -196,20 +190,16 @@ def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: s
     others = [each.name for each in objects if each.name in items and not _is_ours(scene, each)]
     if others:
         progress.warn(
-            Message(
-                "The swatches of {names} belong to other palettes than the {what}: the sockets start with the "
-                "learned colors. Choose the project again in step 1 to load its palettes, then build again.",
-                names=", ".join(others),
-                what=what,
-            )
+            "The swatches of {names} belong to other palettes than the {what}: the sockets start with the "
+            "learned colors. Choose the project again in step 1 to load its palettes, then build again.",
+            names=", ".join(others),
+            what=what,
         )
     ours = _with_swatches(scene, objects)
     fewer = [each.name for each in ours if len(each.colors) < len(items[each.name].swatches)]
     if fewer:
         progress.warn(
-            Message(
-                "The {what} lacks colors that were added to {names}: build again to include them.",
-                names=", ".join(fewer),
-                what=what,
-            )
+            "The {what} lacks colors that were added to {names}: build again to include them.",
+            names=", ".join(fewer),
+            what=what,
         )

@@ -19,7 +19,7 @@ from ..engine_api import (
     rgb_to_hex,
     srgb_to_lab,
 )
-from ..swatches import colors, edits, groups, keyframes, material, reference, shown, surfaces
+from ..swatches import colors, displayed, edits, gestures, groups, keyframes, reference
 
 ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
@@ -33,7 +33,7 @@ def rgb_of(color: Color) -> np.ndarray:
 
 def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Color) -> None:
     """Give one swatch a color, sRGB in [0, 2]; its paint's other swatches stay."""
-    with shown.batched(scene):
+    with displayed.batched(scene):
         edits.set_color(scene, object_name, index, rgb_of(color))
 
 
@@ -42,7 +42,6 @@ def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: C
 
     Args:
         index: The swatch's; 0: the color that the object's source shall become.
-        book: That has the name.
 
     Returns:
         CIEDE2000 from what a picture can show to the color of the name itself; 0 where a picture can show that.
@@ -72,8 +71,8 @@ def set_surface(
         gloss: Strength of the highlights, 0 to 4; 0 is matte, 1 as it is.
     """
     swatch, surface = edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss)
-    with shown.batched(scene):
-        surfaces.put(swatch, surface)
+    with displayed.batched(scene):
+        colors.write_surface(swatch, surface)
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
@@ -86,7 +85,7 @@ def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
             index=one[1],
             name=one[0],
         )
-    with shown.batched(scene):
+    with displayed.batched(scene):
         groups.link(first, second)
 
 
@@ -100,10 +99,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
 
     Args:
         index: The swatch that disappears.
-        into: The one that moves it; None: the one with the nearest learned color.
-
-    Returns:
-        The number of the swatch that moves it.
+        into: The one that moves it, whose number is returned; None: the one with the nearest learned color.
     """
     edits.unlocked(scene, object_name, index)
     item = edits.object_named(scene, object_name)
@@ -126,7 +122,7 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     if into is None:
         lab = srgb_to_lab(colors.learned(item))
         into = min(others, key=lambda other: float(np.linalg.norm(lab[other] - lab[index])))
-    with shown.batched(scene):
+    with displayed.batched(scene):
         groups.merge(item, index, into)
     return into
 
@@ -148,7 +144,10 @@ def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> n
 
     The place is one in the picture: (0, 0) is its lower left corner, (1, 1) its upper right one.
     """
-    view, learned = shown.of(scene).prepared_view().planes, colors.palette(edits.object_named(scene, name)).colors
+    view, learned = (
+        displayed.of(scene).prepared_view().planes,
+        colors.state(edits.object_named(scene, name)).palette.colors,
+    )
     height, width = view.base.shape[:2]
     column, row = int(place[0] * width), int((1 - place[1]) * height)
     near = slice(max(0, row - 1), row + 2), slice(max(0, column - 1), column + 2)
@@ -192,12 +191,10 @@ def add_color(
             count=MAX_ADDED,
             name=object_name,
         )
-    likely = propose_added_color(shown.of(scene).learned_histogram(object_name), picked)
+    likely = propose_added_color(displayed.of(scene).learned_histogram(object_name), picked)
     added = AddedColor(picked, likely.reach if reach is None else reach, likely.protect if protect is None else protect)
-    found = groups.begun_set(item, added)
-    with shown.batched(scene), groups.apart():
-        number = groups.add_color(item, added)
-        groups.set_colors(item, number, found)
+    with displayed.batched(scene):
+        number = groups.add_color(item, added, groups.first_set(item, added))
     if color is not None:
         set_swatch(scene, object_name, number, color)
     return number
@@ -216,15 +213,15 @@ def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> in
     if swatch.is_added:
         swatch.protect = max(swatch.protect, PROTECT)
         return index
-    picked = pigment_of_swatch(shown.of(scene).learned_histogram(object_name), index)
-    before = material.before_drag(item, index)
-    with shown.batched(scene):
+    picked = pigment_of_swatch(displayed.of(scene).learned_histogram(object_name), index)
+    before = gestures.before_drag(item, index)
+    with displayed.batched(scene):
         number = add_color(scene, object_name, picked, protect=PROTECT)
-        with groups.apart():
+        with gestures.suspended(scene):
             for each, color in zip(item.swatches[: colors.size(item)], before, strict=False):
                 if not each.locked:
                     each.color = color
-            surfaces.put(item.swatches[index], Surface())  # the pigment keeps its surface
+            colors.write_surface(item.swatches[index], Surface())  # the pigment keeps its surface
     return number
 
 
@@ -240,7 +237,7 @@ def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
         )
     keyframes.copy_shared_action(scene)
     curves, count, learned = keyframes.of(scene), colors.size(item), rgb_to_hex(swatch.learned)
-    with shown.batched(scene), groups.apart():
+    with displayed.batched(scene), gestures.suspended(scene):
         groups.unlink(swatch)
         groups.remove_color(item, index)
     numbers = {each: number for number, each in enumerate(scene.karf.objects.keys())}

@@ -13,7 +13,7 @@ from ..marking import photo
 from ..pictures import editors
 from ..project import captures, contents, folders
 from ..rig import cameras, reprojection
-from ..swatches import drawn_over, palettes, shown
+from ..swatches import displayed, overlays, palettes
 from ..tasks import queries
 from ..tasks.runner import Task
 from . import requests
@@ -83,9 +83,9 @@ def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
 def show_masks(scene: bpy.types.Scene) -> None:
     """Draw the objects' masks over the active view; where it was not rendered yet, as soon as the engine has made them."""
     bpy.context.window_manager.karf_seeing.show_masks = True
-    shown.of(scene).load_masks()
+    displayed.of(scene).load_masks()
     _reveal(scene)
-    if shown.of(scene).known_masks() is None:
+    if displayed.of(scene).known_masks() is None:
         view = scene.karf.active_view
         queries.send(scene, "masks", {"view": view}, partial(_take_masks, _rendered_folder(scene).name, view))
 
@@ -97,7 +97,7 @@ def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[s
         target = project.path("seen", rendered, "masks", name, f"{view}.png")
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
-    shown.of(scene).load_masks()
+    displayed.of(scene).load_masks()
     if scene.karf.active_view == view:
         _reveal(scene)
 
@@ -123,8 +123,8 @@ def _rendered_folder(scene: bpy.types.Scene) -> Path:
 
 def _reveal(scene: bpy.types.Scene) -> None:
     """Show the active view, recolored where it is prepared, in the Image Editors."""
-    known = shown.of(scene)
+    known = displayed.of(scene)
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
     photo.leave(scene)
-    drawn_over.redraw()
+    overlays.redraw()

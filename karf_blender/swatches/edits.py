@@ -5,46 +5,62 @@ a swatch never touched equals its learned color exactly.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..engine_api import BadRequest, EdgeShape, Edit, Surface, color_to_text, colors_of_text, edit_to_json
-from . import colors, groups, material, surfaces
-from .shown import batched, of
+from . import colors, displayed, gestures, groups, solving
 
 Edited = Callable[[bpy.types.PropertyGroup], np.ndarray]  # an object's palette, [M, 3]
 
 
 def current_edit(scene: bpy.types.Scene, edited: Edited = colors.edited) -> Edit:
-    """The palettes as the swatches stand now, each as `edited` says."""
+    """Return the palettes as the swatches stand now, each as `edited` says."""
     palettes = {item.name: edited(item) for item in scene.karf.objects}
     return Edit(palettes, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
 
 
 def edit_option(scene: bpy.types.Scene, edited: Edited = colors.edited) -> dict[str, Any] | None:
-    """The same for a query, as edit.json; None before there are palettes."""
+    """Return the same for a query, as edit.json; None before there are palettes."""
     return edit_to_json(current_edit(scene, edited)) if len(scene.karf.objects) else None
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:
-    """Set the swatches and edges to an edit of these objects, added colors among them. Objects that it leaves out and locked
-    swatches stay, merged ones follow; where the edit is a whole state, all are set to what it says. Surfaces are part of its
-    colors, and become neutral."""
-    with batched(scene), groups.apart() if is_whole else nullcontext():
+    """Set the swatches and edges to an edit of these objects, added colors among them.
+
+    Objects that it leaves out and locked swatches stay, merged ones follow; where the edit is a whole state, all are set to
+    what it says. Surfaces are part of its colors, and become neutral.
+    """
+    with displayed.batched(scene), gestures.suspended(scene):
         scene.karf.compositing = edit.compositing
-        for name, wanted in edit.colors.items():
+        for name in edit.colors:
             item = object_named(scene, name)
-            with groups.apart():
-                surfaces.bake(item)
+            _bake_surfaces(item)
             groups.replace_added(item, edit.added.get(name, ()), even_locked=is_whole)
             shape = edit.edges.get(name, EdgeShape())
             item.choke, item.feather = shape.choke, shape.feather
-            for swatch, color in zip(item.swatches, wanted, strict=True):
-                if is_whole or not (swatch.locked or swatch.merged):
-                    swatch.color = color
+        states = colors.states(scene)
+        for name, wanted in edit.colors.items():
+            state = states[name]
+            if is_whole:
+                states[name] = state.with_colors(wanted)
+                continue
+            for index in np.flatnonzero(~state.locked & (state.merged == 0)):
+                states = solving.assign(states, name, index, wanted[index])
+                states = gestures.solve_sets(scene, states, name, index)
+        gestures.write(scene, states)
+
+
+def _bake_surfaces(item: bpy.types.PropertyGroup) -> None:
+    """Let an object's swatches have the colors that they are shown with, and neutral surfaces."""
+    state = colors.state(item)
+    if not state.is_neutral:
+        colors.write(item, state.edited)
+        colors.write(item, np.zeros_like(state.shift), "shift")
+        for swatch in item.swatches:
+            colors.write_surface(swatch, Surface())
 
 
 def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[float] | np.ndarray) -> None:
@@ -53,33 +69,33 @@ def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[flo
 
 
 def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Give one swatch of an object (None: all) the learned color and surface back, and those that move with it theirs;
-    what followed a swatch that was dragged follows it back, locked ones stay."""
-    chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
-    before = tuple(chosen[0].color)
-    with batched(scene), groups.apart():
-        for swatch in [each for one in chosen for each in groups.together(one)]:
-            if not swatch.locked:
-                swatch.color = swatch.learned
-                surfaces.put(swatch, Surface())
-    if index is not None and material.is_dragged(object_named(scene, name), index):
-        material.follow(chosen[0], before)
-        of(scene).refresh()
+    """Give one swatch of an object (None: all) the learned color and surface back, and those that move with it theirs.
+
+    What followed a swatch that was dragged follows it back; locked ones stay.
+    """
+    item = object_named(scene, name)
+    if index is not None:
+        unlocked(scene, name, index)
+    with displayed.batched(scene), gestures.suspended(scene):
+        for number in range(len(item.swatches)) if index is None else [index]:
+            for each, own in gestures.reset(item, number, follows=index is not None).items():
+                for place in np.flatnonzero(own):
+                    colors.write_surface(scene.karf.objects[each].swatches[place], Surface())
 
 
 def reset_surface(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
     """Give one swatch of an object (None: all) and those linked to it a neutral surface; locked ones stay."""
     chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
-    with batched(scene):
+    with displayed.batched(scene):
         for swatch in chosen:
             if not swatch.locked:
-                surfaces.put(swatch, Surface())
+                colors.write_surface(swatch, Surface())
 
 
 def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]) -> None:
     """Let two swatches, each an object's name and a number, exchange their colors."""
     one, other = unlocked(scene, *first), unlocked(scene, *second)
-    with batched(scene):
+    with displayed.batched(scene):
         one.color, other.color = other.color[:], one.color[:]
 
 
@@ -98,7 +114,7 @@ def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> No
     if index is not None:
         set_color(scene, name, index, found[0])
         return
-    with batched(scene):
+    with displayed.batched(scene):
         shown = [swatch for swatch in object_named(scene, name).swatches[1:] if not swatch.merged]
         for swatch, color in zip(shown, found, strict=False):
             if not swatch.locked:

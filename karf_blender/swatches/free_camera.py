@@ -4,9 +4,9 @@ import bpy
 
 from ..host.words import translatable
 from ..pictures import editors, images
-from . import object_masks, shown, views
+from . import displayed, object_masks, views
 from .object_masks import ObjectMasks
-from .views import ShownView
+from .views import DisplayedView
 
 IMAGE_NAME = f"{editors.PREFIX} camera"
 NO_PHOTO = translatable("A free camera has no photo: Original shows the learned scene.")
@@ -21,13 +21,13 @@ def image() -> bpy.types.Image | None:
     return bpy.data.images.get(IMAGE_NAME)
 
 
-def show(scene: bpy.types.Scene, view: ShownView, width: int, height: int) -> None:
+def show(scene: bpy.types.Scene, view: DisplayedView, width: int, height: int) -> None:
     """Put planes of the camera, as they are looked at, into its image of this size, which is made if needed.
 
     Raises:
         KarfError: The planes belong to other palettes, or Blender renders.
     """
-    known = shown.of(scene)
+    known = displayed.of(scene)
     picture = views.picture(scene, view, known.files)
     before = image()
     target = before or images.new_image(IMAGE_NAME, width, height)
@@ -43,18 +43,18 @@ def show(scene: bpy.types.Scene, view: ShownView, width: int, height: int) -> No
 
 def is_in(space: bpy.types.Space) -> bool:
     """Whether an Image Editor shows the picture of a camera that is followed."""
-    return shown.followed_camera() is not None and space.image is not None and space.image == image()
+    return displayed.followed_camera() is not None and space.image is not None and space.image == image()
 
 
 def masks() -> ObjectMasks | None:
     """The objects in the picture; None where they are not looked at."""
-    view = shown.followed_camera()
+    view = displayed.followed_camera()
     return None if view is None else view.masks
 
 
 def lacks() -> tuple[str, ...]:
     """What of the way that pictures are looked at this one cannot show, a sentence each."""
-    view, seeing = shown.followed_camera(), bpy.context.window_manager.karf_seeing
+    view, seeing = displayed.followed_camera(), bpy.context.window_manager.karf_seeing
     if view is None:
         return ()
     wants_palettes = seeing.mode in {"WEIGHTS", "DIFFERENCE"}

@@ -9,14 +9,13 @@ from ..engine_api import (
     BadRequest,
     Edit,
     ObjectMatch,
-    Palette,
     find_header,
     linear_to_srgb,
     match_picture,
     to_mean_exposure,
 )
 from ..pictures import images
-from . import colors, edits, groups, shown
+from . import colors, displayed, edits
 
 PAINTING_NAME = "KaRF painting"
 ASPECT_TOLERANCE = 0.02  # relative difference of aspect ratio between a picture and its view: rounding of small sizes
@@ -28,7 +27,7 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
     Raises:
         KarfError: The view cannot be shown, or Blender renders.
     """
-    buffer = shown.of(scene).edited()
+    buffer = displayed.of(scene).edited()
     height, width = buffer.shape[:2]
     image = bpy.data.images.get(PAINTING_NAME) or images.new_image(PAINTING_NAME, width, height)
     images.fit(image, width, height)
@@ -93,16 +92,16 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     karf = scene.karf
     if karf.compositing != "delta":
         raise BadRequest("Match Picture only works on edited photos.", "Set Result to Photo plus change.")
-    view, items = shown.of(scene).prepared_view().spread(scene).planes, {item.name: item for item in karf.objects}
-    ordered = [items[name] for name in view.objects]
+    view, states = displayed.of(scene).prepared_view().spread(scene).planes, colors.states(scene)
+    ordered = [states[name] for name in view.objects]
     pictures = view.base.astype(np.float32) / 255, _fitted(name, picture, *view.base.shape[1::-1])
     found = match_picture(
-        [groups.gathered(item, weights) for item, weights in zip(ordered, view.palette_weights, strict=True)],
+        [state.gathered(weights) for state, weights in zip(ordered, view.palette_weights, strict=True)],
         view.probabilities,
         *(to_mean_exposure(each, view.gains) for each in pictures),
-        [Palette(item.name, colors.learned(item)) for item in ordered],
-        {item.name: colors.edited(item) for item in ordered},
-        {item.name: groups.held(item) for item in ordered},
+        [state.whole for state in ordered],
+        {state.name: state.edited for state in ordered},
+        {state.name: state.held for state in ordered},
     )
     if not found:
         raise BadRequest(

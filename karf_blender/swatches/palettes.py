@@ -31,7 +31,7 @@ from ..engine_api import (
     write_edit,
 )
 from ..project import folders
-from . import colors, edits, groups, keyframes, looks, shown, surfaces
+from . import colors, displayed, edits, gestures, groups, keyframes, looks
 
 NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
 
@@ -56,7 +56,7 @@ class _ObjectEdits:
         source, target = colors.color_pair(item)
         if source != target:  # else it waits for a target, with the color that the object mostly had
             own |= {"source": source, "target": target, "gains": tuple(item.gains)}
-        flags = [(swatch.locked, swatch.link, swatch.merged, surfaces.of(swatch)) for swatch in item.swatches]
+        flags = [(swatch.locked, swatch.link, swatch.merged, colors.surface_of(swatch)) for swatch in item.swatches]
         return cls(colors.added(item), colors.learned(item), colors.chosen(item), *zip(*flags, strict=True), own)
 
     @property
@@ -105,7 +105,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
         _keep_look(scene, name, edit, before, matches)
     keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
-    with shown.batched(scene), groups.apart():
+    with displayed.batched(scene), gestures.suspended(scene):
         states = {name: _state(scene, edit) for name, edit in kept.items()}
         for name, state in states.items():
             _replace(scene, palettes, state)
@@ -146,7 +146,7 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
     for index, color in enumerate(palette.colors):
         swatch = item.swatches.add()
         swatch.name = f"Color {index}" if index else "Black"
-        swatch.learned = swatch.color = swatch.last = color
+        swatch.learned = swatch.color = color
         swatch.locked = index == 0
     item.source = item.target = _mostly(scene, palette)
     item.gains = UNIT_GAINS
@@ -162,15 +162,17 @@ def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, 
         swatch.merged = matches.get(before.merged[old], 0)
         if (before.colors[old] != before.learned[old]).any():
             swatch.color = before.colors[old]
-        surfaces.put(swatch, before.surfaces[old])
+        colors.write_surface(swatch, before.surfaces[old])
         if swatch.is_added:
-            groups.solve_added(swatch)
+            colors.write(
+                item, gestures.solve_sets(scene, colors.states(scene), item.name, matches[old])[item.name].chosen
+            )
 
 
 def _mostly(scene: bpy.types.Scene, palette: Palette) -> np.ndarray:
     """The color that an object mostly has, [3]; its first swatch's where nobody has counted."""
     try:
-        return dominant_color(shown.of(scene).learned_histogram(palette.name))
+        return dominant_color(displayed.of(scene).learned_histogram(palette.name))
     except (KarfError, OSError):
         return palette.colors[min(1, len(palette.colors) - 1)]
 
@@ -305,7 +307,7 @@ def import_learned(scene: bpy.types.Scene) -> None:
             return
         palettes = read_palettes(project.verified(project.palette_file))
         if [_key(palette) for palette in palettes] != [_key(palette) for palette in colors.palettes(scene)]:
-            shown.forget(scene)
+            displayed.forget(scene)
             load_palettes(scene, palettes)
     except KarfError as error:
         progress.warn(error.message)

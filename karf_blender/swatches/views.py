@@ -1,11 +1,10 @@
-"""Views: their edit planes, the picture that these make with the swatches, and how it is looked at.
+"""Views: their edit planes, and the picture that these make with the swatches, the edited one or another side of it.
 
-`WindowManager.karf_seeing` (properties/seeing.py) says what is shown of a view or a free camera: the edited picture or
-another side of it, with a split view or without.
+`WindowManager.karf_seeing` (properties/seeing.py) says which side is displayed, and whether in a split view.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, sqrt
 from pathlib import Path
@@ -17,23 +16,26 @@ from ..engine_api import (
     DataError,
     EdgeShape,
     KarfError,
+    ObjectEdge,
     ObjectPlanes,
     Planes,
     SwatchPicture,
+    apply_edges_to_planes,
     ciede2000,
     delta_picture,
     paper_picture,
     split_weights_of_objects,
     srgb_to_lab,
     stack_palettes,
+    to_mean_exposure,
     to_photo_exposure,
 )
 from ..pictures import images, photos
 from ..project import captures, contents, folders
-from . import colors, edges
+from . import colors
 from .object_masks import ObjectMasks
 
-PHOTO_SIDE = 800  # pixels at most of a photo that stands in for a view that is not prepared
+PHOTO_SIDE = 800  # pixels at most of the placeholder of a view that is not prepared
 COMPARED_PIXELS = 160_000  # of a difference picture: larger ones are compared in every second pixel, or third
 HOTTEST = 20.0  # CIEDE2000 from which the heat map is white
 UNSURE = np.array([1.0, 0.55, 0.04], np.float32)  # color of unsure pixels
@@ -42,45 +44,27 @@ HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.
 
 
 @dataclass(eq=False)
-class ShownView:
-    """Planes of one view, ready for compositing.
-
-    Attributes:
-        file: Where they are from.
-        written: The file's time, in nanoseconds.
-        planes: As stored.
-        is_free: A camera's that has no photo: the base is what is learned.
-        masks: The objects in them, once they were painted.
-        pictures: By compositing, once it was asked for: the picture that follows the swatches, and the RGBA buffer
-            [H, W, 4] float32 in Blender's row order that it writes to.
-        movable: The objects whose edges were changed already, by number.
-        moved: Their parts of the picture that adds changes, by number.
-        edges: Of the picture that adds changes to the photo: its objects whose edges are moved or faded, by name.
-        with_edges: By edges, those asked for last: the view whose objects end there.
-        with_sets: By added colors, those asked for last: the view whose weights are spread over their sets.
-        canvas: Where a picture that is not just the edited one is put together, RGBA as above; None before the first.
-        split_at: The canvas has the original left of this column.
-    """
+class DisplayedView:
+    """Planes of one view, ready for compositing."""
 
     file: Path
-    written: int
+    written: int  # the file's time, in nanoseconds
     planes: Planes
-    is_free: bool = False
-    masks: ObjectMasks | None = None
-    pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)
-    movable: dict[int, edges.MovableObject] = field(default_factory=dict)
-    moved: dict[int, ObjectPlanes] = field(default_factory=dict)
-    edges: dict[str, EdgeShape] = field(default_factory=dict)
-    with_edges: dict[str, "ShownView"] = field(default_factory=dict)
-    with_sets: dict[str, "ShownView"] = field(default_factory=dict)
-    canvas: np.ndarray | None = None
-    split_at: int = 0
+    is_free: bool = False  # a camera without a photo: the base is what is learned
+    masks: ObjectMasks | None = None  # None until painted
+    pictures: dict[str, tuple[SwatchPicture, np.ndarray]] = field(default_factory=dict)  # by compositing, with buffers
+    movable: dict[int, "_MovableObject"] = field(default_factory=dict)  # objects whose edges were changed, by number
+    moved: dict[int, ObjectPlanes] = field(default_factory=dict)  # their parts of the delta picture
+    edges: dict[str, EdgeShape] = field(default_factory=dict)  # moved or faded in the delta picture, by object
+    with_edges: dict[str, "DisplayedView"] = field(default_factory=dict)  # by edges, those asked for last
+    with_sets: dict[str, "DisplayedView"] = field(default_factory=dict)  # by added colors, those asked for last
+    canvas: np.ndarray | None = None  # RGBA buffer of a picture that is not just the edited one
+    split_at: int = 0  # the canvas has the original left of this column
 
     def recolored(self, scene: bpy.types.Scene) -> np.ndarray:
-        """Recolor the view by a scene's swatches; planes of before palettes were learned show their base.
+        """Recolor the view by a scene's swatches; planes without palettes show their base.
 
-        Returns:
-            RGBA buffer [H, W, 4] float32 in Blender's row order (see `images.upright`); overwritten by the next call.
+        Return an RGBA buffer [H, W, 4] float32 in Blender's row order, which the next call overwrites.
 
         Raises:
             DataError: The planes belong to other palettes.
@@ -98,8 +82,8 @@ class ShownView:
         picture.paint(to_photo_exposure(factors, self.planes.gains))
         return buffer
 
-    def spread(self, scene: bpy.types.Scene) -> "ShownView":
-        """The view with its weights spread over the sets of the scene's added colors; without such colors itself.
+    def spread(self, scene: bpy.types.Scene) -> "DisplayedView":
+        """Return the view with its weights spread over the sets of the scene's added colors, if there are such.
 
         Raises:
             DataError: The planes belong to other palettes.
@@ -122,21 +106,21 @@ class ShownView:
             weights = split_weights_of_objects(self.planes.palette_weights, [learned[name] for name in objects], added)
             planes = dataclasses.replace(self.planes, palette_weights=weights)
             self.with_sets.clear()
-            self.with_sets[key] = ShownView(self.file, self.written, planes)
+            self.with_sets[key] = DisplayedView(self.file, self.written, planes)
         return self.with_sets[key]
 
-    def _ended(self, scene: bpy.types.Scene) -> "ShownView":
-        """The view with objects that end where the scene's edges do; without such edges itself."""
+    def _ended(self, scene: bpy.types.Scene) -> "DisplayedView":
+        """Return the view with objects that end where the scene's edges do, if there are such."""
         wanted = colors.edges(scene)
         if not wanted:
             return self
         if repr(wanted) not in self.with_edges:
             self.with_edges.clear()
-            planes = edges.ended(scene, self.planes, wanted)
-            self.with_edges[repr(wanted)] = ShownView(self.file, self.written, planes)
+            planes = _with_edges(scene, self.planes, wanted)
+            self.with_edges[repr(wanted)] = DisplayedView(self.file, self.written, planes)
         return self.with_edges[repr(wanted)]
 
-    def _move_edges(self, scene: bpy.types.Scene, view: "ShownView") -> None:
+    def _move_edges(self, scene: bpy.types.Scene, view: "DisplayedView") -> None:
         """Let the objects in the picture of `view`, which is this one spread, end where the scene's edges do."""
         wanted = colors.edges(scene)
         if view.edges and not wanted:  # begun anew it has the planes' own bits
@@ -146,7 +130,7 @@ class ShownView:
             shape = wanted.get(name, EdgeShape())
             if shape != view.edges.get(name, EdgeShape()):
                 if k not in self.movable:
-                    self.movable[k] = edges.MovableObject(scene, self.planes, k)
+                    self.movable[k] = _MovableObject(scene, self.planes, k)
                 part, *pixels = self.movable[k].shaped(scene.karf.objects[name], shape)
                 if view.moved.get(k) is part:
                     view._picture("delta")[0].retouch(k, *pixels)
@@ -156,7 +140,7 @@ class ShownView:
                 view.edges[name] = shape
 
     def _picture(self, compositing: str) -> tuple[SwatchPicture, np.ndarray]:
-        """The picture of one compositing, and its buffer."""
+        """Return the picture that follows the swatches, and the RGBA buffer that it writes to."""
         if compositing not in self.pictures:
             height, width = self.planes.base.shape[:2]
             buffer = images.blank(width, height)
@@ -165,47 +149,86 @@ class ShownView:
         return self.pictures[compositing]
 
 
-# --- how it is looked at -------------------------------------------------------------------------------------------
+# --- edges ---------------------------------------------------------------------------------------------------------
+class _MovableObject:
+    """Object k of planes, whose edge can be given any shape, and its part of a picture, which is changed in place."""
+
+    def __init__(self, scene: bpy.types.Scene, planes: Planes, k: int) -> None:
+        self._planes, self._k, self._scale = planes, k, _scale_of(scene, planes)
+        self._known: tuple[str, ObjectEdge, ObjectPlanes] | None = None
+
+    def shaped(self, item: bpy.types.PropertyGroup, shape: EdgeShape) -> tuple[ObjectPlanes, np.ndarray, np.ndarray]:
+        """Return the part with an edge of this shape, which of its pixels changed [n], and its planes there.
+
+        It is another part where other colors are added.
+        """
+        key = repr(colors.keys(colors.added(item)))
+        if self._known is None or self._known[0] != key:
+            edge = self._edge(item)
+            self._known = key, edge, ObjectPlanes(*((each.start, each.stop) for each in edge.place), edge.weights)
+        _, edge, part = self._known
+        return part, *edge.shaped(shape)[1:]
+
+    def _edge(self, item: bpy.types.PropertyGroup) -> ObjectEdge:
+        planes, k = self._planes, self._k
+        probabilities = planes.probabilities.astype(np.float32)
+        room = 1 - (probabilities.sum(axis=0) - probabilities[k])
+        palette = colors.state(item).palette.colors
+        base = to_mean_exposure(planes.base, planes.gains)
+        learned = base, planes.palette_weights[k, : len(palette)], probabilities[k]
+        return ObjectEdge(*learned, room, palette, self._scale, colors.added(item))
+
+
+def _with_edges(scene: bpy.types.Scene, planes: Planes, edges: Mapping[str, EdgeShape]) -> Planes:
+    palettes = {palette.name: palette for palette in colors.palettes(scene)}
+    ordered = [palettes[name] for name in planes.objects]
+    learned = to_mean_exposure(planes.base, planes.gains), planes.palette_weights, planes.probabilities
+    weights, probabilities = apply_edges_to_planes(*learned, ordered, edges, _scale_of(scene, planes))
+    return dataclasses.replace(planes, palette_weights=weights, probabilities=probabilities)
+
+
+def _scale_of(scene: bpy.types.Scene, planes: Planes) -> float:
+    """Return the ratio of the long sides of planes and photos; 1 where the capture cannot be read."""
+    try:
+        cameras = [view.camera for view in captures.of(scene).views]
+    except KarfError:
+        return 1.0
+    return max(planes.base.shape[:2]) / float(np.median([max(each.width, each.height) for each in cameras]))
+
+
+# --- pictures ------------------------------------------------------------------------------------------------------
 @dataclass
 class PictureFiles:
-    """Pictures of how the engine sees the active view, each read once.
+    """Pictures of how the engine sees the active view, each kind read once."""
 
-    Attributes:
-        known: By what they are of: their files with the times of these, and the brightest of them in each pixel.
-    """
-
-    known: dict[str, tuple[list[tuple[Path, int]], np.ndarray]] = field(default_factory=dict)
+    known: dict[str, tuple[list[tuple[Path, int]], np.ndarray]] = field(default_factory=dict)  # with files and times
 
     def read(self, kind: str, files: Sequence[Path]) -> np.ndarray:
-        """The pictures of a kind as one, [h, w, 3]."""
+        """Return the brightest of the pictures of a kind in each pixel, [h, w, 3]."""
         key = [(file, file.stat().st_mtime_ns) for file in files]
         if kind not in self.known or self.known[kind][0] != key:
             self.known[kind] = key, np.max([images.read_picture(file) for file in files], axis=0)
         return self.known[kind][1]
 
 
+def _seeing() -> bpy.types.PropertyGroup:
+    return bpy.context.window_manager.karf_seeing
+
+
 def key() -> tuple:
-    """The settings that pictures depend on."""
-    seeing = bpy.context.window_manager.karf_seeing
+    """Return the settings that pictures depend on."""
+    seeing = _seeing()
     solo = seeing.solo_object, seeing.solo_swatch
     return seeing.mode, *solo, seeing.is_wiped, seeing.wipe, seeing.show_masks
 
 
-def picture(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
-    """A view as it is looked at.
-
-    Args:
-        scene: The scene, whose swatches recolor it.
-        view: The active view, or a free camera.
-        files: How the engine sees the active view.
-
-    Returns:
-        RGBA buffer [H, W, 4] float32 in Blender's row order; overwritten by the next call.
+def picture(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
+    """Return the active view or a free camera's as `karf_seeing` says, as a buffer like `DisplayedView.recolored`.
 
     Raises:
         KarfError: The planes belong to other palettes.
     """
-    seeing = bpy.context.window_manager.karf_seeing
+    seeing = _seeing()
     edited = view.recolored(scene)
     mode = seeing.mode if view.planes.palette_weights.shape[1] else "EDITED"
     if mode == "EDITED" and not seeing.is_wiped:
@@ -217,39 +240,37 @@ def picture(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.
     if mode == "EDITED":  # a swatch may be being dragged: whole pixels are copied fastest
         view.canvas[:, line:] = edited[:, line:]
     else:
-        images.upright(view.canvas)[:, line:] = SIDES[mode](scene, view, files)[:, line:]
+        images.upright(view.canvas)[:, line:] = _side(mode, scene, view, files)[:, line:]
     if view.split_at != line:
-        images.upright(view.canvas)[:, :line] = _original(scene, view, files)[:, :line]
+        images.upright(view.canvas)[:, :line] = _original(view)[:, :line]
         view.split_at = line
     return view.canvas
 
 
-def stand_in(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray:
-    """What is shown of a view that cannot be recolored, as `picture` returns it: its photo, or what is learned of it.
-
-    Black where nothing can be read.
-    """
+def placeholder(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray:
+    """Return the buffer of a view that cannot be recolored: its photo or what is learned of it; black without files."""
+    mode = _seeing().mode
     try:
-        rendering = _rendering(scene, files) if _mode() == "LEARNED" else None
-        shown = _photo(scene) if rendering is None else rendering
-        if shown is not None and _mode() == "UNSURE":
-            shown = _with_doubts(scene, shown, files)
+        rendering = _rendering(scene, files) if mode == "LEARNED" else None
+        pixels = _photo(scene) if rendering is None else rendering
+        if pixels is not None and mode == "UNSURE":
+            pixels = _with_doubts(scene, pixels, files)
     except KarfError:
-        shown = None
-    if shown is None:
+        pixels = None
+    if pixels is None:
         return images.blank(*(scene.karf.result.size if scene.karf.result else (1, 1)))
-    buffer = images.blank(shown.shape[1], shown.shape[0])
-    images.upright(buffer)[:] = shown
+    buffer = images.blank(pixels.shape[1], pixels.shape[0])
+    images.upright(buffer)[:] = pixels
     return buffer
 
 
-def stand_in_key(scene: bpy.types.Scene) -> tuple:
-    """What a stand-in depends on."""
-    return scene.karf.active_view, _mode(), bpy.context.window_manager.karf_seeing.show_masks
+def placeholder_key(scene: bpy.types.Scene) -> tuple:
+    """Return what a placeholder depends on."""
+    return scene.karf.active_view, _seeing().mode, _seeing().show_masks
 
 
 def difference(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """CIEDE2000 of two pictures [H, W, 3] sRGB, [H, W]; of large ones in every second pixel, or third."""
+    """Return CIEDE2000 of two pictures [H, W, 3] sRGB, [H, W]; of large ones in every second pixel, or third."""
     step = max(1, ceil(sqrt(first.shape[0] * first.shape[1] / COMPARED_PIXELS)))
     near, far = first[::step, ::step], second[::step, ::step]
     result = np.zeros(near.shape[:2], np.float32)
@@ -259,62 +280,45 @@ def difference(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def heat(values: np.ndarray) -> np.ndarray:
-    """The heat map's colors [..., 3] of CIEDE2000 values [...]."""
+    """Return the heat map's colors [..., 3] of CIEDE2000 values [...]."""
     anchors = np.linspace(0, HOTTEST, len(HEAT))
     return np.stack([np.interp(values, anchors, HEAT[:, channel]) for channel in range(3)], -1).astype(np.float32)
 
 
 # --- the sides of a picture, [H, W, 3] or [H, W, 1] sRGB in [0, 1] --------------------------------------------------
-def _original(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
-    del scene, files
+def _side(mode: str, scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
+    if mode == "WEIGHTS":
+        return _weights(scene, view)
+    original = _original(view)
+    if mode == "DIFFERENCE":
+        return heat(difference(images.upright(view.recolored(scene)), original))
+    if view.is_free:  # it has no files, and its base is what is learned
+        return original
+    if mode == "UNSURE":
+        return _with_doubts(scene, original, files)
+    rendering = _rendering(scene, files) if mode == "LEARNED" else None
+    return original if rendering is None else images.resized(rendering, *view.planes.base.shape[1::-1])
+
+
+def _original(view: DisplayedView) -> np.ndarray:
     return view.planes.base.astype(np.float32) / np.float32(255)
 
 
-def _learned(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
-    rendering = None if view.is_free else _rendering(scene, files)
-    if rendering is None:  # the base is it, or the panel says that there is none
-        return _original(scene, view, files)
-    return images.resized(rendering, *view.planes.base.shape[1::-1])
-
-
-def _weights(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
-    del files
-    seeing = bpy.context.window_manager.karf_seeing
-    shown = view.spread(scene).planes
-    k = shown.objects.index(seeing.solo_object) if seeing.solo_object in shown.objects else 0
+def _weights(scene: bpy.types.Scene, view: DisplayedView) -> np.ndarray:
+    seeing, planes = _seeing(), view.spread(scene).planes
+    k = planes.objects.index(seeing.solo_object) if seeing.solo_object in planes.objects else 0
     if seeing.solo_swatch == 0:
-        share = shown.probabilities[k].astype(np.float32)[..., None]
+        share = planes.probabilities[k].astype(np.float32)[..., None]
         return (DIMMED + (1 - DIMMED) * share) * images.upright(view.recolored(scene))
-    number = min(seeing.solo_swatch, shown.palette_weights.shape[1] - 1)
-    weights = shown.palette_weights[k, colors.painted_by(scene.karf.objects[shown.objects[k]], number)]
+    number = min(seeing.solo_swatch, planes.palette_weights.shape[1] - 1)
+    state = colors.state(scene.karf.objects[planes.objects[k]])
+    is_set = number < len(state.is_added) and state.is_added[number]  # then its swatches together are its pigment
+    weights = planes.palette_weights[k, number : number + (state.size if is_set else 1)]
     return weights.sum(axis=0, dtype=np.float32)[..., None]
 
 
-def _difference(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
-    return heat(difference(images.upright(view.recolored(scene)), _original(scene, view, files)))
-
-
-def _unsure(scene: bpy.types.Scene, view: ShownView, files: PictureFiles) -> np.ndarray:
-    photo = _original(scene, view, files)
-    return photo if view.is_free else _with_doubts(scene, photo, files)
-
-
-SIDES: dict[str, Callable[[bpy.types.Scene, ShownView, PictureFiles], np.ndarray]] = {
-    "ORIGINAL": _original,
-    "LEARNED": _learned,
-    "WEIGHTS": _weights,
-    "DIFFERENCE": _difference,
-    "UNSURE": _unsure,
-}
-
-
-# --- files ---------------------------------------------------------------------------------------------------------
-def _mode() -> str:
-    return bpy.context.window_manager.karf_seeing.mode
-
-
 def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles) -> np.ndarray:
-    """A dimmed photo [H, W, 3] of the active view with what is unsure in it; as it is where nothing was rendered since."""
+    """Dim a photo [H, W, 3] of the active view and mark what is unsure in it, where that was rendered."""
     doubts = contents.seen_doubts(scene)
     if not doubts:
         return photo
@@ -323,17 +327,17 @@ def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles)
 
 
 def _rendering(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray | None:
-    """What is learned of the active view, rendered, [h, w, 3]; None where it was not rendered since."""
+    """Return the rendering of what is learned of the active view, [h, w, 3]; None where it is out of date."""
     file = contents.seen_rendering(scene)
     return None if file is None else files.read("rendering", [file])
 
 
 def _photo(scene: bpy.types.Scene) -> np.ndarray | None:
-    """The active view's photo, [h, w, 3]; under masks and doubts as its pinhole shows it, as they are."""
+    """Return the active view's photo, [h, w, 3]; under masks and doubts without lens distortion, as they are."""
     view = captures.view_of(scene)
     if view.image is None:
         return None
-    is_covered = bpy.context.window_manager.karf_seeing.show_masks or _mode() == "UNSURE"
+    is_covered = _seeing().show_masks or _seeing().mode == "UNSURE"
     if is_covered and not photos.is_shown_as_stored(view):
         return images.read_picture(photos.straightened(view, folders.project_of(scene).photos_folder), PHOTO_SIDE)
     return photos.read(view, PHOTO_SIDE)

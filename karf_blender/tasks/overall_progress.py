@@ -1,6 +1,6 @@
-"""How far a task of several jobs is: one bar for all of them, and the time that is left.
+"""The progress of a task of several jobs: one bar for all, and the time left. No bpy.
 
-The expected seconds of each job are known before; how long jobs really take corrects them for the others. No bpy.
+Each job has an expected duration; the durations of the finished jobs correct the expectation for the others.
 """
 
 from collections.abc import Sequence
@@ -8,8 +8,8 @@ from math import sqrt
 
 from ..engine_api import Event
 
-TRUST = 2.0  # how much of its own count of the time left is believed, per share of the job that is done
-CACHED = 0.3  # share of what was expected of a job below which its work was done before
+TRUST = 2.0  # weight of the time left by counting steps, per share of the job done
+CACHED = 0.3  # a job that takes less than this share of its expected time had been done before
 
 
 class OverallProgress:
@@ -26,7 +26,7 @@ class OverallProgress:
         self._steps: list[tuple[float, int]] = []  # times and counts
 
     def begin_next(self, now: float) -> None:
-        """A job is done, and the next begins."""
+        """Begin the next job; the current one is done."""
         taken, expected = now - self._began, self._expected[self._number]
         if taken > CACHED * expected:
             self._spent, self._promised = self._spent + taken, self._promised + expected
@@ -36,7 +36,7 @@ class OverallProgress:
         self._left = self._expected[self._number] * _pace(self._spent, self._promised)
 
     def take(self, event: Event, stage: str, now: float) -> None:
-        """Take in a progress event of the current job, whose stage is `stage`: what it does before counts for itself."""
+        """Process a progress event of the current job; events of other stages than `stage` are preparations."""
         self._seen = now
         expected = self._expected[self._number] * _pace(self._spent, self._promised)
         expected = max(expected - (now - self._began), 0.0)
@@ -45,9 +45,9 @@ class OverallProgress:
         self._left = trust * (counted or 0.0) + (1 - trust) * expected
 
     def _counted(self, event: Event, stage: str, now: float) -> float | None:
-        """What the later half of the steps says is left; None where it says nothing.
+        """Return the seconds left according to the later half of the steps, or None.
 
-        What happened before the first step, kernels that were compiled for one, does not happen again.
+        Steps before the first event count for nothing: kernels are compiled only once.
         """
         if event["stage"] != stage:
             return None
@@ -57,19 +57,19 @@ class OverallProgress:
         return (event["total"] - event["step"]) * (now - start) / passed if passed else None
 
     def left(self) -> float:
-        """The seconds that are left of all jobs, as of the last event."""
+        """Return the seconds left for all jobs, as of the last event."""
         current, done = self._expected[self._number], self._seen - self._began
         pace = _pace(self._spent + done + self._left, self._promised + current)
         return self._left + pace * sum(self._expected[self._number + 1 :])
 
     def share(self) -> float:
-        """How much of all is done, 0 to 1; it never falls."""
+        """Return the share done of all jobs, 0 to 1; it never falls."""
         passed = self._seen - self._start
         self._share = max(self._share, passed / max(passed + self.left(), 1e-6))
         return self._share
 
 
 def _pace(taken: float, promised: float) -> float:
-    """How much longer other jobs will take than is expected of them, by what some took: the computer is slower by half
-    of that, in the logarithm, and the rest was these jobs' own."""
+    """Return by what factor the other jobs will take longer than expected, judging by those that are done: half of
+    their factor, in the logarithm, is due to the computer; the rest to these jobs."""
     return sqrt(taken / promised) if promised else 1.0

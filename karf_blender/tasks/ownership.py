@@ -1,4 +1,4 @@
-"""Who began a job. Its end belongs to that file, scene and project, even if others are open or they are renamed by then."""
+"""The owner of a job: its result goes to that file, scene and project, even if others are open or they were renamed."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from ..project import folders
 
 
 class OpenFile:
-    """The file that is open: another one, or the same opened again, has another object."""
+    """The open file; a new object for each opened file, also if it is the same again."""
 
     per_file = True
 
 
 @dataclass(frozen=True)
 class Owner:
-    """A scene, by `session_uid`, of the file that was open, and the project folder that it worked on, if any."""
+    """A scene of a file and its project folder, if any."""
 
     file: OpenFile
     scene: int
@@ -30,18 +30,18 @@ class Owner:
 
     @property
     def is_file_open(self) -> bool:
-        """True while no other file was opened."""
+        """Return True while no other file was opened."""
         return self.file is session.get(OpenFile)
 
     def find(self) -> bpy.types.Scene | None:
-        """The scene, if it is still there and works on the same project."""
+        """Return the scene, if it still exists and has the same project."""
         for scene in bpy.data.scenes if self.is_file_open else ():
             if scene.session_uid == self.scene and _project_of(scene) == self.project:
                 return scene
         return None
 
     def scenes(self) -> Iterator[bpy.types.Scene]:
-        """All scenes of the file that work on the same project; none where another file was opened."""
+        """Yield all scenes of the file with the same project; none after another file was opened."""
         for scene in bpy.data.scenes if self.is_file_open else ():
             if self.project is not None and _project_of(scene) == self.project:
                 yield scene

@@ -1,7 +1,7 @@
-"""Queries of a worker of their own: started on demand, polled by the timer, ended when idle or with the extension.
+"""Queries to a separate worker: started on demand, polled by a timer, ended when idle or with the extension.
 
-It answers beside a running task: it only reads, and loads again what a task has learned. Where it crashes, those who
-wait are told, and the next query starts a fresh one. In background mode a query blocks.
+The worker answers beside a running task: it only reads, and reads again what a task has learned. After a crash all
+waiting callers get the error, and the next query starts a new worker. In background mode a query blocks.
 """
 
 import time
@@ -28,7 +28,7 @@ OnError = Callable[[KarfError], None]
 
 @dataclass(frozen=True)
 class _Query:
-    """A query on its way: who began it, what follows, and whether a fresh worker was already tried."""
+    """An unanswered query; `is_second` if another worker ended before it answered."""
 
     owner: Owner
     kind: str
@@ -49,20 +49,20 @@ def _current() -> Worker | None:
 def send(
     scene: bpy.types.Scene, kind: str, options: dict[str, Any], on_answer: OnAnswer, on_error: OnError | None = None
 ) -> None:
-    """Send a query and return at once; in background mode, block until it is answered.
+    """Send a query and return at once; in background mode, block until the answer.
 
-    A later query of the same kind takes the place of one that has not begun, of which nothing more is heard; so it is
-    with an answer that comes when the scene is gone or has another project.
+    A later query replaces an earlier one of the same kind that has not begun. Answers for a scene that is gone or has
+    another project are dropped.
 
     Args:
-        scene: One with a project, which the option `project` names if it is not given.
+        scene: A scene with a project, which is the default of the option `project`.
         kind: One of the engine's `queries.QUERIES`.
         options: JSON values, paths absolute.
-        on_answer: Called with the scene and the answer's values; files that these name are the caller's to delete.
-        on_error: Called with why there is no answer; by default the panel says it, and in background mode it is raised.
+        on_answer: Called with the scene and the answer's values; the caller deletes files that these name.
+        on_error: Called with the error. By default the panel shows it; in background mode it is raised.
 
     Raises:
-        KarfError: The worker cannot be started; in background mode also: there is no answer.
+        KarfError: The worker cannot be started; in background mode also: the query failed.
     """
     _begin(scene, kind, options, on_answer, on_error or _fail)
     if bpy.app.background:
@@ -88,20 +88,24 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 
 def is_waiting(kind: str) -> bool:
-    """Whether a query of this kind has no answer yet."""
+    """Return whether a query of this kind is unanswered."""
     worker = _current()
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 
 
 def stop() -> None:
-    """End the worker, whose folder goes with it; of what was asked nothing more is heard."""
+    """End the worker and delete its folder; unanswered queries are dropped."""
     session.get(QueryWorker).close()
 
 
 def _begin(scene: bpy.types.Scene, kind: str, options: dict, on_answer: OnAnswer, on_error: OnError) -> None:
     options = {"project": str(folders.project_of(scene).folder), **options}
-    query = _Query(Owner.of(scene), kind, options, on_answer, on_error)
-    _worker(scene).query(kind, options, query)
+    _take_replies()  # the worker may have ended since the last query
+    _send(scene, _Query(Owner.of(scene), kind, options, on_answer, on_error))
+
+
+def _send(scene: bpy.types.Scene, query: _Query) -> None:
+    session.get(QueryWorker).start(scene).query(query.kind, query.options, query)
 
 
 def _wait(kind: str) -> None:
@@ -110,14 +114,8 @@ def _wait(kind: str) -> None:
         _take_replies()
 
 
-def _worker(scene: bpy.types.Scene) -> Worker:
-    """The worker that answers, as the preferences want it; a fresh one where there is none."""
-    _take_replies()  # it may have ended since somebody waited last
-    return session.get(QueryWorker).start(scene)
-
-
 def _take_replies() -> None:
-    """Hand out what was answered, and take leave of a worker that has ended."""
+    """Pass on all answers, and leave a worker that has ended."""
     worker = _current()
     for query, event in worker.replies() if worker else ():
         _hand_out(query, event)
@@ -140,28 +138,21 @@ def _hand_out(query: _Query, event: Event) -> None:
 
 
 def _leave(worker: Worker) -> None:
-    """Tell those who wait that the worker has ended."""
+    """Report to all waiting callers that the worker has ended, or ask a new one."""
     failure = None
     try:
         session.get(QueryWorker).leave()
     except KarfError as error:
         failure = error
     for query in list(worker.unanswered.values()):
-        if failure is None and not query.is_second:
-            _send_again(query)
-        else:
+        if failure is not None or query.is_second:
             query.on_error(failure or KarfError("The engine exited before it answered.", "Try again."))
-
-
-def _send_again(query: _Query) -> None:
-    """Send a query to a fresh worker: the other one had just ended for want of queries."""
-    scene = query.owner.find()
-    if scene is not None:
-        _worker(scene).query(query.kind, query.options, replace(query, is_second=True))
+        elif (scene := query.owner.find()) is not None:  # the worker ended because it was idle
+            _send(scene, replace(query, is_second=True))
 
 
 def _fail(error: KarfError) -> None:
-    """Nobody took care of an error."""
+    """Report an error that has no handler."""
     if bpy.app.background:
         raise error
     progress.fail(error)
@@ -169,7 +160,7 @@ def _fail(error: KarfError) -> None:
 
 
 def _poll() -> float | None:
-    """Called by the timer as long as somebody waits for an answer."""
+    """Poll the worker while a query is unanswered. A timer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
     worker = _current()

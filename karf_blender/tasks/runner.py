@@ -1,7 +1,7 @@
 """Tasks: engine jobs in a row, run alongside the user interface or blocking in a script.
 
-In background mode a task blocks, prints its progress and raises its error. One task runs at a time: the engine uses all
-the cores it is given. Its worker is kept for a moment, for the next job.
+In background mode a task blocks, prints its progress and raises its error. Only one task runs at a time, as the engine
+uses all its cores. Its worker waits for a while for the next job.
 """
 
 import time
@@ -32,7 +32,7 @@ REPORTED = ("internal", "dependency")  # codes of errors that the log explains
 
 @dataclass(frozen=True)
 class Task:
-    """Jobs of one project to run in a row, and what Blender does after each of them."""
+    """Jobs of one project in a row, and the work in Blender after each."""
 
     title: str
     requests: tuple[Request, ...]  # none: all is done already
@@ -56,12 +56,12 @@ class Task:
 
     @property
     def is_file_open(self) -> bool:
-        """True while the file is open that began the task."""
+        """Return True while the task's file is open."""
         return self.owner is None or self.owner.is_file_open
 
     @property
     def label(self) -> str:
-        """The title, with the scene's name where the file has several, or that it is another file's."""
+        """The title, with the scene's name if the file has several, or a note that it belongs to another file."""
         if not self.is_file_open:
             return f"{self.title} (of another file)"
         scene = self.owner.find() if self.owner and len(bpy.data.scenes) > 1 else None
@@ -69,10 +69,10 @@ class Task:
 
 
 class RunningTask:
-    """A task at work: how many of its jobs are done, and whether it was asked to stop."""
+    """A running task and its progress."""
 
     def __init__(self, task: Task, worker: Worker) -> None:
-        """Begin its first job."""
+        """Begin the first job."""
         self.task, self.is_stopping = task, False
         self.overall = OverallProgress(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
         self._worker, self._n_done = worker, 0
@@ -83,7 +83,7 @@ class RunningTask:
         begin_job(self._worker, self.task.requests[self._n_done])
 
     def advance(self) -> bool:
-        """Let Blender do what follows an ended job, and begin the next.
+        """Do the work after an ended job, and begin the next.
 
         Returns:
             True when the last is done.
@@ -108,13 +108,13 @@ class RunningTask:
 
 @dataclass
 class Runner:
-    """The task at work, if one is, and the worker that it runs in."""
+    """The running task, if any, and its worker."""
 
     running: RunningTask | None = None
     worker: Worker = field(default_factory=lambda: Worker(KEEP_SECONDS))
 
     def end_task(self) -> None:
-        """Forget the running task; its job is ended where it is still at work."""
+        """Drop the running task, and end its job if it is still running."""
         if self.running is not None:
             self.running = None
             if not self.worker.ended:
@@ -137,12 +137,12 @@ def _running() -> RunningTask | None:
 
 
 def is_running() -> bool:
-    """True while a task is at work."""
+    """Return True while a task runs."""
     return _running() is not None
 
 
 def current_request(scene: bpy.types.Scene) -> Request | None:
-    """What the engine is doing for the scene's project; None where it does nothing for it."""
+    """Return the engine's current request for the scene's project, if any."""
     if not is_running() or not scene.karf.project:
         return None
     request = _worker().request
@@ -150,7 +150,7 @@ def current_request(scene: bpy.types.Scene) -> Request | None:
 
 
 def launch(task: Task) -> None:
-    """Run a task alongside the interface and return at once; in background mode, block until it is done.
+    """Run a task alongside the interface and return at once; in background mode, block until the end.
 
     Raises:
         KarfError: It cannot start; in background mode also: it fails.
@@ -163,7 +163,7 @@ def launch(task: Task) -> None:
 
 
 def wait(task: Task) -> None:
-    """Run a task and block until it is done, printing its progress.
+    """Run a task, printing its progress, and block until the end.
 
     Raises:
         KarfError: It cannot start, or it fails.
@@ -203,7 +203,7 @@ def cancel() -> None:
 
 
 def release() -> None:
-    """End the worker where it only waits for a next job: its Python may be replaced."""
+    """End an idle worker: its Python may be replaced."""
     if not is_running():
         _worker().end()
 
@@ -218,7 +218,7 @@ def _begin(task: Task) -> RunningTask:
 
 
 def _finish(error: KarfError | None) -> None:
-    """Say how the task has ended, and forget it."""
+    """Report the end of the task."""
     state, folder = progress.state(), _worker().folder
     if isinstance(error, Cancelled):
         state.text = "cancelled"
@@ -233,7 +233,7 @@ def _finish(error: KarfError | None) -> None:
 
 
 def _poll() -> float | None:
-    """Called by the timer as long as a task runs: shows what it has reported."""
+    """Show the events of the running task. A timer."""
     running = _running()
     if running is None:
         return None
@@ -258,7 +258,7 @@ def _poll() -> float | None:
         return None
     if done:
         _finish(None)
-        # what the task brought into the scene is a step of its own to undo
+        # one undo step for all that the task brought into the scene
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
         windows.redraw(*windows.PANEL_AREAS)

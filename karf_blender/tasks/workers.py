@@ -1,4 +1,4 @@
-"""Starting workers: for jobs, and for queries, whose worker is started on demand and kept for the next one."""
+"""Workers: started for jobs, or on demand for queries and then kept for the next query."""
 
 import shutil
 
@@ -12,7 +12,7 @@ from ..project import folders
 
 
 def begin_job(worker: Worker, request: Request) -> None:
-    """Begin a job in a folder of its own, with the Python and the threads of the preferences.
+    """Begin a job in a new folder, with the Python and the threads of the preferences.
 
     Raises:
         KarfError: It cannot start.
@@ -24,7 +24,7 @@ def begin_job(worker: Worker, request: Request) -> None:
 
 
 class WarmWorker:
-    """Holds the worker; the session keeps one for the interface, and one for the render thread."""
+    """Keeps a worker for queries; the session has one for the interface and one for the render thread."""
 
     idle_minutes: int | None = None  # after which it ends; None: as the engine chooses
 
@@ -32,7 +32,7 @@ class WarmWorker:
         self.worker: Worker | None = None
 
     def start(self, scene: bpy.types.Scene) -> Worker:
-        """Return the worker that suits the preferences; a fresh one where there is none.
+        """Return a worker that suits the preferences; start one if needed.
 
         Raises:
             KarfError: It cannot be started.
@@ -49,7 +49,7 @@ class WarmWorker:
         return self.worker
 
     def leave(self) -> None:
-        """Drop a worker that has ended. The folder of one that failed is kept for its log, which the error names.
+        """Drop a worker that has ended. If it failed, its folder is kept for the log.
 
         Raises:
             KarfError: It failed.
@@ -62,7 +62,7 @@ class WarmWorker:
         self.close()
 
     def close(self) -> None:
-        """End the worker, whose folder goes with it."""
+        """End the worker and delete its folder."""
         if self.worker is not None:
             self.worker.end()
             shutil.rmtree(self.worker.folder, ignore_errors=True)

@@ -1,6 +1,6 @@
-"""A captured camera that is clicked in the 3D View becomes the active view.
+"""Clicking a captured camera in the 3D View makes it the active view.
 
-The message bus reports the user's clicks alone: undo brings the active view back with the rest of the scene.
+The message bus reports only the user's clicks: undo restores the active view with the rest of the scene.
 """
 
 import bpy
@@ -10,7 +10,7 @@ from ..host import rendering, windows
 
 
 def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
-    """Make the view of the active object the active one, where that is one of the scene's captured cameras."""
+    """Make the view of the active object the active one, if that is one of the scene's captured cameras."""
     karf, clicked = scene.karf, layer.objects.active
     if clicked is None or clicked.parent is None or clicked.parent != karf.rig or clicked.karf_view not in karf.views:
         return
@@ -19,7 +19,7 @@ def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
 
 
 def _is_looking_through() -> bool:
-    """Whether a 3D View shows what a camera sees: there a click means what is in the picture."""
+    """Return whether a 3D View shows a camera view: there a click means an object in the picture."""
     views = (area.spaces.active.region_3d for area in windows.areas("VIEW_3D"))
     return any(view is not None and view.view_perspective == "CAMERA" for view in views)
 

@@ -1,4 +1,4 @@
-"""How long a preset will take on this computer, before it is pressed; nothing where that is not known."""
+"""Estimates of how long a preset will take on this computer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,18 +24,18 @@ STAGES = {"learn_scene": ("geometry",), "learn_all": ("geometry", "segmentation"
 
 @dataclass
 class ThisComputer:
-    """What is known of this computer's speed, and the measurement that is at work."""
+    """The known speed of this computer, and the current measurement."""
 
     speed: Speed | None = None
     measurement: Measurement | None = None
 
     @property
     def samples_per_second(self) -> float:
-        """0 where the computer was not measured yet."""
+        """The speed; 0 before a measurement."""
         return self.speed.samples_per_second if self.speed is not None else 0
 
     def learn(self, found: Speed) -> None:
-        """Take in another speed, and keep it for the next session."""
+        """Store another speed, also for the next session."""
         self.speed = found
         found.write(_file())
 
@@ -46,7 +46,7 @@ class ThisComputer:
 
 
 def seconds(preset: str, button: str, is_open: bool) -> float | None:
-    """What pressing a button of step 2 will take with a preset; None where nothing is known."""
+    """Estimate the duration of a button of step 2 with a preset; None if unknown."""
     computer = session.get(ThisComputer)
     if not computer.samples_per_second:
         return None
@@ -58,7 +58,7 @@ def seconds(preset: str, button: str, is_open: bool) -> float | None:
 
 
 def of_jobs(stages: Sequence[str], preset: str, is_open: bool) -> tuple[float, ...]:
-    """What jobs of these stages will take, as well as it is known: each its share of a bar."""
+    """Estimate the duration of jobs of these stages, for their shares of a progress bar."""
     computer = session.get(ThisComputer)
     known = computer.speed if computer.samples_per_second else Speed("", 0, USUAL)
     promised = known.corrected(_promised(preset, known.samples_per_second, is_open) or {})
@@ -66,7 +66,7 @@ def of_jobs(stages: Sequence[str], preset: str, is_open: bool) -> tuple[float, .
 
 
 def measure_once() -> None:
-    """Measure this computer alongside the interface, where that was not done yet with the engine as it is chosen."""
+    """Measure this computer alongside the interface, once for each engine."""
     computer = session.get(ThisComputer)
     if bpy.app.background or computer.measurement is not None or runner.is_running():
         return
@@ -83,7 +83,7 @@ def measure_once() -> None:
 
 @session.listener(disk.READ)
 def _read_once() -> None:
-    """Take in what was kept of this computer, where there is an engine."""
+    """Read the known speed of this computer, if there is an engine."""
     computer = session.get(ThisComputer)
     if computer.speed is None:
         try:
@@ -94,7 +94,7 @@ def _read_once() -> None:
 
 
 def _tick() -> float | None:
-    """The timer: takes in what was measured. A job would be timed by what it leaves over, and is let go first."""
+    """Take over the measurement. A timer. A job ends the measurement: both would be slower."""
     computer = session.get(ThisComputer)
     if runner.is_running():
         computer.close()
@@ -114,7 +114,7 @@ def _tick() -> float | None:
 
 @session.listener(runner.JOB_DONE)
 def _take_time(request: Request, taken: float) -> None:
-    """Correct the estimates by a job that is done; its notes show whether its scene was open."""
+    """Correct the estimates by the duration of a job; its notes tell whether its scene was open."""
     computer, project = session.get(ThisComputer), engine_api.Project(request.project)
     if computer.speed is None or request.options.get("overrides"):
         return

@@ -14,19 +14,19 @@ from ..host import windows
 
 FILE = Path(__file__).with_name("workspace.blend")
 NAME = TAB = "KaRF"
-LATER, TRIES = 0.2, 20  # seconds between two looks, and how many: a sidebar knows its tabs once it was drawn
+LATER, TRIES = 0.2, 20  # seconds between tries, and their number: a sidebar has no tabs before it is drawn
 
 
 @dataclass
 class SetUp:
-    """How often it is still looked whether the sidebars are drawn, and what is done then."""
+    """The remaining tries until the sidebars are drawn, and the remaining work afterwards."""
 
     tries: int = 0
     then: tuple[Callable[[bpy.types.Window], None], ...] = ()
 
 
 def open_workspace(window: bpy.types.Window) -> None:
-    """Show the workspace in a window; it is added to the file where there is none of its name."""
+    """Show the workspace in a window; append it to the file if needed."""
     known = bpy.data.workspaces.get(NAME)
     if known is None:
         bpy.ops.workspace.append_activate(idname=NAME, filepath=str(FILE))
@@ -35,10 +35,10 @@ def open_workspace(window: bpy.types.Window) -> None:
 
 
 def set_up(*then: Callable[[bpy.types.Window], None]) -> None:
-    """Bring the tab to the front in the windows that show the workspace, once these are drawn.
+    """Bring the tab to the front in windows that show the workspace, after these are drawn.
 
     Args:
-        then: Called with each of these windows, one after the other, when what the one before has changed is drawn.
+        then: Called with each of these windows, one after the other, with a redraw in between.
     """
     state = session.get(SetUp)
     state.tries, state.then = TRIES, then

@@ -1,4 +1,4 @@
-"""Image Editors show the picture of their window's scene: when a file or another scene is opened, and after undo."""
+"""Image Editors show the picture of their window's scene: after another file or scene is opened, and after undo."""
 
 import bpy
 
@@ -7,12 +7,12 @@ from ..engine_api import KarfError
 from ..host import rendering
 from ..pictures import editors
 from ..project import contents
-from ..swatches import palettes, shown
+from ..swatches import displayed, palettes
 from ..tasks import runner
 
 
 def show_again() -> None:
-    """Show the recolored picture in the Image Editors that are empty, or have one of KaRF's that is gone. Never raises."""
+    """Show the recolored picture in Image Editors that are empty or show a lost picture of KaRF. Never raises."""
     for window in bpy.data.window_managers[0].windows:
         make(window.scene)
         result = window.scene.karf.result
@@ -22,20 +22,20 @@ def show_again() -> None:
 
 
 def make(scene: bpy.types.Scene) -> None:
-    """Make the recolored picture of a scene that has none, where its view is prepared. Never raises."""
+    """Make the recolored picture of a scene that has none, if its view is prepared. Never raises."""
     karf = scene.karf
     if karf.result is not None or not karf.objects or not karf.project or rendering.is_running():
         return
     try:
         if contents.is_prepared(scene):
-            shown.of(scene).recolor()
+            displayed.of(scene).recolor()
     except (KarfError, OSError) as error:  # nobody has asked for it
         print(f"KaRF: {error}")
 
 
 @session.subscribe((bpy.types.Window, "scene"))
 def show_own() -> None:
-    """Let each Image Editor show the picture of its window's scene, and never another's beside that one's swatches."""
+    """Show in each Image Editor the picture of its window's scene, and never another scene's."""
     for window in bpy.data.window_managers[0].windows:
         results = {scene.karf.result for scene in bpy.data.scenes} - {None, window.scene.karf.result}
         for area in _image_editors(window):

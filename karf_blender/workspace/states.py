@@ -1,7 +1,7 @@
-"""How each step of a scene stands (done, stale and why, at work, or still to do), and which steps are folded.
+"""The state of each step of a scene (done, outdated and why, running, to do), and which steps are folded.
 
-Panels ask at every redraw, so nothing reads the disk. A step that becomes done folds with those before it, and the next
-opens; what the user folds or opens by hand stays so until the next step is done.
+Panels use it at every redraw, so nothing reads the disk. When a step is done, it folds with those before it, and the
+next opens; steps that the user folds or opens stay so until the next step is done.
 """
 
 from dataclasses import dataclass, field
@@ -41,14 +41,14 @@ OTHER_OBJECTS = translatable("The objects have been segmented again since then: 
 
 @dataclass(frozen=True)
 class State:
-    """A step's state, one of those above, and a sentence that says why where it is stale."""
+    """The state of a step, and why it is outdated."""
 
     kind: str = TO_DO
     reason: str = ""
 
 
 def state_of(scene: bpy.types.Scene, step: str) -> State:
-    """How a step stands."""
+    """Return the state of a step."""
     if step == _running_step(scene):
         return State(RUNNING)
     known = disk.contents_of(scene)
@@ -59,7 +59,7 @@ def state_of(scene: bpy.types.Scene, step: str) -> State:
 
 
 def _running_step(scene: bpy.types.Scene) -> str:
-    """The step whose job is at work for the scene's project; empty where none is."""
+    """Return the step whose job is running for the scene's project; empty if none is."""
     request = runner.current_request(scene)
     if request is None:
         return ""
@@ -99,7 +99,7 @@ def _why_learn_again(scene: bpy.types.Scene, known: Contents) -> str:
 # --- folding -------------------------------------------------------------------------------------------------------
 @dataclass
 class LastStates:
-    """The scene that was looked at last, by its `session_uid`, and how its steps stood."""
+    """The last scene, by its `session_uid`, and the states of its steps."""
 
     per_file = True
     scene: int | None = None
@@ -107,11 +107,11 @@ class LastStates:
 
 
 def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
-    """Which steps to open or fold after their states have changed; others stay as they are.
+    """Return which steps to open or fold after a change; others stay as they are.
 
     Args:
-        before: The states of the steps, empty where nothing is known of the scene yet.
-        after: The states as they are now.
+        before: The states of the steps, empty for a new scene.
+        after: The states now.
     """
     if not before:
         return {step: step in _next(after) for step in STEPS}
@@ -124,14 +124,14 @@ def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
 
 
 def _next(kinds: dict[str, str]) -> tuple[str, ...]:
-    """The steps to work on: the first that is not done, with marking alongside learning, which needs no marks."""
+    """The steps to work on: the first that is not done, and marking beside learning, as that needs no marks."""
     first = next((step for step in STEPS if kinds[step] != DONE), "edit")
     return ("learn", "mark") if first == "learn" and kinds["mark"] != DONE else (first,)
 
 
 @session.listener(disk.READ)
 def update() -> None:
-    """Fold and open the panels of the main window's scene where its steps have changed."""
+    """Fold and open the panels of the main window's scene if its steps have changed."""
     scene = bpy.data.window_managers[0].windows[0].scene
     kinds = {step: state_of(scene, step).kind for step in STEPS}
     if RUNNING in kinds.values():  # how it stands is known when it has ended

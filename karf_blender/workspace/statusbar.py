@@ -1,4 +1,4 @@
-"""The running job in Blender's status bar, which every workspace shows."""
+"""The running job in Blender's status bar, visible in every workspace."""
 
 import bpy
 
@@ -8,7 +8,7 @@ from ..tasks import runner
 
 
 def draw(self, context):
-    """Added at the end of the status bar: the job with its cross, else nothing but how the last one failed."""
+    """Draw the running job, or the last error, at the end of the status bar."""
     state = context.window_manager.karf_progress
     if state.running:
         row = self.layout.row(align=True)
@@ -20,16 +20,16 @@ def draw(self, context):
 
 
 def draw_progress(row, state):
-    """The bar of the running job, and the cross that stops it."""
+    """Draw the bar of the running job and the cross that stops it."""
     row.progress(factor=state.fraction, text=state.text)
     row.operator("karf.cancel", text="", icon="CANCEL")
 
 
 @session.listener(runner.STATUS_CHANGED)
 def redraw() -> None:
-    """Draw the status bars again. They are not areas that Python knows: setting their text is what redraws them.
+    """Redraw the status bars. Python has no access to these areas, but setting their text redraws them.
 
-    While a tool has its own text there, that is left alone; its next change draws the bar.
+    The text of a running tool is left alone; its next change redraws the bar.
     """
     for window in bpy.data.window_managers[0].windows:
         if not window.modal_operators:
@@ -37,10 +37,10 @@ def redraw() -> None:
 
 
 def _header() -> type:
-    """The status bar's header as Blender draws it while no tool has taken its place.
+    """Return the status bar's header, without the replacement by a tool.
 
-    `WorkSpace.status_text_set` keeps how it was drawn before its first call, and puts that back after each. The operator
-    that installs extensions calls it: what an extension then appends would be gone.
+    `WorkSpace.status_text_set` saves the draw function before its first call and restores it after each. The operator
+    that installs extensions calls it, so a later addition would be lost.
     """
     header = bpy.types.STATUSBAR_HT_header
     header.draw = getattr(header, "_draw_orig", header.draw)

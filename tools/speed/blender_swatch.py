@@ -104,7 +104,7 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     compositing.write_planes(
         project / "planes" / "view.npz",
         compositing.Planes(names, weights, weights.sum(axis=1), np.rint(base * 255).astype(np.uint8)),
-        importlib.import_module(f"{MODULE}.karf_engine.project.state").stage_mark({}, "recoloring"),
+        importlib.import_module(f"{MODULE}.karf_engine.project.state").result_fingerprint({}, "recoloring"),
     )
     palette = importlib.import_module(f"{MODULE}.karf_engine.palettes.palette")
     ramp = np.linspace(0, 1, colors, dtype=np.float32)[:, None] * np.float32([0.9, 0.4, 0.2])  # one paint
@@ -115,17 +115,17 @@ def show(project: Path, options: argparse.Namespace) -> bpy.types.Scene:
     scene.karf.compositing, scene.karf.material = options.compositing, not options.alone
     palettes = importlib.import_module(f"{MODULE}.karf_blender.swatches.palettes")
     palettes.load_palettes(scene, [palette.Palette(name, ramp) for name in names])
-    object_colors = importlib.import_module(f"{MODULE}.karf_engine.palettes.object_colors")
+    color_histogram = importlib.import_module(f"{MODULE}.karf_engine.palettes.color_histogram")
     pixels = np.random.default_rng(0).integers(height * width, size=HISTOGRAM_CELLS)
     seen = [weights[k].reshape(colors, -1).T[pixels] for k in range(options.objects)]
     seen = [np.maximum(own, 1e-6) for own in seen]
     histograms = {
-        name: object_colors.ColorHistogram(own @ ramp, np.ones(len(own)), own / own.sum(1, keepdims=True))
+        name: color_histogram.ColorHistogram(own @ ramp, np.ones(len(own)), own / own.sum(1, keepdims=True))
         for name, own in zip(names, seen, strict=True)
     }
     importlib.import_module(f"{MODULE}.karf_engine.project").Project(project).create("made up")
-    object_colors.write_object_colors(project / "object_colors.npz", histograms)
-    importlib.import_module(f"{MODULE}.karf_blender.swatches.shown").of(scene).recolor()
+    color_histogram.write_object_colors(project / "object_colors.npz", histograms)
+    importlib.import_module(f"{MODULE}.karf_blender.swatches.displayed").of(scene).recolor()
     return scene
 
 

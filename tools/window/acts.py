@@ -96,18 +96,20 @@ def job_end(story: Story, expected: str = "done", seconds: float = JOB_SECONDS) 
 
 
 def job_begin(press: Wait, operator: str) -> Wait:
-    """Press what starts a job, and wait for it; one that ends between two looks has called its listeners."""
-    runner, calls = desk.module("tasks.runner"), []
+    """Press what starts a job, and wait for it; one that ends between two looks has announced that its status changed."""
+    runner, session, events = desk.module("tasks.runner"), desk.module("session"), []
+    notify = session.notify
 
-    def listener() -> None:
-        calls.append(True)
+    def noted(event: str, *values: object) -> None:
+        events.append(event)
+        notify(event, *values)
 
-    runner.listen(listener)
+    session.notify = noted
     try:
         yield from press
-        yield from until(lambda: bool(calls) or runner.is_running(), f"{operator}'s job", 10)
+        yield from until(lambda: runner.STATUS_CHANGED in events or runner.is_running(), f"{operator}'s job", 10)
     finally:
-        runner.forget(listener)
+        session.notify = notify
 
 
 def button_job(story: Story, operator: str) -> Wait:

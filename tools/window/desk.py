@@ -38,7 +38,7 @@ def _bytes(image: bpy.types.Image) -> np.ndarray:
 
 def is_in_step() -> bool:
     """Whether the result picture is what the swatches say."""
-    wanted = module("pictures.images").upright(module("swatches.shown").of(scene()).edited())
+    wanted = module("pictures.images").upright(module("swatches.displayed").of(scene()).edited())
     shown = _bytes(scene().karf.result)[..., :3].astype(int)
     return bool(np.abs(shown - np.rint(np.clip(wanted, 0, 1) * 255)).max() <= 1)
 
@@ -53,7 +53,7 @@ def swatches() -> dict[str, list[tuple[float, ...]]]:
 
 def middle_of(name: str) -> tuple[float, float]:
     """A place well on an object in the active view, in shares of the picture from the lower left."""
-    planes = module("swatches.shown").of(scene()).prepared_view().planes
+    planes = module("swatches.displayed").of(scene()).prepared_view().planes
     rows, columns = np.nonzero(planes.probabilities[planes.objects.index(name)] > 0.95)
     height, width = planes.base.shape[:2]
     nearest = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()

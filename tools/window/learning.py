@@ -78,8 +78,8 @@ def import_capture(story: Story) -> Wait:
 
 @CHAPTER.step("check capture", "script: step 1 is opened; mouse: Check Capture")
 def check_capture(story: Story) -> Wait:
-    karf, queries, checking = desk.scene().karf, desk.module("tasks.queries"), desk.module("steps.checking")
-    yield from until(lambda: not queries.is_waiting(checking.KIND), "the check that an import begins", CHECK_SECONDS)
+    karf, queries, name = desk.scene().karf, desk.module("tasks.queries"), desk.module("steps.capture").MAP_NAME
+    yield from until(lambda: not queries.is_waiting("inspect"), "the check that an import begins", CHECK_SECONDS)
     karf.advice = ""
     yield from acts.open_step("import")
     yield from hands.press_button(STEPS, r"karf\.check_capture")
@@ -89,7 +89,7 @@ def check_capture(story: Story) -> Wait:
     yield from story.shoot("checked")
     story.note(karf.advice.splitlines()[0])
     picture = hands.area_of("IMAGE_EDITOR").spaces.active.image
-    check(picture is not None and picture.name == checking.MAP_NAME, "the map of what to shoot more is not shown")
+    check(picture is not None and picture.name == name, "the map of what to shoot more is not shown")
     check(not karf.is_poor, "the demo's capture is called poor")
 
 

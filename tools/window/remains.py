@@ -21,7 +21,7 @@ def remains(package: str) -> list[str]:
         {
             *_handlers(package),
             *(f"timer {each.__name__}" for each in functions if bpy.app.timers.is_registered(each)),
-            *(f"drawing {each.__name__}" for each in functions if _is_drawn(each)),
+            *(f"drawing {each.__name__}" for each in _drawn(functions)),
             *_classes(package),
             *_properties(package),
         }
@@ -42,10 +42,11 @@ def _handlers(package: str) -> Iterator[str]:
             yield from (f"handler {name} {each.__name__}" for each in handlers if _is_of(each, package))
 
 
-def _is_drawn(function: FunctionType) -> bool:
+def _drawn(functions: list[FunctionType]) -> Iterator[FunctionType]:
     """Blender has no list of drawing callbacks, but it keeps the arguments of `draw_handler_add` as they were given."""
-    owners = (each for each in gc.get_referrers(function) if isinstance(each, tuple))
-    return any(len(each) > 3 and each[-1] in DRAWN_AT for each in owners)
+    for each in gc.get_objects():
+        if type(each) is tuple and len(each) > 3 and isinstance(each[-1], str) and each[-1] in DRAWN_AT:
+            yield from (function for function in functions if any(function is one for one in each))
 
 
 def _classes(package: str) -> Iterator[str]:

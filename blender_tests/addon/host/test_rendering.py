@@ -103,8 +103,8 @@ def test_disabling_in_the_middle_leaves_no_handler_and_no_timer(bpy, addon, film
     before = {name: len(getattr(bpy.app.handlers, name)) for name in names}
     addon.extension.unregister()
     after = {name: len(getattr(bpy.app.handlers, name)) for name in names}
-    ours = [h for name in names for h in getattr(bpy.app.handlers, name) if h.__module__ == addon.shown.__name__]
+    ours = [h for name in names for h in getattr(bpy.app.handlers, name) if h.__module__ == addon.displayed.__name__]
     addon.extension.register()
     assert not ours and after != before
     assert {name: len(getattr(bpy.app.handlers, name)) for name in names} == before
-    assert not bpy.app.timers.is_registered(addon.shown._catch_up)
+    assert not bpy.app.timers.is_registered(addon.displayed._catch_up)

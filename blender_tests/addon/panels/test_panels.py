@@ -105,7 +105,7 @@ def test_surfaces_of_the_swatches_that_are_shown_are_drawn_where_they_are_unfold
     assert "gloss" not in draw()
     learned.karf.objects["pot"].show_surface = True
     swatches = len(learned.karf.objects["pot"].swatches) - 1
-    assert [draw().count(name) for name in (*addon.surfaces.NUMBERS, "karf.reset_surface")] == [swatches] * 4
+    assert [draw().count(name) for name in (*addon.colors.SURFACE, "karf.reset_surface")] == [swatches] * 4
     addon.steps.merge_swatch(learned, "pot", 2, 1)
     assert draw().count("gloss") == swatches - 1
 
@@ -272,7 +272,11 @@ def test_both_editors_have_the_panel(bpy, addon):
 
 def test_no_panel_pulls_its_tab_before_those_of_blender(addon):
     """Blender puts panels without a header before all others, and tabs stand in the order of their first panels."""
-    assert not [panel for panel in addon.sidebar.StepsPanel.__subclasses__() if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
+    assert not [
+        panel
+        for panel in addon.sidebar.StepsPanel.__subclasses__()
+        if "HIDE_HEADER" in getattr(panel, "bl_options", ())
+    ]
 
 
 def test_the_status_has_as_many_rows_whatever_it_says(bpy, addon):
@@ -344,7 +348,7 @@ def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned
     pot = learned.karf.objects["pot"]
     pot.show_becomes = True
     pot.source, pot.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)
-    left = addon.shown.of(learned).left_to_target(pot)
+    left = addon.displayed.of(learned).left_to_target(pot)
     assert f"Remaining difference: visible ({left:.1f})" in draw()
     bpy.ops.karf.becomes(object_name="pot")
     assert "Remaining difference: invisible" in " ".join(draw())

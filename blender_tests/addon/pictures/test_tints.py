@@ -25,8 +25,8 @@ def test_the_masks_have_the_colors_of_the_list(bpy, addon, learned):
     addon.objects.sync(learned)
     learned.karf.marking.objects["pot"].number = 5
     bpy.context.window_manager.karf_seeing.show_masks = True
-    addon.shown.of(learned).load_masks()
-    masks = addon.shown.of(learned).known_masks()
+    addon.displayed.of(learned).load_masks()
+    masks = addon.displayed.of(learned).known_masks()
     assert masks.tints["pot"] == addon.tints.tint_of(5) == addon.objects.tint(learned.karf.marking.objects["pot"])
     bpy.context.window_manager.karf_seeing.show_masks = False
 

@@ -26,7 +26,7 @@ def test_planes_are_current_until_a_stage_before_them_is_learned_anew(addon, lea
     os.utime(project.recoloring_file, (EARLIER, EARLIER))
     assert not addon.contents.is_prepared(learned)
     with pytest.raises(addon.engine_api.DataError, match="was made from other palettes"):
-        addon.shown.of(learned).prepared_view()
+        addon.displayed.of(learned).prepared_view()
 
 
 def test_planes_of_earlier_versions_are_made_again(addon, learned):

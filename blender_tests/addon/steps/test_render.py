@@ -1,10 +1,14 @@
-"""Pictures on disk: the shown view, captured views, and a Blender camera's frames with keyframed swatches."""
+"""Pictures on disk: the displayed view, captured views, a Blender camera's frames, also by a farm, and back in Blender."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from karf_engine.commands.options import options_of_job
 
 
 def test_the_shown_view_is_written_as_shown_whatever_the_view_transform(bpy, addon, learned, tmp_path):
@@ -146,3 +150,170 @@ def test_the_dialogs_frames_are_rendered_and_the_scene_keeps_its_own(bpy, addon,
     written = sorted(path.stem for path in (addon.steps.camera_folder(learned) / "recolor").iterdir())
     assert written == ["frame_0004", "frame_0006", "frame_0008"]
     assert (learned.frame_start, learned.frame_end) == (1, 250)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems open folders otherwise")
+def test_the_folders_in_which_files_appear_are_opened(bpy, addon, learned, tmp_path, monkeypatch):
+    opened = []
+    # what Blender's own operator calls
+    monkeypatch.setattr(subprocess, "check_call", lambda command: opened.append(command[-1]))
+    with pytest.raises(RuntimeError, match="does not exist yet"):
+        bpy.ops.karf.open_folder(folder="out")
+    bpy.ops.karf.open_folder(folder="project")
+    frames = addon.steps.render_captured(learned, "all", tmp_path / "elsewhere").wait()
+    bpy.ops.karf.open_folder(folder="frames")
+    bpy.ops.karf.open_folder(folder="written")
+    assert opened == [str(addon.folders.project_of(learned).folder), str(frames), str(frames)]
+    bpy.ops.karf.export_cameras(filepath=str(tmp_path / "film" / "cameras.json"))
+    bpy.ops.karf.open_folder(folder="written")
+    assert opened[-1] == str(tmp_path / "film")
+
+
+# --- frames back in Blender ------------------------------------------------------------------------------------------
+@pytest.fixture
+def film(addon, learned, tmp_path):
+    """The scene with five frames of its camera rendered."""
+    learned.frame_start, learned.frame_end = 3, 7
+    addon.steps.render_sequence(learned, out=tmp_path / "out").wait()
+    return learned
+
+
+def test_a_cameras_frames_are_loaded_as_a_sequence(bpy, addon, film):
+    image = bpy.data.images[addon.sequences.NAME]
+    assert image.source == "SEQUENCE" and image.filepath.endswith("frame_0003.png")
+
+
+def test_an_editor_shows_the_frame_of_the_scene(bpy, addon, film):
+    (area,) = [area for area in bpy.context.screen.areas if area.type == "IMAGE_EDITOR"] or [
+        bpy.context.screen.areas[0]
+    ]
+    kind, area.type = area.type, "IMAGE_EDITOR"
+    bpy.context.screen.use_play_image_editors = False
+    try:
+        image, user = addon.steps.show_frames(film), area.spaces.active.image_user
+        assert area.spaces.active.image == image
+        assert (user.frame_start, user.frame_offset, user.frame_duration, user.use_auto_refresh) == (3, 2, 5, True)
+        assert bpy.context.screen.use_play_image_editors  # Space over the 3D View plays it too
+    finally:
+        area.type = kind
+
+
+def test_frames_loaded_again_are_the_same_image(bpy, addon, film):
+    first = bpy.data.images[addon.sequences.NAME]
+    assert first.name == addon.steps.show_frames(film).name
+    assert len([image for image in bpy.data.images if image.name.startswith(addon.sequences.NAME)]) == 1
+
+
+def test_one_click_makes_a_strip(bpy, addon, film):
+    assert bpy.ops.karf.add_strip() == {"FINISHED"}
+    (strip,) = addon.compat.strips_of(film)
+    assert (addon.compat.strip_range(strip), strip.channel) == ((3, 8), 1)
+    assert [element.filename for element in strip.elements] == [f"frame_{number:04d}.png" for number in range(3, 8)]
+    assert bpy.path.abspath(strip.directory).rstrip("/").endswith("recolor")
+    assert all(getattr(workspace, "sequencer_scene", film) == film for workspace in bpy.data.workspaces)
+    bpy.ops.karf.add_strip()  # beside the first
+    assert sorted(strip.channel for strip in addon.compat.strips_of(film)) == [1, 2]
+
+
+def test_frames_of_an_earlier_longer_job_are_left_out(addon, film, tmp_path):
+    film.frame_end = 5
+    addon.steps.render_sequence(film, out=tmp_path / "out").wait()
+    assert addon.compat.strip_range(addon.steps.add_strip(film)) == (3, 6)
+
+
+def test_captured_views_are_loaded_in_their_order(addon, learned, tmp_path):
+    folder = addon.steps.render_captured(learned, "all", tmp_path / "out").wait()
+    assert addon.steps.show_frames(learned).source == "SEQUENCE"  # photo_0, photo_1 ..
+    strip = addon.steps.add_strip(learned, folder)
+    assert [element.filename for element in strip.elements] == ["photo_0.png", "photo_1.png", "photo_2.png"]
+    assert addon.compat.strip_range(strip) == (1, 4)
+
+
+def test_the_engine_is_asked_to_skip_what_is_there(addon, learned, tmp_path):
+    folder = addon.steps.render_captured(learned, "all", tmp_path / "out").wait()
+    before = {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    addon.steps.render_captured(learned, "all").wait()
+    assert before == {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+    addon.steps.render_captured(learned, "all", skip_existing=False).wait()
+    assert before != {path: path.stat().st_mtime_ns for path in folder.iterdir()}
+
+
+def test_the_buttons_wait_for_frames(bpy, addon, learned):
+    assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
+    with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
+        addon.steps.show_frames(learned)
+
+
+def test_a_folder_without_frames_is_told(addon, learned, tmp_path):
+    with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
+        addon.steps.add_strip(learned, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file_format", "depth", "mode", "expected"),
+    [
+        ("PNG", "8", "RGB", ("png8", False)),
+        ("PNG", "16", "RGBA", ("png16", True)),
+        ("OPEN_EXR", "16", "RGBA", ("exr16", True)),
+        ("OPEN_EXR", "32", "RGB", ("exr32", False)),
+    ],
+)
+def test_the_engine_is_asked_for_the_chosen_output(addon, learned, tmp_path, file_format, depth, mode, expected):
+    learned.karf.file_format, learned.karf.color_depth, learned.karf.color_mode = file_format, depth, mode
+    (request,) = addon.steps.render_sequence(learned, None, [1]).requests
+    assert (request.options["format"], request.options["alpha"]) == expected
+    options_of_job(request.stage, request.project, request.options)
+
+
+# --- farm ------------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def filmed(bpy, addon, learned):
+    """The learned scene with a camera, four frames and a swatch that changes over them."""
+    camera = bpy.data.objects.new("Path", bpy.data.cameras.new("Path"))
+    learned.collection.objects.link(camera)
+    learned.camera = camera
+    learned.frame_start, learned.frame_end = 11, 14
+    swatch = learned.karf.objects[0].swatches[1]
+    for frame, color in ((11, (0.2, 0.4, 0.6)), (14, (0.8, 0.4, 0.2))):
+        swatch.color = color
+        swatch.keyframe_insert("color", frame=frame)
+    return learned
+
+
+def parameters(bundle):
+    template = json.loads((bundle / "template.json").read_text())
+    return {entry["name"]: entry["default"] for entry in template["parameterDefinitions"]}
+
+
+def test_the_job_has_the_cameras_and_the_swatches_of_each_frame(addon, filmed, tmp_path):
+    bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job", per_task=3)
+    names = [f"frame_{number:04d}" for number in range(11, 15)]
+    frames = json.loads((bundle / "cameras.json").read_text())["frames"]
+    assert [frame["file_path"] for frame in frames] == names
+    edits = {path.stem: json.loads(path.read_text())["objects"] for path in (bundle / "edits").iterdir()}
+    assert sorted(edits) == names
+    assert edits["frame_0011"] != edits["frame_0014"]
+    told = parameters(bundle)
+    assert (told["FirstFrame"], told["LastFrame"], told["FramesPerTask"]) == (1, 4, 3)
+
+
+def test_the_job_renders_as_the_panel_says(addon, filmed, tmp_path):
+    filmed.karf.file_format, filmed.karf.color_depth, filmed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
+    bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job")
+    (step,) = json.loads((bundle / "template.json").read_text())["steps"]
+    arguments = " ".join(step["script"]["actions"]["onRun"]["args"])
+    assert "--base render --alpha --format exr16" in arguments
+
+
+def test_the_button_writes_a_new_folder_each_time(bpy, addon, filmed):
+    for name in ("Path", "Path_2"):
+        assert bpy.ops.karf.farm_bundle(per_task=2) == {"FINISHED"}
+        bundle = addon.folders.out_folder(filmed) / "farm" / name
+        assert (bundle / "engine" / "karf_engine" / "__main__.py").is_file()
+        assert (bundle / "project" / "project.json").is_file()
+
+
+def test_without_a_camera_the_button_says_so(bpy, addon, filmed):
+    filmed.camera = None
+    with pytest.raises(RuntimeError, match="has no camera"):
+        bpy.ops.karf.farm_bundle()

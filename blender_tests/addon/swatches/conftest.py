@@ -11,5 +11,5 @@ def pot(addon, learned):
     addon.palettes.load_palettes(learned, [addon.engine_api.Palette("pot", palette)])
     weights = np.repeat(np.eye(4)[1:], 20, axis=0)
     seen = addon.engine_api.ColorHistogram(weights @ palette, np.ones(60), weights)
-    addon.shown.of(learned).learned_histogram = lambda name: seen
+    addon.displayed.of(learned).learned_histogram = lambda name: seen
     return learned.karf.objects["pot"]

@@ -22,8 +22,8 @@ def pots(addon, learned):
     base[:, :12], base[:, 12:] = np.rint(255 * np.array(RED)), np.rint(255 * np.array(YELLOW))
     planes = Planes(("lid", "pot"), weights, weights.sum(1), base)
     write_current_planes(addon, learned, planes)
-    addon.shown.forget(learned)
-    addon.shown.of(learned).refresh()
+    addon.displayed.forget(learned)
+    addon.displayed.of(learned).refresh()
     return learned
 
 

@@ -25,7 +25,7 @@ def pots(addon, learned):
     base = np.where(coverage[1][..., None] > 0, RED, GRAY)
     planes = Planes(("lid", "pot"), weights, coverage, np.rint(255 * base).astype(np.uint8))
     write_current_planes(addon, learned, planes)
-    addon.shown.forget(learned)
+    addon.displayed.forget(learned)
     addon.steps.set_swatch(learned, "pot", 1, BLUE)
     return learned
 
@@ -69,7 +69,7 @@ def test_colors_and_edges_move_together(addon, pots):
 def test_it_is_what_the_engine_composes(addon, pots, compositing):
     pots.karf.compositing = compositing
     pot(pots).choke, pot(pots).feather = -1.5, 3
-    planes, palettes = addon.shown.of(pots).view.planes, addon.colors.palettes(pots)
+    planes, palettes = addon.displayed.of(pots).view.planes, addon.colors.palettes(pots)
     scale = max(HEIGHT, WIDTH) / max(addon.captures.view_of(pots).camera.width, 1)
     weights, probabilities = apply_edges_to_planes(
         planes.base, planes.palette_weights, planes.probabilities, palettes, {"pot": EdgeShape(-1.5, 3)}, scale

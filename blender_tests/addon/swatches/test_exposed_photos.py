@@ -21,9 +21,9 @@ def photograph(addon, scene, gains):
     base = np.where(coverage[1][..., None] > 0, RED, GRAY) * gains
     planes = Planes(("lid", "pot"), weights, coverage, np.rint(255 * base).astype(np.uint8), gains)
     write_current_planes(addon, scene, planes)
-    addon.shown.forget(scene)
+    addon.displayed.forget(scene)
     reds = addon.engine_api.ColorHistogram(np.array([RED, np.multiply(RED, 0.6)]), np.ones(2), np.eye(3)[[1, 1]])
-    addon.shown.of(scene).learned_histogram = lambda name: reds
+    addon.displayed.of(scene).learned_histogram = lambda name: reds
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def pots(addon, learned):
 
 def picture(addon, scene):
     """The picture as it is edited, [H, W, 3]."""
-    addon.shown.of(scene).recolor()
+    addon.displayed.of(scene).recolor()
     return addon.images.upright(addon.images.pixels(scene.karf.result))[..., :3].copy()
 
 
@@ -65,7 +65,7 @@ def test_nothing_changes_without_an_edit(addon, pots):
 def test_a_source_is_picked_as_the_photo_shows_it_and_meant_in_the_mean_exposure(bpy, addon, pots):
     item = pots.karf.objects["pot"]
     item.source, item.target = np.multiply(RED, GAINS), BLUE
-    np.testing.assert_allclose(addon.colors.source(item), RED, atol=1e-6)
+    np.testing.assert_allclose(addon.colors.becoming(item).source, RED, atol=1e-6)
     assert bpy.ops.karf.becomes(object_name="pot") == {"FINISHED"}
     np.testing.assert_allclose(item.swatches[1].color, BLUE, atol=0.02)
     np.testing.assert_allclose(pixel(addon, pots), np.multiply(BLUE, GAINS), atol=0.02)

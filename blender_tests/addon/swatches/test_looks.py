@@ -31,19 +31,19 @@ def test_looks_are_called_by_letters_and_the_last_one_kept_is_in_use(two):
 
 
 def test_choosing_a_look_brings_all_swatches_and_the_picture_at_once(bpy, addon, two):
-    blue = addon.shown.of(two).edited().copy()
+    blue = addon.displayed.of(two).edited().copy()
     bpy.ops.karf.choose_look(name="A")
     for item in two.karf.objects:
         np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
-    assert not np.array_equal(addon.shown.of(two).edited(), blue)
+    assert not np.array_equal(addon.displayed.of(two).edited(), blue)
     bpy.ops.karf.choose_look(name="B")
-    np.testing.assert_array_equal(addon.shown.of(two).edited(), blue)
+    np.testing.assert_array_equal(addon.displayed.of(two).edited(), blue)
 
 
 def test_a_look_is_one_new_picture_and_one_step_to_undo(bpy, addon, two, monkeypatch):
     made = []
-    recolor = addon.shown.ShownScene.recolor
-    monkeypatch.setattr(addon.shown.ShownScene, "recolor", lambda self: made.append(1) or recolor(self))
+    recolor = addon.displayed.DisplayedScene.recolor
+    monkeypatch.setattr(addon.displayed.DisplayedScene, "recolor", lambda self: made.append(1) or recolor(self))
     bpy.ops.karf.choose_look(name="A")
     assert len(made) == 1
     assert {"REGISTER", "UNDO"} <= bpy.types.KARF_OT_choose_look.bl_options

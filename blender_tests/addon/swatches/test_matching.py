@@ -161,7 +161,7 @@ def test_it_begins_with_the_color_that_the_object_mostly_has(addon, learned):
 
 
 def test_what_is_left_is_of_the_whole_object_and_not_of_the_pair(bpy, addon, learned):
-    item, known = learned.karf.objects["pot"], addon.shown.of(learned)
+    item, known = learned.karf.objects["pot"], addon.displayed.of(learned)
     item.source, item.target = RED, BLUE
     bpy.ops.karf.becomes(object_name="pot")
     assert known.left_to_target(item) < 1

@@ -87,7 +87,7 @@ def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
     addon.palettes.load_palettes(learned, [addon.engine_api.Palette("pot", gold)])
     weights = np.repeat(np.eye(3)[1:], 20, axis=0)
     seen = addon.engine_api.ColorHistogram(weights @ gold, np.ones(40), weights)
-    addon.shown.of(learned).learned_histogram = lambda name: seen
+    addon.displayed.of(learned).learned_histogram = lambda name: seen
     item = learned.karf.objects["pot"]
     item.swatches[1].color = BLUE
     varnish = colors(item)

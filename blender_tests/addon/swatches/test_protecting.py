@@ -26,8 +26,8 @@ def can(addon, learned):
     write_object_colors(project.object_colors_file, {"can": ColorHistogram(shares @ PALETTE, np.ones(2), shares)})
     write_current_planes(addon, learned, Planes(("can",), weights, weights.sum(1), base))
     addon.palettes.import_learned(learned)
-    addon.shown.forget(learned)
-    addon.shown.of(learned).refresh()
+    addon.displayed.forget(learned)
+    addon.displayed.of(learned).refresh()
     return learned.karf.objects["can"]
 
 

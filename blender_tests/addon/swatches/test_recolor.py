@@ -245,7 +245,7 @@ def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mo
     write_current_planes(addon, learned, larger)
     learned.karf.compositing = mode
     with pytest.raises(addon.engine_api.DataError, match="other palettes"):
-        addon.shown.of(learned).edited()
+        addon.displayed.of(learned).edited()
 
 
 @pytest.fixture
@@ -255,7 +255,7 @@ def two_scenes(addon, learned):
     other = learned.copy()
     other.karf.result = None
     other.karf.active_view = "photo_1"
-    addon.shown.of(other).recolor()
+    addon.displayed.of(other).recolor()
     return learned, other
 
 
@@ -263,7 +263,7 @@ def test_each_scene_has_its_own_picture_and_reads_its_planes_once(addon, two_sce
     def read_planes(file):
         raise AssertionError(f"{file} is read again")
 
-    monkeypatch.setattr(addon.shown, "read_planes", read_planes)
+    monkeypatch.setattr(addon.displayed, "read_planes", read_planes)
     first, second = two_scenes
     for scene, other in (two_scenes, two_scenes[::-1]):
         before = shown(addon, other)
@@ -275,18 +275,18 @@ def test_each_scene_has_its_own_picture_and_reads_its_planes_once(addon, two_sce
 
 def test_a_scene_read_anew_leaves_what_others_have_in_memory(addon, two_scenes):
     first, second = two_scenes
-    kept = addon.shown.of(second).view
-    addon.shown.forget(first)
-    assert addon.shown.of(first).view is None and addon.shown.of(second).view is kept
+    kept = addon.displayed.of(second).view
+    addon.displayed.forget(first)
+    assert addon.displayed.of(first).view is None and addon.displayed.of(second).view is kept
 
 
 def test_what_a_removed_scene_has_shown_leaves_memory(bpy, addon, two_scenes):
     first, second = two_scenes
     uid = second.session_uid
-    assert uid in addon.session.get(addon.shown._State).scenes
+    assert uid in addon.session.get(addon.displayed._State).scenes
     bpy.data.scenes.remove(second)
     first.frame_set(first.frame_current)
     assert (
-        uid not in addon.session.get(addon.shown._State).scenes
-        and first.session_uid in addon.session.get(addon.shown._State).scenes
+        uid not in addon.session.get(addon.displayed._State).scenes
+        and first.session_uid in addon.session.get(addon.displayed._State).scenes
     )

@@ -128,7 +128,7 @@ def test_an_edit_file_has_the_colors_that_are_shown(addon, learned, pot, edited,
     addon.steps.apply_edit(learned, tmp_path / "gray.json")
     np.testing.assert_array_equal(edited(), before)
     np.testing.assert_array_equal(addon.colors.chosen(pot), before)
-    assert addon.surfaces.is_neutral(pot)
+    assert addon.colors.state(pot).is_neutral
 
 
 def test_becomes_begins_from_what_is_shown(addon, learned, pot, edited):
@@ -138,7 +138,7 @@ def test_becomes_begins_from_what_is_shown(addon, learned, pot, edited):
     pot.target = (0.1, 0.2, 0.5)
     addon.becomes.apply_picked(pot)
     np.testing.assert_allclose(edited()[1], (0.1, 0.2, 0.5), atol=0.02)
-    assert addon.surfaces.is_neutral(pot)
+    assert addon.colors.state(pot).is_neutral
 
 
 def test_reset_gives_the_learned_look_back(bpy, addon, pot, edited):
@@ -154,7 +154,7 @@ def test_new_palettes_keep_it(addon, learned, pot):
     pot.swatches[1].saturation = 0.25
     palette = np.array([[0, 0, 0], [0.1, 0.6, 0.1], [0.79, 0.1, 0.1]], np.float32)
     seen = addon.engine_api.ColorHistogram(palette, np.ones(3), np.eye(3))
-    addon.shown.of(learned).learned_histogram = lambda name: seen
+    addon.displayed.of(learned).learned_histogram = lambda name: seen
     addon.palettes.load_palettes(learned, [addon.engine_api.Palette("pot", palette)])
     assert [swatch.saturation for swatch in learned.karf.objects["pot"].swatches] == [1, 1, 0.25]
 
@@ -162,12 +162,12 @@ def test_new_palettes_keep_it(addon, learned, pot):
 def test_without_counted_colors_what_was_shown_stays(addon, learned, pot, edited):
     pot.swatches[1].saturation = 0
     gray = edited()
-    addon.shown.forget(learned)
+    addon.displayed.forget(learned)
 
     def lost(name):
         raise addon.steps.KarfError("The project is gone.", "Choose it anew.")
 
-    addon.shown.of(learned).learned_histogram = lost
+    addon.displayed.of(learned).learned_histogram = lost
     pot.swatches[3].gloss = 0.5
     np.testing.assert_array_equal(edited(), gray)
 

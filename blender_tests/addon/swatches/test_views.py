@@ -126,7 +126,7 @@ def test_what_is_unsure_of_any_object_is_orange_once_it_was_rendered(bpy, addon,
 def test_masks_of_a_prepared_view_come_from_its_planes(bpy, addon, learned, seeing, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere")
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
-    masks = addon.shown.of(learned).known_masks()
+    masks = addon.displayed.of(learned).known_masks()
     assert list(masks.tints) == ["lid", "pot"]
     # both objects have half of every pixel
     expected = np.mean([addon.tints.tint_of(0), addon.tints.tint_of(1)], axis=0)
@@ -142,19 +142,19 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     addon.steps.segment(project_scene, tmp_path / "given").wait()
     assert not project_scene.karf.objects  # there is no palette yet
     assert bpy.ops.karf.show_masks() == {"FINISHED"}
-    masks = addon.shown.of(project_scene).known_masks()
+    masks = addon.displayed.of(project_scene).known_masks()
     np.testing.assert_allclose(masks.fill[:, :12, :3], np.tile(masks.tints["lid"], (16, 12, 1)), atol=1e-6)
     np.testing.assert_allclose(masks.fill[:, 12:, :3], np.tile(masks.tints["pot"], (16, 12, 1)), atol=1e-6)
     photo = addon.images.read_picture(addon.captures.view_of(project_scene).image)
     np.testing.assert_array_equal(shown(addon, project_scene), np.rint(photo * 255).astype(int))
     # another view has none yet, segmented anew neither
     project_scene.karf.active_view = "photo_2"
-    assert addon.shown.of(project_scene).known_masks() is None
+    assert addon.displayed.of(project_scene).known_masks() is None
     bpy.ops.karf.show_masks()
-    assert addon.shown.of(project_scene).known_masks() is not None and seeing.show_masks
+    assert addon.displayed.of(project_scene).known_masks() is not None and seeing.show_masks
     addon.folders.project_of(project_scene).finish("segmentation", "anew")
-    addon.shown.of(project_scene).show_unedited()
-    assert addon.shown.of(project_scene).known_masks() is None
+    addon.displayed.of(project_scene).show_unedited()
+    assert addon.displayed.of(project_scene).known_masks() is None
 
 
 def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
@@ -170,7 +170,7 @@ def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
 
 
 def test_what_is_left_to_a_target_follows_the_swatches(bpy, addon, learned):
-    api, item, known = addon.engine_api, learned.karf.objects["pot"], addon.shown.of(learned)
+    api, item, known = addon.engine_api, learned.karf.objects["pot"], addon.displayed.of(learned)
     assert known.left_to_target(item) is None  # there is no target color
     item.rule = "fewest"
     item.source, item.target = (0.8, 0.2, 0.1), (0.1, 0.3, 0.8)

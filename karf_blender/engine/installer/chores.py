@@ -37,7 +37,7 @@ def check(folder: Path, counting: str) -> None:
         records = list(archive.glob("*.dist-info/RECORD"))
         if not records or not is_whole(archive, records[0]):
             shutil.rmtree(archive, ignore_errors=True)
-    # uv would look for what it has unpacked from a folder of wheels, there or not
+    # uv does not check that what it has unpacked from a folder of wheels is still there
     for pointer in folder.glob("cache/wheels-v*/*/*/*/*.rev"):
         pointer.unlink()
 
@@ -64,7 +64,7 @@ def _hash(file: Path, kind: str) -> str:
 
 
 def clear(folder: Path, counting: str) -> None:
-    """Delete other environments, and cached packages of which none has hard links; on disks without these, the cache."""
+    """Delete other environments, and cached packages without hard links; on disks that have none, all of them."""
     drop_environments(folder, counting)
     for archive in folder.glob("cache/archive-v*/*"):
         if not any(file.stat().st_nlink > 1 for file in archive.glob("*.dist-info/METADATA")):
@@ -72,7 +72,7 @@ def clear(folder: Path, counting: str) -> None:
 
 
 def drop_environments(folder: Path, counting: str) -> None:
-    """Delete all environments but one, and those in which a job runs."""
+    """Delete all environments but one, except where a job runs."""
     for path in environments(folder):
         if path.name != counting and not _is_used(path):
             shutil.rmtree(path, ignore_errors=True)

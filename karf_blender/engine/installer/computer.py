@@ -54,7 +54,7 @@ class Machine:
 
 
 def detect_machine(system: str = "", processor: str = "", root: Path | None = None) -> Machine:
-    """Look for drivers' files; arguments other than the defaults stand for another computer."""
+    """Search for drivers' files; pass arguments to describe another computer."""
     system, processor = system or system_of.system(), (processor or system_of.machine()).lower()
     name, kind = SYSTEMS.get(system, system.lower()), PROCESSORS.get(processor, processor)
     root = root or Path(Path.cwd().anchor)
@@ -85,7 +85,7 @@ def build_for(choice: str, machine: Machine) -> str:
 # --- what makes an environment -----------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Starter:
-    """What makes the environment: a Python (empty: uv finds or fetches one) and uv (empty: that Python fetches it)."""
+    """A Python (empty: uv finds or fetches one) and uv (empty: that Python fetches it), which make the environment."""
 
     python: str
     version: str

@@ -1,4 +1,4 @@
-"""The folder of the engine's environment: what state it is in, what may be deleted. No bpy.
+"""The folder of the engine's environment: its state, its removal. No bpy.
 
 The environment counts that `installed.json` names, which is written last. `karf-engine.json` says that the folder is
 KaRF's: nothing else is ever deleted.
@@ -22,7 +22,7 @@ NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "out
 
 @dataclass(frozen=True)
 class Status:
-    """What is in a folder: of the environment that counts, or of the one that was begun."""
+    """The environment in a folder: the one that counts, or an unfinished one."""
 
     state: str
     sentence: str
@@ -34,7 +34,6 @@ class Status:
 
     @property
     def is_usable(self) -> bool:
-        """Whether the engine can run in it."""
         return self.state in (READY, OUTDATED)
 
 
@@ -86,7 +85,7 @@ def claim(folder: Path, chosen: dict[str, Any]) -> None:
     """Make the folder KaRF's, and note what is to be in it.
 
     Raises:
-        DataError: It is a file, holds what others put there, or cannot be written.
+        DataError: It is a file, has files of others, or cannot be written.
     """
     with disk_errors():
         check_free(folder)

@@ -1,7 +1,7 @@
 """The installation at work, or the removal: child processes one after another, which the caller polls. No bpy, no threads.
 
-Installing, resuming, repairing and updating are the same: uv fills a new environment from its cache, of which damaged
-files were dropped, and fetches what is missing. Only when the result is tested does the environment count; one that
+Installing, resuming, repairing and updating are the same: damaged files are dropped from uv's cache, then uv fills a new
+environment from it, and fetches missing files. Only when the result is tested does the environment count; one that
 counted before does so until then, whatever ends the installation.
 """
 
@@ -40,7 +40,7 @@ GO_ON = "What was fetched is kept; Install goes on from there."
 
 @dataclass(frozen=True)
 class Progress:
-    """How far it is."""
+    """The progress of an installation or removal."""
 
     title: str
     done: int = 0  # bytes, estimated
@@ -130,7 +130,7 @@ class Installation:
         yield planned.clear(planned.environment.name)
 
     def _answer(self) -> dict[str, Any]:
-        """Read the line of JSON with which a chore ends."""
+        """Read a chore's last line, which is JSON."""
         try:
             return json.loads(self._said[-1])
         except (ValueError, IndexError) as error:
@@ -234,7 +234,7 @@ class Removal:
 
 
 class _Fetching:
-    """What a step has fetched: what uv's cache had before, and by how much the disk has filled since."""
+    """The bytes that a step has fetched: those in uv's cache before, and by how much the disk has filled since."""
 
     def __init__(self, step: Step, planned: Plan) -> None:
         self._total, self._folder = step.bytes, planned.folder

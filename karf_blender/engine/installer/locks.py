@@ -1,4 +1,4 @@
-"""Lock files: which packages the engine's environment has, with sizes and hashes No bpy.
+"""Lock files: the packages of the engine's environment, with sizes and hashes No bpy.
 
 `python3 tools/dev.py lock` writes `requirements/<system>-<build of torch>.txt` in pip's format.
 """
@@ -39,7 +39,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class Lock:
-    """What an environment is made of."""
+    """The packages of an environment."""
 
     build: str
     files: tuple[Path, ...]  # requirements
@@ -55,7 +55,7 @@ class Lock:
 
     @property
     def digest(self) -> str:
-        """A fingerprint, by which an installed environment is outdated."""
+        """A fingerprint; an environment with another one is outdated."""
         lines = sorted(wheel.sha256 for wheel in self.wheels if wheel.sha256)
         return hashlib.sha256("\n".join([*lines, self.torch.version, self.build]).encode()).hexdigest()
 

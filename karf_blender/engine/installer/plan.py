@@ -1,4 +1,4 @@
-"""What an installation will do, before it does it: how much, from where, where to, by which commands. No bpy."""
+"""The plan of an installation: how much it fetches, from where, where to, and its commands. No bpy."""
 
 import os
 import shutil
@@ -13,7 +13,7 @@ from .computer import Machine, Source, Starter, shell_line
 from .locks import Lock, Wheel
 
 EXTRAS = {"photos": "pycolmap"}  # optional packages by the names of their lock files
-# bytes on disk for each that is fetched, with compiled Python files; measured for cpu and cuda on Linux
+# bytes on disk for each fetched byte, with compiled Python files; measured for cpu and cuda on Linux
 UNPACKED = {"cpu": 4.0, "cuda": 1.9, "rocm": 3.5, "mps": 3.5}
 LONGEST_PATH = 259  # letters of a path on Windows, unless it is set up otherwise
 LONGEST_INSIDE = 153  # letters of the longest path below the folder that Python opens; uv itself knows no limit
@@ -22,12 +22,12 @@ MOST_NAMED = 6  # files named in a sentence
 
 @dataclass(frozen=True)
 class Choices:
-    """What the user wants."""
+    """The user's choices."""
 
     folder: Path
     build: str = "auto"  # one of `locks.BUILDS`
     extras: tuple[str, ...] = ()  # of EXTRAS
-    wheels: Path | None = None  # a folder of wheels, in place of the network
+    wheels: Path | None = None  # a folder of wheels, instead of the network
     starter: str = ""  # a Python, or uv, that makes the environment; empty: the first found
 
 
@@ -37,7 +37,7 @@ class Step(NamedTuple):
     title: str
     command: tuple[str, ...]
     source: str = ""  # where it fetches from
-    wheels: tuple[Wheel, ...] = ()  # what it puts in place
+    wheels: tuple[Wheel, ...] = ()  # files to install
     is_needed: bool = True  # without it all fails
 
     @property
@@ -72,7 +72,7 @@ class Plan:
 
     @property
     def unchecked(self) -> str:
-        """What comes without a hash that KaRF knows."""
+        """The package without a known hash."""
         return "" if self.lock.torch.sha256 else f"torch {self.lock.torch.version} for {self.lock.build}"
 
     @property
@@ -86,12 +86,12 @@ class Plan:
 
     @property
     def disk_bytes(self) -> int:
-        """How much the environment will take, estimated."""
+        """Estimated bytes of the environment."""
         return round(self.download_bytes * UNPACKED[self.lock.build])
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The plan, for people."""
+        """The plan in sentences."""
         checked = [wheel for wheel in self.lock.wheels + self.tools if wheel.sha256]
         more, about = (f" and {self.unchecked}", "about ") if self.unchecked else ("", "")
         begun = " What is there already and whole is not fetched again." if home.is_ours(self.folder) else ""
@@ -106,7 +106,7 @@ class Plan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What may go wrong, for people."""
+        """Sentences about possible problems."""
         found = []
         if self.unchecked:
             found.append(f"KaRF has no hash of {self.unchecked}: it is checked by its version only.")
@@ -191,12 +191,12 @@ def make(
     variables: Mapping[str, str] = os.environ,
     here: Machine | None = None,
 ) -> Plan:
-    """Find out what an installation would do. Takes a second; changes nothing.
+    """Plan an installation. Takes a second; changes nothing.
 
     Args:
-        choices: What the user wants.
+        choices: The user's.
         own_python: Blender's own Python.
-        is_online: Whether Blender may use the network (`bpy.app.online_access`).
+        is_online: Blender may use the network (`bpy.app.online_access`).
         variables: The process's environment.
         here: The computer; default: this one.
 

@@ -1,13 +1,13 @@
 """What is shown of each scene, and its result image, which is kept up to date with its swatches.
 
-A scene has one `ShownScene`, which keeps what was read from disk and what was composed of it. Its picture follows swatch
+A scene has one `DisplayedScene`, which keeps what was read from disk and what was composed of it. Its picture follows swatch
 edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph updates) and loaded files;
 while Blender renders it waits, and follows when that ends.
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import bpy
@@ -18,16 +18,16 @@ from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_
 from ..host import rendering
 from ..pictures import images
 from ..project import contents, folders
-from . import colors, object_masks, surfaces, views
+from . import colors, object_masks, solving, views
 from .object_masks import ObjectMasks
-from .views import PictureFiles, ShownView
+from .views import DisplayedView, PictureFiles
 
 RESULT_NAME = "KaRF"
 RETRY_SECONDS = 0.2
 
 
 @dataclass
-class ShownScene:
+class DisplayedScene:
     """What is shown of one scene. Drawing only asks for what is in memory.
 
     Attributes:
@@ -37,20 +37,20 @@ class ShownScene:
         files: How the engine sees the active view.
         masks: The objects in the active view as they were read last, and what they were read from.
         histograms: The colors of its objects in the photos, by file, time and object.
-        left: Of each object with a target color what `colors.left_to_target` depends on, and what it found.
+        left: Of each object with a target color what `solving.left_to_target` depends on, and what it found.
         surfaces: What the surfaces of each object were solved of, by its name.
         values: What the picture was made from.
         stand_in_key: What a stand-in for the picture would have been made from.
     """
 
     scene: bpy.types.Scene
-    view: ShownView | None = None
-    camera: ShownView | None = None
+    view: DisplayedView | None = None
+    camera: DisplayedView | None = None
     files: PictureFiles = field(default_factory=PictureFiles)
     masks: tuple[tuple, ObjectMasks | None] = ((), None)
     histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)
     left: dict[str, tuple[tuple, float]] = field(default_factory=dict)
-    surfaces: dict[str, tuple] = field(default_factory=dict)
+    surfaces: dict[str, bytes] = field(default_factory=dict)
     values: bytes = b""
     stand_in_key: tuple = ()
 
@@ -69,7 +69,7 @@ class ShownScene:
         try:
             self.recolor()
         except KarfError:  # the panel says that the view is not prepared
-            if self.stand_in_key != views.stand_in_key(self.scene):
+            if self.stand_in_key != views.placeholder_key(self.scene):
                 self.show_unedited()
             self.update_left()
 
@@ -84,9 +84,30 @@ class ShownScene:
         return self._put(views.picture(self.scene, self.prepared_view(), self.files))
 
     def update_surfaces(self) -> None:
-        """Let the swatches be shown with their surfaces as they stand; never raises."""
-        if not session.get(_State).open_batches:
-            surfaces.update(self.scene, self.histogram, self.surfaces)
+        """Bring the shifts of the scene's swatches up to date; those of an object whose colors nobody counted stay."""
+        if session.get(_State).open_batches:
+            return
+        for item in self.scene.karf.objects:
+            state = colors.state(item)
+            if self.surfaces.get(item.name) != state.key:
+                with suppress(KarfError, OSError):
+                    colors.write(item, self._shifts(state), "shift")
+                    self.surfaces[item.name] = colors.state(item).key
+
+    def solved(self, item: bpy.types.PropertyGroup) -> np.ndarray:
+        """As `colors.edited`, with what surfaces add found anew and not kept.
+
+        While Blender renders nothing can be put into the scene, and keyframed numbers move on.
+        """
+        state = colors.state(item)
+        try:
+            return replace(state, shift=self._shifts(state)).edited
+        except (KarfError, OSError):
+            return state.edited
+
+    def _shifts(self, state: solving.PaletteState) -> np.ndarray:
+        seen = None if state.is_neutral else state.spread(self.learned_histogram(state.name))
+        return solving.surface_shifts(state, seen)
 
     def show_unedited(self) -> bpy.types.Image:
         """Put what there is of a view that cannot be recolored into the result image, which is made if needed.
@@ -95,7 +116,7 @@ class ShownScene:
             BadRequest: Blender renders.
         """
         rendering.refuse()
-        return self._put(views.stand_in(self.scene, self.files))
+        return self._put(views.placeholder(self.scene, self.files))
 
     def _put(self, buffer: np.ndarray) -> bpy.types.Image:
         """Make an RGBA buffer [H, W, 4] the result image, as the active view's picture."""
@@ -105,13 +126,13 @@ class ShownScene:
         images.fit(karf.result, width, height)
         images.upload(karf.result, buffer)
         images.note_change(karf.result)
-        self.stand_in_key = views.stand_in_key(self.scene)
+        self.stand_in_key = views.placeholder_key(self.scene)
         self.load_masks()
         self.update_left()
         return karf.result
 
     def edited(self) -> np.ndarray:
-        """The active view recolored by the swatches, however it is looked at; see `ShownView.recolored`.
+        """The active view recolored by the swatches, however it is looked at; see `DisplayedView.recolored`.
 
         Raises:
             KarfError: The view has no planes, or they belong to other palettes.
@@ -119,7 +140,7 @@ class ShownScene:
         return self.prepared_view().recolored(self.scene)
 
     # --- what is read from the project -----------------------------------------------------------------------------
-    def prepared_view(self) -> ShownView:
+    def prepared_view(self) -> DisplayedView:
         """The active view with its planes, read from disk where they are not the ones in memory.
 
         Raises:
@@ -136,7 +157,7 @@ class ShownScene:
             )
         written = file.stat().st_mtime_ns if file.exists() else 0
         if self.view is None or (self.view.file, self.view.written) != (file, written):
-            self.view = ShownView(file, written, read_planes(file))
+            self.view = DisplayedView(file, written, read_planes(file))
         return self.view
 
     @property
@@ -189,11 +210,11 @@ class ShownScene:
 
     def histogram(self, item: bpy.types.PropertyGroup) -> ColorHistogram:
         """The same with weights that are spread over the sets of the object's added colors."""
-        return colors.with_added(item, self.learned_histogram(item.name))
+        return colors.state(item).spread(self.learned_histogram(item.name))
 
     # --- target colors ---------------------------------------------------------------------------------------------
     def left_to_target(self, item: bpy.types.PropertyGroup) -> float | None:
-        """See `colors.left_to_target`; None where the object has no target color."""
+        """See `solving.left_to_target`; None where the object has no target color."""
         known = self.left.get(item.name)
         return known[1] if known and known[0][:2] == colors.color_pair(item) else None
 
@@ -204,12 +225,13 @@ class ShownScene:
             if source == target:
                 self.left.pop(item.name, None)
                 continue
-            palettes = colors.edited(item).tobytes(), colors.picked_with(item).tobytes()
+            state, before = colors.state(item), colors.stored(item, "before").tobytes()
             own = item.rule, item.held, item.is_metal, *item.gains
-            key = source, target, self.scene.karf.project, *own, *palettes
+            key = source, target, self.scene.karf.project, *own, state.key, before
             if item.name not in self.left or self.left[item.name][0] != key:
                 try:
-                    self.left[item.name] = key, colors.left_to_target(item, self.histogram(item))
+                    seen = state.spread(self.learned_histogram(item.name))
+                    self.left[item.name] = key, solving.left_to_target(state, colors.becoming(item), seen)
                 except (KarfError, OSError):  # the project is gone, or has no such object yet
                     self.left.pop(item.name, None)
 
@@ -219,20 +241,20 @@ class ShownScene:
 class _State:
     """What is shown of each scene (by `session_uid`), and how many `batched` blocks are open."""
 
-    scenes: dict[int, ShownScene] = field(default_factory=dict)
+    scenes: dict[int, DisplayedScene] = field(default_factory=dict)
     open_batches: int = 0
 
 
-def of(scene: bpy.types.Scene) -> ShownScene:
+def of(scene: bpy.types.Scene) -> DisplayedScene:
     """What is shown of a scene."""
     known = session.get(_State).scenes.get(scene.session_uid)
     if known is None:
-        known = session.get(_State).scenes[scene.session_uid] = ShownScene(scene)
+        known = session.get(_State).scenes[scene.session_uid] = DisplayedScene(scene)
     known.scene = scene
     return known
 
 
-def followed_camera() -> ShownView | None:
+def followed_camera() -> DisplayedView | None:
     """The planes of the camera that is followed, of whichever scene."""
     return next((known.camera for known in session.get(_State).scenes.values() if known.camera is not None), None)
 
@@ -246,7 +268,7 @@ def follow_no_camera() -> None:
 def forget(scene: bpy.types.Scene) -> None:
     """Read all of a scene anew at the next question. What its pictures show stays known."""
     known = of(scene)
-    session.get(_State).scenes[scene.session_uid] = ShownScene(
+    session.get(_State).scenes[scene.session_uid] = DisplayedScene(
         scene, camera=known.camera, stand_in_key=known.stand_in_key
     )
 
@@ -315,5 +337,5 @@ def _after_load(*_):
     forget_all()
     for scene in bpy.data.scenes:
         # a picture that was saved is that of the view that was active then
-        of(scene).stand_in_key = views.stand_in_key(scene)
+        of(scene).stand_in_key = views.placeholder_key(scene)
         of(scene).refresh()

@@ -267,3 +267,42 @@ def test_the_engine_is_told_what_is_held_out(bpy, addon, imported, capture_folde
     bpy.ops.karf.import_capture(filepath=str(capture_folder), holdout=2)
     (request,) = addon.steps.learn_scene(imported).requests
     assert request.options["holdout"] == 2
+
+
+# --- check -----------------------------------------------------------------------------------------------------------
+@pytest.fixture
+def checked(bpy, project_scene):
+    assert bpy.ops.karf.check_capture() == {"FINISHED"}
+    return project_scene
+
+
+def test_the_engines_advice_and_its_map_are_shown_and_it_is_learned_all_the_same(bpy, addon, checked):
+    assert checked.karf.is_poor
+    assert checked.karf.advice.splitlines() == [
+        "3 photos are too few here: take more above.",
+        "Less sharp than the photos beside them: photo_1.",
+    ]
+    path = addon.folders.project_of(checked).folder / "inspection" / "more_photos.png"
+    assert path.is_file() and bpy.data.images["KaRF more photos"].filepath == str(path)
+    assert bpy.ops.karf.learn_scene() == {"FINISHED"}
+    assert "geometry" in addon.contents.finished_stages(checked)
+
+
+def test_the_same_capture_imported_again_keeps_its_advice_and_another_has_none(
+    addon, checked, capture_folder, two_splits, tmp_path
+):
+    addon.steps.import_capture(checked, capture_folder)
+    assert checked.karf.advice
+    addon.steps.import_capture(checked, two_splits, tmp_path / "other")
+    assert not checked.karf.is_poor and checked.karf.advice == ""
+
+
+def test_masks_that_were_drawn_are_looked_at_too(bpy, addon, checked, tmp_path):
+    (tmp_path / "masks").mkdir()
+    checked.karf.masks = str(tmp_path / "masks")
+    addon.steps.check_capture(checked)
+    assert not checked.karf.is_poor
+
+
+def test_without_a_capture_it_is_greyed_out(bpy, scene):
+    assert not bpy.ops.karf.check_capture.poll()

@@ -1,6 +1,7 @@
-"""What is drawn over pictures, and never into them: objects' masks, the split view's line, the scale of differences.
+"""Overlays: what is drawn over pictures, and never into them.
 
-Masks are drawn in Image Editors that show the result image or a followed camera's, and in 3D Views that look through the active view's camera.
+Masks are drawn in Image Editors that show the result image or a followed camera's, and in 3D Views through the active
+view's camera; the split view's line, the scale of differences and the loupe of color pickers in Image Editors.
 """
 
 import blf
@@ -13,7 +14,7 @@ from gpu_extras.batch import batch_for_shader
 from .. import session
 from ..host import windows
 from ..host.words import translate
-from . import free_camera, shown, views
+from . import displayed, free_camera, views
 from .object_masks import ObjectMasks
 
 LINE_WIDTH = 1.5
@@ -21,25 +22,30 @@ TEXT_SIZE, MARGIN = 12, 16
 SCALE_WIDTH, SCALE_HEIGHT = 200, 12  # size of the scale of differences, pixels
 TICKS = 4
 UNIT_SQUARE = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
+LOUPE_SIDE = 11  # pixels of the picture in a row and in a column of the loupe
+LOUPE_CELL = 9  # size of each, pixels of the screen at scale 1
+LOUPE_DISTANCE = 24  # from the mouse
+AVERAGED = 3  # pixels in a row and in a column in the middle, whose mean is picked
+FRAME, NO_COLOR = (0.05, 0.05, 0.05, 1.0), (0.3, 0.3, 0.3, 1.0)
 
 Rectangle = tuple[float, float, float, float]  # left, bottom, right, top, in pixels of the region
 
 
 def redraw() -> None:
-    """Draw all editors again that have something drawn over them."""
+    """Redraw all editors that have overlays."""
     windows.redraw(*windows.PANEL_AREAS)
 
 
 # --- where ---------------------------------------------------------------------------------------------------------
 def picture_in(region: bpy.types.Region) -> Rectangle:
-    """Where the picture is in the main region of an Image Editor."""
+    """Return where the picture is in the main region of an Image Editor."""
     return (*region.view2d.view_to_region(0, 0, clip=False), *region.view2d.view_to_region(1, 1, clip=False))
 
 
 def place_under(region: bpy.types.Region, mouse: tuple[int, int]) -> tuple[float, float] | None:
-    """Where the mouse is in the picture of an Image Editor's main region; None where it is not in the region.
+    """Return the mouse's place in the picture of an Image Editor, (0, 0) at its lower left corner to (1, 1).
 
-    mouse: in pixels of the window. The picture goes from (0, 0) at its lower left corner to (1, 1).
+    mouse: in pixels of the window; None where it is not in the main region.
     """
     x, y = mouse[0] - region.x, mouse[1] - region.y
     if not (0 <= x < region.width and 0 <= y < region.height):
@@ -49,21 +55,20 @@ def place_under(region: bpy.types.Region, mouse: tuple[int, int]) -> tuple[float
 
 
 def shows_picture(context: bpy.types.Context) -> bool:
-    """Whether the context's editor is an Image Editor that shows the scene's result image, or a followed camera's."""
+    """Tell whether the context's editor shows the scene's result image, or a followed camera's picture."""
     space = context.space_data
-    if space is None or space.type != "IMAGE_EDITOR":
-        return False
-    return free_camera.is_in(space) or is_result(context.scene, space)
+    is_image = space is not None and space.type == "IMAGE_EDITOR"
+    return is_image and (free_camera.is_in(space) or is_result(context.scene, space))
 
 
 def is_result(scene: bpy.types.Scene, space: bpy.types.Space | None) -> bool:
-    """Whether a space is an Image Editor that shows a scene's result image."""
+    """Tell whether a space is an Image Editor that shows a scene's result image."""
     result = scene.karf.result
     return space is not None and space.type == "IMAGE_EDITOR" and result is not None and space.image == result
 
 
 def _camera_frame(context: bpy.types.Context) -> Rectangle | None:
-    """Where the camera's frame is in a 3D View that looks through the active view's camera."""
+    """Return where the camera's frame is in a 3D View that looks through the active view's camera."""
     scene, space, view = context.scene, context.space_data, context.region_data
     camera = space.camera if space.use_local_camera else scene.camera
     is_rigs = camera is not None and camera.parent is not None and camera.parent == scene.karf.rig
@@ -77,7 +82,7 @@ def _camera_frame(context: bpy.types.Context) -> Rectangle | None:
     return left, bottom, right, top
 
 
-# --- drawing -------------------------------------------------------------------------------------------------------
+# --- in editors ----------------------------------------------------------------------------------------------------
 @session.draw_handler(bpy.types.SpaceImageEditor, "POST_PIXEL")
 def _draw_in_image() -> None:
     context = bpy.context
@@ -86,7 +91,7 @@ def _draw_in_image() -> None:
     seeing, place = context.window_manager.karf_seeing, picture_in(context.region)
     if seeing.show_masks:
         is_camera = free_camera.is_in(context.space_data)
-        _draw_masks(free_camera.masks() if is_camera else shown.of(context.scene).known_masks(), place)
+        _draw_masks(free_camera.masks() if is_camera else displayed.of(context.scene).known_masks(), place)
     if seeing.mode == "DIFFERENCE":
         _draw_scale(context.preferences.system.ui_scale)
     if seeing.is_wiped:
@@ -99,7 +104,7 @@ def _draw_in_view() -> None:
     if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
         place = _camera_frame(context)
         if place is not None:
-            _draw_masks(shown.of(context.scene).known_masks(), place)
+            _draw_masks(displayed.of(context.scene).known_masks(), place)
 
 
 def _draw_masks(masks: ObjectMasks | None, place: Rectangle) -> None:
@@ -128,7 +133,7 @@ def _draw_masks(masks: ObjectMasks | None, place: Rectangle) -> None:
 
 
 def _on_card(masks: ObjectMasks, fill: gpu.types.GPUShader, lines: gpu.types.GPUShader) -> tuple:
-    """The fill as a texture, the square that it is drawn in, and the outlines."""
+    """Return the fill as a texture, the square that it is drawn in, and the outlines."""
     height, width = masks.fill.shape[:2]
     texture = gpu.types.GPUTexture(
         (width, height), format="RGBA8", data=gpu.types.Buffer("FLOAT", masks.fill.size, masks.fill.ravel())
@@ -138,17 +143,13 @@ def _on_card(masks: ObjectMasks, fill: gpu.types.GPUShader, lines: gpu.types.GPU
 
 
 def draw_split(context: bpy.types.Context, is_bold: bool = False) -> None:
-    """Draw the split view's line in an Image Editor, and what is on its sides. is_bold: the mouse is over it."""
+    """Draw the split view's line in an Image Editor, and the names of its sides."""
     seeing, scale = context.window_manager.karf_seeing, context.preferences.system.ui_scale
     left, bottom, right, top = picture_in(context.region)
     x = left + seeing.wipe * (right - left)
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     gpu.state.blend_set("ALPHA")
     for width, color in ((4, (0, 0, 0, 0.5)), (LINE_WIDTH, (1, 1, 1, 1))):
-        shader.uniform_float("lineWidth", (2 if is_bold else 1) * width * scale)
-        shader.uniform_float("color", color)
-        batch_for_shader(shader, "LINES", {"pos": ((x, bottom, 0), (x, top, 0))}).draw(shader)
+        _draw_line(((x, bottom, 0), (x, top, 0)), (2 if is_bold else 1) * width * scale, color)
     gpu.state.blend_set("NONE")
     blf.size(0, TEXT_SIZE * scale)
     before, after = (seeing.bl_rna.properties["mode"].enum_items[name].name for name in ("ORIGINAL", seeing.mode))
@@ -157,17 +158,13 @@ def draw_split(context: bpy.types.Context, is_bold: bool = False) -> None:
 
 
 def _draw_scale(scale: float) -> None:
-    """The colors of differences and what they mean."""
+    """Draw the colors of differences and what they mean."""
     left, bottom = MARGIN * scale, 2 * MARGIN * scale
     values = np.linspace(0, views.HOTTEST, len(views.HEAT))
     x = left + values / views.HOTTEST * SCALE_WIDTH * scale
     colors = [(*map(float, color), 1.0) for color in views.HEAT]
     corners = [(float(at), bottom + up * SCALE_HEIGHT * scale) for at in x for up in (0, 1)]
-    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
-    batch = batch_for_shader(
-        shader, "TRI_STRIP", {"pos": corners, "color": [color for color in colors for _ in (0, 1)]}
-    )
-    batch.draw(shader)
+    _draw_colors("TRI_STRIP", corners, [color for color in colors for _ in (0, 1)])
     blf.size(0, TEXT_SIZE * scale)
     for tick in range(TICKS + 1):
         text = f"{views.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
@@ -182,3 +179,64 @@ def _write(text: str, x: float, y: float) -> None:
     blf.position(0, x, y, 0)
     blf.draw(0, text)
     blf.disable(0, blf.SHADOW)
+
+
+def _draw_line(points: tuple, width: float, color: tuple[float, ...]) -> None:
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", width)
+    shader.uniform_float("color", color)
+    batch_for_shader(shader, "LINE_STRIP", {"pos": points}).draw(shader)
+
+
+def _draw_colors(kind: str, points: list, colors: list[tuple[float, ...]]) -> None:
+    """Draw triangles with a color at each point, sRGB with alpha."""
+    shader = gpu.shader.from_builtin("SMOOTH_COLOR")
+    batch_for_shader(shader, kind, {"pos": points, "color": colors}).draw(shader)
+
+
+# --- the loupe -----------------------------------------------------------------------------------------------------
+def pixels_at(picture: np.ndarray, place: tuple[float, float]) -> np.ndarray:
+    """Return the pixels round a place of a picture, which is continued by its border.
+
+    picture: [H, W, 3] uint8, row 0 on top; place: see `place_under`. Returns [LOUPE_SIDE, LOUPE_SIDE, 3] in [0, 1].
+    """
+    height, width = picture.shape[:2]
+    column, row, around = int(place[0] * width), int((1 - place[1]) * height), np.arange(LOUPE_SIDE) - LOUPE_SIDE // 2
+    rows, columns = np.clip(row + around, 0, height - 1), np.clip(column + around, 0, width - 1)
+    return picture[np.ix_(rows, columns)].astype(np.float32) / 255
+
+
+def draw_loupe(
+    pixels: np.ndarray, picked: np.ndarray | None, mouse: tuple[float, float], region: bpy.types.Region
+) -> None:
+    """Draw `pixels_at` the mouse beside it, which of them count, and the color that a click would pick, if any.
+
+    mouse: in pixels of the region.
+    """
+    cell = LOUPE_CELL * bpy.context.preferences.system.ui_scale
+    size, height = LOUPE_SIDE * cell, (LOUPE_SIDE + 2) * cell
+    left, bottom = (
+        at + LOUPE_DISTANCE if at + LOUPE_DISTANCE + extent < end else at - LOUPE_DISTANCE - extent
+        for at, extent, end in zip(mouse, (size, height), (region.width, region.height), strict=True)
+    )
+    places = [
+        (left + column * cell, bottom + (LOUPE_SIDE + 1 - row) * cell, cell, cell)
+        for row in range(LOUPE_SIDE)
+        for column in range(LOUPE_SIDE)
+    ]
+    _draw_rectangles([(left - 2, bottom - 2, size + 4, height + 4)], [FRAME])
+    _draw_rectangles(places, [(*map(float, color), 1.0) for color in pixels.reshape(-1, 3)])
+    color = NO_COLOR if picked is None else (*map(float, picked), 1.0)
+    _draw_rectangles([(left, bottom, size, 2 * cell - 2)], [color])
+    first, inner = (LOUPE_SIDE - AVERAGED) // 2 * cell, AVERAGED * cell
+    x, y = left + first, bottom + 2 * cell + first
+    corners = ((x, y, 0), (x + inner, y, 0), (x + inner, y + inner, 0), (x, y + inner, 0), (x, y, 0))
+    for width, color in ((3, (0, 0, 0, 1)), (1, (1, 1, 1, 1))):  # visible on light and on dark pixels
+        _draw_line(corners, width, color)
+
+
+def _draw_rectangles(rectangles: list[tuple[float, float, float, float]], colors: list[tuple[float, ...]]) -> None:
+    """Draw rectangles (left, bottom, width, height), each of one color."""
+    points = [(x + u * width, y + v * height) for x, y, width, height in rectangles for u, v in UNIT_SQUARE]
+    _draw_colors("TRIS", points, [color for color in colors for _ in UNIT_SQUARE])

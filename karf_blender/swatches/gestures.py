@@ -1,0 +1,263 @@
+"""Swatches that follow one that is changed: linked and merged ones, sets of added colors and, with Material, its paint.
+
+What was dragged, and the colors before, are known in memory. Where keyframes shall move a paint after the file is opened
+again, the object keeps its last drag (`dragged`, `began`).
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+import bpy
+import numpy as np
+
+from .. import progress, session
+from ..engine_api import KarfError
+from ..host import rendering
+from . import colors, displayed, keyframes, solving
+from .solving import Gesture, States
+
+Key = tuple[int, str]  # of an object: its scene's `session_uid` and its name
+
+
+@dataclass
+class _State:
+    gestures: dict[Key, Gesture] = field(default_factory=dict)
+    seen: dict[Key, np.ndarray] = field(default_factory=dict)  # chosen colors as of the last change or event
+    is_suspended: bool = False
+
+
+@contextmanager
+def suspended(scene: bpy.types.Scene) -> Iterator[None]:
+    """Set swatches of a scene inside this block without any other following."""
+    state = session.get(_State)
+    before, state.is_suspended = state.is_suspended, True
+    try:
+        yield
+    finally:
+        state.is_suspended = before
+        _look(scene)
+
+
+# --- changes -------------------------------------------------------------------------------------------------------
+def color_changed(swatch: bpy.types.PropertyGroup) -> None:
+    """Let the swatches that move with one follow its new color, and the picture. What programs set moves no paint."""
+    if session.get(_State).is_suspended:
+        return
+    scene, (item, index) = swatch.id_data, colors.place_of(swatch)
+    now = colors.states(scene)
+    before, own = session.get(_State).seen.get(_key(item)), now[item.name]
+    before = own.learned if before is None or len(before) != len(own.chosen) else before
+    start_colors = own.chosen.copy()
+    start_colors[index] = before[index]
+    start = now | {item.name: own.with_colors(start_colors)}
+    moved = solve_sets(scene, solving.assign(start, item.name, index, swatch.color), item.name, index)
+    if scene.karf.material and not displayed.is_batched():
+        moved = _move_paints(scene, start, moved, solving.linked(start, item.name, index))
+    write(scene, moved)
+    displayed.of(scene).refresh()
+
+
+def surface_changed(swatch: bpy.types.PropertyGroup) -> None:
+    """Let the swatches that are linked to one take its surface, and the picture follow."""
+    if session.get(_State).is_suspended:
+        return
+    item, index = colors.place_of(swatch)
+    share_surface(item, index)
+    displayed.of(swatch.id_data).refresh()
+
+
+def share_surface(item: bpy.types.PropertyGroup, index: int) -> None:
+    """Give the unlocked swatches that are linked to one its surface."""
+    states = colors.states(item.id_data)
+    surface = states[item.name].surface_of(index)
+    with suspended(item.id_data):
+        for name, own in solving.linked(states, item.name, index).items():
+            for number in np.flatnonzero(own & ~states[name].locked):
+                colors.write_surface(item.id_data.karf.objects[name].swatches[number], surface)
+
+
+def reset(item: bpy.types.PropertyGroup, index: int, follows: bool) -> Mapping[str, np.ndarray]:
+    """Give a swatch and those that move with it the learned color; what followed when it was dragged may follow it back.
+
+    Returns:
+        Which swatches [M] bool these are, of each object that has some.
+    """
+    scene = item.id_data
+    start = colors.states(scene)
+    moved, masks = solving.reset(start, item.name, index)
+    if follows and scene.karf.material and _is_dragged(item, index, start):
+        moved = _move_paints(scene, start, moved, solving.linked(start, item.name, index))
+    write(scene, moved)
+    return masks
+
+
+def drag_again(item: bpy.types.PropertyGroup) -> None:
+    """Solve an object's last drag anew where nothing has changed since, as after it was said to be of metal."""
+    scene, gesture = item.id_data, session.get(_State).gestures.get(_key(item))
+    if gesture is not None and scene.karf.material:
+        now = colors.states(scene)
+        if gesture.goes_on(gesture.moved, now[item.name].chosen):
+            write(scene, _move_paints(scene, now, now, {item.name: _mask(now[item.name], gesture.moved)}))
+            displayed.of(scene).refresh()
+
+
+def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
+    """Return an object's palette [M, 3] without a swatch's edit: as before its drag where that is known, else with the
+    learned color of that swatch."""
+    states = colors.states(item.id_data)
+    if _is_dragged(item, index, states):
+        return session.get(_State).gestures[_key(item)].start
+    own = states[item.name]
+    return np.where(_mask(own, [index])[:, None], own.learned, own.chosen)
+
+
+# --- solving -------------------------------------------------------------------------------------------------------
+def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) -> States:
+    """Return the states with the sets of a swatch and those linked to it; one that cannot be solved stays, with a warning."""
+    result = dict(states)
+    for each, own in solving.linked(states, name, index).items():
+        for number in np.flatnonzero(own & states[each].is_added):
+            try:
+                seen = displayed.of(scene).learned_histogram(each)
+                result[each] = solving.solve_set(result[each], number, seen)
+            except (KarfError, OSError) as error:
+                progress.warn(str(error))
+    return result
+
+
+def _move_paints(
+    scene: bpy.types.Scene, start: States, moved: States, own: Mapping[str, np.ndarray], begins: bool = True
+) -> States:
+    """Return the states with the paints of dragged swatches.
+
+    Args:
+        scene: The scene.
+        start: The states before.
+        moved: The states with the new colors of the swatches and those that move with them.
+        own: The swatches [M] bool of each object that are dragged.
+        begins: Begin a drag where none goes on.
+    """
+    result, known = dict(moved), session.get(_State).gestures
+    for name, mask in own.items():
+        state, key = moved[name], (scene.session_uid, name)
+        paints = tuple(
+            np.flatnonzero(mask & (state.merged == 0) & ~state.is_added & ~_locked_links(state, mask)).tolist()
+        )
+        gesture = known.get(key)
+        if not paints or (not begins and gesture is None):
+            continue
+        if gesture is None or not gesture.goes_on(paints, start[name].chosen):
+            if not begins:
+                continue
+            gesture = Gesture(paints, start[name].chosen, start[name].chosen)
+            _keep(scene.karf.objects[name], gesture)
+        try:
+            seen = displayed.of(scene).learned_histogram(name)
+        except (KarfError, OSError):  # nobody has counted the object's colors: the swatches move alone
+            continue
+        result[name] = solving.drag(state, gesture, state.spread(seen))
+        known[key] = replace(gesture, result=result[name].chosen)
+    return result
+
+
+def _locked_links(state: solving.PaletteState, mask: np.ndarray) -> np.ndarray:
+    return state.locked & (state.link > 0) if mask.sum() > 1 else np.zeros(len(mask), bool)
+
+
+def write(scene: bpy.types.Scene, states: States) -> None:
+    """Give a scene's swatches the colors of these states; nothing follows them."""
+    with suspended(scene):
+        for item in scene.karf.objects:
+            colors.write(item, states[item.name].chosen)
+
+
+def _look(scene: bpy.types.Scene) -> None:
+    """Take note of the colors as they stand: the next change of a swatch begins there."""
+    seen = session.get(_State).seen
+    for item in scene.karf.objects:
+        seen[_key(item)] = colors.chosen(item)
+
+
+def _key(item: bpy.types.PropertyGroup) -> Key:
+    return item.id_data.session_uid, item.name
+
+
+def _mask(state: solving.PaletteState, numbers) -> np.ndarray:
+    return np.isin(np.arange(len(state.chosen)), numbers)
+
+
+def _is_dragged(item: bpy.types.PropertyGroup, index: int, states: States) -> bool:
+    gesture = session.get(_State).gestures.get(_key(item))
+    return gesture is not None and index in gesture.moved and gesture.goes_on(gesture.moved, states[item.name].chosen)
+
+
+# --- files, undo, keyframes ----------------------------------------------------------------------------------------
+def _keep(item: bpy.types.PropertyGroup, gesture: Gesture) -> None:
+    """Let an object keep where a drag began, for keyframes."""
+    item.dragged = gesture.moved[0] if len(gesture.moved) == 1 else 0
+    item.swatches.foreach_set("began", gesture.start.ravel())
+
+
+@session.handler("load_post", "undo_post", "redo_post", phase=session.Phase.SOLVE)
+def _after_replacement(*_):
+    """The colors are others, without an update: the drags that they came of go on, others have ended."""
+    if rendering.is_running():
+        return
+    for scene in bpy.data.scenes:
+        for item in scene.karf.objects:
+            _recall(item)
+        _look(scene)
+
+
+def _recall(item: bpy.types.PropertyGroup) -> None:
+    """Take up the drag that an object keeps, where its colors came of it."""
+    state, known, key = colors.state(item), session.get(_State).gestures, _key(item)
+    if key in known and known[key].goes_on(known[key].moved, state.chosen):
+        return
+    known.pop(key, None)
+    if not 0 < item.dragged < len(state.chosen) or not item.id_data.karf.material:
+        return
+    gesture = Gesture((item.dragged,), colors.stored(item, "began"), state.chosen)
+    try:
+        seen = displayed.of(item.id_data).learned_histogram(item.name)
+        solved = solving.drag(state, gesture, state.spread(seen))
+    except (KarfError, OSError):
+        return
+    if np.allclose(solved.chosen, state.chosen, atol=1e-5):
+        known[key] = gesture
+
+
+@session.handler("depsgraph_update_post", phase=session.Phase.SOLVE)
+def _after_change(*_):
+    if not rendering.is_running():
+        for scene in bpy.data.scenes:
+            _look(scene)
+
+
+@session.handler("frame_change_post", phase=session.Phase.SOLVE)
+def _follow_keyframes(scene, *_):
+    """Keyframes move a swatch without an update: what moves with it, and the paint of one that was dragged, follow."""
+    if rendering.is_running():
+        return
+    objects = scene.karf.objects
+    places = [
+        (curve.object_name, curve.swatch, curve.tail[1:])
+        for curve in keyframes.of(scene)
+        if isinstance(curve.swatch, int)
+        and curve.object_name in objects
+        and curve.swatch < len(objects[curve.object_name].swatches)
+    ]
+    moved = colors.states(scene)
+    start = moved
+    for name, index, tail in dict.fromkeys(places):
+        if tail == "color":
+            moved = solve_sets(scene, solving.assign(moved, name, index, moved[name].chosen[index]), name, index)
+        elif tail in colors.SURFACE:
+            share_surface(objects[name], index)
+    for name, index, tail in dict.fromkeys(places):
+        if tail == "color" and scene.karf.material:
+            moved = _move_paints(scene, start, moved, solving.linked(start, name, index), begins=False)
+    if places:
+        write(scene, moved)
+    _look(scene)

@@ -1,0 +1,315 @@
+"""What swatches become: functions from palettes to colors, without Blender.
+
+Colors are sRGB in float32. Swatch 0 of an object is black and stays black. Each added color has a set of swatches for its
+pigment (see the engine's `added`) behind the learned ones: first the added color, which is shown and edited like any
+swatch, then a hidden one for each learned swatch but black, which it moves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..engine_api import (
+    MAX_SRGB,
+    AddedColor,
+    BadRequest,
+    ColorHistogram,
+    Palette,
+    Surface,
+    add_fixed_paints,
+    ciede2000,
+    evaluate_edit,
+    match_added_color,
+    match_becomes,
+    match_dragged,
+    match_fewest,
+    match_surface,
+    mean_weights,
+    nearest_weights,
+    reached_color,
+    residual_delta_e,
+    rgb_to_hex,
+    shown_colors,
+    split_weights,
+    srgb_to_lab,
+)
+
+FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
+LEAST_SHOWN = 1e-3  # share of an object's pixels up to which a color is a stray one
+UNREACHED = 0.05  # share of a pigment that added colors reach, up to which it is the learned swatches'
+NEUTRAL = (1.0, 0.0, 1.0)  # saturation, brightness and gloss that change nothing
+
+
+@dataclass(frozen=True, eq=False)
+class PaletteState:
+    """The M swatches of an object."""
+
+    name: str
+    learned: np.ndarray  # [M, 3]
+    chosen: np.ndarray  # [M, 3], given by the artist
+    shift: np.ndarray  # [M, 3], added to these by surfaces
+    locked: np.ndarray  # [M] bool: no tool changes it
+    link: np.ndarray  # [M] int: swatches of a scene with the same number have one color; 0: none
+    merged: np.ndarray  # [M] int: number of the swatch that moves this one; 0: none
+    is_added: np.ndarray  # [M] bool: the first of a set
+    reach: np.ndarray  # [M], of an added color
+    protect: np.ndarray  # [M], of an added color
+    surface: np.ndarray  # [M, 3]: saturation, brightness, gloss
+    is_metal: bool
+
+    @property
+    def size(self) -> int:
+        """Count the learned swatches, black among them."""
+        return int(self.is_added.argmax()) if self.is_added.any() else len(self.learned)
+
+    @property
+    def palette(self) -> Palette:
+        """The palette as learned, without added colors."""
+        return Palette(self.name, self.learned[: self.size])
+
+    @property
+    def whole(self) -> Palette:
+        """The palette as learned, with the sets of added colors."""
+        return Palette(self.name, self.learned)
+
+    @property
+    def edited(self) -> np.ndarray:
+        """The colors that are shown, [M, 3]: the chosen ones with what surfaces add."""
+        return np.clip(self.chosen + self.shift, 0, MAX_SRGB)
+
+    @property
+    def held(self) -> list[int]:
+        """Numbers of the swatches that no solve may move: locked ones, merged ones and added ones."""
+        return np.flatnonzero(self.locked | (self.merged > 0) | self.is_added).tolist()
+
+    @property
+    def added(self) -> tuple[AddedColor, ...]:
+        """The added colors."""
+        return tuple(self.added_color(index) for index in np.flatnonzero(self.is_added))
+
+    @property
+    def is_neutral(self) -> bool:
+        """True if no swatch has a surface; one that another moves has none of its own."""
+        return bool((self.surface[self.merged == 0] == NEUTRAL).all())
+
+    @property
+    def key(self) -> bytes:
+        """All that shifts depend on, and the shifts, as one comparable value."""
+        arrays = (self.learned, self.chosen, self.shift, self.locked, self.merged, self.is_added)
+        return b"".join(each.tobytes() for each in (*arrays, self.reach, self.protect, self.surface))
+
+    def added_color(self, index: int) -> AddedColor:
+        """The color that was added with the set that begins at a swatch."""
+        return AddedColor(self.learned[index], float(self.reach[index]), float(self.protect[index]))
+
+    def surface_of(self, index: int) -> Surface:
+        """The surface of a swatch."""
+        return Surface() if self.merged[index] else Surface(*self.surface[index].tolist())
+
+    def with_colors(self, chosen: np.ndarray) -> "PaletteState":
+        """The same with other chosen colors."""
+        return replace(self, chosen=np.clip(chosen, 0, MAX_SRGB).astype(np.float32))
+
+    def spread(self, seen: ColorHistogram) -> ColorHistogram:
+        """The object's colors in the photos, with weights spread over the sets of added colors."""
+        return seen._replace(palette_weights=split_weights(seen.palette_weights.T, self.palette.colors, self.added).T)
+
+    def gathered(self, weights: np.ndarray) -> np.ndarray:
+        """Weights [M, ...] with those of merged swatches given to the ones that move them; sets stay as they are."""
+        weights = weights.copy()
+        for index in np.flatnonzero((self.merged > 0)[: self.size] & ~self.locked[: self.size]):
+            weights[self.merged[index]] += weights[index]
+            weights[index] = 0
+        return weights
+
+    def visible(self, seen: ColorHistogram, palette: np.ndarray) -> np.ndarray:
+        """The object's colors [n, 3] with another palette [M, 3]."""
+        return shown_colors(seen, self.whole, palette)
+
+
+States = dict[str, PaletteState]  # of a scene's objects, by name
+
+
+# --- swatches that move together -----------------------------------------------------------------------------------
+def linked(states: States, name: str, index: int) -> dict[str, np.ndarray]:
+    """Return which swatches [M] bool are linked to one, itself among them, of each object that has some."""
+    link, found = states[name].link[index], {}
+    for each, state in states.items():
+        own = (state.link == link) & (link > 0)
+        own[index if each == name else 0] |= each == name
+        if own.any():
+            found[each] = own
+    return found
+
+
+def assign(states: States, name: str, index: int, color: Sequence[float] | np.ndarray) -> States:
+    """Return the states after a swatch was given a color: linked ones take it, merged ones change alike."""
+    result = dict(states)
+    for each, own in linked(states, name, index).items():
+        state = states[each]
+        takes = own & ~state.locked
+        takes[index if each == name else 0] |= each == name
+        chosen = np.where(takes[:, None], np.float32(color), state.chosen)
+        result[each] = _carry(state.with_colors(chosen), own)
+    return result
+
+
+def reset(states: States, name: str, index: int) -> tuple[States, dict[str, np.ndarray]]:
+    """Return the states with a swatch and all that move with it as learned, and which [M] bool these are."""
+    result, masks = dict(states), {}
+    for each, own in linked(states, name, index).items():
+        state = states[each]
+        masks[each] = (own | ((state.merged > 0) & own[state.merged])) & ~state.locked
+        result[each] = state.with_colors(np.where(masks[each][:, None], state.learned, state.chosen))
+    return result, masks
+
+
+def _carry(state: PaletteState, leaders: np.ndarray) -> PaletteState:
+    """Let swatches that are merged into others [M] bool change by as much as these; sets are solved instead."""
+    moves = (state.merged > 0) & ~state.locked & leaders[state.merged] & ~state.is_added[state.merged]
+    learned, chosen = state.learned.astype(np.float64), state.chosen.astype(np.float64)
+    moved = learned + (chosen - learned)[state.merged]
+    return state.with_colors(np.where(moves[:, None], moved, state.chosen))
+
+
+# --- added colors --------------------------------------------------------------------------------------------------
+def solve_set(state: PaletteState, index: int, seen: ColorHistogram) -> PaletteState:
+    """Return the state with the set of an added color as its pigment looks in that color.
+
+    `seen` holds the object's colors with weights of the learned swatches. Raises BadRequest where the color is black.
+    """
+    found = match_added_color(seen, state.palette.colors, state.added_color(index), state.chosen[index])
+    chosen = state.chosen.copy()
+    chosen[index : index + len(found)] = found
+    return state.with_colors(chosen)
+
+
+def first_set(state: PaletteState, color: AddedColor, seen: ColorHistogram) -> np.ndarray:
+    """Return the set [M, 3] of a color that is about to be added, with which no picture changes.
+
+    It is what the color looks like as the swatches stand, and these swatches. Where added colors reach its pigment
+    already, it is solved, as whenever it moves. Raises BadRequest where the color is black.
+    """
+    own = mean_weights(*state.spread(seen), color.picked)
+    looks = np.clip(color.picked + own @ (state.edited - state.learned), 0, 1).astype(np.float32)
+    solved = match_added_color(seen, state.palette.colors, color, looks)
+    is_reached = own[state.size :].sum() > UNREACHED
+    return solved if is_reached else np.array([looks, *state.edited[1 : state.size]])
+
+
+# --- Material ------------------------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Gesture:
+    """A drag of swatches of an object, which knows the object's colors at its start."""
+
+    moved: tuple[int, ...]  # linked ones are dragged at once
+    start: np.ndarray  # [M, 3]
+    result: np.ndarray  # [M, 3] after its last change
+
+    def goes_on(self, moved: Sequence[int], chosen: np.ndarray) -> bool:
+        """True if these are the swatches, and no other has changed since but those that followed."""
+        others = ~np.isin(np.arange(len(chosen)), moved)
+        is_same = tuple(moved) == self.moved and len(chosen) == len(self.result)
+        return is_same and bool((chosen[others] == self.result[others]).all())
+
+
+def drag(state: PaletteState, gesture: Gesture, seen: ColorHistogram) -> PaletteState:
+    """Return the state after a drag: the other swatches of the paint follow those dragged.
+
+    This depends on the gesture's start and the last color alone. Locked swatches and added colors stay. `seen` holds the
+    object's colors with the sets of added colors.
+    """
+    weights, colors, numbers = state.gathered(seen.palette_weights.T).T, gesture.start, np.arange(len(state.chosen))
+    for index in gesture.moved:
+        stays = [*state.held, *(each for each in gesture.moved if each != index)]
+        visible, wanted = state.visible(seen, colors), state.chosen[index]
+        colors = match_dragged(visible, seen.counts, weights, colors, index, wanted, stays, state.is_metal)
+    stays = np.isin(numbers, [*gesture.moved, *state.held])
+    return _carry(state.with_colors(np.where(stays[:, None], state.chosen, colors)), numbers < state.size)
+
+
+# --- surfaces ------------------------------------------------------------------------------------------------------
+def surface_shifts(state: PaletteState, seen: ColorHistogram | None) -> np.ndarray:
+    """Return what surfaces add to the chosen colors, [M, 3]: of the learned swatches, and of each set.
+
+    Locked swatches without a surface of their own stay as they are shown. `seen` holds the object's colors with the sets
+    of added colors; a neutral state needs none.
+    """
+    chosen, numbers = state.chosen, np.arange(len(state.chosen))
+    held = [index for index in numbers[state.locked] if state.surface_of(index).is_neutral]
+    kept = np.where(np.isin(numbers, held)[:, None], state.shift, np.float32(0))
+    if state.is_neutral:
+        return kept
+    if seen.palette_weights.shape[1] != len(chosen):  # the project has learned others since
+        return state.shift
+    visible, shifts = state.visible(seen, chosen), np.zeros_like(chosen)
+    for first in range(0, len(chosen), state.size):
+        is_own = (numbers >= first) & (numbers < first + state.size)
+        surfaces = {index: state.surface_of(index) for index in numbers[is_own].tolist()}
+        pinned = [*numbers[~is_own], *(index for index in surfaces if index in held)]
+        own = kept * is_own[:, None]
+        shifts += match_surface(visible, seen.counts, seen.palette_weights, chosen, surfaces, pinned, own) - chosen
+    return shifts
+
+
+# --- one color becomes another -------------------------------------------------------------------------------------
+@dataclass(frozen=True, eq=False)
+class Becoming:
+    """A color of an object, and what it becomes."""
+
+    source: np.ndarray  # sRGB [3], in the mean exposure of all photos
+    target: np.ndarray  # sRGB [3]
+    rule: str  # "becomes": the whole object gets a new paint; "fewest": as few changed swatches as possible
+    start: np.ndarray  # [M, 3], the palette with which the picture shows the source
+    held: Sequence[np.ndarray] = ()  # colors that other paints of the object were given with `start` and keep
+
+
+def become(state: PaletteState, pair: Becoming, seen: ColorHistogram) -> tuple[np.ndarray, str]:
+    """Return the palette [M, 3] with which one color has become another, and why the target is missed, if it is.
+
+    Raises:
+        BadRequest: The source is black, or the object shows no such color.
+    """
+    held = state.held
+    start = np.where(np.isin(np.arange(len(state.chosen)), held)[:, None], state.edited, pair.start)
+    visible = state.visible(seen, start)
+    if not is_shown(visible, seen.counts, pair.source):
+        raise BadRequest(
+            "{name} shows no color like {color}.",
+            "Pick the left color on the object in the displayed picture.",
+            name=state.name,
+            color=rgb_to_hex(pair.source),
+        )
+    weights = state.gathered(seen.palette_weights.T).T
+    if pair.rule == "fewest":
+        nearest = nearest_weights(visible, weights, pair.source)
+        edited = match_fewest(nearest, start, pair.target, held, shown=pair.source)
+    else:
+        paints = add_fixed_paints(visible, pair.source, pair.target, pair.held)
+        edited = match_becomes(visible, seen.counts, weights, start, *paints, held, state.is_metal)
+    before, target = ColorHistogram(visible, seen.counts, weights), srgb_to_lab(pair.target)
+    reached, _, reason = evaluate_edit(edited, start, before, pair.source, target, held)
+    missed = f"{state.name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."
+    return edited, missed if reason else ""
+
+
+def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
+    """True if a color [3] is one of an object that shows `colors` [n, 3] so often, [n]."""
+    alike = ciede2000(srgb_to_lab(colors), srgb_to_lab(color)) <= FOREIGN
+    return bool(counts[alike].sum() > LEAST_SHOWN * counts.sum())
+
+
+def left_to_target(state: PaletteState, pair: Becoming, seen: ColorHistogram) -> float:
+    """Return the mean CIEDE2000 of the whole object to where the source color has become the target.
+
+    A color alone tells little: it may be met while highlights turn green. By the rule of fewest swatches only the color
+    itself is to be met. Infinity where the object shows no such source color.
+    """
+    before, after = (state.visible(seen, palette) for palette in (pair.start, state.edited))
+    if not is_shown(before, seen.counts, pair.source):
+        return np.inf
+    if pair.rule == "fewest":
+        reached = reached_color(before, after, pair.source, seen.counts)
+        return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(pair.target)))
+    return residual_delta_e(before, after, seen.counts, pair.source, pair.target, pair.held, state.is_metal)
