@@ -36,7 +36,7 @@ MODULES = {
     "surface": "scene_object splat_objects",
     "operators": "colorways project render",
     "panels": "editing display learning sidebar swatching",
-    "workspace": "clicking estimates opening own_pictures states statusbar",
+    "workspace": "estimates following opening states statusbar",
 }
 _exit_code = None
 _has_blender = False

@@ -17,7 +17,7 @@ from ..marking.raster import Place
 from ..pictures import editors
 from ..preferences import state
 from ..project import contents, disk, folders
-from ..workspace import own_pictures
+from ..workspace import following
 
 WITHOUT_ENGINE = translatable("Brush, lasso and box work without it.")
 CLICK_SHARE = 1 / 150  # radius of a correction's click, as a share of the photo's longer side
@@ -38,7 +38,7 @@ def begin_marking(window: bpy.types.Window) -> None:
     """Show the photo ready to mark in a window of the KaRF workspace, or the picture of what is learned. Never raises."""
     scene = window.scene
     if not scene.karf.project or contents.finished_stages(scene):
-        own_pictures.show_again()
+        following.show_again()
         return
     try:
         show_photo(scene)

@@ -1,17 +1,21 @@
-"""Image Editors show the picture of their window's scene: after another file or scene is opened, and after undo."""
+"""What follows the user: Image Editors show the picture of their window's scene, and a clicked camera is the active view.
+
+The message bus reports only what the user does; after undo and when a file is opened, Image Editors are updated too.
+"""
 
 import bpy
 
 from .. import session
 from ..engine_api import KarfError
-from ..host import rendering
+from ..host import rendering, windows
 from ..pictures import editors
 from ..project import contents
 from ..swatches import displayed, palettes
 from ..tasks import runner
 
 
-def show_again() -> None:
+@session.handler("load_post", phase=session.Phase.REPORT)
+def show_again(*_) -> None:
     """Show the recolored picture in Image Editors that are empty or show a lost picture of KaRF. Never raises."""
     for window in bpy.data.window_managers[0].windows:
         make(window.scene)
@@ -48,11 +52,6 @@ def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
     return [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
 
 
-@session.handler("load_post", phase=session.Phase.REPORT)
-def _after_load(*_):
-    show_again()
-
-
 @session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
 def _after_undo(*_):
     # undo takes the scene back, but not what jobs have learned: the palettes on the disk are the scene's again
@@ -62,3 +61,25 @@ def _after_undo(*_):
         palettes.import_learned(scene)
         make(scene)
     show_again()
+
+
+# --- a clicked camera ----------------------------------------------------------------------------------------------
+def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
+    """Make the view of the active object the active one, if that is one of the scene's captured cameras."""
+    karf, clicked = scene.karf, layer.objects.active
+    if clicked is None or clicked.parent is None or clicked.parent != karf.rig or clicked.karf_view not in karf.views:
+        return
+    if clicked.karf_view != karf.active_view and not rendering.is_running() and not _is_looking_through():
+        karf.active_view = clicked.karf_view
+
+
+def _is_looking_through() -> bool:
+    """Return whether a 3D View shows a camera view: there a click means an object in the picture."""
+    views = (area.spaces.active.region_3d for area in windows.areas("VIEW_3D"))
+    return any(view is not None and view.view_perspective == "CAMERA" for view in views)
+
+
+@session.subscribe((bpy.types.LayerObjects, "active"))
+def _clicked() -> None:
+    window = bpy.data.window_managers[0].windows[0]
+    choose_clicked(window.scene, window.view_layer)
