@@ -28,7 +28,7 @@ MODULES = {
     "rig": "cameras lens reprojection",
     "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
-    "render_engine": "blocking camera_pixels still viewport",
+    "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",
     "tasks": "ownership queries runner",
     "compositor": "recoloring",
@@ -71,7 +71,7 @@ def addon(bpy, monkeypatch):
     assert not modules.runner.is_running()
     modules.preview.stop()
     modules.queries.stop()
-    modules.session.get(modules.blocking.RenderWorker).close()
+    modules.session.get(modules.still.RenderWorker).close()
     modules.runner.release()
 
 

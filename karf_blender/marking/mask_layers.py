@@ -10,9 +10,10 @@ import bpy
 import numpy as np
 
 from .. import session
-from ..engine_api import KarfError, View, check_file, masks_of_view
+from ..engine_api import View, check_file, masks_of_view
 from ..host import windows
 from ..pictures import images
+from ..progress import printing_errors
 from ..project import captures, folders
 from . import history, objects, raster
 
@@ -85,10 +86,8 @@ def reread(scene: bpy.types.Scene) -> None:
     was_open = opened(scene) is not None
     forget()
     if was_open:
-        try:
+        with printing_errors():
             open_layers(scene)
-        except (KarfError, OSError) as error:
-            print(f"KaRF: the masks of {scene.karf.active_view!r} cannot be read: {error}")
     windows.redraw()
 
 

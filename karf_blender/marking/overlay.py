@@ -9,6 +9,7 @@ from gpu_extras.batch import batch_for_shader
 
 from .. import session
 from ..engine_api import srgb_to_linear
+from ..host.drawing import draw_line
 from . import mask_layers, objects, photo, proposals
 from .mask_layers import Layer
 
@@ -16,6 +17,7 @@ LONGEST = 2048  # pixels of a texture's side: larger masks are reduced
 IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # colors of corrections and clicks
 TINT, OUTLINE = 0.35, 2.0  # the marked object's fill (opacity) and outline (pixels of the screen)
 OTHERS_TINT, OTHERS_OUTLINE = 0.18, 1.0
+LINE = ((3.0, (0, 0, 0, 0.6)), (1.0, (1, 1, 1, 1)))  # widths and colors: visible on light and on dark
 DOT = 6.0  # radius of a click, pixels of the screen
 CIRCLE = np.stack([np.cos(angles := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np.sin(angles)], -1)
 QUAD = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
@@ -79,7 +81,7 @@ def _draw_overlay() -> None:
     _draw_clicks(context.region, scene, layers)
     gesture = session.get(photo.Gesture).places
     if len(gesture) > 1:
-        _draw_line(gesture)
+        draw_line(gesture, *LINE)
     gpu.state.blend_set("NONE")
 
 
@@ -155,7 +157,8 @@ def _draw_clicks(region, scene, layers) -> None:
 
     if proposal.box is not None:
         x0, y0, x1, y1 = proposal.box
-        _draw_line([on_screen(*corner) for corner in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))])
+        corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
+        draw_line([on_screen(*corner) for corner in corners], *LINE)
     for x, y, is_object in proposal.points:
         _draw_click(on_screen(x, y), is_object)
 
@@ -175,15 +178,3 @@ def _draw(kind: str, places: np.ndarray, color) -> None:
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.uniform_float("color", color)
     batch_for_shader(shader, kind, {"pos": [(x, y, 0) for x, y in places.reshape(-1, 2)]}).draw(shader)
-
-
-def _draw_line(places) -> None:
-    """Draw a line that is visible on light and dark."""
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0) for place in places]})
-    shader.bind()
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    for width, color in ((3.0, (0, 0, 0, 0.6)), (1.0, (1, 1, 1, 1))):
-        shader.uniform_float("lineWidth", width)
-        shader.uniform_float("color", color)
-        batch.draw(shader)

@@ -9,10 +9,11 @@ import bpy
 import numpy as np
 
 from .. import session
-from ..engine_api import BadRequest, DataError, KarfError
+from ..engine_api import BadRequest, DataError
 from ..host import rendering, windows
 from ..pictures import editors, images, photos
 from ..preferences import state
+from ..progress import printing_errors
 from ..project import captures, disk, folders
 from ..tasks import queries
 from . import history, mask_layers, objects, tools
@@ -62,11 +63,9 @@ def follow(scene: bpy.types.Scene) -> None:
     image = scene.karf.marking.photo
     spaces = (area.spaces.active for area in windows.areas("IMAGE_EDITOR"))
     if image is not None and any(space.image == image for space in spaces):
-        try:
+        with printing_errors():
             show(scene)
             correct(scene)
-        except (KarfError, OSError) as error:
-            print(f"KaRF: {error}")
 
 
 def leave(scene: bpy.types.Scene) -> None:
@@ -78,10 +77,8 @@ def leave(scene: bpy.types.Scene) -> None:
 
 @session.handler("undo_post", "redo_post", phase=session.Phase.READ)
 def _after_undo(*_):
-    try:
+    with printing_errors():
         history.follow()
-    except OSError as error:
-        print(f"KaRF: masks do not follow undo: {error}")
     for scene in bpy.data.scenes:
         mask_layers.reread(scene)
         follow(scene)
@@ -129,10 +126,8 @@ def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -
 
 def begin_correcting(scene: bpy.types.Scene) -> None:
     """Display the photo and take up a tool when *Correct* is switched on; errors are printed."""
-    try:
+    with printing_errors():
         show(scene)
         for area in areas(scene):
             tools.take_up(bpy.context, area)
         correct(scene)
-    except (KarfError, OSError) as error:
-        print(f"KaRF: {error}")

@@ -16,13 +16,14 @@ from .. import session
 from ..engine_api import (
     Capture,
     ErrorSummary,
-    KarfError,
     observed_points,
     reprojection_errors,
     summarize,
     undistort_points_near,
 )
 from ..host import compat, windows
+from ..host.drawing import draw_text
+from ..progress import printing_errors
 from ..project import captures
 
 BAD_PIXELS = 4.0  # errors from this size on are red
@@ -90,10 +91,8 @@ def refresh(scene: bpy.types.Scene) -> None:
     """Compute the errors of the scene's camera when the overlay is switched on, and redraw."""
     camera = scene.camera
     if scene.karf.show_reprojection and camera is not None and camera.karf_view and of_camera(scene, camera) is None:
-        try:
+        with printing_errors():
             remember(scene, captures.of(scene), camera.karf_view)
-        except KarfError as error:
-            print(f"KaRF: {error.sentence} {error.hint}")
     windows.redraw("VIEW_3D")
 
 
@@ -143,9 +142,4 @@ def _draw_numbers() -> None:
         return
     text, scale = str(known.summary), bpy.context.preferences.system.ui_scale
     blf.size(0, TEXT_SIZE * scale)
-    blf.color(0, 1, 1, 1, 1)
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 3, 0, 0, 0, 1)
-    blf.position(0, (bpy.context.region.width - blf.dimensions(0, text)[0]) / 2, TEXT_MARGIN * scale, 0)
-    blf.draw(0, text)
-    blf.disable(0, blf.SHADOW)
+    draw_text(text, (bpy.context.region.width - blf.dimensions(0, text)[0]) / 2, TEXT_MARGIN * scale)

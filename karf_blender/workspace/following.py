@@ -6,9 +6,9 @@ The message bus reports only what the user does; after undo and when a file is o
 import bpy
 
 from .. import session
-from ..engine_api import KarfError
 from ..host import rendering, windows
 from ..pictures import editors
+from ..progress import printing_errors
 from ..project import contents
 from ..swatches import displayed, palettes
 from ..tasks import runner
@@ -19,10 +19,10 @@ def show_again(*_) -> None:
     """Show the recolored picture in Image Editors that are empty or show a lost picture of KaRF. Never raises."""
     for window in bpy.data.window_managers[0].windows:
         make(window.scene)
-        result = window.scene.karf.result
-        for area in _image_editors(window) if result is not None else ():
-            if editors.is_empty(area):
-                editors.show(area, result)
+    for area in windows.areas("IMAGE_EDITOR"):
+        result = windows.window_of(area).scene.karf.result
+        if result is not None and editors.is_empty(area):
+            editors.show(area, result)
 
 
 def make(scene: bpy.types.Scene) -> None:
@@ -30,26 +30,20 @@ def make(scene: bpy.types.Scene) -> None:
     karf = scene.karf
     if karf.result is not None or not karf.objects or not karf.project or rendering.is_running():
         return
-    try:
+    with printing_errors():  # nobody has asked for it
         if contents.is_prepared(scene):
             displayed.of(scene).recolor()
-    except (KarfError, OSError) as error:  # nobody has asked for it
-        print(f"KaRF: {error}")
 
 
 @session.subscribe((bpy.types.Window, "scene"))
 def show_own() -> None:
     """Show in each Image Editor the picture of its window's scene, and never another scene's."""
-    for window in bpy.data.window_managers[0].windows:
-        results = {scene.karf.result for scene in bpy.data.scenes} - {None, window.scene.karf.result}
-        for area in _image_editors(window):
-            if area.spaces.active.image in results:
-                editors.show(area, window.scene.karf.result)
+    results = {scene.karf.result for scene in bpy.data.scenes} - {None}
+    for area in windows.areas("IMAGE_EDITOR"):
+        own = windows.window_of(area).scene.karf.result
+        if area.spaces.active.image in results - {own}:
+            editors.show(area, own)
     show_again()
-
-
-def _image_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
-    return [area for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
 
 
 @session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
