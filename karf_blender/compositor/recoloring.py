@@ -44,7 +44,7 @@ def build(
     image.filepath, space = filepath, space or LINEAR
     if images.knows_space(space):
         image.colorspace_settings.name = space
-    image.reload()  # one that was loaded before may show an older file
+    image.reload()  # it may show an older file
     node = named(tree, name, "CompositorNodeGroup", (-300, 0))
     node.width = 200
     targets = [link.to_socket for link in node.outputs[0].links] if node.outputs else []

@@ -233,7 +233,7 @@ def extent_of(capture: Capture) -> float:
 
 
 def up_of(capture: Capture) -> np.ndarray:
-    """Estimate up, [3] of length 1: perpendicular to the cameras' right axes; if that is open, near their up axes."""
+    """Estimate up, [3] of length 1: perpendicular to the cameras' right axes, and near their up axes."""
     axes = np.array([view.camera.camera_to_world[:3, :3] for view in capture.views])
     right, up = axes[..., 0], axes[..., 1].mean(axis=0)
     found = np.linalg.solve(right.T @ right / len(right) + UP_WEIGHT * np.eye(3), up)

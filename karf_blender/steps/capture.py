@@ -206,7 +206,7 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
     path = folders.project_of(scene).path("inspection", "more_photos.png")
     path.parent.mkdir(exist_ok=True)
     shutil.move(values["picture"], path)
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
     if not shows_map:
         return
     image = bpy.data.images.get(MAP_NAME)

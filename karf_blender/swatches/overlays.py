@@ -12,7 +12,6 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from .. import session
-from ..host import windows
 from ..host.drawing import draw_line, draw_text
 from ..host.words import translate
 from . import displayed, free_camera, views
@@ -30,11 +29,6 @@ AVERAGED = 3  # pixels in a row and in a column in the middle, whose mean is pic
 FRAME, NO_COLOR = (0.05, 0.05, 0.05, 1.0), (0.3, 0.3, 0.3, 1.0)
 
 Rectangle = tuple[float, float, float, float]  # left, bottom, right, top, in pixels of the region
-
-
-def redraw() -> None:
-    """Redraw all editors that have overlays."""
-    windows.redraw(*windows.PANEL_AREAS)
 
 
 # --- where ---------------------------------------------------------------------------------------------------------
