@@ -5,13 +5,11 @@ It is kept in a file of the user's, for one Python with one number of threads.
 
 import contextlib
 import json
-import subprocess
-import tempfile
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from ..engine_api import KarfError, read_json, write_json
-from . import processes
+from .processes import Inquiry
 
 NEW = 0.5  # weight of the last job relative to all earlier ones
 UNBELIEVABLE = 0.3  # share of its estimate below which a job had resumed another, or found its work done
@@ -54,27 +52,17 @@ def read(file: Path, python: str, threads: int) -> Speed:
     return known if (known.python, known.threads) == (python, threads) else unknown
 
 
-class Measurement:
-    """The engine's `speed` as a child process; `poll` it until it gives an answer."""
+class Measurement(Inquiry):
+    """The engine's `speed`; `poll` it until it gives an answer."""
 
-    def __init__(self, python: Path, engine: Path, threads: int) -> None:
-        self._said = tempfile.TemporaryFile()
-        command = processes.engine_command(python, engine, "speed")
-        command += ["--threads", str(threads)] if threads else []
-        self._process = processes.start(
-            command, threads, stdin=subprocess.DEVNULL, stdout=self._said, stderr=subprocess.DEVNULL
-        )
+    def __init__(self, python: Path, threads: int) -> None:
+        super().__init__(python, "speed", threads=threads)
 
     def poll(self) -> float | None:
         """Return None while it runs; then the samples a second, 0 where it could not be measured."""
-        if self._process.poll() is None:
+        if self.process.poll() is None:
             return None
-        self._said.seek(0)
         try:
-            return float(json.loads(self._said.read().splitlines()[-1])["samples_per_second"])
+            return float(json.loads(self.lines()[-1])["samples_per_second"])
         except (ValueError, IndexError, KeyError, TypeError):
             return 0.0
-
-    def end(self) -> None:
-        if self._process.poll() is None:
-            processes.end(self._process)

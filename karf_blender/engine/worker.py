@@ -223,7 +223,7 @@ class Worker:
 
     def _start(self, python: Path, folder: Path, threads: int) -> subprocess.Popen:
         waiting = ("--wait", str(self._keep_seconds)) if self._keep_seconds else ()
-        command = processes.engine_command(python, engine_api.ENGINE_FOLDER, "run", folder, *waiting)
+        command = processes.engine_command(python, "run", folder, *waiting)
         with disk_errors():
             log = (folder / LOG_FILE).open("ab")
         try:

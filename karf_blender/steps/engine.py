@@ -5,8 +5,8 @@ from pathlib import Path
 
 import bpy
 
-from .. import engine_api, preferences
-from ..engine import examination, installing
+from .. import preferences
+from ..engine import installing, probing
 from ..engine.installer import computer, home, locks, plan
 from ..engine.installer.home import Status
 from ..engine.installer.plan import Choices, Plan
@@ -122,7 +122,7 @@ def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
     """
     folder = folders.likely_project(scene or bpy.context.scene)
     python, threads = preferences.engine_python(), preferences.current().threads
-    found = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads).findings
+    found = probing.wait(python, folder, threads)
     for finding in found:
         print(f"KaRF engine: {finding.to_text()}", flush=True)
     verdict = found[-1]

@@ -75,7 +75,7 @@ def measure_once() -> None:
         return
     python, threads = Path(computer.speed.python), computer.speed.threads
     try:
-        computer.measurement = Measurement(python, engine_api.ENGINE_FOLDER, threads)
+        computer.measurement = Measurement(python, threads)
     except OSError:  # Test Engine says why
         return
     session.start_timer(_tick, POLL_SECONDS, persistent=True)
