@@ -200,7 +200,7 @@ def test_remove_deletes_the_environment_and_nothing_else(bpy, addon, managed, tm
 
 def test_remove_goes_on_beside_the_interface(bpy, addon, chosen, managed):
     installing = addon.installing
-    installing._begin(installing.Removal(managed, sys.executable))
+    installing._begin(installing.Removal, managed, sys.executable)
     assert "Removing the engine ..." in drawn_preferences(bpy, chosen)
     assert not bpy.ops.karf.install_engine.poll() and not bpy.ops.karf.cancel_installation.poll()
     run_to_end(installing._tick)
@@ -212,7 +212,7 @@ def test_what_cannot_be_removed_is_told(bpy, addon, chosen, managed, monkeypatch
         raise PermissionError(13, "Permission denied", "torch.dll")
 
     installing = addon.installing
-    installing._begin(installing.Removal(managed, "true"))
+    installing._begin(installing.Removal, managed, "true")
     monkeypatch.setattr(addon.home.chores, "remove", refuse)
     run_to_end(installing._tick)
     assert "torch.dll: Permission denied" in drawn_preferences(bpy, chosen)
