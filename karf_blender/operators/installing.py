@@ -84,8 +84,8 @@ class KARF_OT_install_engine(bpy.types.Operator):
             draw_text(box, sentence, "DOT", LETTERS)
         row = layout.row(align=True)
         row.label(text="To do the same by hand:")
-        for shell in computer.SHELLS:
-            copy = row.operator("karf.copy_command", text=SHELLS[shell], icon="COPYDOWN")
+        for shell, label in SHELLS.items():
+            copy = row.operator("karf.copy_command", text=label, icon="COPYDOWN")
             copy.command = self.plan.commands(shell)
 
     @reports_errors

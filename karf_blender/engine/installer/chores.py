@@ -24,6 +24,11 @@ from pathlib import Path
 NAME = re.compile(r"env(-\d+)?")  # of environments: `env`, `env-2`
 
 
+def command(python: str, verb: str, *arguments: str) -> tuple[str, ...]:
+    """Return the command line of a verb."""
+    return (python, "-I", "-B", "-X", "utf8", __file__, verb, *arguments)
+
+
 def environments(folder: Path) -> list[Path]:
     """Return the environments in a folder that may be missing."""
     paths = folder.iterdir() if folder.is_dir() else ()

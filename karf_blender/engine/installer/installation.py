@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...engine_api import BadRequest, Cancelled, DataError, KarfError, MissingDependency, write_json
+from ...engine_api import REQUIRED, BadRequest, Cancelled, DataError, KarfError, MissingDependency, write_json
 from .. import processes
 from ..failures import disk_errors
-from . import home, plan
-from .plan import Plan, Step
+from . import chores, home
+from .plan import EXTRAS, UNPACKED, Plan, Step
 
 KILL_SECONDS = 5.0
 FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
@@ -40,8 +40,6 @@ GO_ON = "What was fetched is kept; Install goes on from there."
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of an installation or removal."""
-
     title: str
     done: int = 0  # bytes, estimated
     total: int = 0
@@ -117,35 +115,35 @@ class Installation:
 
     # --- the work --------------------------------------------------------------------------------------------------
     def _work(self) -> Iterator[Step]:
-        planned = self.plan
+        planned, name = self.plan, self.plan.environment.name
+        own_python, folder = planned.own_python, str(planned.folder)
         was = home.status(planned.folder)
-        yield planned.check(was.environment if was.torch else "")
+        check = chores.command(own_python, "check", folder, was.environment if was.torch else "")
+        yield Step("Checking what is there", check, is_needed=False)
         yield from planned.steps()
-        yield planned.test()
-        tested = self._answer()
-        self._check_build(tested)
+        modules = [package.name for package in REQUIRED] + ["numba", *map(EXTRAS.get, planned.choices.extras)]
+        yield Step("Testing", chores.command(str(home.python_of(planned.environment)), "test", *modules))
+        tested = self._tested()
         with disk_errors():
-            named = {"environment": planned.environment.name, "chosen": self._mark, "digest": planned.lock.digest}
+            named = {"environment": name, "chosen": self._mark, "digest": planned.lock.digest}
             write_json(planned.folder / home.INSTALLED, {"schema": home.SCHEMA, **tested, **named})
-        yield planned.clear(planned.environment.name)
+        yield Step("Cleaning up", chores.command(own_python, "clear", folder, name), is_needed=False)
 
-    def _answer(self) -> dict[str, Any]:
-        """Read a chore's last line, which is JSON."""
+    def _tested(self) -> dict[str, Any]:
+        """Return what the test has found, its last line; refuse another build of torch than was meant."""
         try:
-            return json.loads(self._said[-1])
+            tested = json.loads(self._said[-1])
         except (ValueError, IndexError) as error:
             raise KarfError(
                 "The environment's Python gave no answer.", "Repair, or remove and install anew."
             ) from error
-
-    def _check_build(self, tested: dict[str, Any]) -> None:
-        """Raise BadRequest where uv's backend has brought another build of torch than was meant."""
         build = self.plan.lock.build
         if tested["build"] != REPORTED_AS.get(build, build):
             raise BadRequest(
                 f"torch {tested['torch']} is a {tested['build']} build, not the {build} build that was chosen.",
                 "Choose another build: uv found no driver on this computer for the chosen one.",
             )
+        return tested
 
     # --- one command -----------------------------------------------------------------------------------------------
     def _advance(self) -> None:
@@ -218,7 +216,7 @@ class Removal:
         self.progress = Progress("Removing the engine ...")
         with disk_errors():
             (folder / home.INSTALLED).unlink(missing_ok=True)  # from here on nobody starts it
-            self._process = processes.start(plan.chore(own_python, "remove", str(folder)), stdin=subprocess.DEVNULL)
+            self._process = processes.start(chores.command(own_python, "remove", str(folder)), stdin=subprocess.DEVNULL)
 
     def poll(self) -> Progress:
         self.ended = self._process.poll() is not None
@@ -238,7 +236,7 @@ class _Fetching:
 
     def __init__(self, step: Step, planned: Plan) -> None:
         self._total, self._folder = step.bytes, planned.folder
-        self._unpacked = plan.UNPACKED[planned.lock.build]
+        self._unpacked = UNPACKED[planned.lock.build]
         cached = {path.name.lower() for path in planned.cache.glob("archive-v*/*/*.dist-info")}
         names = {wheel: "-".join(wheel.file.split("-")[:2]).lower() for wheel in step.wheels}
         self._before = sum(wheel.size for wheel in step.wheels if f"{names[wheel]}.dist-info" in cached)
