@@ -7,7 +7,7 @@ from ... import __package__ as extension
 from ..engine_api import Options, bounds_of
 from ..host.labels import draw_text
 from . import color_book, managing, state
-from .choices import chosen_python, current, engine_folder, engine_python, has_engine
+from .state import chosen_python, current, engine_folder, engine_python, has_engine
 
 __all__ = ["chosen_python", "color_book", "current", "engine_folder", "engine_python", "has_engine", "state"]
 
