@@ -20,7 +20,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api preferences progress session steps",
     "host": "compat labels rendering windows words",
-    "engine": "failures installing probing processes speed worker",
+    "engine": "failures installing probing processes worker",
     "engine.installer": "home",
     "preferences": "color_book managing state",
     "project": "captures contents disk folders moving",

@@ -135,7 +135,6 @@ def test_only_compat_asks_for_blenders_version():
             f"engine/installer/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "installer").glob("*.py")
         ),
         "engine/processes",
-        "engine/speed",
         "engine/worker",
     ],
 )
