@@ -20,9 +20,8 @@ from ..project import contents, disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
 from .colors import srgb
-from .looks import KARF_PG_look
 from .marking import KARF_PG_marking
-from .swatches import KARF_PG_match, KARF_PG_object, edit_changed
+from .swatches import KARF_PG_look, KARF_PG_match, KARF_PG_object, edit_changed
 
 PRESET_HELP = {
     "demo": "For a quick preview: photos of 256 pixels, on any computer",

@@ -192,3 +192,9 @@ class KARF_PG_match(bpy.types.PropertyGroup):
     )
     view: StringProperty(name="View", description="View that was painted over")
     left: CollectionProperty(type=KARF_PG_left)
+
+
+class KARF_PG_look(bpy.types.PropertyGroup):
+    """All swatches as they once stood, under a name."""
+
+    edit: StringProperty(description="Contents of edit.json")

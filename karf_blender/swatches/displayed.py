@@ -28,31 +28,19 @@ RETRY_SECONDS = 0.2
 
 @dataclass
 class DisplayedScene:
-    """What is shown of one scene. Drawing only asks for what is in memory.
+    """What is shown of one scene. Drawing only asks for what is in memory."""
 
-    Attributes:
-        scene: Blender's own, as `of` was last asked for it: undo replaces it.
-        view: The planes shown last.
-        camera: The planes of the camera that is followed, where it is this scene's.
-        files: How the engine sees the active view.
-        masks: The objects in the active view as they were read last, and what they were read from.
-        histograms: The colors of its objects in the photos, by file, time and object.
-        left: Of each object with a target color what `solving.left_to_target` depends on, and what it found.
-        surfaces: What the surfaces of each object were solved of, by its name.
-        values: What the picture was made from.
-        stand_in_key: What a stand-in for the picture would have been made from.
-    """
-
-    scene: bpy.types.Scene
-    view: DisplayedView | None = None
-    camera: DisplayedView | None = None
+    scene: bpy.types.Scene  # as `of` was last asked for it: undo replaces it
+    view: DisplayedView | None = None  # the planes shown last
+    camera: DisplayedView | None = None  # the planes of the camera that is followed, where it is this scene's
     files: PictureFiles = field(default_factory=PictureFiles)
-    masks: tuple[tuple, ObjectMasks | None] = ((), None)
-    histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)
-    left: dict[str, tuple[tuple, float]] = field(default_factory=dict)
-    surfaces: dict[str, bytes] = field(default_factory=dict)
-    values: bytes = b""
-    stand_in_key: tuple = ()
+    masks: tuple[tuple, ObjectMasks | None] = ((), None)  # as read last, and what from
+    histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)  # by file, time and object
+    spread: dict[str, tuple[bytes, ColorHistogram, ColorHistogram]] = field(default_factory=dict)  # see `histogram_of`
+    left: dict[str, tuple[tuple, float]] = field(default_factory=dict)  # to the target, with what it was found of
+    surfaces: dict[str, bytes] = field(default_factory=dict)  # what the surfaces of each object were solved of
+    values: bytes = b""  # what the picture was made from
+    placeholder_key: tuple = ()  # what a placeholder for the picture would have been made from
 
     # --- the picture -----------------------------------------------------------------------------------------------
     def refresh(self) -> None:
@@ -69,7 +57,7 @@ class DisplayedScene:
         try:
             self.recolor()
         except KarfError:  # the panel says that the view is not prepared
-            if self.stand_in_key != views.placeholder_key(self.scene):
+            if self.placeholder_key != views.placeholder_key(self.scene):
                 self.show_unedited()
             self.update_left()
 
@@ -106,7 +94,7 @@ class DisplayedScene:
             return state.edited
 
     def _shifts(self, state: solving.PaletteState) -> np.ndarray:
-        seen = None if state.is_neutral else state.spread(self.learned_histogram(state.name))
+        seen = None if state.is_neutral else self.histogram_of(state)
         return solving.surface_shifts(state, seen)
 
     def show_unedited(self) -> bpy.types.Image:
@@ -126,7 +114,7 @@ class DisplayedScene:
         images.fit(karf.result, width, height)
         images.upload(karf.result, buffer)
         images.note_change(karf.result)
-        self.stand_in_key = views.placeholder_key(self.scene)
+        self.placeholder_key = views.placeholder_key(self.scene)
         self.load_masks()
         self.update_left()
         return karf.result
@@ -210,7 +198,18 @@ class DisplayedScene:
 
     def histogram(self, item: bpy.types.PropertyGroup) -> ColorHistogram:
         """The same with weights that are spread over the sets of the object's added colors."""
-        return colors.state(item).spread(self.learned_histogram(item.name))
+        return self.histogram_of(colors.state(item))
+
+    def histogram_of(self, state: solving.PaletteState) -> ColorHistogram:
+        """The same of an object's swatches."""
+        learned = self.learned_histogram(state.name)
+        if not state.is_added.any():
+            return learned
+        key = b"".join(each.tobytes() for each in (state.learned, state.is_added, state.reach, state.protect))
+        known = self.spread.get(state.name)
+        if known is None or known[0] != key or known[1] is not learned:
+            known = self.spread[state.name] = key, learned, state.spread(learned)
+        return known[2]
 
     # --- target colors ---------------------------------------------------------------------------------------------
     def left_to_target(self, item: bpy.types.PropertyGroup) -> float | None:
@@ -230,7 +229,7 @@ class DisplayedScene:
             key = source, target, self.scene.karf.project, *own, state.key, before
             if item.name not in self.left or self.left[item.name][0] != key:
                 try:
-                    seen = state.spread(self.learned_histogram(item.name))
+                    seen = self.histogram_of(state)
                     self.left[item.name] = key, solving.left_to_target(state, colors.becoming(item), seen)
                 except (KarfError, OSError):  # the project is gone, or has no such object yet
                     self.left.pop(item.name, None)
@@ -269,7 +268,7 @@ def forget(scene: bpy.types.Scene) -> None:
     """Read all of a scene anew at the next question. What its pictures show stays known."""
     known = of(scene)
     session.get(_State).scenes[scene.session_uid] = DisplayedScene(
-        scene, camera=known.camera, stand_in_key=known.stand_in_key
+        scene, camera=known.camera, placeholder_key=known.placeholder_key
     )
 
 
@@ -337,5 +336,5 @@ def _after_load(*_):
     forget_all()
     for scene in bpy.data.scenes:
         # a picture that was saved is that of the view that was active then
-        of(scene).stand_in_key = views.placeholder_key(scene)
+        of(scene).placeholder_key = views.placeholder_key(scene)
         of(scene).refresh()

@@ -153,10 +153,10 @@ def _move_paints(
             gesture = Gesture(paints, start[name].chosen, start[name].chosen)
             _keep(scene.karf.objects[name], gesture)
         try:
-            seen = displayed.of(scene).learned_histogram(name)
+            seen = displayed.of(scene).histogram_of(state)
         except (KarfError, OSError):  # nobody has counted the object's colors: the swatches move alone
             continue
-        result[name] = solving.drag(state, gesture, state.spread(seen))
+        result[name] = solving.drag(state, gesture, seen)
         known[key] = replace(gesture, result=result[name].chosen)
     return result
 
@@ -220,8 +220,8 @@ def _recall(item: bpy.types.PropertyGroup) -> None:
         return
     gesture = Gesture((item.dragged,), colors.stored(item, "began"), state.chosen)
     try:
-        seen = displayed.of(item.id_data).learned_histogram(item.name)
-        solved = solving.drag(state, gesture, state.spread(seen))
+        seen = displayed.of(item.id_data).histogram_of(state)
+        solved = solving.drag(state, gesture, seen)
     except (KarfError, OSError):
         return
     if np.allclose(solved.chosen, state.chosen, atol=1e-5):

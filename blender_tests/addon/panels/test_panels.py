@@ -272,7 +272,11 @@ def test_both_editors_have_the_panel(bpy, addon):
 
 def test_no_panel_pulls_its_tab_before_those_of_blender(addon):
     """Blender puts panels without a header before all others, and tabs stand in the order of their first panels."""
-    assert not [panel for panel in addon.sidebar.StepsPanel.__subclasses__() if "HIDE_HEADER" in getattr(panel, "bl_options", ())]
+    assert not [
+        panel
+        for panel in addon.sidebar.StepsPanel.__subclasses__()
+        if "HIDE_HEADER" in getattr(panel, "bl_options", ())
+    ]
 
 
 def test_the_status_has_as_many_rows_whatever_it_says(bpy, addon):

@@ -2,6 +2,9 @@
 
 import numpy as np
 
+from karf_engine.palettes.color_histogram import write_object_colors
+from karf_engine.palettes.palette import write_palettes
+
 BLUE = (0.1, 0.2, 0.7)
 
 
@@ -97,3 +100,24 @@ def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
     assert np.ptp(metal[2]) > np.ptp(varnish[2]) + 0.1
     item.is_metal = False
     np.testing.assert_array_equal(colors(item), varnish)
+
+
+def test_a_drag_goes_on_in_a_file_that_is_opened_again(bpy, addon, learned, pot, tmp_path):
+    project, seen = addon.folders.project_of(learned), addon.displayed.of(learned).learned_histogram("pot")
+    write_palettes(project.palette_file, addon.colors.palettes(learned), shared=False)
+    write_object_colors(project.object_colors_file, {"pot": seen})
+    item = pot
+    for frame, color in ((1, item.swatches[1].learned[:]), (11, BLUE)):
+        item.swatches[1].color = color
+        item.swatches[1].keyframe_insert("color", frame=frame)
+    learned.frame_set(11)
+    blue = colors(item)
+    assert np.abs(blue[2] - item.swatches[2].learned[:]).max() > 1e-3
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    scene = bpy.context.scene
+    scene.frame_set(1)
+    item = scene.karf.objects["pot"]
+    np.testing.assert_allclose(colors(item), [swatch.learned[:] for swatch in item.swatches], atol=1e-4)
+    scene.frame_set(11)
+    np.testing.assert_allclose(colors(item), blue, atol=1e-4)

@@ -16,7 +16,7 @@ from ..timers import run_to_end
 def begin(addon, scene, behave, after=lambda request: None):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
     addon.runner._begin(addon.runner.Task("Trial", (request,), after))
-    return addon.runner._jobs().worker
+    return addon.session.get(addon.runner.Runner).worker
 
 
 def drawn_status(bpy, addon):

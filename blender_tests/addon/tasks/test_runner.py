@@ -93,7 +93,7 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(b
     jobs = (addon.folders.project_of(project_scene).folder / "jobs").iterdir()
     hellos = [next(iter(addon.engine_api.EventReader(job).poll())) for job in jobs]
     assert len(hellos) == 5 and len({hello["pid"] for hello in hellos}) == 1
-    process = addon.runner._worker()._process
+    process = addon.session.get(addon.runner.Runner).worker._process
     assert process.poll() is None
     addon.extension.unregister()
     addon.extension.register()
@@ -104,7 +104,7 @@ def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_
     runner = addon.runner
     runner._begin(failing(addon, project_scene, "deaf"))
     addon.session.start_timer(runner._poll)
-    worker = runner._worker()
+    worker = addon.session.get(addon.runner.Runner).worker
     addon.extension.unregister()
     addon.extension.register()
     assert worker.ended and worker._process.poll() is not None
