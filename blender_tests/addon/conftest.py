@@ -22,7 +22,7 @@ MODULES = {
     "host": "compat labels rendering windows words",
     "engine": "failures installing probing processes worker",
     "engine.installer": "home",
-    "preferences": "color_book managing state",
+    "preferences": "color_book state",
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "cameras frames lens reprojection",

@@ -92,7 +92,7 @@ def remove(folder: Path) -> None:
     if bpy.app.background:
         home.remove(folder)
     else:
-        _begin(Removal, folder, sys.executable)
+        _begin(Removal, folder)
         session.start_timer(_tick, persistent=True)
 
 

@@ -24,8 +24,8 @@ from pathlib import Path
 NAME = re.compile(r"env(-\d+)?")  # of environments: `env`, `env-2`
 
 
-def command(python: str, verb: str, *arguments: str) -> tuple[str, ...]:
-    """Return the command line of a verb."""
+def command(verb: str, *arguments: str, python: str = sys.executable) -> tuple[str, ...]:
+    """Return the command line of a verb, which usually Blender's own Python executes."""
     return (python, "-I", "-B", "-X", "utf8", __file__, verb, *arguments)
 
 

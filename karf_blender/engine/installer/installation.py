@@ -125,19 +125,18 @@ class Installation:
 
     # --- the work --------------------------------------------------------------------------------------------------
     def _work(self) -> Iterator[Step]:
-        planned, name = self.plan, self.plan.environment.name
-        own_python, folder = planned.own_python, str(planned.folder)
+        planned, folder, name = self.plan, str(self.plan.folder), self.plan.environment.name
         was = home.status(planned.folder)
-        check = chores.command(own_python, "check", folder, was.environment if was.torch else "")
-        yield Step("Checking what is there", check, is_needed=False)
+        counting = was.environment if was.torch else ""
+        yield Step("Checking what is there", chores.command("check", folder, counting), is_needed=False)
         yield from planned.steps()
         modules = [package.name for package in REQUIRED] + ["numba", *map(EXTRAS.get, planned.choices.extras)]
-        yield Step("Testing", chores.command(str(home.python_of(planned.environment)), "test", *modules))
+        yield Step("Testing", chores.command("test", *modules, python=str(home.python_of(planned.environment))))
         tested = self._tested()
         with disk_errors():
             named = {"environment": name, "chosen": self._mark, "digest": planned.lock.digest}
             write_json(planned.folder / home.INSTALLED, {"schema": home.SCHEMA, **tested, **named})
-        yield Step("Cleaning up", chores.command(own_python, "clear", folder, name), is_needed=False)
+        yield Step("Cleaning up", chores.command("clear", folder, name), is_needed=False)
 
     def _tested(self) -> dict[str, Any]:
         """Return what the test has found, its last line; refuse another build of torch than was meant."""
@@ -220,13 +219,13 @@ class Removal:
 
     can_be_cancelled = False
 
-    def __init__(self, folder: Path, own_python: str) -> None:
+    def __init__(self, folder: Path) -> None:
         home.check_ours(folder)
         self.ended, self._folder = False, folder
         self.progress = Progress("Removing the engine ...")
         with disk_errors():
             (folder / home.INSTALLED).unlink(missing_ok=True)  # from here on nobody starts it
-            self._process = processes.start(chores.command(own_python, "remove", str(folder)), stdin=subprocess.DEVNULL)
+            self._process = processes.start(chores.command("remove", str(folder)), stdin=subprocess.DEVNULL)
 
     def poll(self) -> Progress:
         self.ended = self._process.poll() is not None

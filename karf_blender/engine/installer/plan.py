@@ -49,7 +49,6 @@ class Plan:
 
     choices: Choices
     machine: Machine
-    own_python: str  # Blender's
     starter: Starter
     source: Source
     lock: Lock
@@ -74,8 +73,8 @@ class Plan:
 
     @property
     def sources(self) -> str:
-        more = " and torch's own index, which uv knows" if self.backend and not self.choices.wheels else ""
-        return f"{self.source.sentence}{more}"
+        is_more = self.backend and not self.choices.wheels
+        return self.source.sentence + (" and torch's own index, which uv knows" if is_more else "")
 
     @property
     def download_bytes(self) -> int:
@@ -179,7 +178,7 @@ def make(
     free = shutil.disk_usage(next(path for path in (folder, *folder.parents) if path.is_dir())).free
     environment = folder / home.new_environment(folder)
     source = computer.find_source(variables, choices.wheels)
-    plan = Plan(choices, here, own_python, starter, source, lock, environment, tools, free)
+    plan = Plan(choices, here, starter, source, lock, environment, tools, free)
     # only where it is needed: counting what is there already takes time
     needed = plan.disk_bytes
     if free < needed:
