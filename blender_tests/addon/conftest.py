@@ -20,9 +20,9 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api preferences progress session steps",
     "host": "compat labels rendering windows words",
-    "engine": "examination failures installing probing processes speed worker",
+    "engine": "failures installing probing processes worker",
     "engine.installer": "home",
-    "preferences": "choices color_book managing state",
+    "preferences": "color_book state",
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "cameras lens reprojection",
