@@ -117,8 +117,8 @@ def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) ->
     for each, own in solving.linked(states, name, index).items():
         for number in np.flatnonzero(own & states[each].is_added):
             try:
-                seen = displayed.of(scene).learned_histogram(each)
-                result[each] = solving.solve_set(result[each], number, seen)
+                histogram = displayed.of(scene).learned_histogram(each)
+                result[each] = solving.solve_set(result[each], number, histogram)
             except (KarfError, OSError) as error:
                 progress.warn(str(error))
     return result
@@ -147,10 +147,10 @@ def _move_paints(
             gesture = Gesture(paints, start[name].chosen, start[name].chosen)
             _store(scene.karf.objects[name], gesture)
         try:
-            seen = displayed.of(scene).histogram(state)
+            histogram = displayed.of(scene).histogram(state)
         except (KarfError, OSError):  # nobody has counted the object's colors: the swatches move alone
             continue
-        result[name] = solving.drag(state, gesture, seen)
+        result[name] = solving.drag(state, gesture, histogram)
         known[key] = replace(gesture, result=result[name].chosen)
     return result
 
@@ -213,8 +213,8 @@ def _recall(item: bpy.types.PropertyGroup) -> None:
         return
     gesture = Gesture((item.dragged,), colors.stored(item, "began"), state.chosen)
     try:
-        seen = displayed.of(item.id_data).histogram(state)
-        solved = solving.drag(state, gesture, seen)
+        histogram = displayed.of(item.id_data).histogram(state)
+        solved = solving.drag(state, gesture, histogram)
     except (KarfError, OSError):
         return
     if np.allclose(solved.chosen, state.chosen, atol=1e-5):
