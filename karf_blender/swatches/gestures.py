@@ -93,7 +93,7 @@ def reset(item: bpy.types.PropertyGroup, index: int, follows: bool) -> Mapping[s
 
 def drag_again(item: bpy.types.PropertyGroup) -> None:
     """Solve an object's last drag anew where nothing has changed since but Metal."""
-    scene, gesture = item.id_data, session.get(_Memory).gestures.get(_key(item))
+    scene, gesture = item.id_data, _last_drag(item)
     if gesture is not None and scene.karf.material:
         now = colors.states(scene)
         if gesture.continues(gesture.moved, now[item.name].chosen):
@@ -105,7 +105,7 @@ def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
     """Return an object's palette [M, 3] as before the drag of a swatch; if unknown, with the swatch as learned."""
     states = colors.states(item.id_data)
     if _is_dragged(item, index, states):
-        return session.get(_Memory).gestures[_key(item)].start
+        return _last_drag(item).start
     own = states[item.name]
     return np.where(_mask(own, [index])[:, None], own.learned, own.chosen)
 
@@ -130,7 +130,7 @@ def _move_paints(
     """Return the states with the paints of dragged swatches, which are `own` [M] bool of each object.
 
     `start` are the states before, `moved` those with the new colors of the swatches and those that move with them.
-    begins: Begin a drag where none continues.
+    Unless `begins`, only drags that continue are solved.
     """
     result, known = dict(moved), session.get(_Memory).gestures
     for name, mask in own.items():
@@ -139,11 +139,10 @@ def _move_paints(
             np.flatnonzero(mask & (state.merged == 0) & ~state.is_added & ~_locked_links(state, mask)).tolist()
         )
         gesture = known.get(key)
-        if not paints or (not begins and gesture is None):
+        continues = gesture is not None and gesture.continues(paints, start[name].chosen)
+        if not paints or not (begins or continues):
             continue
-        if gesture is None or not gesture.continues(paints, start[name].chosen):
-            if not begins:
-                continue
+        if not continues:
             gesture = Gesture(paints, start[name].chosen, start[name].chosen)
             _store(scene.karf.objects[name], gesture)
         try:
@@ -180,8 +179,12 @@ def _mask(state: solving.PaletteState, numbers) -> np.ndarray:
     return np.isin(np.arange(len(state.chosen)), numbers)
 
 
+def _last_drag(item: bpy.types.PropertyGroup) -> Gesture | None:
+    return session.get(_Memory).gestures.get(_key(item))
+
+
 def _is_dragged(item: bpy.types.PropertyGroup, index: int, states: States) -> bool:
-    gesture = session.get(_Memory).gestures.get(_key(item))
+    gesture = _last_drag(item)
     return gesture is not None and index in gesture.moved and gesture.continues(gesture.moved, states[item.name].chosen)
 
 
