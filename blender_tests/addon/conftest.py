@@ -66,7 +66,6 @@ def addon(bpy, monkeypatch):
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
-    modules.displayed.forget_all()
     yield modules
     assert not modules.runner.is_running()
     modules.preview.stop()

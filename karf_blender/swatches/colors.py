@@ -67,7 +67,7 @@ def edited(item: bpy.types.PropertyGroup) -> np.ndarray:
 
 
 def surface_of(swatch: bpy.types.PropertyGroup) -> Surface:
-    """Return the surface of a swatch; one that another moves has none of its own."""
+    """Return the surface of a swatch; merged swatches are neutral."""
     return Surface() if swatch.merged else Surface(*(getattr(swatch, name) for name in SURFACE))
 
 
@@ -82,7 +82,7 @@ def palettes(scene: bpy.types.Scene) -> tuple[Palette, ...]:
 
 
 def added(item: bpy.types.PropertyGroup) -> tuple[AddedColor, ...]:
-    """Return the colors that were added to an object."""
+    """Return the added colors of an object."""
     return state(item).added
 
 
@@ -116,7 +116,7 @@ def place_of(swatch: bpy.types.PropertyGroup) -> tuple[bpy.types.PropertyGroup, 
 
 # --- the pair of colors of Becomes ---------------------------------------------------------------------------------
 def color_pair(item: bpy.types.PropertyGroup) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return an object's source and target color; they are the same where there is no target."""
+    """Return an object's source and target color, which are equal before a target is chosen."""
     return tuple(item.source), tuple(item.target)
 
 

@@ -1,4 +1,4 @@
-"""The pictures that are displayed: each scene's result image, kept up to date with its swatches, and a followed camera's.
+"""Displayed pictures: each scene's result image, kept up to date with its swatches, and a followed camera's.
 
 A scene has one `DisplayedScene`, which keeps what was read from disk and what was composed of it. Its picture follows
 swatch edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph updates) and loaded
@@ -29,11 +29,11 @@ RETRY_SECONDS = 0.2
 
 @dataclass
 class DisplayedScene:
-    """What is displayed of one scene. Drawing only asks for what is in memory."""
+    """The displayed picture of one scene and its sources; drawing uses only what is in memory."""
 
     scene: bpy.types.Scene  # as `of` was last asked for it: undo replaces it
     view: DisplayedView | None = None  # the planes displayed last
-    camera: DisplayedView | None = None  # the planes of the camera that is followed, where it is this scene's
+    camera: DisplayedView | None = None  # the planes of the followed camera, if it is this scene's
     files: PictureFiles = field(default_factory=PictureFiles)
     masks: tuple[tuple, ObjectMasks | None] = ((), None)  # as read last, and what from
     histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)  # by file, time and object
@@ -64,7 +64,7 @@ class DisplayedScene:
             self.update_left()
 
     def recolor(self) -> bpy.types.Image:
-        """Put the picture of the active view into the scene's result image, which is made if needed.
+        """Put the picture of the active view into the scene's result image.
 
         Raises:
             KarfError: The view cannot be composited, or Blender renders.
@@ -173,7 +173,7 @@ class DisplayedScene:
         """Return an object's colors in the photos, read once.
 
         Raises:
-            KarfError: There is no project, or it is damaged or has no such object.
+            KarfError: The project is missing or damaged, or the object is not in it.
         """
         project = folders.project_of(self.scene)
         file = project.object_colors_file
@@ -220,6 +220,7 @@ class DisplayedScene:
 # --- all scenes ----------------------------------------------------------------------------------------------------
 @dataclass
 class _State:
+    per_file = True
     scenes: dict[int, DisplayedScene] = field(default_factory=dict)  # by `session_uid`
     open_batches: int = 0  # `batched` blocks
 
@@ -238,14 +239,9 @@ def of(scene: bpy.types.Scene) -> DisplayedScene:
 
 
 def forget(scene: bpy.types.Scene) -> None:
-    """Let all of a scene be read again; what its pictures display is still known."""
+    """Read all of a scene again when it is needed; what its pictures display is still known."""
     known = of(scene)
     _scenes()[scene.session_uid] = DisplayedScene(scene, camera=known.camera, placeholder_key=known.placeholder_key)
-
-
-def forget_all() -> None:
-    """Drop what is in memory of all scenes."""
-    _scenes().clear()
 
 
 @contextmanager
@@ -266,7 +262,7 @@ def is_batched() -> bool:
 
 
 def _filled(image: bpy.types.Image | None, name: str, buffer: np.ndarray) -> bpy.types.Image:
-    """Put an RGBA buffer [H, W, 4] into an image, which is made if needed."""
+    """Put an RGBA buffer [H, W, 4] into an image, or into a new one."""
     height, width = buffer.shape[:2]
     image = image or images.new_image(name, width, height)
     images.fit(image, width, height)
@@ -276,7 +272,7 @@ def _filled(image: bpy.types.Image | None, name: str, buffer: np.ndarray) -> bpy
 
 
 def _refresh_changed() -> None:
-    """Bring the pictures of all scenes with other values up to date; drop scenes that were removed."""
+    """Bring the pictures of all scenes with other values up to date; drop removed scenes."""
     for uid in _scenes().keys() - {scene.session_uid for scene in bpy.data.scenes}:
         del _scenes()[uid]
     for scene in bpy.data.scenes:
@@ -317,7 +313,7 @@ def show_camera(scene: bpy.types.Scene, view: DisplayedView, width: int, height:
 
 
 def followed_camera() -> DisplayedView | None:
-    """Return the planes of the camera that is followed, of whichever scene."""
+    """Return the planes of the followed camera, of whichever scene."""
     return next((known.camera for known in _scenes().values() if known.camera is not None), None)
 
 
@@ -328,7 +324,7 @@ def follow_no_camera() -> None:
 
 
 def is_camera_in(space: bpy.types.Space) -> bool:
-    """Tell whether an Image Editor shows the picture of a camera that is followed."""
+    """Tell whether an Image Editor shows the picture of a followed camera."""
     return followed_camera() is not None and space.image is not None and space.image == camera_image()
 
 
@@ -348,8 +344,7 @@ def _after_change(*_):
 
 @session.handler("load_post")
 def _after_load(*_):
-    forget_all()
     for scene in bpy.data.scenes:
-        # a picture that was saved is that of the view that was active then
+        # a saved picture is that of the view active then
         of(scene).placeholder_key = views.placeholder_key(scene)
         of(scene).refresh()

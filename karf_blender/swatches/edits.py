@@ -58,7 +58,7 @@ def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> No
 
 
 def _bake_surfaces(item: bpy.types.PropertyGroup) -> None:
-    """Give an object's swatches the colors that are displayed, and neutral surfaces."""
+    """Give an object's swatches the displayed colors, and neutral surfaces."""
     state = colors.state(item)
     if not state.is_neutral:
         colors.write(item, state.edited)
@@ -126,7 +126,7 @@ def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> No
 
 
 def copied(scene: bpy.types.Scene, name: str, index: int | None) -> str:
-    """Return the color of one swatch of an object (None: of all that are displayed) as a text."""
+    """Return the color of one swatch of an object (None: of all displayed ones) as a text."""
     swatches = object_named(scene, name).swatches[1:] if index is None else [swatch_at(scene, name, index)]
     return " ".join(color_to_text(swatch.color) for swatch in swatches if not swatch.merged)
 
@@ -177,7 +177,7 @@ def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Proper
 
 # --- one color becomes another -------------------------------------------------------------------------------------
 def become(item: bpy.types.PropertyGroup, pair: Becoming) -> str:
-    """Set an object's swatches so that one color of it becomes another, and return why that is missed, if it is.
+    """Set an object's swatches so that one color of it becomes another, and return why it does not, if so.
 
     Raises:
         BadRequest: The source is black, or the object shows no such color.
@@ -207,9 +207,9 @@ def become_target(item: bpy.types.PropertyGroup) -> str:
 
 
 def source_picked(item: bpy.types.PropertyGroup) -> None:
-    """Remember the swatches and the exposure of the picture in which the source was just picked.
+    """Remember the swatches and the exposure of the picture where the source was just picked.
 
-    A target that was applied is held from now on, so that paint after paint can be changed.
+    An applied target is held from now on, so that paint after paint can be changed.
     """
     before, after, now = colors.stored(item, "before"), colors.stored(item, "after"), colors.edited(item)
     if (before != after).any() and (after == now).all():

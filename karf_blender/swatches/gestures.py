@@ -1,7 +1,7 @@
-"""Swatches that follow one that is changed: linked and merged ones, sets of added colors and, with Material, its paint.
+"""Swatches that follow a changed one: linked and merged ones, sets of added colors and, with Material, its paint.
 
-What was dragged, and the colors before, are known in memory. Where keyframes shall move a paint after the file is opened
-again, the object keeps its last drag (`dragged`, `began`).
+Memory has the dragged swatches and the colors before. The object stores its last drag (`dragged`, `began`), so that
+keyframes move a paint after the file is opened again.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,7 +41,7 @@ def suspended(scene: bpy.types.Scene) -> Iterator[None]:
 
 # --- changes -------------------------------------------------------------------------------------------------------
 def color_changed(swatch: bpy.types.PropertyGroup) -> None:
-    """Let the swatches that move with one follow its new color, and the picture. What programs set moves no paint."""
+    """Update the swatches that move with a changed one, and the picture. Colors set by programs move no paint."""
     if session.get(_Memory).is_suspended:
         return
     scene, (item, index) = swatch.id_data, colors.place_of(swatch)
@@ -59,7 +59,7 @@ def color_changed(swatch: bpy.types.PropertyGroup) -> None:
 
 
 def surface_changed(swatch: bpy.types.PropertyGroup) -> None:
-    """Let the swatches that are linked to one take its surface, and the picture follow."""
+    """Give the swatches linked to a changed one its surface, and update the picture."""
     if session.get(_Memory).is_suspended:
         return
     item, index = colors.place_of(swatch)
@@ -68,7 +68,7 @@ def surface_changed(swatch: bpy.types.PropertyGroup) -> None:
 
 
 def share_surface(item: bpy.types.PropertyGroup, index: int) -> None:
-    """Give the unlocked swatches that are linked to one its surface."""
+    """Give the unlocked swatches linked to one its surface."""
     states = colors.states(item.id_data)
     surface = states[item.name].surface_of(index)
     with suspended(item.id_data):
@@ -117,8 +117,7 @@ def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) ->
     for each, own in solving.linked(states, name, index).items():
         for number in np.flatnonzero(own & states[each].is_added):
             try:
-                histogram = displayed.of(scene).learned_histogram(each)
-                result[each] = solving.solve_set(result[each], number, histogram)
+                result[each] = solving.solve_set(result[each], number, displayed.of(scene).learned_histogram(each))
             except (KarfError, OSError) as error:
                 progress.warn(str(error))
     return result
@@ -216,8 +215,7 @@ def _recall(item: bpy.types.PropertyGroup) -> None:
         return
     gesture = Gesture((item.dragged,), colors.stored(item, "began"), state.chosen)
     try:
-        histogram = displayed.of(item.id_data).histogram(state)
-        solved = solving.drag(state, gesture, histogram)
+        solved = solving.drag(state, gesture, displayed.of(item.id_data).histogram(state))
     except (KarfError, OSError):
         return
     if np.allclose(solved.chosen, state.chosen, atol=1e-5):
@@ -233,7 +231,7 @@ def _after_change(*_):
 
 @session.handler("frame_change_post", phase=session.Phase.SOLVE)
 def _follow_keyframes(scene, *_):
-    """Let other swatches follow keyframes, which move a swatch without an update."""
+    """Update the swatches that follow keyframed ones: keyframes cause no property update."""
     if rendering.is_running():
         return
     objects = scene.karf.objects

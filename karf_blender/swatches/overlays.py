@@ -176,7 +176,7 @@ def _draw_colors(kind: str, points: list, colors: list[tuple[float, ...]]) -> No
 
 # --- the loupe -----------------------------------------------------------------------------------------------------
 def pixels_at(picture: np.ndarray, place: tuple[float, float]) -> np.ndarray:
-    """Return the pixels round a place of a picture, which is continued by its border.
+    """Return the pixels round a place of a picture; its border continues.
 
     picture: [H, W, 3] uint8, row 0 on top; place: see `place_under`. Returns [LOUPE_SIDE, LOUPE_SIDE, 3] in [0, 1].
     """

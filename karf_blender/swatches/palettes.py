@@ -32,13 +32,13 @@ from ..project import folders
 from . import colors, displayed, edits, gestures, groups, keyframes, looks
 from .solving import NEUTRAL, PaletteState
 
-NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
+NEAR = 20.0  # largest CIE L*a*b* distance between learned colors of one swatch
 OWN_VALUES = ("rule", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
 
 
 @dataclass(frozen=True)
 class _ObjectEdits:
-    """What the artist has done to an object: its swatches, and its own values by name."""
+    """The artist's edits of an object: its swatches, and its own values by name."""
 
     state: PaletteState
     own: dict
@@ -53,7 +53,7 @@ class _ObjectEdits:
 
     @property
     def touched(self) -> set[int]:
-        """The numbers of the swatches that are edited, locked, move with others or were added."""
+        """The numbers of edited, locked, linked, merged and added swatches."""
         state = self.state
         has_color, has_surface = state.chosen != state.learned, state.surface != NEUTRAL
         touched = (has_color | has_surface).any(axis=-1) | state.locked | (state.link > 0) | (state.merged > 0)

@@ -1,4 +1,4 @@
-"""What swatches become: functions from palettes to colors, without Blender.
+"""Solving of swatches: functions from palettes to colors, without Blender.
 
 Colors are sRGB in float32. Swatch 0 of an object is black and stays black. Each added color has a set of swatches for its
 pigment (see the engine's `added`) behind the learned ones: first the added color, which is shown and edited like any
@@ -35,8 +35,8 @@ from ..engine_api import (
     srgb_to_lab,
 )
 
-FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
-LEAST_SHOWN = 1e-3  # share of an object's pixels up to which a color is a stray one
+FOREIGN = 10.0  # CIEDE2000 at and above: another color
+LEAST_SHOWN = 1e-3  # share of an object's pixels; a rarer color is a stray one
 UNREACHED = 0.05  # share of a pigment that added colors reach, up to which it is the learned swatches'
 NEUTRAL = (1.0, 0.0, 1.0)  # saturation, brightness and gloss that change nothing
 
@@ -60,7 +60,7 @@ class PaletteState:
 
     @property
     def size(self) -> int:
-        """Count the learned swatches, black among them."""
+        """The number of learned swatches, black among them."""
         return int(self.is_added.argmax()) if self.is_added.any() else len(self.learned)
 
     @property
@@ -75,12 +75,12 @@ class PaletteState:
 
     @property
     def edited(self) -> np.ndarray:
-        """The colors that are shown, [M, 3]: the chosen ones with what surfaces add."""
+        """The displayed colors, [M, 3]: the chosen ones with what surfaces add."""
         return np.clip(self.chosen + self.shift, 0, MAX_SRGB)
 
     @property
     def held(self) -> list[int]:
-        """Numbers of the swatches that no solve may move: locked ones, merged ones and added ones."""
+        """The numbers of swatches that no solve may move: locked, merged and added ones."""
         return np.flatnonzero(self.locked | (self.merged > 0) | self.is_added).tolist()
 
     @property
@@ -90,7 +90,7 @@ class PaletteState:
 
     @property
     def is_neutral(self) -> bool:
-        """True if no swatch has a surface; one that another moves has none of its own."""
+        """True if no swatch has a surface; those of merged ones do not count."""
         return bool((self.surface[self.merged == 0] == NEUTRAL).all())
 
     @property
@@ -100,25 +100,24 @@ class PaletteState:
         return b"".join(each.tobytes() for each in (*arrays, self.reach, self.protect, self.surface))
 
     def added_color(self, index: int) -> AddedColor:
-        """The color that was added with the set that begins at a swatch."""
+        """Return the added color of the set beginning at a swatch."""
         return AddedColor(self.learned[index], float(self.reach[index]), float(self.protect[index]))
 
     def surface_of(self, index: int) -> Surface:
-        """The surface of a swatch."""
+        """Return the surface of a swatch."""
         return Surface() if self.merged[index] else Surface(*self.surface[index].tolist())
 
     def with_colors(self, chosen: np.ndarray) -> "PaletteState":
-        """The same with other chosen colors."""
+        """Return the same with other chosen colors."""
         return replace(self, chosen=np.clip(chosen, 0, MAX_SRGB).astype(np.float32))
 
     def spread(self, histogram: ColorHistogram) -> ColorHistogram:
-        """The object's colors in the photos, with weights spread over the sets of added colors."""
-        return histogram._replace(
-            palette_weights=split_weights(histogram.palette_weights.T, self.palette.colors, self.added).T
-        )
+        """Return the object's colors in the photos, with weights spread over the sets of added colors."""
+        weights = split_weights(histogram.palette_weights.T, self.palette.colors, self.added)
+        return histogram._replace(palette_weights=weights.T)
 
     def gathered(self, weights: np.ndarray) -> np.ndarray:
-        """Weights [M, ...] with those of merged swatches given to the ones that move them; sets stay as they are."""
+        """Return weights [M, ...] with those of merged swatches given to the ones that move them; sets stay."""
         weights = weights.copy()
         for index in np.flatnonzero((self.merged > 0)[: self.size] & ~self.locked[: self.size]):
             weights[self.merged[index]] += weights[index]
@@ -126,7 +125,7 @@ class PaletteState:
         return weights
 
     def visible(self, histogram: ColorHistogram, palette: np.ndarray) -> np.ndarray:
-        """The object's colors [n, 3] with another palette [M, 3]."""
+        """Return the object's colors [n, 3] with another palette [M, 3]."""
         return shown_colors(histogram, self.whole, palette)
 
 
@@ -168,7 +167,7 @@ def reset(states: States, name: str, index: int) -> tuple[States, dict[str, np.n
 
 
 def _carry(state: PaletteState, leaders: np.ndarray) -> PaletteState:
-    """Let swatches that are merged into others [M] bool change by as much as these; sets are solved instead."""
+    """Change the swatches merged into others [M] bool by as much as these; sets are solved instead."""
     moves = (state.merged > 0) & ~state.locked & leaders[state.merged] & ~state.is_added[state.merged]
     learned, chosen = state.learned.astype(np.float64), state.chosen.astype(np.float64)
     moved = learned + (chosen - learned)[state.merged]
@@ -188,7 +187,7 @@ def solve_set(state: PaletteState, index: int, histogram: ColorHistogram) -> Pal
 
 
 def first_set(state: PaletteState, color: AddedColor, histogram: ColorHistogram) -> np.ndarray:
-    """Return the set [M, 3] of a color that is about to be added, with which no picture changes.
+    """Return the set [M, 3] of a new added color; it changes no picture.
 
     It is what the color looks like as the swatches stand, and these swatches. Where added colors reach its pigment
     already, it is solved, as whenever it moves. Raises BadRequest where the color is black.
@@ -239,7 +238,7 @@ def drag(state: PaletteState, gesture: Gesture, histogram: ColorHistogram) -> Pa
 def surface_shifts(state: PaletteState, histogram: ColorHistogram | None) -> np.ndarray:
     """Return what surfaces add to the chosen colors, [M, 3]: of the learned swatches, and of each set.
 
-    Locked swatches without a surface of their own stay as they are shown. `histogram` has the object's colors with the sets
+    Locked swatches with a neutral surface stay as displayed. `histogram` has the object's colors with the sets
     of added colors; a neutral state needs none.
     """
     chosen, numbers = state.chosen, np.arange(len(state.chosen))
@@ -269,12 +268,12 @@ class Becoming:
     source: np.ndarray  # sRGB [3], in the mean exposure of all photos
     target: np.ndarray  # sRGB [3]
     rule: str  # "becomes": the whole object gets a new paint; "fewest": as few changed swatches as possible
-    start: np.ndarray  # [M, 3], the palette with which the picture shows the source
+    start: np.ndarray  # [M, 3], the palette of the picture that shows the source
     held: Sequence[np.ndarray] = ()  # colors that other paints of the object were given with `start` and keep
 
 
 def become(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> tuple[np.ndarray, str]:
-    """Return the palette [M, 3] with which one color has become another, and why the target is missed, if it is.
+    """Return the palette [M, 3] that makes one color another, and why it misses the target, if it does.
 
     Raises:
         BadRequest: The source is black, or the object shows no such color.
