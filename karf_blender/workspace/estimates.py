@@ -167,7 +167,7 @@ def _tick() -> float | None:
         computer.learn(measured)
     else:
         computer.speed = measured
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
     return None
 
 
