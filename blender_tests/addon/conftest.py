@@ -23,7 +23,7 @@ MODULES = {
     "engine": "examination failures installing probing processes speed worker",
     "engine.installer": "home",
     "preferences": "choices color_book managing state",
-    "project": "captures contents disk folders moving",
+    "project": "captures disk folders moving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "cameras frames lens reprojection",
     "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",

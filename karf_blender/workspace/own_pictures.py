@@ -6,7 +6,7 @@ from .. import session
 from ..engine_api import KarfError
 from ..host import rendering
 from ..pictures import editors
-from ..project import contents
+from ..project import disk
 from ..swatches import displayed, palettes
 from ..tasks import runner
 
@@ -27,7 +27,7 @@ def make(scene: bpy.types.Scene) -> None:
     if karf.result is not None or not karf.objects or not karf.project or rendering.is_running():
         return
     try:
-        if contents.is_prepared(scene):
+        if disk.is_prepared(scene):
             displayed.of(scene).recolor()
     except (KarfError, OSError) as error:  # nobody has asked for it
         print(f"KaRF: {error}")
