@@ -19,7 +19,7 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api preferences progress session steps",
-    "host": "compat labels rendering windows words",
+    "host": "compat rendering windows words",
     "engine": "examination failures installing probing processes speed worker",
     "engine.installer": "home",
     "preferences": "choices color_book managing state",
@@ -30,7 +30,7 @@ MODULES = {
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "blocking camera_pixels still viewport",
     "steps": "masks preview splats",
-    "tasks": "ownership queries runner",
+    "tasks": "queries runner",
     "compositor": "recoloring",
     "nodes": "sockets",
     "surface": "scene_object splat_objects trees",

@@ -10,7 +10,7 @@ from ..engine import installing, probing
 from ..engine.installer import computer, locks
 from ..engine.installer.plan import Choices
 from ..engine_api import KarfError
-from ..host.labels import draw_text
+from ..host.words import draw_text
 from ..steps import engine
 from .base import IDLE, NOT_INSTALLING, is_met, reports_errors
 

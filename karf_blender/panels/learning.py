@@ -4,8 +4,7 @@ import bpy
 
 from ... import __package__ as extension
 from ..engine import installing
-from ..host.labels import draw_text
-from ..host.words import translate
+from ..host.words import draw_text, translate
 from ..marking import objects
 from ..pictures import chips
 from ..preferences import state

@@ -4,8 +4,7 @@ import bpy
 import numpy as np
 
 from ..engine_api import lab_chroma, lab_hue, nearest_names, srgb_to_lab
-from ..host.labels import draw_text
-from ..host.words import translate
+from ..host.words import draw_text, translate
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch

@@ -5,7 +5,7 @@ from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
 from ..engine_api import Options, bounds_of
-from ..host.labels import draw_text
+from ..host.words import draw_text
 from . import color_book, managing, state
 from .choices import chosen_python, current, engine_folder, engine_python, has_engine
 

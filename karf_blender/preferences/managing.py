@@ -6,7 +6,7 @@ from ..engine import installing, probing
 from ..engine.installer.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
 from ..engine.installer.plan import size_text
 from ..engine_api import ERROR, OK, WARNING, Cancelled, Finding, Message
-from ..host.labels import draw_text
+from ..host.words import draw_text
 from . import state
 from .state import Engine
 

@@ -14,7 +14,7 @@ from .. import session
 from ..engine.worker import error_from_event
 from ..engine_api import Cancelled, KarfError
 from ..project import folders
-from ..tasks.workers import WarmWorker
+from ..tasks.queries import WarmWorker
 
 POLL_SECONDS = 0.005
 

@@ -20,8 +20,7 @@ from ..project import captures, disk, folders, moving
 from ..rig import cameras
 from ..swatches import displayed, palettes
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
-from ..tasks.runner import Task
+from ..tasks.runner import Owner, Task
 from . import requests
 from .views import show_camera
 

@@ -24,7 +24,7 @@ from ..rig import lens
 from ..swatches import colors, displayed, free_camera, views
 from ..swatches.views import DisplayedView
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
+from ..tasks.runner import Owner
 from .render import camera_of
 
 UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")

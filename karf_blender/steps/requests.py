@@ -14,8 +14,7 @@ from ..pictures import editors
 from ..project import disk, folders
 from ..render_engine import camera_pixels
 from ..swatches import displayed, palettes
-from ..tasks.ownership import Owner
-from ..tasks.runner import Task
+from ..tasks.runner import Owner, Task
 from ..workspace import estimates
 
 # the engine's names of what Blender's output panel calls file format and color depth

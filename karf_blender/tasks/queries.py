@@ -4,6 +4,7 @@ The worker answers beside a running task: it only reads, and reads again what a 
 waiting callers get the error, and the next query starts a new worker. In background mode a query blocks.
 """
 
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,14 +12,13 @@ from typing import Any
 
 import bpy
 
-from .. import progress, session
+from .. import preferences, progress, session
 from ..engine.failures import disk_error
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import Event, KarfError
+from ..engine_api import WARM, Event, KarfError, Request
 from ..host import rendering, windows
 from ..project import folders
-from .ownership import Owner
-from .workers import WarmWorker
+from .runner import Owner, begin_job
 
 POLL_SECONDS = 0.02
 
@@ -36,6 +36,52 @@ class _Query:
     on_answer: OnAnswer
     on_error: OnError
     is_second: bool = False
+
+
+class WarmWorker:
+    """Keeps a worker for queries; the session has one for the interface and one for the render thread."""
+
+    idle_minutes: int | None = None  # after which it ends; None: as the engine chooses
+
+    def __init__(self) -> None:
+        self.worker: Worker | None = None
+
+    def start(self, scene: bpy.types.Scene) -> Worker:
+        """Return a worker that suits the preferences; start one if needed.
+
+        Raises:
+            KarfError: It cannot be started.
+        """
+        python, threads = preferences.engine_python(), preferences.current().threads
+        if self.worker is not None and not self.worker.suits(python, threads):
+            self.close()
+        if self.worker is None:
+            options = {"threads": threads, "idle_minutes": self.idle_minutes}
+            options = {name: value for name, value in options.items() if value}
+            worker = Worker()
+            begin_job(worker, Request(WARM, folders.project_of(scene).folder, options))
+            self.worker = worker
+        return self.worker
+
+    def leave(self) -> None:
+        """Drop a worker that has ended. If it failed, its folder is kept for the log.
+
+        Raises:
+            KarfError: It failed.
+        """
+        try:
+            self.worker.check()
+        except KarfError:
+            self.worker = None
+            raise
+        self.close()
+
+    def close(self) -> None:
+        """End the worker and delete its folder."""
+        if self.worker is not None:
+            self.worker.end()
+            shutil.rmtree(self.worker.folder, ignore_errors=True)
+            self.worker = None
 
 
 class QueryWorker(WarmWorker):

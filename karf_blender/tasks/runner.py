@@ -5,29 +5,68 @@ uses all its cores. Its worker waits for a while for the next job.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from .. import engine_api, progress, session
+from .. import engine_api, preferences, progress, session
 from ..engine.failures import disk_errors, log_tail
 from ..engine.worker import Worker
-from ..engine_api import BadRequest, Cancelled, Event, KarfError, Request
+from ..engine_api import BadRequest, Cancelled, Event, KarfError, Project, Request, new_job
 from ..host import rendering, windows
 from ..pictures import editors
 from ..project import disk, folders
 from .overall_progress import OverallProgress
-from .ownership import Owner
-from .workers import begin_job
 
 POLL_SECONDS = 0.2
 PRINT_SECONDS = 5.0
 KEEP_SECONDS = 60.0  # that the worker waits for the next job; half of it counts on it
 STATUS_CHANGED, JOB_DONE = "status_changed", "job_done"  # events: of the running task; with its request and seconds
 REPORTED = ("internal", "dependency")  # codes of errors that the log explains
+
+
+class OpenFile:
+    """The open file; a new object for each opened file, also if it is the same again."""
+
+    per_file = True
+
+
+@dataclass(frozen=True)
+class Owner:
+    """A scene of a file and its project folder, if any."""
+
+    file: OpenFile
+    scene: int
+    project: Path | None
+
+    @classmethod
+    def of(cls, scene: bpy.types.Scene) -> "Owner":
+        return cls(session.get(OpenFile), scene.session_uid, _project_of(scene))
+
+    @property
+    def is_file_open(self) -> bool:
+        """Return True while no other file was opened."""
+        return self.file is session.get(OpenFile)
+
+    def find(self) -> bpy.types.Scene | None:
+        """Return the scene, if it still exists and has the same project."""
+        for scene in bpy.data.scenes if self.is_file_open else ():
+            if scene.session_uid == self.scene and _project_of(scene) == self.project:
+                return scene
+        return None
+
+    def scenes(self) -> Iterator[bpy.types.Scene]:
+        """Yield all scenes of the file with the same project; none after another file was opened."""
+        for scene in bpy.data.scenes if self.is_file_open else ():
+            if self.project is not None and _project_of(scene) == self.project:
+                yield scene
+
+
+def _project_of(scene: bpy.types.Scene) -> Path | None:
+    return folders.project_of(scene).folder if scene.karf.project else None
 
 
 @dataclass(frozen=True)
@@ -147,6 +186,18 @@ def current_request(scene: bpy.types.Scene) -> Request | None:
         return None
     request = _worker().request
     return request if request.project == folders.project_of(scene).folder else None
+
+
+def begin_job(worker: Worker, request: Request) -> None:
+    """Begin a job in a new folder, with the Python and the threads of the preferences.
+
+    Raises:
+        KarfError: It cannot start.
+    """
+    python, threads = preferences.engine_python(), preferences.current().threads
+    with disk_errors():
+        folder = new_job(Project(request.project), request.stage)
+    worker.begin(python, request, folder, threads)
 
 
 def launch(task: Task) -> None:
