@@ -24,7 +24,7 @@ MODULES = {
     "engine.installer": "home",
     "preferences": "choices color_book managing state",
     "project": "captures disk folders moving",
-    "pictures": "editors images photos sequences chips tints",
+    "pictures": "editors images photos sequences tints",
     "rig": "cameras frames lens reprojection",
     "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
