@@ -14,12 +14,10 @@ def areas(*kinds: str) -> Iterator[bpy.types.Area]:
 
 
 def window_of(area: bpy.types.Area) -> bpy.types.Window:
-    """Return the window of an area."""
     return next(window for window in bpy.data.window_managers[0].windows if window.screen == area.id_data)
 
 
 def redraw(*kinds: str) -> None:
-    """Redraw the areas of these types."""
     for area in areas(*kinds):
         area.tag_redraw()
 
@@ -33,8 +31,7 @@ def redraw_sidebars() -> None:
 
 
 def show_text(name: str, content: str) -> bpy.types.Text:
-    """Write a text datablock and show it in an open Text Editor or in a new window; in background mode, only write
-    it."""
+    """Write a text datablock and, except in background mode, show it in an open Text Editor or a new window."""
     text = bpy.data.texts.get(name) or bpy.data.texts.new(name)
     text.from_string(content)
     if not bpy.app.background:

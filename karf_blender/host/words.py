@@ -54,10 +54,7 @@ def kept(message: str) -> str:
 
 
 def translate_message(text: str) -> str:
-    """Translate a message, or the text of a kept one.
-
-    Texts without translation stay as they are. Values may be messages too; names are never translated.
-    """
+    """Translate a message or the text of a kept one, and messages among its values; names are never translated."""
     message = text if isinstance(text, Message) else session.get(KeptMessages).by_text.get(text)
     if message is None:
         return translate(text) if text else ""

@@ -238,11 +238,7 @@ def _list_masks(folder: Path, key: tuple[int, int]) -> MaskFolder:
 
 # --- edit planes and renderings ------------------------------------------------------------------------------------
 def planes_file(scene: bpy.types.Scene) -> Path:
-    """Return the planes file of the scene's active view.
-
-    Raises:
-        BadRequest: No view of the capture is chosen.
-    """
+    """Return the planes file of the scene's active view; raise BadRequest if no view of the capture is chosen."""
     if scene.karf.active_view not in scene.karf.views:
         raise BadRequest("The scene {name!r} has no active view.", "Choose one in the KaRF panel.", name=scene.name)
     return folders.project_of(scene).planes_file(scene.karf.active_view)

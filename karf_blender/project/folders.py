@@ -32,11 +32,7 @@ def stored(path: Path, blend: str | None = None) -> str:
 
 
 def project_of(scene: bpy.types.Scene) -> Project:
-    """Return the scene's project.
-
-    Raises:
-        BadRequest: None is chosen.
-    """
+    """Return the scene's project; raise BadRequest if none is chosen."""
     if not scene.karf.project:
         raise BadRequest("The scene {name!r} has no KaRF project.", "Import a capture first.", name=scene.name)
     return Project(absolute(scene.karf.project))

@@ -6,7 +6,6 @@ it. The first save of such a file asks the user whether to move it.
 
 import contextlib
 import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import bpy
 from ... import __package__ as extension
 from .. import session
 from ..engine_api import BadRequest, DataError
-from ..host import windows
+from ..host import compat, windows
 from . import captures, disk, folders
 
 USERS = "used_by.txt"  # in a project in the extension's folder: the .blend files that use it
@@ -39,9 +38,7 @@ class AskedProjects:
 
 def is_hidden(scene: bpy.types.Scene) -> bool:
     """Return whether the scene's project is in the extension's folder, where users do not find it."""
-    if not scene.karf.project:
-        return False
-    return _own_folder() in folders.project_of(scene).folder.parents
+    return bool(scene.karf.project) and _own_folder() in folders.project_of(scene).folder.parents
 
 
 def place_beside(scene: bpy.types.Scene) -> Path:
@@ -54,10 +51,7 @@ def place_beside(scene: bpy.types.Scene) -> Path:
 
 
 def move(scene: bpy.types.Scene) -> Path:
-    """Move the scene's project beside the .blend, and save the file.
-
-    Returns:
-        The project's new folder.
+    """Move the scene's project beside the .blend, save the file, and return the project's new folder.
 
     Raises:
         BadRequest: The file was never saved.
@@ -111,16 +105,9 @@ def _relocate(old: Path, new: Path) -> None:
     for image in bpy.data.images:
         if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
             image.filepath = place
-    for strip in _picture_strips():
-        strip.directory = folders.relocated(strip.directory, old, new)
-
-
-def _picture_strips() -> "Iterator[bpy.types.Strip]":
-    editors = [scene.sequence_editor for scene in bpy.data.scenes if scene.sequence_editor is not None]
-    for editor in editors:
-        # hasattr, as an empty collection is false; Blender 4.2 and 4.3 call strips sequences
-        strips = editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all
-        yield from (strip for strip in strips if strip.type == "IMAGE")
+    for strip in compat.all_strips():
+        if strip.type == "IMAGE":
+            strip.directory = folders.relocated(strip.directory, old, new)
 
 
 def _own_folder() -> Path:

@@ -28,14 +28,14 @@ OnError = Callable[[KarfError], None]
 
 @dataclass(frozen=True)
 class _Query:
-    """An unanswered query; `is_second` if another worker ended before it answered."""
+    """An unanswered query."""
 
     owner: Owner
     kind: str
     options: dict
     on_answer: OnAnswer
     on_error: OnError
-    is_second: bool = False
+    is_second: bool = False  # whether another worker ended before it answered
 
 
 class WarmWorker:
@@ -47,28 +47,20 @@ class WarmWorker:
         self.worker: Worker | None = None
 
     def start(self, scene: bpy.types.Scene) -> Worker:
-        """Return a worker that suits the preferences; start one if needed.
-
-        Raises:
-            KarfError: It cannot be started.
-        """
+        """Return a worker that suits the preferences; start one if needed, or raise KarfError."""
         python, threads = preferences.engine_python(), preferences.current().threads
         if self.worker is not None and not self.worker.suits(python, threads):
             self.close()
         if self.worker is None:
             options = {"threads": threads, "idle_minutes": self.idle_minutes}
-            options = {name: value for name, value in options.items() if value}
+            given = {name: value for name, value in options.items() if value}
             worker = Worker()
-            begin_job(worker, Request(WARM, folders.project_of(scene).folder, options))
+            begin_job(worker, Request(WARM, folders.project_of(scene).folder, given))
             self.worker = worker
         return self.worker
 
     def leave(self) -> None:
-        """Drop a worker that has ended. If it failed, its folder is kept for the log.
-
-        Raises:
-            KarfError: It failed.
-        """
+        """Drop a worker that has ended. If it failed, raise its KarfError and keep its folder for the log."""
         try:
             self.worker.check()
         except KarfError:
@@ -105,10 +97,9 @@ def send(
         kind: One of the engine's `queries.QUERIES`.
         options: JSON values, paths absolute.
         on_answer: Called with the scene and the answer's values; the caller deletes files that these name.
-        on_error: Called with the error. By default the panel shows it; in background mode it is raised.
+        on_error: By default the panel shows the error; in background mode it is raised.
 
-    Raises:
-        KarfError: The worker cannot be started; in background mode also: the query failed.
+    Raises KarfError if the worker cannot be started; in background mode also if the query failed.
     """
     _begin(scene, kind, options, on_answer, on_error or _fail)
     if bpy.app.background:
@@ -118,11 +109,7 @@ def send(
 
 
 def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Send a query, block until it is answered, and return the answer's values; arguments as for `send`.
-
-    Raises:
-        KarfError: There is no answer.
-    """
+    """Send a query as `send`, block until it is answered, and return the answer's values or raise its KarfError."""
     answers: list[dict[str, Any]] = []
     errors: list[KarfError] = []
     _begin(scene, kind, options, lambda _, values: answers.append(values), errors.append)
@@ -134,7 +121,7 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 
 def is_waiting(kind: str) -> bool:
-    """Return whether a query of this kind is unanswered."""
+    """Return True while a query of this kind is unanswered."""
     worker = _current()
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 

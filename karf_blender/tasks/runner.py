@@ -81,21 +81,13 @@ class Task:
     result: Callable[[], Any] = lambda: None  # what `wait` returns
 
     def wait(self) -> Any:
-        """Run the jobs, printing their progress, and block until all is done.
-
-        Returns:
-            The result.
-
-        Raises:
-            KarfError: A job cannot start, or it fails.
-        """
+        """Run the jobs as `runner.wait`, and return the result."""
         if self.requests:
             wait(self)
         return self.result()
 
     @property
     def is_file_open(self) -> bool:
-        """Return True while the task's file is open."""
         return self.owner is None or self.owner.is_file_open
 
     @property
@@ -111,7 +103,6 @@ class RunningTask:
     """A running task and its progress."""
 
     def __init__(self, task: Task, worker: Worker) -> None:
-        """Begin the first job."""
         self.task, self.is_stopping = task, False
         self.overall = OverallProgress(task.seconds, time.monotonic()) if len(task.seconds) > 1 else None
         self._worker, self._n_done = worker, 0
@@ -122,13 +113,9 @@ class RunningTask:
         begin_job(self._worker, self.task.requests[self._n_done])
 
     def advance(self) -> bool:
-        """Do the work after an ended job, and begin the next.
+        """Do the work after an ended job, and begin the next; True when the last is done.
 
-        Returns:
-            True when the last is done.
-
-        Raises:
-            KarfError: The job failed, or what follows it.
+        Raises KarfError if the job failed, or what follows it.
         """
         if not self._worker.ended:
             return False
@@ -162,7 +149,6 @@ class Runner:
             disk.refresh()
 
     def close(self) -> None:
-        """End the task and the worker."""
         self.end_task()
         self.worker.end()
 
@@ -189,11 +175,7 @@ def current_request(scene: bpy.types.Scene) -> Request | None:
 
 
 def begin_job(worker: Worker, request: Request) -> None:
-    """Begin a job in a new folder, with the Python and the threads of the preferences.
-
-    Raises:
-        KarfError: It cannot start.
-    """
+    """Begin a job in a new folder, with the Python and the threads of the preferences; raise KarfError if it cannot."""
     python, threads = preferences.engine_python(), preferences.current().threads
     with disk_errors():
         folder = new_job(Project(request.project), request.stage)
@@ -203,8 +185,7 @@ def begin_job(worker: Worker, request: Request) -> None:
 def launch(task: Task) -> None:
     """Run a task alongside the interface and return at once; in background mode, block until the end.
 
-    Raises:
-        KarfError: It cannot start; in background mode also: it fails.
+    Raises KarfError if it cannot start; in background mode also if it fails.
     """
     if bpy.app.background:
         wait(task)
@@ -214,11 +195,7 @@ def launch(task: Task) -> None:
 
 
 def wait(task: Task) -> None:
-    """Run a task, printing its progress, and block until the end.
-
-    Raises:
-        KarfError: It cannot start, or it fails.
-    """
+    """Run a task, printing its progress, and block until the end; raise KarfError if it cannot start, or fails."""
     running = _begin(task)
     quiet_until = 0.0
     try:
@@ -241,11 +218,7 @@ def wait(task: Task) -> None:
 
 
 def cancel() -> None:
-    """Ask the running task to stop.
-
-    Raises:
-        BadRequest: None runs.
-    """
+    """Ask the running task to stop; raise BadRequest if none runs."""
     if not is_running():
         raise BadRequest("No KaRF job is running.", "")
     _worker().cancel()
@@ -297,11 +270,8 @@ def _poll() -> float | None:
         done = rendering.is_over() and running.advance()
     except Exception as failure:
         is_ours = isinstance(failure, KarfError)
-        _finish(
-            failure
-            if is_ours
-            else KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
-        )
+        internal = KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
+        _finish(failure if is_ours else internal)
         windows.redraw(*windows.PANEL_AREAS)
         session.notify(STATUS_CHANGED)
         if not is_ours:
