@@ -14,10 +14,12 @@ def areas(*kinds: str) -> Iterator[bpy.types.Area]:
 
 
 def window_of(area: bpy.types.Area) -> bpy.types.Window:
+    """Return the window of an area."""
     return next(window for window in bpy.data.window_managers[0].windows if window.screen == area.id_data)
 
 
 def redraw(*kinds: str) -> None:
+    """Redraw the areas of these types."""
     for area in areas(*kinds):
         area.tag_redraw()
 
