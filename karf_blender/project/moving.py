@@ -7,6 +7,7 @@ it. The first save of such a file asks the user whether to move it.
 import contextlib
 import shutil
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 import bpy
@@ -41,13 +42,15 @@ def is_hidden(scene: bpy.types.Scene) -> bool:
     return bool(scene.karf.project) and _own_folder() in folders.project_of(scene).folder.parents
 
 
+def _own_folder() -> Path:
+    return Path(bpy.utils.extension_path_user(extension, path="projects"))
+
+
 def place_beside(scene: bpy.types.Scene) -> Path:
     """Return a new folder beside the .blend for the scene's project."""
-    wanted = place = Path(bpy.data.filepath).parent / f"{folders.project_of(scene).folder.name}_karf"
-    number = 2
-    while place.exists():
-        place, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
-    return place
+    wanted = Path(bpy.data.filepath).parent / f"{folders.project_of(scene).folder.name}_karf"
+    places = (wanted if number == 1 else wanted.with_name(f"{wanted.name}_{number}") for number in count(1))
+    return next(place for place in places if not place.exists())
 
 
 def move(scene: bpy.types.Scene) -> Path:
@@ -101,17 +104,13 @@ def _copy(old: Path, new: Path) -> None:
 
 def _relocate(old: Path, new: Path) -> None:
     """Update the paths of scenes, images and strips."""
-    folders.relocate(old, new)
+    folders.rewrite_paths(lambda path: folders.relocated(path, old, new))
     for image in bpy.data.images:
         if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
             image.filepath = place
     for strip in compat.all_strips():
         if strip.type == "IMAGE":
             strip.directory = folders.relocated(strip.directory, old, new)
-
-
-def _own_folder() -> Path:
-    return Path(bpy.utils.extension_path_user(extension, path="projects"))
 
 
 def _users(project: Path) -> set[str]:

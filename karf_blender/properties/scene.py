@@ -62,7 +62,7 @@ def _view_chosen(self, context):
 
 
 def _masks_chosen(self, context):
-    if not folders.is_rebasing() and self.project:
+    if not folders.is_rewriting() and self.project:
         objects.sync(self.id_data)
     disk.refresh()
 
@@ -82,7 +82,7 @@ def _overlay_switched(self, context):
 
 def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
-    if not folders.is_rebasing():
+    if not folders.is_rewriting():
         palettes.import_learned(self.id_data)
         preset, _ = disk.read(self.id_data).learned_with
         if preset in PRESETS:

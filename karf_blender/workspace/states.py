@@ -91,7 +91,7 @@ def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
 
 def _why_learn_again(scene: bpy.types.Scene, known: Contents) -> str:
     preset, nerf = known.learned_with
-    if nerf != folders.nerf_of(scene):
+    if nerf != folders.absolute_text(scene.karf.nerf):
         return OTHER_NERF
     return OTHER_PRESET if not nerf and preset not in ("", scene.karf.preset) else ""
 
