@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from ..engine_api import KarfError
+from ..host import windows
 from ..marking import mask_layers, objects, photo
 
 
@@ -17,13 +18,13 @@ def _renamed(self, context):
 
 
 def _changed(self, context):
-    mask_layers.redraw()
+    windows.redraw()
 
 
 def _switched(self, context):
     begin_or_follow = photo.begin_correcting if self.correct else photo.follow
     begin_or_follow(self.id_data)
-    mask_layers.redraw()
+    windows.redraw()
 
 
 class KARF_PG_marked_object(bpy.types.PropertyGroup):

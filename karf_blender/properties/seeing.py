@@ -3,7 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import displayed, overlays
+from ..host import windows
+from ..swatches import displayed
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "Show the picture with the current swatches", "BRUSH_DATA", 0),
@@ -18,11 +19,11 @@ MODE_ITEMS = [
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
         displayed.of(scene).refresh()
-    overlays.redraw()
+    windows.redraw()
 
 
 def _overlay_changed(self, context):
-    overlays.redraw()
+    windows.redraw()
 
 
 class KARF_PG_seeing(bpy.types.PropertyGroup):

@@ -194,10 +194,8 @@ def check_unasked(scene: bpy.types.Scene) -> None:
     is_wanted = not (state.known().problem or disk.read(scene).stages or scene.karf.advice)
     if bpy.app.background or not is_wanted:
         return
-    try:
+    with progress.printing_errors():
         check_capture(scene, shows_map=False)
-    except (KarfError, OSError) as error:
-        print(f"KaRF: {error}")
 
 
 def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
@@ -207,7 +205,7 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
     path = folders.project_of(scene).path("inspection", "more_photos.png")
     path.parent.mkdir(exist_ok=True)
     shutil.move(values["picture"], path)
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
     if not shows_map:
         return
     image = bpy.data.images.get(MAP_NAME)

@@ -270,7 +270,7 @@ def _poll() -> float | None:
         is_ours = isinstance(failure, KarfError)
         internal = KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
         runner.finish(failure if is_ours else internal)
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw()
         session.notify(STATUS_CHANGED)
         if not is_ours:
             raise
@@ -280,7 +280,7 @@ def _poll() -> float | None:
         # one undo step for all that the task brought into the scene
         if task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=task.title)
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw()
     elif events:
         windows.redraw_sidebars()
     if events or done:
