@@ -60,7 +60,7 @@ class MaskFolder:
 
 @dataclass
 class LastRead:
-    """What was read last."""
+    """The contents and the folders of masks that were read last."""
 
     scenes: Mapping[tuple[str, ...], Contents] = field(default_factory=dict)
     mask_folders: dict[Path, MaskFolder] = field(default_factory=dict)

@@ -80,10 +80,6 @@ class QueryWorker(WarmWorker):
     """The worker of the interface's queries."""
 
 
-def _current() -> Worker | None:
-    return session.get(QueryWorker).worker
-
-
 def send(
     scene: bpy.types.Scene, kind: str, options: dict[str, Any], on_answer: OnAnswer, on_error: OnError | None = None
 ) -> None:
@@ -122,7 +118,7 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 def is_waiting(kind: str) -> bool:
     """Return True while a query of this kind is unanswered."""
-    worker = _current()
+    worker = session.get(QueryWorker).worker
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 
 
@@ -149,10 +145,13 @@ def _wait(kind: str) -> None:
 
 def _take_replies() -> None:
     """Pass on all answers, and leave a worker that has ended."""
-    worker = _current()
-    for query, event in worker.replies() if worker else ():
+    kept = session.get(QueryWorker)
+    worker = kept.worker
+    if worker is None:
+        return
+    for query, event in worker.replies():
         _hand_out(query, event)
-    if worker is not None and worker.ended and worker is _current():
+    if worker.ended and worker is kept.worker:
         _leave(worker)
 
 
@@ -196,5 +195,5 @@ def _poll() -> float | None:
     """Poll the worker while a query is unanswered. A timer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
-    worker = _current()
+    worker = session.get(QueryWorker).worker
     return POLL_SECONDS if worker is not None and worker.unanswered else None

@@ -76,7 +76,7 @@ class Task:
     title: str
     requests: tuple[Request, ...]  # none: all is done already
     after: Callable[[Request], None]  # called with each job's request when it is done
-    owner: Owner | None = None  # who began it
+    owner: Owner  # who began it
     seconds: tuple[float, ...] = ()  # that each job is expected to take, where they are several
     result: Callable[[], Any] = lambda: None  # what `wait` returns
 
@@ -87,15 +87,11 @@ class Task:
         return self.result()
 
     @property
-    def is_file_open(self) -> bool:
-        return self.owner is None or self.owner.is_file_open
-
-    @property
     def label(self) -> str:
         """The title, with the scene's name if the file has several, or a note that it belongs to another file."""
-        if not self.is_file_open:
+        if not self.owner.is_file_open:
             return f"{self.title} (of another file)"
-        scene = self.owner.find() if self.owner and len(bpy.data.scenes) > 1 else None
+        scene = self.owner.find() if len(bpy.data.scenes) > 1 else None
         return f"{self.title} ({scene.name})" if scene else self.title
 
 
@@ -148,7 +144,7 @@ class Runner:
         if self.overall is not None and event.kind == "progress":
             self.overall.take(event, self.worker.request.stage, time.monotonic())
         progress.show_event(self.task.label, event, self.overall and (self.overall.share(), self.overall.left()))
-        if event.kind == "preview" and self.task.is_file_open and not rendering.is_running():
+        if event.kind == "preview" and self.task.owner.is_file_open and not rendering.is_running():
             editors.show_preview(Path(event["path"]))
 
     def finish(self, error: KarfError | None = None) -> None:
@@ -278,7 +274,7 @@ def _poll() -> float | None:
     if done:
         runner.finish()
         # one undo step for all that the task brought into the scene
-        if task.is_file_open and bpy.ops.ed.undo_push.poll():
+        if task.owner.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=task.title)
         windows.redraw()
     elif events:

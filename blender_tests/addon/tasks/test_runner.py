@@ -7,7 +7,7 @@ from ..timers import run_to_end
 
 def failing(addon, scene, behave):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
-    return addon.runner.Task("Trial", (request,), lambda request: None)
+    return addon.runner.Task("Trial", (request,), lambda request: None, addon.runner.Owner.of(scene))
 
 
 def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
@@ -55,7 +55,8 @@ def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, proje
     def fault(request):
         raise ZeroDivisionError("ours")
 
-    task = addon.runner.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
+    requests, owner = addon.steps.learn_scene(project_scene).requests, addon.runner.Owner.of(project_scene)
+    task = addon.runner.Task("Trial", requests, fault, owner)
     addon.session.get(addon.runner.Runner).begin(task)
     with pytest.raises(ZeroDivisionError):
         run_to_end(addon.runner._poll)
