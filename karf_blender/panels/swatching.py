@@ -8,7 +8,7 @@ from ..host.words import draw_text, translate
 from ..pictures import tints
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
-from ..swatches import colors, reference
+from ..swatches import colors
 from .display import draw_left, draw_solo, how_visible
 
 NEAREST = 3  # names offered for a color
@@ -238,7 +238,7 @@ def draw_context_menu(menu, context):
 def _draw_names(layout, color, object_name, index):
     """Lab and LCh of an sRGB color, and the names next to it; index: of the object's swatch, 0 for its target color."""
     scene = bpy.context.scene
-    color = reference.as_named(scene, np.array(color))
+    color = colors.as_named(scene, np.array(color))
     lab = srgb_to_lab(color)
     layout.label(text=_lab_text(lab))
     layout.label(text=_lch_text(lab))
