@@ -12,7 +12,7 @@ from .. import preferences, session, steps
 from ..engine_api import BOOK_SUFFIXES, BadRequest, ColorBook, KarfError, read_color_book
 from ..host import windows
 from ..host.words import translatable, translate_report
-from ..pictures import chips
+from ..pictures import tints
 from ..preferences import color_book
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
 from ..swatches import displayed, overlays
@@ -315,4 +315,4 @@ def _items(book: ColorBook | None) -> list[tuple[str, str, str, int, int]]:
     """The names as Blender searches them."""
     if book is None:
         return []
-    return [(str(number), name, "", chips.icon(book[name]), number) for number, name in enumerate(book.names)]
+    return [(str(number), name, "", tints.icon(book[name]), number) for number, name in enumerate(book.names)]

@@ -7,7 +7,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import steps
 from ..host.words import translate, translate_report
-from ..pictures import chips
+from ..pictures import tints
 from ..swatches import colors, looks, overlays
 from ..tasks import runner
 from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
@@ -167,8 +167,8 @@ def draw_color(layout, item):
     names.label(text=item.colorway)
     names.label(text=item.object)
     numbers, reason = split(rest, 0.25)
-    numbers.label(text="", icon_value=chips.icon(item.wanted))
-    numbers.label(text=f"{item.difference:.1f}", icon_value=chips.icon(item.reached))
+    numbers.label(text="", icon_value=tints.icon(item.wanted))
+    numbers.label(text=f"{item.difference:.1f}", icon_value=tints.icon(item.reached))
     if item.reason:
         reason.label(text=item.reason, icon="ERROR")
 

@@ -6,7 +6,7 @@ import bpy
 
 from .. import session
 from ..host.words import translate
-from ..pictures import chips
+from ..pictures import tints
 from ..project import disk
 from ..swatches import colors, displayed
 
@@ -76,7 +76,7 @@ def draw_masks(layout, context):
         return
     row = layout.row()
     for name, tint in masks.tints.items():
-        row.label(text=name, icon_value=chips.icon(tint))
+        row.label(text=name, icon_value=tints.icon(tint))
 
 
 def draw_solo(layout, name, index):

@@ -2,8 +2,7 @@
 
 import bpy
 
-from ..host.labels import draw_text
-from ..host.words import translate
+from ..host.words import draw_text, translate
 from ..project import disk
 from ..swatches import colors, looks, object_masks
 from ..tasks import queries

@@ -4,10 +4,9 @@ import bpy
 
 from ... import __package__ as extension
 from ..engine import installing
-from ..host.labels import draw_text
-from ..host.words import translate
+from ..host.words import draw_text, translate
 from ..marking import objects
-from ..pictures import chips
+from ..pictures import tints
 from ..preferences import state
 from ..project import disk, moving
 from ..rig import reprojection
@@ -152,7 +151,7 @@ class KARF_UL_objects(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
         row = layout.row(align=True)
-        row.label(text="", icon_value=chips.icon(objects.tint(item)))
+        row.label(text="", icon_value=tints.icon(objects.tint(item)))
         row.prop(item, "name", text="", emboss=False)
         count = disk.contents_of(context.scene).masks.get(item.folder, 0)
         row.label(text=translate("{count} marked", count=count) if count else "not marked")

@@ -2,8 +2,7 @@
 
 import bpy
 
-from ..host.labels import draw_text
-from ..host.words import translatable
+from ..host.words import draw_text, translatable
 from ..project import disk
 from ..render_engine.engine import NAME
 from ..steps import preview

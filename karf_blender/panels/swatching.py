@@ -4,9 +4,8 @@ import bpy
 import numpy as np
 
 from ..engine_api import lab_chroma, lab_hue, nearest_names, srgb_to_lab
-from ..host.labels import draw_text
-from ..host.words import translate
-from ..pictures import chips
+from ..host.words import draw_text, translate
+from ..pictures import tints
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
 from ..swatches import colors
@@ -57,7 +56,7 @@ def _draw_swatch(column, item, index, swatch):
     row = column.row(align=True)
     for each in item.swatches:
         if each == swatch or (each.merged == index and not swatch.is_added):
-            learned = row.operator("karf.reset_swatch", text="", icon_value=chips.icon(each.learned))
+            learned = row.operator("karf.reset_swatch", text="", icon_value=tints.icon(each.learned))
             learned.object_name, learned.index = item.name, index
     edited = column.row(align=True)
     edited.scale_y = 2.0
@@ -74,7 +73,7 @@ def _draw_surfaces(layout, item):
     column = table.column(align=True)
     column.label(text="")
     for _, swatch in shown:
-        column.label(text="", icon_value=chips.icon(swatch.color))
+        column.label(text="", icon_value=tints.icon(swatch.color))
     for name in colors.SURFACE:
         column = table.column(align=True)
         column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
@@ -176,7 +175,7 @@ def _draw_others(layout, context, operator):
     for item in context.scene.karf.objects:
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not other.merged:
-                text, icon = f"{item.name} {index}", chips.icon(other.color)
+                text, icon = f"{item.name} {index}", tints.icon(other.color)
                 button = _swatch_operator(layout, operator, context, text=text, icon_value=icon)
                 button.other_name, button.other_index = item.name, index
 
@@ -190,7 +189,7 @@ class KARF_MT_merge(bpy.types.Menu):
         item = context.karf_object
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not (other.merged or other.is_added):
-                icon = chips.icon(other.learned)
+                icon = tints.icon(other.learned)
                 _swatch_operator(
                     self.layout, "karf.merge_swatch", context, text=f"{item.name} {index}", icon_value=icon
                 ).into = index
@@ -256,7 +255,7 @@ def _draw_names(layout, color, object_name, index):
                 how=how_visible(near.ciede2000),
                 number=f"{near.ciede2000:.1f}",
             )
-            button = layout.operator("karf.use_color_name", text=text, icon_value=chips.icon(near.color))
+            button = layout.operator("karf.use_color_name", text=text, icon_value=tints.icon(near.color))
             button.object_name, button.index, button.color_name = object_name, index, near.name
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index

@@ -8,7 +8,7 @@ from ..engine import installing, probing
 from ..engine.installer.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
 from ..engine.installer.plan import size_text
 from ..engine_api import ERROR, OK, WARNING, Cancelled, Finding, Message, Options, bounds_of
-from ..host.labels import draw_text
+from ..host.words import draw_text
 from . import color_book, state
 from .state import Engine, chosen_python, current, engine_folder, engine_python, has_engine
 

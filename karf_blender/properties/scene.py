@@ -16,7 +16,7 @@ from ..engine_api import COMPOSITING_MODES, PRESETS, PointsOptions, bounds_of
 from ..host import windows
 from ..host.compat import PATH_OPTIONS
 from ..marking import objects, photo
-from ..project import contents, disk, folders
+from ..project import disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
 from .colors import srgb
@@ -62,7 +62,7 @@ def _view_chosen(self, context):
 
 
 def _masks_chosen(self, context):
-    if not folders.is_rebasing() and self.project:
+    if not folders.is_rewriting() and self.project:
         objects.sync(self.id_data)
     disk.refresh()
 
@@ -82,9 +82,9 @@ def _overlay_switched(self, context):
 
 def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
-    if not folders.is_rebasing():
+    if not folders.is_rewriting():
         palettes.import_learned(self.id_data)
-        preset, _ = contents.learned_with(self.id_data)
+        preset, _ = disk.read(self.id_data).learned_with
         if preset in PRESETS:
             self.preset = preset
         if self.project:

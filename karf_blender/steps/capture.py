@@ -16,12 +16,11 @@ from ..host.words import kept
 from ..marking import history, mask_layers
 from ..pictures import editors
 from ..preferences import state
-from ..project import captures, contents, folders, moving
+from ..project import captures, disk, folders, moving
 from ..rig import cameras
 from ..swatches import displayed, palettes
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
-from ..tasks.runner import Task
+from ..tasks.runner import Owner, Task
 from . import requests
 from .views import show_camera
 
@@ -192,7 +191,7 @@ def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
 
 def check_unasked(scene: bpy.types.Scene) -> None:
     """Check a capture that was just imported, where an engine is there and nothing is learned of it yet. Never raises."""
-    is_wanted = not (state.known().problem or contents.finished_stages(scene) or scene.karf.advice)
+    is_wanted = not (state.known().problem or disk.read(scene).stages or scene.karf.advice)
     if bpy.app.background or not is_wanted:
         return
     with progress.printing_errors():

@@ -72,10 +72,10 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "capture": str(captures.path_of(scene)),
         "preset": scene.karf.preset,
         "overrides": list(overrides),
-        "nerf": folders.nerf_of(scene) or None,
+        "nerf": folders.absolute_text(scene.karf.nerf) or None,
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
         "photo_space": scene.karf.photo_space or None,
-        "ocio": folders.ocio_of(scene) or None,
+        "ocio": folders.absolute_text(scene.karf.ocio) or None,
         "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
 

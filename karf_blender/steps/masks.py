@@ -16,7 +16,7 @@ from ..marking.mask_layers import Layer
 from ..marking.raster import Place
 from ..pictures import editors
 from ..preferences import state
-from ..project import contents, disk, folders
+from ..project import disk, folders
 from ..workspace import following
 
 WITHOUT_ENGINE = translatable("Brush, lasso and box work without it.")
@@ -37,7 +37,7 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
 def begin_marking(window: bpy.types.Window) -> None:
     """Show the photo ready to mark in a window of the KaRF workspace, or the picture of what is learned. Never raises."""
     scene = window.scene
-    if not scene.karf.project or contents.finished_stages(scene):
+    if not scene.karf.project or disk.read(scene).stages:
         following.show_again()
         return
     try:
@@ -173,7 +173,7 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
 
 def go_to_suggested(scene: bpy.types.Scene) -> str:
     """Make the view active whose mark would decide most, or called again, the next best; returns its name."""
-    names = contents.views_to_mark(scene)
+    names = disk.read(scene).suggested
     if not names:
         raise BadRequest("No view is suggested.", "Segment first.")
     active = scene.karf.active_view

@@ -24,7 +24,7 @@ from ..rig import lens
 from ..swatches import colors, displayed, views
 from ..swatches.views import DisplayedView
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
+from ..tasks.runner import Owner
 from .render import camera_of
 
 NO_PHOTO = translatable("A free camera has no photo: Original shows the learned scene.")

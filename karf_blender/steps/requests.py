@@ -11,11 +11,10 @@ from .. import preferences, progress
 from ..engine_api import BadRequest, Message, Project, Request, read_palettes
 from ..marking import photo
 from ..pictures import editors
-from ..project import contents, folders
+from ..project import disk, folders
 from ..render_engine import camera_pixels
 from ..swatches import displayed, palettes
-from ..tasks.ownership import Owner
-from ..tasks.runner import Task
+from ..tasks.runner import Owner, Task
 from ..workspace import estimates
 
 # the engine's names of what Blender's output panel calls file format and color depth
@@ -44,7 +43,7 @@ def import_results(owner: Owner, request: Request) -> None:
         if request.stage == "recoloring":
             displayed.forget(scene)
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
-        elif contents.is_prepared(scene):
+        elif disk.is_prepared(scene):
             show_recolored(scene)
 
 

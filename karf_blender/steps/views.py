@@ -12,14 +12,14 @@ from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
 from ..host import windows
 from ..marking import photo
 from ..pictures import editors
-from ..project import captures, contents, folders
+from ..project import captures, disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
 from ..tasks import queries
 from ..tasks.runner import Task
 from . import requests
 
-RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `contents.seen_folder`
+RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `disk.renderings_folder`
 
 
 # --- camera --------------------------------------------------------------------------------------------------------
@@ -68,7 +68,7 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
     if view:
         karf.active_view = view
     jobs = ()
-    if contents.is_current(folders.project_of(scene), karf.active_view):
+    if disk.is_current(folders.project_of(scene), karf.active_view):
         requests.show_recolored(scene, is_wanted=True)
     else:
         jobs = (requests.planes(karf.active_view),)
@@ -114,7 +114,7 @@ def see_view(scene: bpy.types.Scene) -> Task:
 
 def _rendered_folder(scene: bpy.types.Scene) -> Path:
     """The folder of what is learned now; those of what was learned before are removed."""
-    own = contents.seen_folder(scene)
+    own = disk.renderings_folder(scene)
     if not own.parent.is_symlink() and own.parent.is_dir():
         for folder in own.parent.iterdir():
             if folder != own and RENDERED.fullmatch(folder.name) and not folder.is_symlink():
@@ -125,7 +125,7 @@ def _rendered_folder(scene: bpy.types.Scene) -> Path:
 def _reveal(scene: bpy.types.Scene) -> None:
     """Show the active view, recolored where it is prepared, in the Image Editors."""
     known = displayed.of(scene)
-    image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
+    image = known.recolor() if disk.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
     photo.leave(scene)
     windows.redraw()

@@ -17,7 +17,7 @@ from .. import session
 from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import rendering
 from ..pictures import editors, images
-from ..project import contents, folders
+from ..project import disk, folders
 from . import colors, object_masks, solving, views
 from .object_masks import ObjectMasks
 from .views import DisplayedView, PictureFiles
@@ -119,8 +119,8 @@ class DisplayedScene:
         Raises:
             KarfError: There are none, or they were made from other palettes, or are damaged.
         """
-        file = contents.planes_file(self.scene)
-        if not contents.is_prepared(self.scene):
+        file = disk.planes_file(self.scene)
+        if not disk.is_prepared(self.scene):
             raise DataError(
                 "{file} (edit planes) was made from other palettes."
                 if file.exists()
@@ -146,8 +146,8 @@ class DisplayedScene:
         if not bpy.context.window_manager.karf_seeing.show_masks or not self.scene.karf.project:
             return
         try:
-            is_prepared = contents.is_prepared(self.scene)
-            files = {"": contents.planes_file(self.scene)} if is_prepared else contents.seen_masks(self.scene)
+            is_prepared = disk.is_prepared(self.scene)
+            files = {"": disk.planes_file(self.scene)} if is_prepared else disk.rendered_masks(self.scene)
             key = (*self._place(), *((file, file.stat().st_mtime_ns) for file in files.values()))
             if key != self.masks[0]:
                 self.masks = (

@@ -31,7 +31,7 @@ from ..engine_api import (
     to_photo_exposure,
 )
 from ..pictures import images, photos
-from ..project import captures, contents, folders
+from ..project import captures, disk, folders
 from . import colors
 from .object_masks import ObjectMasks
 
@@ -319,7 +319,7 @@ def _weights(scene: bpy.types.Scene, view: DisplayedView) -> np.ndarray:
 
 def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles) -> np.ndarray:
     """Dim a photo [H, W, 3] of the active view and mark unsure pixels, if those were rendered."""
-    doubts = contents.seen_doubts(scene)
+    doubts = disk.rendered_doubts(scene)
     if not doubts:
         return photo
     doubt = images.resized(files.read("doubts", doubts), *photo.shape[1::-1])
@@ -328,7 +328,7 @@ def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles)
 
 def _rendering(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray | None:
     """Return the rendering of what is learned of the active view, [h, w, 3]; None where it is out of date."""
-    file = contents.seen_rendering(scene)
+    file = disk.rendering_of(scene)
     return None if file is None else files.read("rendering", [file])
 
 
