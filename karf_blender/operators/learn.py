@@ -6,16 +6,7 @@ from bpy.props import StringProperty
 from .. import steps
 from ..pictures import editors
 from ..swatches import palettes
-from .base import (
-    GEOMETRY,
-    IDLE,
-    PALETTES,
-    PROJECT,
-    RECOLORING,
-    SEGMENTATION,
-    StepOperator,
-    need,
-)
+from .base import GEOMETRY, IDLE, PALETTES, PROJECT, RECOLORING, SEGMENTATION, StepOperator, need
 
 MASKS = need(
     "Mark an object first: paint a mask, or choose a folder of masks", lambda context: context.scene.karf.masks

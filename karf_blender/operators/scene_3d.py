@@ -21,8 +21,7 @@ AXES_ITEMS = [
 ]
 
 FOLLOWING_SPLATS = need(
-    "Choose Gaussian splats imported by Blender or 3DGS Render",
-    lambda context: splat_objects.find(context.scene),
+    "Choose Gaussian splats imported by Blender or 3DGS Render", lambda context: splat_objects.find(context.scene)
 )
 
 

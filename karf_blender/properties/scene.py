@@ -157,10 +157,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="Folder for pictures. Empty: the folder out in the project",
     )
     frames: StringProperty(
-        name="Frames",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
-        description="Folder of the last rendered frames",
+        name="Frames", subtype="DIR_PATH", options=PATH_OPTIONS, description="Folder of the last rendered frames"
     )
     captured_size: EnumProperty(name="Size", items=SIZE_ITEMS, description="File format of recolored photos")
     captured_pixels: IntProperty(

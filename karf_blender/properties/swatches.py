@@ -164,10 +164,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     show_edge: BoolProperty(name="Edge", description="Position and softness of the paint's edge")
     show_surface: BoolProperty(name="Surface", description="Saturation, brightness and gloss of each swatch's paint")
     palette: StringProperty(
-        name="Palette",
-        description="Colors of its swatches, as written by Copy Palette",
-        get=_palette,
-        set=_set_palette,
+        name="Palette", description="Colors of its swatches, as written by Copy Palette", get=_palette, set=_set_palette
     )
 
 
