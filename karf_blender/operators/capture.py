@@ -201,9 +201,7 @@ class KARF_OT_check_capture(StepOperator, bpy.types.Operator):
     bl_idname = "karf.check_capture"
     bl_label = "Check Capture"
     needs = (PROJECT,)
-
-    def step(self, context):
-        steps.check_capture(context.scene)
+    scene_step = steps.check_capture
 
 
 class KARF_FH_capture(bpy.types.FileHandler):

@@ -207,9 +207,7 @@ class KARF_OT_remove_chart(StepOperator, bpy.types.Operator):
     bl_label = "Remove Color Chart"
     bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
-
-    def step(self, context):
-        steps.remove_chart(context.scene)
+    scene_step = steps.remove_chart
 
 
 def _editors(context):

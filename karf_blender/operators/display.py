@@ -36,9 +36,7 @@ class KARF_OT_see_view(StepOperator, bpy.types.Operator):
     bl_idname = "karf.see_view"
     bl_label = "Render Learned"
     needs = (IDLE, PROJECT, GEOMETRY)
-
-    def step(self, context):
-        return steps.see_view(context.scene)
+    scene_step = steps.see_view
 
 
 class KARF_OT_solo_swatch(StepOperator, bpy.types.Operator):

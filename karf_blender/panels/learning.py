@@ -171,10 +171,13 @@ def draw_mark(layout, context):
     layout.label(text="Ctrl: exclude from the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
     layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
-    if "segmentation" in disk.contents_of(scene).stages:
+    known = disk.contents_of(scene)
+    if "segmentation" in known.stages:
         layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
-        layout.operator("karf.go_to_suggested", text=_suggested_view_label(scene), icon="LIGHT")
-        if disk.contents_of(scene).any_view_helps:
+        suggested = known.suggested
+        text = translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
+        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+        if known.any_view_helps:
             layout.label(text="All views would help about equally", icon="BLANK1")
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
@@ -182,11 +185,6 @@ def draw_mark(layout, context):
     if queries.is_waiting("propose") or queries.is_waiting("correct"):
         layout.label(text="The engine is working", icon="SORTTIME")
     layout.prop(scene.karf, "masks")
-
-
-def _suggested_view_label(scene) -> str:
-    suggested = disk.contents_of(scene).suggested
-    return translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
 
 
 def _draw_view_steps(layout, scene):

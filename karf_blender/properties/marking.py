@@ -16,10 +16,6 @@ def _renamed(self, context):
     mask_layers.reread(self.id_data)
 
 
-def _changed(self, context):
-    mask_layers.redraw()
-
-
 def _switched(self, context):
     begin_or_follow = photo.begin_correcting if self.correct else photo.follow
     begin_or_follow(self.id_data)
@@ -42,7 +38,7 @@ class KARF_PG_marking(bpy.types.PropertyGroup):
     """The objects to mark, and the tools that mark them."""
 
     objects: CollectionProperty(type=KARF_PG_marked_object)
-    active: IntProperty(name="Object", description="Object to mark", update=_changed)
+    active: IntProperty(name="Object", description="Object to mark", update=lambda self, context: mask_layers.redraw())
     photo: PointerProperty(name="Photo", type=bpy.types.Image, description="Photo to mark")
     brush: IntProperty(
         name="Brush",

@@ -12,7 +12,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine_api import COMPOSITING_MODES, PRESETS, PointsOptions, bounds_of
+from ..engine_api import PRESETS, PointsOptions, bounds_of
 from ..host import windows
 from ..host.compat import PATH_OPTIONS
 from ..marking import objects, photo
@@ -31,12 +31,10 @@ PRESET_HELP = {
     "paper": "Method and settings of the paper, on a graphics card; takes a long time",
 }
 PRESET_ITEMS = [(name, name.capitalize(), PRESET_HELP[name]) for name in PRESETS]
-COMPOSITING_NAMES = {"delta": "Photo plus change", "paper": "Palette only"}
-COMPOSITING_HELP = {
-    "delta": "Add the palette's change to the photo. Without changes, the photo stays as it is",
-    "paper": "Replace the object by its palette mixture, as in the paper",
-}
-COMPOSITING_ITEMS = [(name, COMPOSITING_NAMES[name], COMPOSITING_HELP[name]) for name in COMPOSITING_MODES]
+COMPOSITING_ITEMS = [
+    ("delta", "Photo plus change", "Add the palette's change to the photo. Without changes, the photo stays as it is"),
+    ("paper", "Palette only", "Replace the object by its palette mixture, as in the paper"),
+]
 FORMAT_ITEMS = [
     ("PNG", "PNG", "sRGB values, for any other program"),
     ("OPEN_EXR", "OpenEXR", "Scene-linear light, for compositing"),
@@ -72,14 +70,6 @@ def _format_chosen(self, context):
         self.color_depth = "16"  # which both have
 
 
-def _fading_chosen(self, context):
-    windows.redraw("VIEW_3D")
-
-
-def _overlay_switched(self, context):
-    reprojection.refresh(self.id_data)
-
-
 def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
     if not folders.is_rebasing():
@@ -98,10 +88,6 @@ class KARF_PG_view(bpy.types.PropertyGroup):
     split: StringProperty(name="Split", description="train, val or test")
 
 
-def _hiding_switched(self, context):
-    cameras.hide_others(self.id_data)
-
-
 class KARF_PG_looking(bpy.types.PropertyGroup):
     """The scene's camera and resolution before and while a captured camera is looked through."""
 
@@ -112,7 +98,7 @@ class KARF_PG_looking(bpy.types.PropertyGroup):
     hides_others: BoolProperty(
         name="Hide Others",
         description="Hide the other cameras and the sparse points while one camera is looked through",
-        update=_hiding_switched,
+        update=lambda self, context: cameras.hide_others(self.id_data),
     )
 
 
@@ -183,7 +169,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         default=True,
         description="Fade surfaces to gray that no photo shows well, in the rendered 3D View and in cameras' "
         "frames. Off: show the splats as they are",
-        update=_fading_chosen,
+        update=lambda self, context: windows.redraw("VIEW_3D"),
     )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="Quality and duration of learning")
     nerf: StringProperty(
@@ -243,7 +229,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         name="Reprojection Errors",
         description="Draw lines over the current photo from each projected sparse point to its position in the "
         "photo: green where they agree, red from 4 pixels",
-        update=_overlay_switched,
+        update=lambda self, context: reprojection.refresh(self.id_data),
     )
     advice: StringProperty(description="Results of checking the capture, one per line. Empty: not checked")
     is_poor: BoolProperty(description="More photos are recommended before learning")

@@ -21,10 +21,6 @@ def _picture_changed(self, context):
     overlays.redraw()
 
 
-def _overlay_changed(self, context):
-    overlays.redraw()
-
-
 class KARF_PG_seeing(bpy.types.PropertyGroup):
     """What is shown of the active view, and what is drawn over it."""
 
@@ -59,8 +55,11 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
         default=0.4,
         min=0.0,
         max=1.0,
-        update=_overlay_changed,
+        update=lambda self, context: overlays.redraw(),
     )
     outlines: BoolProperty(
-        name="Outlines", description="Draw a line around every object", default=True, update=_overlay_changed
+        name="Outlines",
+        description="Draw a line around every object",
+        default=True,
+        update=lambda self, context: overlays.redraw(),
     )

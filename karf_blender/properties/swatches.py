@@ -30,10 +30,6 @@ def edit_changed(self, context):
     displayed.of(self.id_data).refresh()
 
 
-def _color_changed(self, context):
-    gestures.color_changed(self)
-
-
 def _surface_changed(self, context):
     gestures.surface_changed(self)
 
@@ -66,14 +62,6 @@ def _picture_chosen(self, context):
     self.view = ""  # of another picture nobody knows which view it shows
 
 
-def _palette(self):
-    return edits.copied(self.id_data, self.name, None)
-
-
-def _set_palette(self, text):
-    edits.paste(self.id_data, self.name, None, text)
-
-
 class KARF_PG_swatch(bpy.types.PropertyGroup):
     """One palette color of an object: as learned, and as the artist wants it."""
 
@@ -83,7 +71,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
         highest=MAX_SRGB,
         description="New color, which may be brighter than white. With Material, the other colors of its paint "
         "follow, and highlights keep the light's color",
-        update=_color_changed,
+        update=lambda self, context: gestures.color_changed(self),
     )
     saturation: FloatProperty(
         name="Saturation",
@@ -164,7 +152,10 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     show_edge: BoolProperty(name="Edge", description="Position and softness of the paint's edge")
     show_surface: BoolProperty(name="Surface", description="Saturation, brightness and gloss of each swatch's paint")
     palette: StringProperty(
-        name="Palette", description="Colors of its swatches, as written by Copy Palette", get=_palette, set=_set_palette
+        name="Palette",
+        description="Colors of its swatches, as written by Copy Palette",
+        get=lambda self: edits.copied(self.id_data, self.name, None),
+        set=lambda self, text: edits.paste(self.id_data, self.name, None, text),
     )
 
 
