@@ -205,8 +205,7 @@ class DragTool(MarkingTool):
             self.leave(context)
             return self.finish(context, event)
         if event.type in {"ESC", "RIGHTMOUSE"}:
-            self.leave(context)
-            self.abandon(context)
+            self.cancel(context)
             return {"CANCELLED"}
         return {"RUNNING_MODAL"}
 

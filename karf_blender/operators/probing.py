@@ -6,27 +6,21 @@ from bpy.props import StringProperty
 from .. import preferences
 from ..engine import failures, probing
 from ..engine_api import ERROR
+from ..host.words import translatable
 from ..project import folders
-from .base import NOT_INSTALLING, is_met, reports_errors, versions
+from .base import NOT_INSTALLING, StepOperator, need, reports_errors, versions
 
 
-class KARF_OT_examine_engine(bpy.types.Operator):
+class KARF_OT_examine_engine(StepOperator, bpy.types.Operator):
     """Check the engine's Python packages, device and disk space, and run each stage on a tiny scene"""
 
     bl_idname = "karf.examine_engine"
     bl_label = "Test Engine"
-
-    @classmethod
-    def poll(cls, context):
-        if probing.is_running():
-            cls.poll_message_set("A test is running")
-            return False
-        if not is_met(cls, context, NOT_INSTALLING):
-            return False
-        if problem := preferences.state.known().problem:
-            cls.poll_message_set(problem)
-            return False
-        return True
+    needs = (
+        need("A test is running", lambda context: not probing.is_running()),
+        NOT_INSTALLING,
+        lambda context: preferences.state.known().problem,
+    )
 
     @reports_errors
     def execute(self, context):
@@ -39,37 +33,29 @@ class KARF_OT_examine_engine(bpy.types.Operator):
         return {"CANCELLED"} if verdict.status == ERROR else {"FINISHED"}
 
 
-class KARF_OT_cancel_examination(bpy.types.Operator):
+class KARF_OT_cancel_examination(StepOperator, bpy.types.Operator):
     """Stop the test"""
 
     bl_idname = "karf.cancel_examination"
     bl_label = "Cancel Test"
 
-    def execute(self, context):
+    def step(self, context):
         probing.cancel()
-        return {"FINISHED"}
 
 
-class KARF_OT_copy_findings(bpy.types.Operator):
+class KARF_OT_copy_findings(StepOperator, bpy.types.Operator):
     """Copy versions and all test results, to send to a developer. Your names are left out"""
 
     bl_idname = "karf.copy_findings"
     bl_label = "Copy Report"
+    needs = (need("Test the engine first", lambda context: _findings()),)
 
-    @classmethod
-    def poll(cls, context):
-        if not _findings():
-            cls.poll_message_set("Test the engine first")
-            return False
-        return True
-
-    def execute(self, context):
+    def step(self, context):
         context.window_manager.clipboard = failures.compose_findings(_findings(), versions())
-        self.report({"INFO"}, "The report is on the clipboard")
-        return {"FINISHED"}
+        return translatable("The report is on the clipboard")
 
 
-class KARF_OT_copy_command(bpy.types.Operator):
+class KARF_OT_copy_command(StepOperator, bpy.types.Operator):
     """Copy this command to paste it into a terminal"""
 
     bl_idname = "karf.copy_command"
@@ -77,10 +63,9 @@ class KARF_OT_copy_command(bpy.types.Operator):
 
     command: StringProperty(name="Command")
 
-    def execute(self, context):
+    def step(self, context):
         context.window_manager.clipboard = self.command
-        self.report({"INFO"}, "The command is on the clipboard")
-        return {"FINISHED"}
+        return translatable("The command is on the clipboard")
 
 
 def _findings():

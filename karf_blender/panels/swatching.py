@@ -238,8 +238,8 @@ def _draw_names(layout, color, object_name, index):
     color = reference.as_named(scene, np.array(color))
     lab = srgb_to_lab(color)
     layout.label(text="Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0)))  # no -0.0
-    hue = np.degrees(lab_hue(lab)) % 360
-    layout.label(text=f"LCh (D65)   {lab[0]:.1f}   {lab_chroma(lab):.1f}   {hue:.1f}\N{DEGREE SIGN}")
+    lch = lab[0], lab_chroma(lab), np.degrees(lab_hue(lab)) % 360
+    layout.label(text="LCh (D65)   {:.1f}   {:.1f}   {:.1f}\N{DEGREE SIGN}".format(*lch))
     layout.separator()
     layout.operator_context = "INVOKE_DEFAULT"  # the search and the file browser are what invoking opens
     book, problem = color_book.known()

@@ -82,6 +82,11 @@ def _project_chosen(self, context):
         disk.refresh()
 
 
+def PathProperty(subtype="DIR_PATH", **options):
+    """A property of a path, which may be relative to the .blend."""
+    return StringProperty(subtype=subtype, options=PATH_OPTIONS, **options)
+
+
 class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
@@ -120,31 +125,20 @@ class KARF_PG_surface(bpy.types.PropertyGroup):
 class KARF_PG_scene(bpy.types.PropertyGroup):
     """A scene's project, palettes and edits."""
 
-    project: StringProperty(
+    project: PathProperty(
         name="Project",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
         description="Folder of everything learned. Choosing one with palettes loads its swatches",
         update=_project_chosen,
     )
     stays_hidden: BoolProperty(description="The question about moving the project beside the file was declined")
-    capture: StringProperty(name="Capture", subtype="FILE_PATH", options=PATH_OPTIONS, description="Cameras and photos")
-    masks: StringProperty(
+    capture: PathProperty("FILE_PATH", name="Capture", description="Cameras and photos")
+    masks: PathProperty(
         name="Masks",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
         description="Folder with <object>/<photo name>.png, white where the object is",
         update=_masks_chosen,
     )
-    out: StringProperty(
-        name="Output",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
-        description="Folder for pictures. Empty: the folder out in the project",
-    )
-    frames: StringProperty(
-        name="Frames", subtype="DIR_PATH", options=PATH_OPTIONS, description="Folder of the last rendered frames"
-    )
+    out: PathProperty(name="Output", description="Folder for pictures. Empty: the folder out in the project")
+    frames: PathProperty(name="Frames", description="Folder of the last rendered frames")
     captured_size: EnumProperty(name="Size", items=SIZE_ITEMS, description="File format of recolored photos")
     captured_pixels: IntProperty(
         name="Long Side",
@@ -172,10 +166,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         update=lambda self, context: windows.redraw("VIEW_3D"),
     )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="Quality and duration of learning")
-    nerf: StringProperty(
+    nerf: PathProperty(
+        "FILE_PATH",
         name="Pretrained NeRF",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
         description="Checkpoint of a NeRF that another program has trained on this capture, used as the geometry "
         "(nerf-pytorch, krrish94). Empty: learn the geometry",
     )
@@ -189,10 +182,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="OpenColorIO color space of the picture in the layers, such as ACEScg. Empty: linear Rec. 709. "
         "Requires the engine's extra color",
     )
-    ocio: StringProperty(
+    ocio: PathProperty(
+        "FILE_PATH",
         name="Color Config",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
         description="OpenColorIO configuration with these spaces (config.ocio). Empty: the one in the variable "
         "OCIO, or the engine's own",
     )

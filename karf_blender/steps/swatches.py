@@ -92,21 +92,17 @@ def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int
     Returns the other's number; default: the one with the nearest learned color.
     """
     edits.unlocked(scene, object_name, index)
-    item = edits.object_named(scene, object_name)
+    item, which = edits.object_named(scene, object_name), {"index": index, "name": object_name}
     others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
     if item.swatches[index].is_added:
         raise BadRequest(
-            "Swatch {index} of {name!r} is an added color and cannot be merged.",
-            "Remove it in its menu.",
-            index=index,
-            name=object_name,
+            "Swatch {index} of {name!r} is an added color and cannot be merged.", "Remove it in its menu.", **which
         )
     if not others or into not in (None, *others):
         raise BadRequest(
             "Swatch {index} of {name!r} cannot be merged into {other}.",
             "Choose another visible swatch of this object.",
-            index=index,
-            name=object_name,
+            **which,
             other=into or "another",
         )
     if into is None:
