@@ -1,5 +1,7 @@
 """Messages about the running task and the end of the last one, in the panel and on the console."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,15 @@ def warn(sentence: str, /, **values: Any) -> None:
         sentence = Message(sentence, **values)
     print(f"KaRF: {sentence}", flush=True)
     _add_warning(sentence)
+
+
+@contextmanager
+def printing_errors() -> Iterator[None]:
+    """Print errors of the engine and of files, where the user has not asked for what fails."""
+    try:
+        yield
+    except (KarfError, OSError) as error:
+        print(f"KaRF: {error}", flush=True)
 
 
 def _add_warning(sentence: str) -> None:

@@ -1,8 +1,8 @@
 """The session: what the extension keeps in memory, and what it has put into Blender.
 
 A module keeps its state in its own class, and `get` returns the one object of that class. Functions that Blender calls
-are declared beside their code: by `handler`, `subscribe` and `setup`; classes by their name (KARF_...). `register`
-finds and installs them all, whatever the order of modules.
+are declared beside their code: by `handler`, `draw_handler`, `subscribe` and `setup`; classes by their name (KARF_...).
+`register` finds and installs them all, whatever the order of modules.
 """
 
 import importlib
@@ -102,6 +102,11 @@ def notify(event: str, *values: Any) -> None:
             function(*values)
 
 
+def draw_handler(editor: type[bpy.types.Space], moment: str) -> Callable[[Callable], Callable]:
+    """Declare a function that draws in the main region of editors of a type; `moment` is POST_PIXEL or POST_VIEW."""
+    return _mark(karf_draws_in=editor, karf_draws=moment)
+
+
 def setup(function: Callable[[], Iterator[None]]) -> Callable[[], Iterator[None]]:
     """Declare a generator function that installs something, yields once, and removes it again."""
     return _mark(karf_setup=contextmanager(function))(function)
@@ -136,6 +141,9 @@ def register(package: ModuleType) -> None:
             stack.callback(bpy.utils.unregister_class, each)
         for function in _declared(modules, "karf_setup"):
             stack.enter_context(function.karf_setup())
+        for function in _declared(modules, "karf_draws"):
+            drawn = function.karf_draws_in.draw_handler_add(function, (), "WINDOW", function.karf_draws)
+            stack.callback(function.karf_draws_in.draw_handler_remove, drawn, "WINDOW")
         for function in sorted(_declared(modules, "karf_events"), key=lambda each: each.karf_phase):
             for event in function.karf_events:
                 called = getattr(bpy.app.handlers, event, [])  # older Blenders lack some, such as exit_pre

@@ -20,23 +20,23 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 MODULES = {
     "": "engine_api preferences progress session steps",
     "host": "compat labels rendering windows words",
-    "engine": "examination failures installing probing processes speed worker",
+    "engine": "failures installing probing processes worker",
     "engine.installer": "home",
-    "preferences": "choices color_book managing state",
+    "preferences": "color_book state",
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
-    "rig": "cameras frames lens reprojection",
+    "rig": "cameras lens reprojection",
     "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
-    "render_engine": "blocking camera_pixels still viewport",
+    "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",
     "tasks": "ownership queries runner",
     "compositor": "recoloring",
     "nodes": "sockets",
-    "surface": "scene_object splat_objects trees",
+    "surface": "scene_object splat_objects",
     "operators": "colorways project render",
     "panels": "editing display learning sidebar swatching",
-    "workspace": "clicking estimates opening own_pictures states statusbar",
+    "workspace": "estimates following opening states statusbar",
 }
 _exit_code = None
 _has_blender = False
@@ -71,7 +71,7 @@ def addon(bpy, monkeypatch):
     assert not modules.runner.is_running()
     modules.preview.stop()
     modules.queries.stop()
-    modules.blocking.stop()
+    modules.session.get(modules.still.RenderWorker).close()
     modules.runner.release()
 
 

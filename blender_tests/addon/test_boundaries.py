@@ -130,13 +130,11 @@ def test_only_compat_asks_for_blenders_version():
 @pytest.mark.parametrize(
     "name",
     [
-        "engine/examination",
         "engine/failures",
         *sorted(
             f"engine/installer/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "installer").glob("*.py")
         ),
         "engine/processes",
-        "engine/speed",
         "engine/worker",
     ],
 )

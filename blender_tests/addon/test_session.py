@@ -2,6 +2,7 @@
 
 import ast
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -51,6 +52,31 @@ def test_timers_are_started_once_and_end_with_the_session(bpy, addon, session):
     addon.extension.unregister()
     addon.extension.register()
     assert not bpy.app.timers.is_registered(timer)
+
+
+def test_drawing_functions_are_added_to_their_editors_and_removed(addon, session):
+    drawn, package = [], ModuleType("package")
+
+    class Editor:
+        @staticmethod
+        def draw_handler_add(function, arguments, region, moment):
+            drawn.append((function, region, moment))
+
+        @staticmethod
+        def draw_handler_remove(handler, region):
+            drawn.pop()
+
+    @session.draw_handler(Editor, "POST_VIEW")
+    def draw():
+        """Never called here."""
+
+    package.__path__, package.draw = [], draw
+    addon.extension.unregister()
+    session.register(package)
+    assert drawn == [(draw, "WINDOW", "POST_VIEW")]
+    session.unregister()
+    addon.extension.register()
+    assert not drawn
 
 
 def test_the_extension_subscribes_to_scenes_clicks_and_sidebars_anew_in_each_file(bpy, addon, session, monkeypatch):

@@ -40,7 +40,11 @@ def build(
     """
     tree, name = compat.compositing_tree(scene), _node_name(path.stem)
     picture = named(tree, f"{name} Layers", "CompositorNodeImage", (-700, 0))
-    picture.image = _load(path, filepath, space or LINEAR)
+    picture.image = image = bpy.data.images.load(str(path), check_existing=True)
+    image.filepath, space = filepath, space or LINEAR
+    if images.knows_space(space):
+        image.colorspace_settings.name = space
+    image.reload()  # it may show an older file
     node = named(tree, name, "CompositorNodeGroup", (-300, 0))
     node.width = 200
     targets = [link.to_socket for link in node.outputs[0].links] if node.outputs else []
@@ -71,15 +75,6 @@ def is_rendered(node: bpy.types.Node) -> bool:
 
 def _node_name(view: str) -> str:
     return f"KaRF {sockets.short(view)}"
-
-
-def _load(path: Path, filepath: str, space: str) -> bpy.types.Image:
-    image = bpy.data.images.load(str(path), check_existing=True)
-    image.filepath = filepath
-    if images.knows_space(space):
-        image.colorspace_settings.name = space
-    image.reload()  # an image loaded before may show an older file
-    return image
 
 
 def _free_targets(tree: bpy.types.NodeTree, node: bpy.types.Node) -> list[bpy.types.NodeSocket]:

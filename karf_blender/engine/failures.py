@@ -11,7 +11,7 @@ from ..engine_api import LOG_FILE, REQUEST_FILE, DataError, EventReader, Finding
 
 LOG_LINES = 30
 LOG_BYTES = 20_000  # lines may be long
-SHORTEST_NAME = 3  # letters of a name: shorter ones are found in every text
+SHORTEST_NAME = 3  # letters of a name: shorter ones are in every text
 LETTER = r"[^\W\d_]"
 LOGIN = re.compile(r"""(?<=://)[^\s/?#"'<>]+@""")
 

@@ -4,6 +4,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -20,24 +21,17 @@ PRINT_SECONDS = 5.0
 
 @dataclass
 class _State:
-    """The installation or removal at work, and how the last one failed."""
-
     work: Installation | Removal | None = None
-    error: KarfError | None = None
+    error: KarfError | None = None  # how the last one failed or was cancelled
 
     def close(self) -> None:
-        """End it and its child."""
         if self.work is not None:
             self.work.terminate()
             self.work = None
 
 
 def plan(choices: Choices) -> Plan:
-    """Say what an installation would do, with this Blender's Python and as its preferences allow.
-
-    Raises:
-        KarfError: It cannot be done.
-    """
+    """Plan an installation with this Blender's Python and as its preferences allow; raises KarfError."""
     return make(choices, sys.executable, bpy.app.online_access)
 
 
@@ -65,25 +59,18 @@ def last_error() -> KarfError | None:
 def launch(planned: Plan) -> None:
     """Install alongside the interface and return at once; in background mode, block until it is done.
 
-    Raises:
-        KarfError: It cannot start; in background mode also: it fails.
+    Raises KarfError where it cannot start; in background mode also where it fails.
     """
     if bpy.app.background:
         wait(planned)
-        return
-    _check_free()
-    _begin(Installation(planned))
-    session.start_timer(_tick, POLL_SECONDS, persistent=True)
+    else:
+        _begin(Installation, planned)
+        session.start_timer(_tick, POLL_SECONDS, persistent=True)
 
 
 def wait(planned: Plan) -> None:
-    """Install, print how far it is, and block until it is done.
-
-    Raises:
-        KarfError: It fails.
-    """
-    _check_free()
-    installation = _begin(Installation(planned))
+    """Install, print how far it is, and block until it is done; raises KarfError where it fails."""
+    installation = _begin(Installation, planned)
     printed, quiet_until = "", 0.0
     try:
         while not installation.ended:
@@ -93,43 +80,35 @@ def wait(planned: Plan) -> None:
                 print(f"KaRF engine: {now.sentence}", flush=True)
             time.sleep(POLL_SECONDS / 2)
         installation.check()
-    finally:
-        # also where the user interrupts with Ctrl-C
+    finally:  # also where the user interrupts with Ctrl-C
         session.get(_State).close()
 
 
 def remove(folder: Path) -> None:
     """Delete the environment in a folder and return at once; in background mode, block until it is done.
 
-    Raises:
-        KarfError: The folder is not KaRF's; in background mode also: a file cannot be deleted.
+    Raises KarfError where the folder is not KaRF's; in background mode also where a file cannot be deleted.
     """
     if bpy.app.background:
         home.remove(folder)
-        return
-    _begin(Removal(folder, sys.executable))
-    session.start_timer(_tick, persistent=True)
+    else:
+        _begin(Removal, folder)
+        session.start_timer(_tick, persistent=True)
 
 
 def cancel() -> None:
-    """Ask the installation to stop; what was fetched is kept.
-
-    Raises:
-        BadRequest: None is at work.
-    """
+    """Ask the installation to stop; downloaded files are kept."""
     if not can_be_cancelled():
         raise BadRequest("No installation is running.", "")
     session.get(_State).work.cancel()
 
 
-def _check_free() -> None:
-    if is_running():
+def _begin(kind: type, *arguments: Any) -> Installation | Removal:
+    state = session.get(_State)
+    if state.work is not None:
         raise BadRequest("The engine is already being installed.", "Wait for it, or cancel it.")
-
-
-def _begin(work: Installation | Removal) -> Installation | Removal:
-    session.get(_State).work, session.get(_State).error = work, None
-    return work
+    state.work, state.error = kind(*arguments), None
+    return state.work
 
 
 def _tick() -> float | None:

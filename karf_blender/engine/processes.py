@@ -4,9 +4,12 @@ import contextlib
 import os
 import signal
 import subprocess
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
+
+from .. import engine_api
 
 TERMINATE_SECONDS = 5.0
 LEAKS = ("PYTHON", "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_", "OCIO", "BLENDER_")
@@ -25,22 +28,18 @@ def child_environment(variables: Mapping[str, str], threads: int = 0) -> dict[st
     return kept
 
 
-def engine_command(python: Path, engine: Path, *arguments: str | Path) -> list[str]:
-    """Return the command line for a Python that executes the engine's folder; arguments begin with the verb."""
+def engine_command(python: Path, verb: str, *arguments: Any) -> list[str]:
+    """Return the command line for a Python that executes the engine."""
     # -B: no compiled files appear in the extension's folder, which updates replace
-    return [str(python), "-I", "-B", "-u", "-X", "utf8", str(engine), *map(str, arguments)]
+    return [str(python), "-I", "-B", "-u", "-X", "utf8", str(engine_api.ENGINE_FOLDER), verb, *map(str, arguments)]
 
 
 def start(
     command: Sequence[str], threads: int = 0, variables: Mapping[str, str] = NO_VARIABLES, **options: Any
 ) -> subprocess.Popen:
-    """Start a command in a new process group, without Blender's environment; raises OSError where it does not start.
+    """Start a command in a new process group, without Blender's environment but with these variables.
 
-    Args:
-        command: The program and its arguments.
-        threads: Of numerical libraries; 0: they choose.
-        variables: What its environment has more than this process's.
-        options: Those of Popen.
+    threads: of numerical libraries; 0: they choose. Raises OSError where it does not start.
     """
     if os.name == "nt":
         own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -77,3 +76,29 @@ def ending(process: subprocess.Popen) -> str:
     """Return how a process ended: the signal's name, or its exit code."""
     code = process.returncode or 0
     return SIGNAL_NAMES.get(-code) or f"exit code {code if -256 < code < 256 else hex(code)}"
+
+
+class Inquiry:
+    """A verb of the engine as a child process; raises OSError where it does not start."""
+
+    def __init__(self, python: Path, verb: str, *arguments: Any, threads: int) -> None:
+        # files take any amount of words; a pipe that nobody reads would hold the child up
+        self._said, self._errors = tempfile.TemporaryFile(), tempfile.TemporaryFile()
+        command = engine_command(python, verb, *arguments, *(("--threads", threads) if threads else ()))
+        self.process = start(command, threads, stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._errors)
+
+    def lines(self) -> list[str]:
+        """Return what it has said so far, whole lines only."""
+        return [line for line in _read(self._said).splitlines(keepends=True) if line.endswith("\n")]
+
+    def reason(self) -> str:
+        """Return why it ended: the last line of its errors, else its exit code or signal."""
+        return (_read(self._errors).strip().splitlines() or [ending(self.process)])[-1]
+
+    def end(self) -> None:
+        end(self.process)
+
+
+def _read(stream: IO[bytes]) -> str:
+    stream.seek(0)
+    return stream.read().decode("utf-8", "replace")

@@ -40,8 +40,6 @@ REPLIES = ("answer", "refused", "dropped")
 
 @dataclass
 class _Job:
-    """The progress of a job."""
-
     request: Request
     folder: Path
     reader: EventReader
@@ -53,7 +51,6 @@ class _Job:
     planned: list[tuple[float, int]] = field(default_factory=list)  # (when, signal) to send where it still runs
 
     def end_after(self, seconds: float) -> None:
-        """Have the worker ended by force in a while."""
         if not self.planned:
             first = time.monotonic() + seconds
             self.planned = [(first, signal.SIGTERM), (first + processes.TERMINATE_SECONDS, processes.KILL)]
@@ -62,9 +59,7 @@ class _Job:
 class Worker:
     """A worker: `begin` a job, `poll` until it has `ended`, `check` how it ended; then begin the next, or `end`.
 
-    Args:
-        keep_seconds: How long the process waits for the next job after one that is done; 0: it ends.
-        hello_seconds: How long it may be silent at the begin of a job.
+    The process waits `keep_seconds` for the next job after one that is done; with 0 it ends.
     """
 
     def __init__(self, keep_seconds: float = 0, hello_seconds: float = HELLO_SECONDS) -> None:
@@ -79,15 +74,10 @@ class Worker:
 
     # --- jobs ------------------------------------------------------------------------------------------------------
     def begin(self, python: Path, request: Request, folder: Path, threads: int = 0) -> None:
-        """Begin a job, in the process that waits for one where it still serves; no other job may be at work.
+        """Begin a job in its own folder, new or empty, in the process that waits for one where it still serves.
 
-        Args:
-            python: The Python that has the engine's packages.
-            request: Is written into the folder.
-            folder: The job's own folder, new or empty.
-            threads: Processor threads; 0: the engine chooses.
-
-        Raises MissingDependency where the Python does not start, DataError where the folder cannot be written.
+        No other job may be at work. With 0 threads the engine chooses. Raises MissingDependency where the Python does
+        not start, DataError where the folder cannot be written.
         """
         with disk_errors():
             request.write(folder)
@@ -145,28 +135,25 @@ class Worker:
         stage = job.request.stage
         if job.is_silent:
             raise MissingDependency("The engine did not answer after its start.", "Try Test Engine in the preferences.")
-        if job.final is None and not job.folder.is_dir():
+        if job.final is not None and job.final.kind == "cancelled":
+            raise Cancelled("The {stage} job was cancelled.", stage=stage)
+        if job.final is not None and job.final.kind == "error":
+            raise error_from_event(job.final)
+        if job.final is not None:
+            return
+        if not job.folder.is_dir():
             raise DataError(
                 "{folder} was removed while the {stage} job was running.",
                 "Restore the project and try again.",
                 folder=job.folder,
                 stage=stage,
             )
-        if job.final is None and job.is_cancelled:
+        if job.is_cancelled:
             raise Cancelled("The {stage} job did not stop and was killed ({how}).", stage=stage, how=how)
-        if job.final is None:
-            raise KarfError(
-                "The engine crashed in the {stage} job ({how}).",
-                "It most likely ran out of memory: use a smaller preset, or fewer threads."
-                if how == "SIGKILL"
-                else "See its log for details.",
-                stage=stage,
-                how=how,
-            )
-        if job.final.kind == "cancelled":
-            raise Cancelled("The {stage} job was cancelled.", stage=stage)
-        if job.final.kind == "error":
-            raise error_from_event(job.final)
+        hint = "See its log for details."
+        if how == "SIGKILL":
+            hint = "It most likely ran out of memory: use a smaller preset, or fewer threads."
+        raise KarfError("The engine crashed in the {stage} job ({how}).", hint, stage=stage, how=how)
 
     # of the job at work, or of the last one
     @property
@@ -183,10 +170,7 @@ class Worker:
 
     # --- queries ---------------------------------------------------------------------------------------------------
     def query(self, kind: str, options: dict[str, Any], note: Any) -> None:
-        """Send a query to a worker whose job answers them; one of the same kind that was not begun is dropped.
-
-        `kind` is one of the engine's `queries.QUERIES`, `options` are JSON values with absolute paths.
-        """
+        """Send a query to a worker whose job answers them; one of the same kind that was not begun is dropped."""
         self._n_queries += 1
         query = Query(self._n_queries, kind, options)
         self.unanswered[query.number] = note
@@ -210,7 +194,7 @@ class Worker:
         return time.monotonic() < self._waits_until and self._process.poll() is None
 
     def suits(self, python: Path, threads: int) -> bool:
-        """Tell whether the process was made for these settings and today's environment variables."""
+        """Return whether the process was made for these settings and today's environment variables."""
         return self._made_for == _settings(python, threads)
 
     def end(self) -> None:
@@ -223,7 +207,7 @@ class Worker:
 
     def _start(self, python: Path, folder: Path, threads: int) -> subprocess.Popen:
         waiting = ("--wait", str(self._keep_seconds)) if self._keep_seconds else ()
-        command = processes.engine_command(python, engine_api.ENGINE_FOLDER, "run", folder, *waiting)
+        command = processes.engine_command(python, "run", folder, *waiting)
         with disk_errors():
             log = (folder / LOG_FILE).open("ab")
         try:
@@ -266,5 +250,5 @@ def _settings(python: Path, threads: int) -> tuple[Any, ...]:
 
 
 def error_from_event(event: Event) -> KarfError:
-    """The error of an `error` or a `refused` event."""
+    """Return the error of an `error` or a `refused` event."""
     return error_from_code(event["code"], event["sentence"], event.get("hint") or "")

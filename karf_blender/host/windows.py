@@ -19,8 +19,8 @@ def window_of(area: bpy.types.Area) -> bpy.types.Window:
 
 
 def redraw(*kinds: str) -> None:
-    """Redraw the areas of these types."""
-    for area in areas(*kinds):
+    """Redraw the areas of these types; by default, of those with the KaRF tab."""
+    for area in areas(*(kinds or PANEL_AREAS)):
         area.tag_redraw()
 
 

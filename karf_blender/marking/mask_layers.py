@@ -10,10 +10,11 @@ import bpy
 import numpy as np
 
 from .. import session
-from ..engine_api import KarfError, View, check_file, masks_of_view
+from ..engine_api import View, check_file, masks_of_view
 from ..host import windows
 from ..pictures import images
-from ..project import captures
+from ..progress import printing_errors
+from ..project import captures, folders
 from . import history, objects, raster
 
 
@@ -50,7 +51,7 @@ class MaskLayers:
 
 
 @dataclass
-class _State:
+class _Opened:
     per_file = True
     layers: MaskLayers | None = None
     key: tuple = ()  # what they were read for
@@ -63,21 +64,20 @@ def _key(scene: bpy.types.Scene) -> tuple:
 
 def opened(scene: bpy.types.Scene) -> MaskLayers | None:
     """Return the mask layers of the scene's active view if they are open; for drawing."""
-    state = session.get(_State)
+    state = session.get(_Opened)
     return state.layers if state.key == _key(scene) else None
 
 
 def open_layers(scene: bpy.types.Scene) -> MaskLayers:
-    """Return the mask layers of the scene's active view, read if they are not open.
-
-    Raises KarfError if a mask cannot be read.
-    """
-    state = session.get(_State)
+    """Return the layers of the active view, read if they are not open; KarfError if a mask cannot be read."""
+    state = session.get(_Opened)
     if opened(scene) is None:
         view = captures.view_of(scene)
-        masks = _read_all(scene, objects.masks_folder(scene), view, _read_mask)
-        corrections = _read_all(scene, objects.corrections_folder(scene), view, _read_correction)
-        state.layers, state.key = MaskLayers(view, masks, corrections), _key(scene)
+        masks, corrections = objects.mark_folders(scene)
+        state.layers = MaskLayers(
+            view, _read_all(scene, masks, view, _read_mask), _read_all(scene, corrections, view, _read_correction)
+        )
+        state.key = _key(scene)
     return state.layers
 
 
@@ -86,34 +86,23 @@ def reread(scene: bpy.types.Scene) -> None:
     was_open = opened(scene) is not None
     forget()
     if was_open:
-        try:
+        with printing_errors():
             open_layers(scene)
-        except (KarfError, OSError) as error:
-            print(f"KaRF: the masks of {scene.karf.active_view!r} cannot be read: {error}")
-    redraw()
+    windows.redraw()
 
 
 def forget() -> None:
     """Close the mask layers."""
-    session.get(_State).layers = None
-    session.get(_State).key = ()
-
-
-def redraw() -> None:
-    """Redraw the masks over the photo, and the panels."""
-    windows.redraw(*windows.PANEL_AREAS)
+    session.get(_Opened).layers = None
 
 
 # --- files ---------------------------------------------------------------------------------------------------------
 def save(scene: bpy.types.Scene, name: str, is_correction: bool) -> None:
-    """Write an object's open mask or correction as a step that undo takes back.
-
-    Raises OSError if it cannot be written.
-    """
+    """Write an object's open mask or correction as a step that undo takes back. Raises OSError."""
     layers = open_layers(scene)
     pixels = layers.layer(name, is_correction).pixels
     if is_correction:
-        root = objects.corrections_folder(scene)
+        root = folders.project_of(scene).corrections_folder
         # white: the object; black: not the object; transparent: neither
         gray_alpha = np.stack([pixels > 0, pixels != 0], -1) * np.uint8(255)
         content = raster.encode_png(gray_alpha) if pixels.any() else None
@@ -136,22 +125,19 @@ def _read_all(scene: bpy.types.Scene, root: Path, view: View, read) -> dict[str,
     """Return the layers of the objects that have a file for the view."""
     names = [item.folder for item in scene.karf.marking.objects]
     found = {name: files[0] for name in names if (files := masks_of_view(root / name, view))}
+    for file in found.values():
+        check_file(file)  # no folder, pipe or device
     return {name: Layer(_fitted(read(file), view)) for name, file in found.items()}
 
 
-def _decoded(file: Path) -> np.ndarray | None:
-    check_file(file)  # no folder, pipe or device
-    return raster.decode_png(file.read_bytes())
-
-
 def _read_mask(file: Path) -> np.ndarray:
-    own = _decoded(file)
+    own = raster.decode_png(file.read_bytes())
     is_plain = own is not None and own.shape[-1] == 1 and own.max() == 255
     return own[..., 0] > 127 if is_plain else images.read_mask(file)
 
 
 def _read_correction(file: Path) -> np.ndarray:
-    own = _decoded(file)
+    own = raster.decode_png(file.read_bytes())
     if own is None or own.shape[-1] == 1:
         return images.read_correction(file)
     return np.where(own[..., 1] > 127, np.where(own[..., 0] > 127, 1, -1), 0)

@@ -40,9 +40,9 @@ def masks_folder(scene: bpy.types.Scene) -> Path:
     return folder
 
 
-def corrections_folder(scene: bpy.types.Scene) -> Path:
-    """Return the folder with one folder of corrections for each object; raises like `masks_folder`."""
-    return folders.project_of(scene).corrections_folder
+def mark_folders(scene: bpy.types.Scene) -> tuple[Path, Path]:
+    """Return the folders of masks and of corrections, each with one folder for each object; raises like `masks_folder`."""
+    return masks_folder(scene), folders.project_of(scene).corrections_folder
 
 
 def active(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:
@@ -94,10 +94,7 @@ def tint(item: bpy.types.PropertyGroup) -> tuple[float, float, float]:
 
 
 def usable_name(name: str, others: list[str]) -> str:
-    """Return the closest name for a folder on every system that differs from the other objects' names.
-
-    Examples: `red flower` stays; `a/b` becomes `a_b`; a second `pot` or `Pot` becomes `pot 2`.
-    """
+    """Return the closest name for a folder on every system: `a/b` becomes `a_b`, a second `pot` or `Pot` `pot 2`."""
     name = file_name(name.strip() or FIRST).strip()
     if name.startswith(".") or name.casefold() == BACKGROUND:
         name = f"_{name}"
@@ -109,14 +106,11 @@ def usable_name(name: str, others: list[str]) -> str:
 
 
 def rename(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> None:
-    """Move an object's files after a change of its name in the list, and make the name a usable one.
-
-    Raises OSError if a file cannot be moved.
-    """
+    """Move an object's files after a change of its name in the list, and make that usable. Raises OSError."""
     others = [other.folder for other in scene.karf.marking.objects if other != item]
     name, old = usable_name(item.name, others), item.folder
     if name != old and scene.karf.project:
-        for root in (masks_folder(scene), corrections_folder(scene)):
+        for root in mark_folders(scene):
             files = {path: path.read_bytes() for path in (root / old).rglob("*") if path.is_file()}
             moved = {root / name / path.relative_to(root / old): content for path, content in files.items()}
             if files:
@@ -125,12 +119,9 @@ def rename(scene: bpy.types.Scene, item: bpy.types.PropertyGroup) -> None:
 
 
 def remove(scene: bpy.types.Scene) -> None:
-    """Remove the active object from the list, and its masks and corrections from the disk.
-
-    Raises OSError if a file cannot be removed.
-    """
+    """Remove the active object from the list, and its masks and corrections from the disk. Raises OSError."""
     marking, item = scene.karf.marking, active(scene)
-    for root in (masks_folder(scene), corrections_folder(scene)):
+    for root in mark_folders(scene):
         files = [path for path in (root / item.folder).rglob("*") if path.is_file()]
         if files:
             history.record(scene, root, dict.fromkeys(files))
@@ -143,9 +134,8 @@ def marked_views(scene: bpy.types.Scene) -> list[str]:
     item = active(scene)
     if item is None:
         return []
-    roots = [root / item.folder for root in (masks_folder(scene), corrections_folder(scene))]
-    views = captures.of(scene).views
-    return [view.name for view in views if any(masks_of_view(root, view) for root in roots)]
+    roots = [root / item.folder for root in mark_folders(scene)]
+    return [view.name for view in captures.of(scene).views if any(masks_of_view(root, view) for root in roots)]
 
 
 # --- volumes -------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from gpu_extras.batch import batch_for_shader
 
 from .. import session
 from ..engine_api import srgb_to_linear
+from ..host.drawing import draw_line
 from . import mask_layers, objects, photo, proposals
 from .mask_layers import Layer
 
@@ -16,6 +17,7 @@ LONGEST = 2048  # pixels of a texture's side: larger masks are reduced
 IS, IS_NOT = (0.15, 0.85, 0.25), (0.95, 0.15, 0.1)  # colors of corrections and clicks
 TINT, OUTLINE = 0.35, 2.0  # the marked object's fill (opacity) and outline (pixels of the screen)
 OTHERS_TINT, OTHERS_OUTLINE = 0.18, 1.0
+LINE = ((3.0, (0, 0, 0, 0.6)), (1.0, (1, 1, 1, 1)))  # widths and colors: visible on light and on dark
 DOT = 6.0  # radius of a click, pixels of the screen
 CIRCLE = np.stack([np.cos(angles := np.linspace(0, 2 * np.pi, 24, endpoint=False)), np.sin(angles)], -1)
 QUAD = ((0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1))
@@ -58,12 +60,13 @@ void main()
 
 
 @dataclass
-class _State:
+class _OnGpu:
     shader: gpu.types.GPUShader | None = None
     # by kind and object: a layer's version, and its pixels of one sign
     textures: dict[tuple[str, str], tuple[object, gpu.types.GPUTexture]] = field(default_factory=dict)
 
 
+@session.draw_handler(bpy.types.SpaceImageEditor, "POST_PIXEL")
 def _draw_overlay() -> None:
     context = bpy.context
     scene, space = context.scene, context.space_data
@@ -72,13 +75,13 @@ def _draw_overlay() -> None:
         return
     gpu.state.blend_set("ALPHA")
     used = {_draw_layer(context.region, *each) for each in _layers(scene, layers)}
-    textures = session.get(_State).textures
+    textures = session.get(_OnGpu).textures
     for key in textures.keys() - used:
         del textures[key]
     _draw_clicks(context.region, scene, layers)
     gesture = session.get(photo.Gesture).places
     if len(gesture) > 1:
-        _draw_line(gesture)
+        draw_line(gesture, *LINE)
     gpu.state.blend_set("NONE")
 
 
@@ -99,8 +102,7 @@ def _layers(scene, layers):
 # --- masks ---------------------------------------------------------------------------------------------------------
 def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
     """Draw the pixels of a layer that have a sign over the photo of a region; return the key of their texture."""
-    shader = _shader()
-    view = region.view2d
+    shader, view = _shader(), region.view2d
     low, high = (np.array(view.view_to_region(*place, clip=False), np.float32) for place in ((0, 0), (1, 1)))
     shader.bind()
     shader.uniform_sampler("mask", _texture(key, layer, sign))
@@ -113,7 +115,7 @@ def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, wid
 
 
 def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
-    textures = session.get(_State).textures
+    textures = session.get(_OnGpu).textures
     if key not in textures or textures[key][0] != layer.version:
         step = -(-max(layer.pixels.shape) // LONGEST)
         pixels = np.ascontiguousarray(layer.pixels[::-step, ::step] == sign, np.float32)
@@ -123,7 +125,7 @@ def _texture(key, layer: Layer, sign: int) -> gpu.types.GPUTexture:
 
 
 def _shader() -> gpu.types.GPUShader:
-    state = session.get(_State)
+    state = session.get(_OnGpu)
     if state.shader is None:
         between = gpu.types.GPUStageInterfaceInfo("karf_mask")
         between.smooth("VEC2", "place")
@@ -149,16 +151,16 @@ def _draw_clicks(region, scene, layers) -> None:
     if proposal is None:
         return
     width, height = layers.size
+
+    def on_screen(x: float, y: float) -> tuple[float, float]:
+        return region.view2d.view_to_region(x / width, 1 - y / height, clip=False)
+
     if proposal.box is not None:
         x0, y0, x1, y1 = proposal.box
         corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
-        _draw_line([_on_screen(region, x / width, 1 - y / height) for x, y in corners])
+        draw_line([on_screen(*corner) for corner in corners], *LINE)
     for x, y, is_object in proposal.points:
-        _draw_click(_on_screen(region, x / width, 1 - y / height), is_object)
-
-
-def _on_screen(region, u: float, v: float) -> tuple[float, float]:
-    return region.view2d.view_to_region(u, v, clip=False)
+        _draw_click(on_screen(x, y), is_object)
 
 
 def _draw_click(place, is_object: bool) -> None:
@@ -176,22 +178,3 @@ def _draw(kind: str, places: np.ndarray, color) -> None:
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     shader.uniform_float("color", color)
     batch_for_shader(shader, kind, {"pos": [(x, y, 0) for x, y in places.reshape(-1, 2)]}).draw(shader)
-
-
-def _draw_line(places) -> None:
-    """Draw a line that is visible on light and dark."""
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    batch = batch_for_shader(shader, "LINE_STRIP", {"pos": [(*place, 0) for place in places]})
-    shader.bind()
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    for width, color in ((3.0, (0, 0, 0, 0.6)), (1.0, (1, 1, 1, 1))):
-        shader.uniform_float("lineWidth", width)
-        shader.uniform_float("color", color)
-        batch.draw(shader)
-
-
-@session.setup
-def _overlay():
-    handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_overlay, (), "WINDOW", "POST_PIXEL")
-    yield
-    bpy.types.SpaceImageEditor.draw_handler_remove(handler, "WINDOW")

@@ -9,10 +9,11 @@ import bpy
 import numpy as np
 
 from .. import session
-from ..engine_api import BadRequest, DataError, KarfError
+from ..engine_api import BadRequest, DataError
 from ..host import rendering, windows
 from ..pictures import editors, images, photos
 from ..preferences import state
+from ..progress import printing_errors
 from ..project import captures, disk, folders
 from ..tasks import queries
 from . import history, mask_layers, objects, tools
@@ -36,40 +37,7 @@ def areas(scene: bpy.types.Scene) -> list[bpy.types.Area]:
 
 
 def show(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Display the active view's original photo with its masks, also in the Image Editors that are free.
-
-    Raises KarfError if the photo or a mask cannot be read, or Blender is rendering.
-    """
-    image = _load(scene)
-    editors.reveal(image, is_wanted=True)
-    mask_layers.open_layers(scene)
-    mask_layers.redraw()
-    return image
-
-
-def follow(scene: bpy.types.Scene) -> None:
-    """Update photo and corrected masks where they are displayed, after a change of the view or of *Correct*.
-
-    Errors are printed.
-    """
-    image = scene.karf.marking.photo
-    spaces = (area.spaces.active for area in windows.areas("IMAGE_EDITOR"))
-    if image is not None and any(space.image == image for space in spaces):
-        try:
-            show(scene)
-            correct(scene)
-        except (KarfError, OSError) as error:
-            print(f"KaRF: {error}")
-
-
-def leave(scene: bpy.types.Scene) -> None:
-    """Lay the tools down if no editor displays the photo any more: their next click would bring it back."""
-    if not areas(scene):
-        tools.lay_down()
-        scene.karf.marking.correct = False
-
-
-def _load(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Show the active view's photo with its masks, also in free Image Editors. Raises KarfError."""
     rendering.refuse()
     view, marking = captures.view_of(scene), scene.karf.marking
     if view.image is None:
@@ -84,15 +52,33 @@ def _load(scene: bpy.types.Scene) -> bpy.types.Image:
     if not image.size[0]:
         raise DataError("{path} cannot be read as an image.", "Check the file.", path=file)
     image[VIEW] = view.name
+    editors.reveal(image, is_wanted=True)
+    mask_layers.open_layers(scene)
+    windows.redraw()
     return image
+
+
+def follow(scene: bpy.types.Scene) -> None:
+    """Update photo and corrected masks where they are displayed after a change; errors are printed."""
+    image = scene.karf.marking.photo
+    spaces = (area.spaces.active for area in windows.areas("IMAGE_EDITOR"))
+    if image is not None and any(space.image == image for space in spaces):
+        with printing_errors():
+            show(scene)
+            correct(scene)
+
+
+def leave(scene: bpy.types.Scene) -> None:
+    """Lay the tools down if no editor displays the photo any more: their next click would bring it back."""
+    if not areas(scene):
+        tools.lay_down()
+        scene.karf.marking.correct = False
 
 
 @session.handler("undo_post", "redo_post", phase=session.Phase.READ)
 def _after_undo(*_):
-    try:
+    with printing_errors():
         history.follow()
-    except OSError as error:
-        print(f"KaRF: masks do not follow undo: {error}")
     for scene in bpy.data.scenes:
         mask_layers.reread(scene)
         follow(scene)
@@ -107,7 +93,7 @@ class Gesture:
 
 
 def photo_place(region: bpy.types.Region, size: tuple[int, int], place: tuple[int, int]) -> Place:
-    """Return a place in an Image Editor's region, from its lower left, in pixels of the photo, y down."""
+    """Return a place in an Image Editor's region in pixels of the photo, y down."""
     u, v = region.view2d.region_to_view(*place)
     return u * size[0], (1 - v) * size[1]
 
@@ -120,10 +106,7 @@ def photo_length(region: bpy.types.Region, size: tuple[int, int], length: float)
 
 # --- corrected masks -----------------------------------------------------------------------------------------------
 def correct(scene: bpy.types.Scene) -> None:
-    """Request the masks of the active view with all corrections, if *Correct* is on.
-
-    Raises KarfError if the engine cannot be started.
-    """
+    """Request the active view's masks with all corrections, if *Correct* is on. Raises KarfError."""
     can_answer = "segmentation" in disk.contents_of(scene).stages and not state.known().problem
     if scene.karf.marking.correct and can_answer:
         view = scene.karf.active_view
@@ -136,17 +119,15 @@ def _take_corrected(view: str, scene: bpy.types.Scene, values: dict[str, Any]) -
     layers = mask_layers.opened(scene)
     if layers is not None and layers.view.name == view:
         layers.solved = {name: Layer(images.read_mask(file).astype(np.int8)) for name, file in files.items()}
-        mask_layers.redraw()
+        windows.redraw()
     for file in files.values():
         file.unlink(missing_ok=True)
 
 
 def begin_correcting(scene: bpy.types.Scene) -> None:
     """Display the photo and take up a tool when *Correct* is switched on; errors are printed."""
-    try:
+    with printing_errors():
         show(scene)
         for area in areas(scene):
             tools.take_up(bpy.context, area)
         correct(scene)
-    except (KarfError, OSError) as error:
-        print(f"KaRF: {error}")

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from .. import preferences
+from ..host import windows
 from ..pictures import images
 from ..project import captures, disk
 from ..tasks import queries
@@ -43,9 +44,9 @@ class Proposal:
 
 def current(scene: bpy.types.Scene, name: str) -> Proposal | None:
     """Return the clicks and the box of an object's mask in the active view."""
-    found = history.note()
-    is_of_it = isinstance(found, Proposal) and (found.name, found.view) == (name, scene.karf.active_view)
-    return found if is_of_it else None
+    note = history.note()
+    is_its = isinstance(note, Proposal) and (note.name, note.view) == (name, scene.karf.active_view)
+    return note if is_its else None
 
 
 def click(scene: bpy.types.Scene, name: str, place: Place, is_object: bool) -> Proposal:
@@ -66,12 +67,9 @@ def _begin(scene: bpy.types.Scene, name: str, is_object: bool) -> Proposal:
 
 
 def propose(scene: bpy.types.Scene, proposal: Proposal) -> None:
-    """Request the mask of a proposal, as a step that undo takes back; the mask is written when it comes.
-
-    Raises KarfError if the engine cannot be started.
-    """
+    """Request the mask of a proposal, as a step of undo; it is written when it comes. Raises KarfError."""
     step = history.record(scene, objects.masks_folder(scene), {}, proposal)
-    mask_layers.redraw()
+    windows.redraw()
     options = {
         "capture": str(captures.path_of(scene)),
         "view": proposal.view,
@@ -92,6 +90,6 @@ def _take(step: int, proposal: Proposal, scene: bpy.types.Scene, values: dict[st
             layer = layers.layer(proposal.name, is_correction=False)
             layer.pixels = pixels
             layer.touch()
-        mask_layers.redraw()
+        windows.redraw()
     file.unlink(missing_ok=True)
     disk.refresh()

@@ -5,6 +5,7 @@ import gpu
 from gpu_extras.presets import draw_circle_2d
 
 from .. import session
+from ..host import windows
 from ..project import disk
 
 BLENDERS = "builtin.sample"  # the first tool of the Image Editor
@@ -112,14 +113,11 @@ def take_up(context: bpy.types.Context, area: bpy.types.Area) -> None:
 
 def lay_down() -> None:
     """Activate Blender's first tool instead of one of these: else Blender would continue to draw its cursor."""
-    for window in bpy.data.window_managers[0].windows:
-        tool = window.workspace.tools.from_space_image_mode("VIEW")
-        if not _is_ours(tool):
-            continue
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR":
-                with bpy.context.temp_override(window=window, area=area):
-                    bpy.ops.wm.tool_set_by_id(name=BLENDERS, space_type="IMAGE_EDITOR")
+    for area in windows.areas("IMAGE_EDITOR"):
+        window = windows.window_of(area)
+        if _is_ours(window.workspace.tools.from_space_image_mode("VIEW")):
+            with bpy.context.temp_override(window=window, area=area):
+                bpy.ops.wm.tool_set_by_id(name=BLENDERS, space_type="IMAGE_EDITOR")
 
 
 @session.setup

@@ -1,1 +1,1 @@
-"""What all node trees of KaRF share: building nodes, and color sockets that follow swatches."""
+"""Tools for all node trees of KaRF: building nodes, and color sockets that follow swatches."""

@@ -1,4 +1,4 @@
-"""Color sockets of node groups that stand for swatches, and drivers that let them follow a scene's swatches.
+"""Color sockets of node groups, one for each swatch, and drivers that let them follow a scene's swatches.
 
 Where the extension is not installed, a driver takes its fallback value: the swatch's color when the file was saved.
 """
@@ -13,7 +13,7 @@ from .. import session
 from ..engine_api import ObjectLayers, Palette, srgb_to_linear
 from ..host import compat
 
-LONGEST = 48  # bytes of a name to which others are added: Blender cuts at 63
+LONGEST = 48  # bytes of a name before its number: Blender cuts at 63
 # of Blender's simple expressions, which run without the right to run scripts: of a color and what surfaces add to it
 TO_LINEAR = "(v + s) / 12.92 if v + s <= 0.04045 else pow((v + s + 0.055) / 1.055, 2.4)"
 # of files of before swatches had surfaces
@@ -55,7 +55,7 @@ def set_colors(
 
 # --- drivers -------------------------------------------------------------------------------------------------------
 def drive(node: bpy.types.Node, name: str, index: int, scene: bpy.types.Scene, source: str) -> None:
-    """Let the socket of a swatch follow its displayed color; `source` is the swatch's path from the scene."""
+    """Drive the socket of a swatch by its displayed color; `source` is the swatch's path from the scene."""
     socket = node.inputs[swatch_socket(name, index)]
     for channel in range(3):
         driver = socket.driver_add("default_value", channel).driver

@@ -10,6 +10,7 @@ from bpy.props import EnumProperty, FloatVectorProperty, IntProperty, StringProp
 
 from .. import preferences, session, steps
 from ..engine_api import BOOK_SUFFIXES, BadRequest, ColorBook, KarfError, read_color_book
+from ..host import windows
 from ..host.words import translatable, translate_report
 from ..pictures import chips
 from ..preferences import color_book
@@ -59,7 +60,7 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
     def modal(self, context, event):
         if event.type == "MOUSEMOVE":
             session.get(_Loupe).mouse = event.mouse_x, event.mouse_y
-            overlays.redraw()
+            windows.redraw()
             return {"RUNNING_MODAL"}
         if event.type in {"ESC", "RIGHTMOUSE"}:
             return self._finish(context, {"CANCELLED"})
@@ -78,7 +79,7 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
 
     def _finish(self, context, result):
         bpy.types.SpaceImageEditor.draw_handler_remove(session.get(_Loupe).handler, "WINDOW")
-        overlays.redraw()
+        windows.redraw()
         context.window.cursor_modal_restore()
         context.workspace.status_text_set(None)
         return result

@@ -1,14 +1,11 @@
 """The preferences' buttons: the engine installed, repaired or updated, all by one dialog; cancelled; removed."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from .. import preferences
-from ..engine import installing, probing
+from ..engine import installing
 from ..engine.installer import computer, locks
-from ..engine.installer.plan import Choices
 from ..engine_api import KarfError
 from ..host.labels import draw_text
 from ..steps import engine
@@ -25,12 +22,6 @@ WIDTH, LETTERS = 640, 100  # of the dialog: width in pixels, and letters that fi
 SHELLS = {"posix": "Linux, macOS", "powershell": "PowerShell", "cmd": "Windows cmd"}
 
 
-def _leave_python() -> None:
-    """End what still runs in the engine's Python, which may be replaced."""
-    probing.cancel()
-    engine.leave_python()
-
-
 class KARF_OT_install_engine(bpy.types.Operator):
     bl_description = (
         "Create a separate environment for the engine. A dialog first lists the downloads, their source "
@@ -43,10 +34,7 @@ class KARF_OT_install_engine(bpy.types.Operator):
     build: EnumProperty(
         name="PyTorch for", items=[(name, *BUILDS[name]) for name in locks.BUILDS], options={"SKIP_SAVE"}
     )
-    photos: BoolProperty(
-        name="Find camera poses of photos (pycolmap)",
-        options={"SKIP_SAVE"},
-    )
+    photos: BoolProperty(name="Find camera poses of photos (pycolmap)", options={"SKIP_SAVE"})
     folder: StringProperty(
         name="Folder",
         subtype="DIR_PATH",
@@ -74,11 +62,10 @@ class KARF_OT_install_engine(bpy.types.Operator):
 
     def check(self, context):
         """Plan anew after each change; Blender calls it."""
-        self.plan = self.error = None
         try:
-            self.plan = self._plan()
+            self.plan, self.error = self._plan(), None
         except KarfError as error:
-            self.error = error
+            self.plan, self.error = None, error
         return True
 
     def draw(self, context):
@@ -97,14 +84,14 @@ class KARF_OT_install_engine(bpy.types.Operator):
             draw_text(box, sentence, "DOT", LETTERS)
         row = layout.row(align=True)
         row.label(text="To do the same by hand:")
-        for shell in computer.SHELLS:
-            copy = row.operator("karf.copy_command", text=SHELLS[shell], icon="COPYDOWN")
+        for shell, label in SHELLS.items():
+            copy = row.operator("karf.copy_command", text=label, icon="COPYDOWN")
             copy.command = self.plan.commands(shell)
 
     @reports_errors
     def execute(self, context):
         planned = self._plan()
-        _leave_python()
+        engine.leave_python()
         if planned.folder != preferences.engine_folder():
             preferences.current().engine_folder = str(planned.folder)
             context.preferences.is_dirty = True
@@ -112,10 +99,8 @@ class KARF_OT_install_engine(bpy.types.Operator):
         return {"FINISHED"}
 
     def _plan(self):
-        folder = _whole(self.folder) if self.folder else preferences.engine_folder()
-        wheels = _whole(self.wheels) if self.wheels else None
-        starter = str(_whole(self.starter)) if self.starter else ""
-        return installing.plan(Choices(folder, self.build, ("photos",) if self.photos else (), wheels, starter))
+        paths = (bpy.path.abspath(path) for path in (self.folder, self.wheels, self.starter))
+        return engine.plan_engine(self.build, ("photos",) if self.photos else (), *paths)
 
 
 class KARF_OT_cancel_installation(bpy.types.Operator):
@@ -152,11 +137,6 @@ class KARF_OT_remove_engine(bpy.types.Operator):
 
     @reports_errors
     def execute(self, context):
-        _leave_python()
+        engine.leave_python()
         installing.remove(preferences.engine_folder())
         return {"FINISHED"}
-
-
-def _whole(path: str) -> Path:
-    """The path on disk of one from the file browser."""
-    return Path(bpy.path.abspath(path)).absolute()

@@ -5,6 +5,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import session, steps
 from ..engine_api import BadRequest
+from ..host import windows
 from ..host.words import translate_report
 from ..marking import mask_layers, objects, photo, raster, tools
 from ..pictures import editors
@@ -123,7 +124,7 @@ class KARF_OT_add_object(StepOperator, bpy.types.Operator):
 
     def step(self, context):
         steps.add_object(context.scene, self.name)
-        mask_layers.redraw()
+        windows.redraw()
 
 
 class KARF_OT_remove_object(StepOperator, bpy.types.Operator):

@@ -4,12 +4,26 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ... import __package__ as extension
-from ..engine_api import Options, bounds_of
+from ..engine import installing, probing
+from ..engine.installer.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
+from ..engine.installer.plan import size_text
+from ..engine_api import ERROR, OK, WARNING, Cancelled, Finding, Message, Options, bounds_of
 from ..host.labels import draw_text
-from . import color_book, managing, state
-from .choices import chosen_python, current, engine_folder, engine_python, has_engine
+from . import color_book, state
+from .state import Engine, chosen_python, current, engine_folder, engine_python, has_engine
 
 __all__ = ["chosen_python", "color_book", "current", "engine_folder", "engine_python", "has_engine", "state"]
+
+OFFLINE = (
+    "Blender may not use the network: switch on System > Network > Allow Online Access, or install from a folder of "
+    "wheels."
+)
+MISSING = "There is no engine yet."
+HOW = Message("There is no engine yet. Press Install Engine, or set Engine Python below to a Python that has PyTorch.")
+# the label of the button that installs, by the state of the environment
+VERBS = {NONE: "Install Engine", UNFINISHED: "Go On", BROKEN: "Repair", OUTDATED: "Update", READY: "Repair"}
+ICONS = {OK: "CHECKMARK", WARNING: "ERROR", ERROR: "CANCEL"}  # Blender's icon ERROR is the triangle of warnings
+WIDTH = 96  # letters that fit the preferences' usual width
 
 
 def _make_paths_absolute(preferences, _):
@@ -60,9 +74,90 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
 
     def draw(self, context):
         layout = self.layout
-        managing.draw_engine(layout.box())
+        _draw_engine(layout.box())
         for name in ("engine_python", "threads", "marking_model", "color_book"):
             layout.prop(self, name)
         if color_book.known().problem:
-            draw_text(layout, color_book.known().problem, "ERROR", managing.WIDTH)
-        managing.draw_test(layout)
+            draw_text(layout, color_book.known().problem, "ERROR", WIDTH)
+        _draw_test(layout)
+
+
+def _draw_engine(layout):
+    """Draw the state in a sentence, the installation at work, and the buttons."""
+    engine = state.known()
+    managed = engine.managed
+    if installing.is_running():
+        _draw_progress(layout)
+        return
+    draw_text(layout, sentence(engine), "ERROR" if engine.problem else "CHECKMARK", WIDTH)
+    used = state.disk_use()
+    if managed.state != NONE:
+        size = f", {size_text(used)}" if used else ""
+        draw_text(layout, f"{engine.folder}{size}", "BLANK1", WIDTH)
+    error = installing.last_error()
+    if error and not isinstance(error, Cancelled):  # who has cancelled knows it
+        column = layout.column(align=True)
+        column.alert = True
+        draw_text(column, error.sentence, "CANCEL", WIDTH)
+        draw_text(layout, error.hint, "BLANK1", WIDTH)
+    if engine.problem and not bpy.app.online_access:
+        draw_text(layout, OFFLINE, "INTERNET_OFFLINE", WIDTH)
+    row = layout.row(align=True)
+    install = row.operator("karf.install_engine", text=VERBS[managed.state], icon="IMPORT")
+    install.build, install.photos = managed.build, "photos" in managed.extras
+    if managed.state != NONE:
+        row.operator("karf.remove_engine", icon="TRASH")
+
+
+def sentence(engine: Engine) -> str:
+    """Return whether there is an engine, as a sentence."""
+    managed = engine.managed
+    if engine.is_managed and managed.state == READY:
+        return f"Engine ready. {managed.sentence}"
+    if engine.is_managed:
+        return managed.sentence
+    if not engine.problem:
+        return f"Engine Python: {engine.python}. Test Engine says whether it works."
+    if managed.state != NONE:
+        return managed.sentence
+    return HOW if engine.problem.startswith(MISSING) else engine.problem
+
+
+def _draw_progress(layout):
+    progress = installing.progress()
+    if not installing.can_be_cancelled():
+        layout.label(text=progress.title, icon="SORTTIME")
+        return
+    row = layout.row(align=True)
+    row.progress(factor=progress.fraction, text=progress.title)
+    row.operator("karf.cancel_installation", text="", icon="CANCEL")
+    draw_text(layout, progress.sentence, "BLANK1", WIDTH)
+
+
+def _draw_test(layout):
+    row = layout.row(align=True)
+    is_running = probing.is_running()
+    row.operator("karf.examine_engine", text="Testing ..." if is_running else "Test Engine", icon="CHECKMARK")
+    if is_running:
+        row.operator("karf.cancel_examination", text="", icon="CANCEL")
+    row.operator("karf.copy_findings", icon="COPYDOWN")
+    python = state.known().python
+    verdict = probing.verdict_on(python)
+    column = layout.column(align=True)
+    if verdict is not None:  # first: below a long list nobody would see it
+        _draw_finding(column.box(), verdict)
+    for finding in probing.findings_on(python):
+        if finding is not verdict:
+            _draw_finding(column, finding)
+
+
+def _draw_finding(layout, finding: Finding):
+    """Draw a finding; its remedy only where something is amiss."""
+    draw_text(layout, finding.sentence, ICONS[finding.status], WIDTH)
+    if finding.status == OK:
+        return
+    draw_text(layout, finding.remedy, "BLANK1", WIDTH)
+    if finding.command:
+        row = layout.row(align=True)
+        draw_text(row, finding.command, "BLANK1", WIDTH)
+        row.operator("karf.copy_command", text="", icon="COPYDOWN").command = finding.command

@@ -8,20 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-import bpy
-
 from .. import session
 from ..engine_api import ColorBook, KarfError, Message, read_color_book
-from . import choices
-
-HAS_TIMER = not bpy.app.background
+from .state import HAS_TIMER, current
 
 
 class Known(NamedTuple):
-    """The book, if one is chosen, or why it cannot be read."""
-
-    book: ColorBook | None = None
-    problem: Message | str = ""
+    book: ColorBook | None = None  # if one is chosen
+    problem: Message | str = ""  # why it cannot be read
 
 
 @dataclass
@@ -31,7 +25,6 @@ class _State:
 
 
 def known() -> Known:
-    """Return the chosen book as it was read last."""
     if not HAS_TIMER:
         refresh()
     return session.get(_State).known
@@ -39,7 +32,7 @@ def known() -> Known:
 
 def refresh() -> bool:
     """Read the book where another was chosen or its file has changed; True then. Never raises."""
-    path = choices.current().color_book
+    path = current().color_book
     key = path, _written(path)
     state = session.get(_State)
     if key == state.key:

@@ -1,9 +1,10 @@
-"""The state of the engine as last read from disk, for drawing.
+"""Which engine the user has chosen, and its state as last read from disk, for drawing.
 
 The code that watches the disk calls `refresh`. In background mode nothing is drawn and timers never fire: there
 `known` reads the disk.
 """
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -11,23 +12,80 @@ from pathlib import Path
 
 import bpy
 
-from .. import session
+from ... import __package__ as extension
+from .. import engine_api, session
 from ..engine.installer import home
 from ..engine.installer.home import NONE, Status
 from ..engine_api import MissingDependency
 from ..host import windows
-from . import choices
 
+VARIABLE = "KARF_ENGINE_PYTHON"
 HAS_TIMER = not bpy.app.background
 NOTHING = Status(NONE, "")
 SLICE = 50  # folders measured at once
 SLICE_SECONDS = 0.05
 
 
+# --- the user's choice ---------------------------------------------------------------------------------------------
+def current() -> bpy.types.AddonPreferences:
+    return bpy.context.preferences.addons[extension].preferences
+
+
+def engine_folder() -> Path:
+    """Return where the installed engine is, or would be: outside the extension, which updates replace."""
+    chosen = current().engine_folder
+    return Path(chosen) if chosen else Path(bpy.utils.extension_path_user(extension, path="engine"))
+
+
+def chosen_python() -> Path:
+    """Return the Python that runs the engine, there or not; never Blender's own.
+
+    It is that of the preference, of the variable, of the installed engine, else of `.venv/engine` beside a checkout.
+    Raises MissingDependency where its path is not absolute: what it names would depend on the open file.
+    """
+    chosen = _set_by_user()
+    if not chosen:
+        checkout = engine_api.ENGINE_FOLDER.parent / ".venv" / "engine"
+        return home.python_in(engine_folder()) or home.python_of(checkout)
+    # two slashes mean the .blend's folder, and a stranger's .blend may bring a program
+    if chosen.startswith("//") or not Path(chosen).is_absolute():
+        raise MissingDependency(
+            "The engine's Python {python} is not an absolute path.",
+            "Set it in the KaRF preferences, in the file browser with Relative Path off.",
+            python=chosen,
+        )
+    return Path(chosen)
+
+
+def engine_python() -> Path:
+    """Return the Python that runs the engine; raises MissingDependency where none is known, or it is gone."""
+    python = chosen_python()
+    if python.is_file():
+        return python
+    if _set_by_user():
+        raise MissingDependency(
+            "The engine's Python {python} does not exist.", "Set it in the KaRF preferences.", python=python
+        )
+    raise MissingDependency(
+        "There is no engine yet.",
+        "Press Install Engine in the KaRF preferences, or set Engine Python there to a Python that has PyTorch.",
+    )
+
+
+def has_engine() -> bool:
+    try:
+        return engine_python().is_file()
+    except MissingDependency:
+        return False
+
+
+def _set_by_user() -> str:
+    return current().engine_python or os.environ.get(VARIABLE, "")
+
+
+# --- the state as read last ----------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Engine:
-    """The engine's Python, and the environment that the extension keeps."""
-
     python: Path | None = None  # the chosen one, there or not; None where its path is refused
     problem: str = ""  # why no engine can run, with the remedy
     folder: Path = Path()
@@ -46,14 +104,13 @@ class _State:
 
 
 def known() -> Engine:
-    """Return what there was of the engine when the disk was read last."""
     if not HAS_TIMER:
         refresh()
     return session.get(_State).engine
 
 
 def disk_use() -> int | None:
-    """Return the bytes that the managed environment takes; None while that is not known."""
+    """Return the bytes that the managed environment takes; None while they are counted."""
     state = session.get(_State)
     return None if state.measuring else state.used
 
@@ -72,12 +129,12 @@ def refresh() -> bool:
 
 
 def _read() -> Engine:
-    folder = choices.engine_folder()
+    folder = engine_folder()
     managed = home.status(folder)
     python, problem = None, ""
     try:
-        python = choices.chosen_python()
-        choices.engine_python()
+        python = chosen_python()
+        engine_python()
     except MissingDependency as error:
         problem = error.message
     return Engine(python, problem, folder, managed)

@@ -4,6 +4,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
 from ..engine_api import KarfError
+from ..host import windows
 from ..marking import mask_layers, objects, photo
 
 
@@ -19,7 +20,7 @@ def _renamed(self, context):
 def _switched(self, context):
     begin_or_follow = photo.begin_correcting if self.correct else photo.follow
     begin_or_follow(self.id_data)
-    mask_layers.redraw()
+    windows.redraw()
 
 
 class KARF_PG_marked_object(bpy.types.PropertyGroup):
@@ -38,7 +39,7 @@ class KARF_PG_marking(bpy.types.PropertyGroup):
     """The objects to mark, and the tools that mark them."""
 
     objects: CollectionProperty(type=KARF_PG_marked_object)
-    active: IntProperty(name="Object", description="Object to mark", update=lambda self, context: mask_layers.redraw())
+    active: IntProperty(name="Object", description="Object to mark", update=lambda self, context: windows.redraw())
     photo: PointerProperty(name="Photo", type=bpy.types.Image, description="Photo to mark")
     brush: IntProperty(
         name="Brush",

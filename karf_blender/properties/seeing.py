@@ -3,7 +3,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..swatches import displayed, overlays
+from ..host import windows
+from ..swatches import displayed
 
 MODE_ITEMS = [
     ("EDITED", "Edited", "Show the picture with the current swatches", "BRUSH_DATA", 0),
@@ -18,7 +19,7 @@ MODE_ITEMS = [
 def _picture_changed(self, context):
     for scene in bpy.data.scenes:
         displayed.of(scene).refresh()
-    overlays.redraw()
+    windows.redraw()
 
 
 class KARF_PG_seeing(bpy.types.PropertyGroup):
@@ -55,11 +56,11 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
         default=0.4,
         min=0.0,
         max=1.0,
-        update=lambda self, context: overlays.redraw(),
+        update=lambda self, context: windows.redraw(),
     )
     outlines: BoolProperty(
         name="Outlines",
         description="Draw a line around every object",
         default=True,
-        update=lambda self, context: overlays.redraw(),
+        update=lambda self, context: windows.redraw(),
     )

@@ -1,4 +1,1 @@
-"""Blender's render engine KaRF: the recolored scene in rendered 3D Views, and from any camera as stills and animations.
-
-The engine's process computes the pixels.
-"""
+"""Blender's render engine KaRF: the recolored scene in rendered 3D Views, and from any camera as stills and animations."""

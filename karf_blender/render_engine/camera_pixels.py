@@ -15,10 +15,7 @@ KIND = "show"
 
 
 def options_of(scene: bpy.types.Scene, camera: Camera, edited: edits.Edited = colors.edited) -> dict[str, Any]:
-    """Return the query's options for a camera and the swatches of a scene, also an evaluated one.
-
-    `edited` returns the palette of an object.
-    """
+    """Return the query's options for a camera and a scene, also an evaluated one; `edited` gives an object's palette."""
     return {"camera": camera_to_json(camera), "edit": edits.edit_option(scene, edited), "unseen": unseen(scene)}
 
 

@@ -58,12 +58,10 @@ class KARF_RE_engine(bpy.types.RenderEngine):
 
 @session.setup
 def _compatible_panels():
-    def panels() -> list[type]:
-        known = (each for each in bpy.types.Panel.__subclasses__() if each.__name__ not in LEFT_OUT)
-        return [each for each in known if "BLENDER_RENDER" in getattr(each, "COMPAT_ENGINES", ())]
-
-    for panel in panels():
+    known = (each for each in bpy.types.Panel.__subclasses__() if each.__name__ not in LEFT_OUT)
+    panels = [each for each in known if "BLENDER_RENDER" in getattr(each, "COMPAT_ENGINES", ())]
+    for panel in panels:
         panel.COMPAT_ENGINES.add(NAME)
     yield
-    for panel in panels():
+    for panel in panels:
         panel.COMPAT_ENGINES.discard(NAME)

@@ -1,20 +1,29 @@
-"""One picture of a render with its passes: depth, masks of objects, weights of swatches."""
+"""One picture of a render with its passes: depth, masks of objects, weights of swatches.
 
-from collections.abc import Iterator
+The render thread waits for the engine's answer, and can cancel it.
+"""
+
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
 from .. import session
-from ..engine_api import BadRequest, Camera, srgb_to_linear
+from ..engine.worker import error_from_event
+from ..engine_api import BadRequest, Camera, Cancelled, KarfError, srgb_to_linear
 from ..nodes.sockets import swatch_socket
+from ..project import folders
 from ..rig import lens
 from ..swatches import colors, displayed
-from . import blocking, camera_pixels
+from ..tasks.workers import WarmWorker
+from . import camera_pixels
 
 COMBINED = "Combined"
+POLL_SECONDS = 0.005
 FAR = 1e10  # depth of the background, like that of Blender's own engines
 
 
@@ -86,12 +95,14 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
         "cryptomatte": f"{layer.name}.CryptoObject",  # the name that Blender's Cryptomatte node expects
     }
     engine.update_stats("", "KaRF")
-    answer = blocking.ask(scene, camera_pixels.KIND, options, engine.test_break)
+    answer = ask(scene, camera_pixels.KIND, options, engine.test_break)
     arrays = camera_pixels.arrays_of(answer)
     to_blender = lens.to_capture(depsgraph, scene).inverted().to_scale().x
     result = engine.begin_result(0, 0, camera.width, camera.height, layer=layer.name)
     rendered = result.layers[0].passes
-    _put(rendered[COMBINED], _combined(arrays))
+    color = srgb_to_linear(arrays["color"])
+    alpha = arrays.get("alpha", np.ones(color.shape[:2], np.float32))[..., None]
+    _put(rendered[COMBINED], np.concatenate([color * alpha, alpha], -1))  # scene-linear, alpha premultiplied
     for each in passes:
         _put(rendered[each.name], _pixels_of(each, arrays, to_blender))
     engine.end_result(result)
@@ -107,15 +118,8 @@ def _bordered(scene: bpy.types.Scene, camera: Camera) -> Camera:
         return camera
     left, right = (int(share * camera.width) for share in (render.border_min_x, render.border_max_x))
     bottom, top = (int(share * camera.height) for share in (render.border_min_y, render.border_max_y))
-    above = camera.height - top
-    return replace(camera, width=right - left, height=top - bottom, cx=camera.cx - left, cy=camera.cy - above)
-
-
-def _combined(arrays: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the picture as Blender expects it: [H, W, 4], scene-linear, alpha premultiplied."""
-    color = srgb_to_linear(arrays["color"])
-    alpha = arrays.get("alpha", np.ones(color.shape[:2], np.float32))[..., None]
-    return np.concatenate([color * alpha, alpha], -1)
+    cy = camera.cy - (camera.height - top)
+    return replace(camera, width=right - left, height=top - bottom, cx=camera.cx - left, cy=cy)
 
 
 def _pixels_of(each: Pass, arrays: dict[str, np.ndarray], to_blender: float) -> np.ndarray:
@@ -132,3 +136,49 @@ def _pixels_of(each: Pass, arrays: dict[str, np.ndarray], to_blender: float) -> 
 def _put(target: bpy.types.RenderPass, pixels: np.ndarray) -> None:
     """Give pixels [H, W, channels] to Blender, whose first row is the lowest."""
     target.rect.foreach_set(np.ascontiguousarray(pixels[::-1], np.float32).ravel())
+
+
+# --- waiting for the engine ----------------------------------------------------------------------------------------
+class RenderWorker(WarmWorker):
+    """The worker of the render thread: a timer polls the interface's meanwhile. It stays for the next frame."""
+
+    idle_minutes = 1
+
+
+def ask(scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]) -> dict[str, Any]:
+    """Send a query to the engine, and wait for its answer; the caller deletes files that it names.
+
+    Raises Cancelled when `is_cancelled` returns True, which ends the worker, and KarfError without an answer.
+    """
+    options = {"project": str(folders.project_of(scene).folder), **options}
+    for _ in range(2):  # an idle worker may end just before the query
+        answer = _answer(scene, kind, options, is_cancelled)
+        if answer is not None:
+            return answer
+    raise KarfError("The engine exited before it answered.", "Try again.")
+
+
+def _answer(
+    scene: bpy.types.Scene, kind: str, options: dict[str, Any], is_cancelled: Callable[[], bool]
+) -> dict[str, Any] | None:
+    """Return the answer's values; None if the worker has ended without a failure before."""
+    kept = session.get(RenderWorker)
+    if kept.worker is not None:
+        kept.worker.poll()
+        if kept.worker.ended:
+            kept.close()
+    worker = kept.start(scene)
+    worker.query(kind, options, kind)
+    while True:
+        for _, event in worker.replies():
+            if event.kind == "answer":
+                return {name: value for name, value in event.values.items() if name != "id"}
+            if event.kind == "refused":
+                raise error_from_event(event)
+        if worker.ended:
+            kept.leave()
+            return None
+        if is_cancelled():
+            kept.close()
+            raise Cancelled("The render was cancelled.")
+        time.sleep(POLL_SECONDS)

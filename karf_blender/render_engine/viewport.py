@@ -46,7 +46,9 @@ class Viewport:
         except KarfError as error:
             self.message, self._texture, self._pixels = translate_error(error), None, None
         if self._pixels is not None:
-            self._texture, self._pixels = _texture(self._pixels), None
+            height, width = self._pixels.shape[:2]
+            data = gpu.types.Buffer("FLOAT", self._pixels.size, self._pixels)
+            self._texture, self._pixels = gpu.types.GPUTexture((width, height), format="RGBA16F", data=data), None
         if self._texture is not None:
             gpu.state.blend_set("ALPHA_PREMULT")
             engine.bind_display_space_shader(depsgraph.scene)
@@ -117,11 +119,6 @@ def _displayable(color: np.ndarray) -> np.ndarray:
     pixels = np.ones((height, width, 4), np.float32)
     pixels[..., :3] = LINEAR[(color[::-1] * (LEVELS - 1) + 0.5).astype(np.uint16)]
     return pixels
-
-
-def _texture(pixels: np.ndarray) -> gpu.types.GPUTexture:
-    height, width = pixels.shape[:2]
-    return gpu.types.GPUTexture((width, height), format="RGBA16F", data=gpu.types.Buffer("FLOAT", pixels.size, pixels))
 
 
 def _redraw_once_still() -> None:

@@ -40,15 +40,13 @@ def build(capture: Capture, name: str, scene: bpy.types.Scene, options: Options 
 
     The cube of a new file is removed. If a camera cannot be made, the scene stays the same.
     """
-    cube = _untouched_cube(scene)
-    extent = extent_of(capture)
+    cube, extent = _untouched_cube(scene), extent_of(capture)
     matrix = Matrix(world_matrix(capture, options.orientation, options.size).tolist())
     size = extent * matrix.to_scale().x  # cameras are drawn and clipped in the units of Blender's world
     collection = bpy.data.collections.new(name)
-    made = []
+    empty = bpy.data.objects.new(name, None)
+    made = [empty]
     try:
-        empty = bpy.data.objects.new(name, None)
-        made.append(empty)
         empty.matrix_basis = matrix
         empty.empty_display_size = 0.1 * extent
         for view in capture.views:
@@ -91,10 +89,8 @@ def _set_background(data: bpy.types.Camera, photo: Path) -> None:
     except RuntimeError as error:
         raise DataError("{path} cannot be read as an image.", "Check the file.", path=photo) from error
     background = data.background_images.new()
-    background.image = image
-    background.frame_method = "STRETCH"
-    background.display_depth = "BACK"
-    background.alpha = 1.0
+    background.image, background.alpha = image, 1.0
+    background.frame_method, background.display_depth = "STRETCH", "BACK"
 
 
 def _untouched_cube(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -124,10 +120,7 @@ def camera_of(scene: bpy.types.Scene, view: str) -> bpy.types.Object:
 
 
 def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path) -> None:
-    """Put the undistorted photo, kept in a folder, behind a view's camera if it should have one and has none yet.
-
-    Raises DataError if it cannot be read.
-    """
+    """Put the undistorted photo, kept in a folder, behind a camera that should have one. Raises DataError."""
     data = camera_of(scene, view.name).data
     is_wanted = data.show_background_images and not data.background_images
     if is_wanted and view.image is not None and view.image.exists():
@@ -136,10 +129,7 @@ def add_undistorted_background(scene: bpy.types.Scene, view: View, folder: Path)
 
 # --- viewing through a camera --------------------------------------------------------------------------------------
 def look_through(scene: bpy.types.Scene, view: View) -> None:
-    """Make a view's camera the scene's, with its photo's picture; remember once what the scene had before.
-
-    Raises BadRequest if the camera was deleted.
-    """
+    """Make a view's camera the scene's, with its photo's picture; remember what the scene had before."""
     looking, camera = scene.karf.looking, camera_of(scene, view.name)
     if not looking.is_on:
         looking.is_on, looking.camera, looking.before = True, scene.camera, _picture(scene)
@@ -182,10 +172,7 @@ def _picture(scene: bpy.types.Scene) -> list[float]:
 
 # --- sparse points -------------------------------------------------------------------------------------------------
 def build_points(points: SparsePoints, parent: bpy.types.Object, radius: float) -> bpy.types.Object:
-    """Make vertices with the attributes `color` (sRGB bytes) and `error` (pixels), displayed as balls, not rendered.
-
-    Vertices alone have no color in the viewport; balls do, in Solid mode (Color: Attribute) and with their material.
-    """
+    """Make vertices with `color` (sRGB bytes) and `error` (pixels), displayed as balls: without, they have no color."""
     mesh = bpy.data.meshes.new(POINTS_NAME)
     mesh.vertices.add(len(points))
     mesh.vertices.foreach_set("co", points.positions.astype(np.float32).ravel())
@@ -246,11 +233,7 @@ def extent_of(capture: Capture) -> float:
 
 
 def up_of(capture: Capture) -> np.ndarray:
-    """Estimate the up direction, [3] of length 1, of the people who took the photos.
-
-    It is perpendicular to the cameras' right axes, as photos are tilted more than rolled. If these axes are all alike
-    and leave it open, it is the mean of the cameras' up axes.
-    """
+    """Estimate up, [3] of length 1: perpendicular to the cameras' right axes, and near their up axes."""
     axes = np.array([view.camera.camera_to_world[:3, :3] for view in capture.views])
     right, up = axes[..., 0], axes[..., 1].mean(axis=0)
     found = np.linalg.solve(right.T @ right / len(right) + UP_WEIGHT * np.eye(3), up)

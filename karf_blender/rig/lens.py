@@ -1,16 +1,21 @@
-"""Blender cameras as the engine's pinholes, and the reverse.
+"""Blender cameras, also animated ones, as the engine's pinholes and views, and the reverse.
 
 Pinhole: pixels (u right, v down), corners at integers, so that a centered principal point is (width / 2, height / 2).
 Blender: lens and sensor width in millimeters, shifts in units of the picture's width, pixel aspect of the scene.
 """
 
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..engine_api import BadRequest, Camera
+from ..engine_api import BadRequest, Camera, View, is_file_name
+from ..host import rendering
 
 SENSOR_WIDTH = 36.0
+ASPECT_TOLERANCE = 1e-4
 
 
 # --- to Blender ----------------------------------------------------------------------------------------------------
@@ -34,17 +39,14 @@ def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
 
 # --- to the engine -------------------------------------------------------------------------------------------------
 def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
-    """Return a camera in the capture's world, at the scene's current frame and render size.
-
-    Raises BadRequest if it is not a perspective camera, or is mirrored or unevenly scaled.
-    """
+    """Return a camera in the capture's world, at the scene's current frame and size. Raises like `pinhole_in`."""
     layer = scene.view_layers[0]  # the context's graph may be another scene's
     layer.update()
     return pinhole_in(layer.depsgraph, scene, camera)
 
 
 def pinhole_in(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
-    """Return the same from a dependency graph of the scene, also on the render thread; raises like `pinhole`."""
+    """Return the same from a graph, also on the render thread. Raises BadRequest if not perspective or not rigid."""
     if camera.type != "CAMERA" or camera.data.type != "PERSP":
         raise BadRequest(
             "{name!r} is not a perspective camera.", "Set the camera's type to Perspective.", name=camera.name
@@ -73,10 +75,7 @@ def pinhole_of(projection: np.ndarray, width: int, height: int, camera_to_world:
 
 
 def rigid(matrix: np.ndarray, name: str) -> np.ndarray:
-    """Return the pose [4, 4] float64 of a camera without its scale.
-
-    Raises BadRequest if the matrix [4, 4] is sheared or mirrored.
-    """
+    """Return the pose [4, 4] of a camera without its scale. Raises BadRequest if it is sheared or mirrored."""
     axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     if not np.allclose(axes.T @ axes, np.eye(3), atol=1e-3) or np.linalg.det(axes) < 0:
         raise BadRequest(
@@ -94,3 +93,76 @@ def to_capture(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Matrix
     """Return the matrix [4, 4] from Blender's world to the capture's."""
     rig = scene.karf.rig
     return rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)
+
+
+# --- animations ----------------------------------------------------------------------------------------------------
+def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
+    """Yield a camera at each frame as a view frame_0001, ... without a photo. Raises BadRequest, also in a render."""
+    rendering.refuse()
+    current = scene.frame_current
+    try:
+        for number in numbers:
+            scene.frame_set(number)
+            name = f"frame_{number:04d}"
+            yield View(name, name, pinhole(scene, camera), None, "test")
+    finally:
+        scene.frame_set(current)
+
+
+def file_name(camera: bpy.types.Object) -> str:
+    """Return a camera's name as that of a file, with a hash if it is no file name or another camera's may be the same."""
+    clean = bpy.path.clean_name(camera.name)
+    others = [other for other in bpy.data.objects if other.type == "CAMERA" and other != camera]
+    taken = {bpy.path.clean_name(other.name).casefold() for other in others}
+    if clean == camera.name and is_file_name(clean) and clean.casefold() not in taken:
+        return clean
+    return f"{clean}-{hashlib.sha256(camera.name.encode()).hexdigest()[:8]}"
+
+
+def build_animation(views: Sequence[View], name: str, scene: bpy.types.Scene) -> bpy.types.Object:
+    """Make one camera below the scene's rig with keyframes for every view; the scene gets its picture and frame range.
+
+    Frames are the numbers at the ends of the views' names if all differ, else they are counted from the scene's first.
+    Raises BadRequest if pixel aspects differ.
+    """
+    cameras = _at_one_size(views)
+    ends = [view.name[len(view.name.rstrip("0123456789")) :] for view in views]
+    numbers = [int(end) for end in ends if end]
+    if len(set(numbers)) != len(views):
+        numbers = list(range(scene.frame_start, scene.frame_start + len(views)))
+    data = bpy.data.cameras.new(name)
+    item = bpy.data.objects.new(name, data)
+    item.parent = scene.karf.rig
+    item.rotation_mode = "QUATERNION"
+    before = None
+    for number, camera in sorted(zip(numbers, cameras, strict=True), key=lambda pair: pair[0]):
+        location, rotation, _ = Matrix(camera.camera_to_world.tolist()).decompose()
+        if before is not None:
+            rotation.make_compatible(before)
+        before = rotation
+        item.location, item.rotation_quaternion = location, rotation
+        set_lens(data, camera)
+        for owner, paths in ((item, ("location", "rotation_quaternion")), (data, ("lens", "shift_x", "shift_y"))):
+            for path in paths:
+                owner.keyframe_insert(path, frame=number)
+    scene.collection.objects.link(item)
+    scene.camera = item
+    scene.frame_start, scene.frame_end = min(numbers), max(numbers)
+    set_picture(scene, cameras[0])
+    scene.frame_set(scene.frame_start)
+    return item
+
+
+def _at_one_size(views: Sequence[View]) -> list[Camera]:
+    """Return the views' pinholes at the first one's picture size; raise BadRequest if their pixel aspects differ."""
+    first = views[0].camera
+    cameras = [view.camera.without_distortion().scaled(first.width, first.height) for view in views]
+    for view, camera in zip(views, cameras, strict=True):
+        if abs(camera.fx * first.fy / (camera.fy * first.fx) - 1) > ASPECT_TOLERANCE:
+            raise BadRequest(
+                "{name!r} and {other!r} have different resolutions or pixel aspects.",
+                "Blender keeps these per scene: split the file, and import each part into a separate scene.",
+                name=view.name,
+                other=views[0].name,
+            )
+    return cameras

@@ -16,13 +16,14 @@ from .. import session
 from ..engine_api import (
     Capture,
     ErrorSummary,
-    KarfError,
     observed_points,
     reprojection_errors,
     summarize,
     undistort_points_near,
 )
 from ..host import compat, windows
+from ..host.drawing import draw_text
+from ..progress import printing_errors
 from ..project import captures
 
 BAD_PIXELS = 4.0  # errors from this size on are red
@@ -44,9 +45,7 @@ class Check:
 
 
 @dataclass
-class _State:
-    """The check of the latest view."""
-
+class _Latest:
     per_file = True
     check: Check | None = None
 
@@ -54,7 +53,7 @@ class _State:
 # --- numbers -------------------------------------------------------------------------------------------------------
 def remember(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
     """Compute and keep the errors in a view of the scene's capture, if the capture has points."""
-    session.get(_State).check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
+    session.get(_Latest).check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
 
 
 def check(path: Path, capture: Capture, name: str) -> Check:
@@ -81,7 +80,7 @@ def _colors(errors: np.ndarray) -> np.ndarray:
 
 def of_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> Check | None:
     """Return the errors of a camera of the scene's rig, if it was viewed through last."""
-    known = session.get(_State).check
+    known = session.get(_Latest).check
     if known is None or camera is None or camera.parent is None or camera.parent != scene.karf.rig:
         return None
     is_same = camera.karf_view == known.view and captures.path_of(scene) == known.capture
@@ -92,10 +91,8 @@ def refresh(scene: bpy.types.Scene) -> None:
     """Compute the errors of the scene's camera when the overlay is switched on, and redraw."""
     camera = scene.camera
     if scene.karf.show_reprojection and camera is not None and camera.karf_view and of_camera(scene, camera) is None:
-        try:
+        with printing_errors():
             remember(scene, captures.of(scene), camera.karf_view)
-        except KarfError as error:
-            print(f"KaRF: {error.sentence} {error.hint}")
     windows.redraw("VIEW_3D")
 
 
@@ -111,13 +108,13 @@ def _drawn() -> Check | None:
     """Return the errors to draw in the current 3D View."""
     context = bpy.context
     space, scene = context.space_data, context.scene
-    if not scene.karf.show_reprojection or not space.overlay.show_overlays:
-        return None
-    if context.region_data.view_perspective != "CAMERA":
+    is_wanted = scene.karf.show_reprojection and space.overlay.show_overlays
+    if not is_wanted or context.region_data.view_perspective != "CAMERA":
         return None
     return of_camera(scene, space.camera if space.use_local_camera else scene.camera)
 
 
+@session.draw_handler(bpy.types.SpaceView3D, "POST_VIEW")
 def _draw_points() -> None:
     known = _drawn()
     if known is None or not len(known.places):
@@ -138,27 +135,11 @@ def _draw_points() -> None:
     gpu.state.point_size_set(1.0)
 
 
+@session.draw_handler(bpy.types.SpaceView3D, "POST_PIXEL")
 def _draw_numbers() -> None:
     known = _drawn()
     if known is None:
         return
     text, scale = str(known.summary), bpy.context.preferences.system.ui_scale
     blf.size(0, TEXT_SIZE * scale)
-    blf.color(0, 1, 1, 1, 1)
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 3, 0, 0, 0, 1)
-    blf.position(0, (bpy.context.region.width - blf.dimensions(0, text)[0]) / 2, TEXT_MARGIN * scale, 0)
-    blf.draw(0, text)
-    blf.disable(0, blf.SHADOW)
-
-
-@session.setup
-def _overlay():
-    space = bpy.types.SpaceView3D
-    handlers = (
-        space.draw_handler_add(_draw_points, (), "WINDOW", "POST_VIEW"),
-        space.draw_handler_add(_draw_numbers, (), "WINDOW", "POST_PIXEL"),
-    )
-    yield
-    for handler in handlers:
-        space.draw_handler_remove(handler, "WINDOW")
+    draw_text(text, (bpy.context.region.width - blf.dimensions(0, text)[0]) / 2, TEXT_MARGIN * scale)

@@ -180,10 +180,8 @@ def check_unasked(scene: bpy.types.Scene) -> None:
     """Check a capture that was just imported, if there is an engine and nothing is learned of it. Never raises."""
     if bpy.app.background or state.known().problem or contents.finished_stages(scene) or scene.karf.advice:
         return
-    try:
+    with progress.printing_errors():
         check_capture(scene, shows_map=False)
-    except (KarfError, OSError) as error:
-        print(f"KaRF: {error}")
 
 
 def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
@@ -193,7 +191,7 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
     path = folders.project_of(scene).path("inspection", "more_photos.png")
     path.parent.mkdir(exist_ok=True)
     shutil.move(values["picture"], path)
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
     if not shows_map:
         return
     image = bpy.data.images.get(MAP_NAME)

@@ -123,7 +123,7 @@ def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     reference.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
     if bpy.ops.ed.undo_push.poll():
         bpy.ops.ed.undo_push(message="Find Color Chart")
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
 
 
 def remove_chart(scene: bpy.types.Scene) -> None:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import bpy
 
-from .. import engine_api, preferences
-from ..engine import examination, installing
+from .. import preferences
+from ..engine import installing, probing
 from ..engine.installer import computer, home, locks, plan
 from ..engine.installer.home import Status
 from ..engine.installer.plan import Choices, Plan
@@ -22,7 +22,7 @@ def plan_engine(
     wheels: str | Path | None = None,
     starter: str | Path = "",
 ) -> Plan:
-    """Say what `install_engine` would do; changes nothing.
+    """Return what `install_engine` would do, as `sentences` and as `commands(shell)` to do it by hand; changes nothing.
 
     Args:
         build: Of torch: `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`.
@@ -30,9 +30,6 @@ def plan_engine(
         folder: Where to; default: that of the preferences.
         wheels: A folder of wheels, instead of the network.
         starter: A Python, or uv, that makes the environment; default: Blender's own Python, uv, any Python found.
-
-    Returns:
-        The plan; `sentences` for people, `commands(shell)` to do it by hand.
     """
     offline = Path(wheels).absolute() if wheels else None
     return installing.plan(Choices(_place(folder), build, _extras(extras), offline, str(starter)))
@@ -48,9 +45,6 @@ def install_engine(
     """Install the engine, resume an installation that was stopped, or update it; prints the plan and how far it is.
 
     Arguments are those of `plan_engine`. The network is used only where Blender may (`--online-mode`).
-
-    Returns:
-        The state of the environment.
     """
     planned = plan_engine(build, extras, folder, wheels, starter)
     for sentence in planned.sentences:
@@ -66,15 +60,7 @@ def engine_status(folder: str | Path | None = None) -> Status:
 
 
 def repair_engine(folder: str | Path | None = None, wheels: str | Path | None = None) -> Status:
-    """Check every file of the environment, and put back what is missing or changed; also finishes or updates it.
-
-    Args:
-        folder: Default: that of the preferences.
-        wheels: A folder of wheels, instead of the network.
-
-    Returns:
-        The state of the environment.
-    """
+    """Check every file of the environment, and put back what is missing or changed; also finish or update it."""
     was = engine_status(folder)
     if was.state == home.NONE:
         raise BadRequest(was.sentence, "Use install_engine().")
@@ -88,13 +74,9 @@ def remove_engine(folder: str | Path | None = None) -> None:
 
 
 def engine_files(
-    platform: str = "",
-    python: str = "3.11",
-    build: str = "cpu",
-    extras: Sequence[str] = (),
-    shell: str = "posix",
+    platform: str = "", python: str = "3.11", build: str = "cpu", extras: Sequence[str] = (), shell: str = "posix"
 ) -> tuple[str, str]:
-    """Say what somebody must fetch on another computer for `wheels`.
+    """Return the text of `karf-wheels.txt`, and the command that fetches its files into the folder `wheels`.
 
     Args:
         platform: `linux-x86_64`, `linux-aarch64`, `windows-x86_64` or `macos-arm64`; default: this one.
@@ -102,9 +84,6 @@ def engine_files(
         build: Of torch.
         extras: `photos`, or nothing.
         shell: Of the other computer: `posix`, `powershell` or `cmd`.
-
-    Returns:
-        The text of `karf-wheels.txt`, and the command that reads it and fetches the files into the folder `wheels`.
     """
     here = computer.Machine(platform) if platform else computer.detect_machine()
     lock = locks.read(here.platform, computer.build_for(build, here), python, _extras(extras))
@@ -112,17 +91,13 @@ def engine_files(
 
 
 def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
-    """Test Engine: ask for packages, device and disk, and try each stage on a tiny scene; prints what was found.
+    """Test packages, device, the disk of the scene's project, and each stage on a tiny scene; prints what was found.
 
-    Args:
-        scene: Its project's disk is tested.
-
-    Returns:
-        The findings; the last one sums up.
+    Raises the last finding, which sums up, where the engine cannot work.
     """
     folder = folders.likely_project(scene or bpy.context.scene)
     python, threads = preferences.engine_python(), preferences.current().threads
-    found = examination.examine(python, engine_api.ENGINE_FOLDER, folder, threads).findings
+    found = probing.wait(python, folder, threads)
     for finding in found:
         print(f"KaRF engine: {finding.to_text()}", flush=True)
     verdict = found[-1]
@@ -132,7 +107,8 @@ def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
 
 
 def leave_python() -> None:
-    """End what waits in the engine's Python, which may be replaced."""
+    """End what runs or waits in the engine's Python, which may be replaced."""
+    probing.cancel()
     queries.stop()
     runner.release()
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..engine_api import BadRequest, KarfError
+from ..host import windows
 from ..host.words import translatable
 from ..marking import mask_layers, objects, photo, proposals, raster, tools
 from ..marking.mask_layers import Layer
@@ -16,7 +17,7 @@ from ..marking.raster import Place
 from ..pictures import editors
 from ..preferences import state
 from ..project import contents, disk, folders
-from ..workspace import own_pictures
+from ..workspace import following
 
 WITHOUT_ENGINE = translatable("Brush, lasso and box work without it.")
 CLICK_SHARE = 1 / 150  # radius of a correction's click, as a share of the photo's longer side
@@ -37,7 +38,7 @@ def begin_marking(window: bpy.types.Window) -> None:
     """Show the photo to mark, or the picture of what is learned, in a window of the KaRF workspace. Never raises."""
     scene = window.scene
     if not scene.karf.project or contents.finished_stages(scene):
-        own_pictures.show_again()
+        following.show_again()
         return
     try:
         show_photo(scene)
@@ -123,7 +124,7 @@ def keep(scene: bpy.types.Scene, layer: Layer) -> None:
     layer.touch()
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     disk.refresh()
-    mask_layers.redraw()
+    windows.redraw()
     photo.correct(scene)
 
 

@@ -122,7 +122,7 @@ def _tick() -> float | None:
     scene = live.owner.find() if live else None
     if scene is None:
         stop()
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw()
         return None
     before = message()
     live.is_displayed = _is_displayed(live)
@@ -136,7 +136,7 @@ def _tick() -> float | None:
         except KarfError as error:
             _say(live, error)
     if message() != before:
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw()
     return TICK_SECONDS
 
 

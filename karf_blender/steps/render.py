@@ -13,7 +13,7 @@ from ..engine_api import BadRequest, Message, open_capture, render_bundle, write
 from ..pictures import images
 from ..pictures.sequences import files_in
 from ..project import folders
-from ..rig.frames import build_animation, file_name, frames_of
+from ..rig.lens import build_animation, file_name, frames_of
 from ..swatches import displayed, edits
 from ..tasks.runner import Task
 from . import requests

@@ -9,11 +9,12 @@ from typing import Any
 import bpy
 
 from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
+from ..host import windows
 from ..marking import photo
 from ..pictures import editors
 from ..project import captures, contents, folders
 from ..rig import cameras, reprojection
-from ..swatches import displayed, overlays, palettes
+from ..swatches import displayed, palettes
 from ..tasks import queries
 from ..tasks.runner import Task
 from . import requests
@@ -121,4 +122,4 @@ def _reveal(scene: bpy.types.Scene) -> None:
     image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
     photo.leave(scene)
-    overlays.redraw()
+    windows.redraw()

@@ -10,16 +10,13 @@ import numpy as np
 from ..engine_api import BadRequest
 from ..host import compat
 from ..nodes.building import unlit_material
-from . import trees
+from . import scene_object
 
 USD_COLOR = "displayColor"  # the attribute that USD viewers display
 
 
 def export(scene: bpy.types.Scene, item: bpy.types.Object, path: Path, shape: str) -> None:
-    """Write the scene's object as displayed: its `quads`, or `points`, one vertex for each. The ending chooses the format.
-
-    Raises BadRequest if the format is unknown, or if this Blender or the format cannot write that shape.
-    """
+    """Write the scene's object as displayed: `quads`, or `points` of its faces. The ending chooses the format."""
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise BadRequest(
@@ -63,7 +60,7 @@ def _usd(data: bpy.types.Mesh, path: str) -> None:
     if not data.polygons:
         raise BadRequest("No program that reads USD shows single points.", "Choose quads, or write a PLY file.")
     data.materials.clear()
-    data.attributes[trees.COLOR].name = USD_COLOR
+    data.attributes[scene_object.COLOR].name = USD_COLOR
     bpy.ops.wm.usd_export(filepath=path, selected_objects_only=True)
 
 
@@ -89,12 +86,12 @@ def _points(displayed: bpy.types.Object) -> bpy.types.Mesh:
     source = displayed.data
     n = len(source.polygons)
     positions, colors = np.empty(3 * n, np.float32), np.empty(16 * n, np.float32)
-    source.attributes[trees.CENTER].data.foreach_get("vector", positions)
-    source.attributes[trees.COLOR].data.foreach_get("color_srgb", colors)
+    source.attributes[scene_object.CENTER].data.foreach_get("vector", positions)
+    source.attributes[scene_object.COLOR].data.foreach_get("color_srgb", colors)
     data = bpy.data.meshes.new("points")
     data.vertices.add(n)
     data.vertices.foreach_set("co", positions)
-    attribute = data.attributes.new(trees.COLOR, "BYTE_COLOR", "POINT")
+    attribute = data.attributes.new(scene_object.COLOR, "BYTE_COLOR", "POINT")
     attribute.data.foreach_set("color_srgb", colors.reshape(n, 4, 4)[:, 0].ravel())
     data.attributes.active_color = attribute
     return data

@@ -1,4 +1,4 @@
-"""The picture of the free camera that is followed: looked at as a captured view's is, by the same settings."""
+"""The picture of the free camera that is followed, with the same settings as a view's."""
 
 import bpy
 
@@ -17,12 +17,12 @@ NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show
 
 
 def image() -> bpy.types.Image | None:
-    """The picture's image, where it is there."""
+    """Return the picture's image, if there is one."""
     return bpy.data.images.get(IMAGE_NAME)
 
 
 def show(scene: bpy.types.Scene, view: DisplayedView, width: int, height: int) -> None:
-    """Put planes of the camera, as they are looked at, into its image of this size, which is made if needed.
+    """Put the picture of a camera's planes into its image, at this size.
 
     Raises:
         KarfError: The planes belong to other palettes, or Blender renders.
@@ -42,18 +42,18 @@ def show(scene: bpy.types.Scene, view: DisplayedView, width: int, height: int) -
 
 
 def is_in(space: bpy.types.Space) -> bool:
-    """Whether an Image Editor shows the picture of a camera that is followed."""
+    """Tell whether an Image Editor shows the picture of a camera that is followed."""
     return displayed.followed_camera() is not None and space.image is not None and space.image == image()
 
 
 def masks() -> ObjectMasks | None:
-    """The objects in the picture; None where they are not looked at."""
+    """Return the objects in the picture; None where they are not displayed."""
     view = displayed.followed_camera()
     return None if view is None else view.masks
 
 
 def lacks() -> tuple[str, ...]:
-    """What of the way that pictures are looked at this one cannot show, a sentence each."""
+    """Return what the settings ask for and this picture cannot show, a sentence each."""
     view, seeing = displayed.followed_camera(), bpy.context.window_manager.karf_seeing
     if view is None:
         return ()

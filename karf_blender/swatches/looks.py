@@ -1,7 +1,4 @@
-"""Named looks: whole states of a scene's swatches, kept in the .blend, of which one is in use.
-
-A look is an edit as text (`captured`, `edit_of`): what an edit holds, a look holds.
-"""
+"""Looks: named states of all swatches of a scene, kept in the .blend as the JSON of an edit; one of them is in use."""
 
 import json
 from contextlib import suppress
@@ -14,12 +11,12 @@ from . import colors, edits
 
 
 def captured(scene: bpy.types.Scene) -> str:
-    """The swatches as they stand, as a look keeps them: the JSON of edit.json."""
+    """Return the current swatches as a look keeps them."""
     return json.dumps(edit_to_json(edits.current_edit(scene)))
 
 
 def edit_of(look: bpy.types.PropertyGroup) -> Edit:
-    """What a look keeps. Raises DataError where its text was spoiled."""
+    """Return the edit that a look keeps. Raises DataError where its text is damaged."""
     scene = look.id_data
     try:
         content = json.loads(look.edit)
@@ -34,7 +31,7 @@ def edit_of(look: bpy.types.PropertyGroup) -> Edit:
 
 
 def readable(scene: bpy.types.Scene) -> dict[str, Edit]:
-    """The scene's looks by name; one that was spoiled is left out."""
+    """Return the edits of a scene's looks by name, without those that are damaged."""
     found = {}
     for look in scene.karf.looks:
         with suppress(DataError):
@@ -42,18 +39,8 @@ def readable(scene: bpy.types.Scene) -> dict[str, Edit]:
     return found
 
 
-def forget(scene: bpy.types.Scene) -> None:
-    """Drop all looks: there are no objects any more that they are of."""
-    scene.karf.looks.clear()
-    scene.karf.look = scene.karf.look_before = ""
-
-
 def named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
-    """The scene's look with this name.
-
-    Raises:
-        BadRequest: There is none; the hint lists those there are.
-    """
+    """Return the scene's look with this name. Raises BadRequest where there is none."""
     look = scene.karf.looks.get(name)
     if look is None:
         known = ", ".join(scene.karf.looks.keys())
@@ -64,20 +51,20 @@ def named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
 
 
 def is_changed(scene: bpy.types.Scene) -> bool:
-    """Whether the swatches have moved since the look in use was chosen or kept."""
+    """Tell whether the swatches have changed since the look in use was chosen or kept."""
     look = scene.karf.looks.get(scene.karf.look)
     return look is not None and look.edit != captured(scene)
 
 
 def keep(scene: bpy.types.Scene, name: str) -> None:
-    """Keep the swatches as they stand as a look, a new one or in the place of one; it is then in use."""
+    """Keep the current swatches as a look, a new one or over another; it is then in use."""
     look = scene.karf.looks.get(name) or scene.karf.looks.add()
     look.name, look.edit = name, captured(scene)
     _use(scene, name)
 
 
 def choose(scene: bpy.types.Scene, name: str) -> None:
-    """Set all swatches, locked ones too, to a look. Raises BadRequest or DataError where that cannot be."""
+    """Set all swatches, locked ones too, to a look. Raises BadRequest or DataError where that is impossible."""
     edits.apply_edit(scene, edit_of(named(scene, name)), is_whole=True)
     _use(scene, name)
 
@@ -89,7 +76,7 @@ def _use(scene: bpy.types.Scene, name: str) -> None:
 
 
 def other(scene: bpy.types.Scene) -> str:
-    """The look to flip to: the one that was in use before, else the next in the list; empty where there is none."""
+    """Return the look to flip to: the one in use before, else the next in the list; "" where there is none."""
     karf, names = scene.karf, scene.karf.looks.keys()
     if karf.look_before in names and karf.look_before != karf.look:
         return karf.look_before
@@ -98,7 +85,7 @@ def other(scene: bpy.types.Scene) -> str:
 
 
 def rename(scene: bpy.types.Scene, name: str, new: str) -> None:
-    """Give a look another name; the one in use stays it."""
+    """Give a look another name; the one in use remains in use."""
     named(scene, name).name = check_name(scene, new, name)
     for place in ("look", "look_before"):
         if getattr(scene.karf, place) == name:
@@ -106,10 +93,10 @@ def rename(scene: bpy.types.Scene, name: str, new: str) -> None:
 
 
 def check_name(scene: bpy.types.Scene, new: str, old: str = "") -> str:
-    """A name for a look, or for the look `old`.
+    """Return a new name for a look, now called `old` if it exists.
 
     Raises:
-        BadRequest: It is empty, or another look's, or would give both one folder.
+        BadRequest: The name is empty, another look's, or makes the same folder.
     """
     if not new.strip():
         raise BadRequest("A look's name is empty.", "Name it.")
@@ -125,7 +112,7 @@ def check_name(scene: bpy.types.Scene, new: str, old: str = "") -> str:
 
 
 def free_name(scene: bpy.types.Scene) -> str:
-    """The first letter, else number, that no look is called by."""
+    """Return the first letter, else number, that is not the name of a look."""
     taken = {name.casefold() for name in scene.karf.looks.keys()}
     numbers = (str(number) for number in range(1, len(taken) + 2))
     return next(name for name in [*ascii_uppercase, *numbers] if name.casefold() not in taken)

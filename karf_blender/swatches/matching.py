@@ -1,19 +1,11 @@
-"""Swatches fitted to a picture of the active view, painted over in the Image Editor or graded elsewhere."""
+"""Match Picture: swatches fitted to a picture of the active view, painted over in the Image Editor or graded elsewhere."""
 
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ..engine_api import (
-    BadRequest,
-    Edit,
-    ObjectMatch,
-    find_header,
-    linear_to_srgb,
-    match_picture,
-    to_mean_exposure,
-)
+from ..engine_api import BadRequest, Edit, ObjectMatch, find_header, linear_to_srgb, match_picture, to_mean_exposure
 from ..pictures import images
 from . import colors, displayed, edits
 
@@ -22,11 +14,7 @@ ASPECT_TOLERANCE = 0.02  # relative difference of aspect ratio between a picture
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Make a copy of the active view as it is shown, to paint on; it is what will be matched.
-
-    Raises:
-        KarfError: The view cannot be shown, or Blender renders.
-    """
+    """Copy the active view, recolored, to an image to paint on. Raises KarfError where it cannot be recolored."""
     buffer = displayed.of(scene).edited()
     height, width = buffer.shape[:2]
     image = bpy.data.images.get(PAINTING_NAME) or images.new_image(PAINTING_NAME, width, height)
@@ -37,11 +25,7 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
 
 
 def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
-    """The picture that was painted on or chosen.
-
-    Raises:
-        BadRequest: There is none, or another view was painted over.
-    """
+    """Return the picture that was painted on or chosen. Raises BadRequest without one of this view."""
     match, view = scene.karf.match, scene.karf.active_view
     if match.picture is None:
         raise BadRequest("No picture was chosen.", "Press Paint Over, or choose a picture of this view.")
@@ -57,7 +41,7 @@ def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
 
 
 def pixels_of(picture: bpy.types.Image) -> np.ndarray:
-    """The sRGB colors [H, W, 3] of an image, painted or not. Raises BadRequest where it has none."""
+    """Return the sRGB colors [H, W, 3] of an image, painted or not. Raises BadRequest where it has none."""
     if not picture.size[0]:
         raise BadRequest("{name!r} has no pixels.", "Choose another picture.", name=picture.name)
     pixels = images.colors_of(picture)
@@ -65,7 +49,7 @@ def pixels_of(picture: bpy.types.Image) -> np.ndarray:
 
 
 def read(path: Path) -> np.ndarray:
-    """The sRGB colors [H, W, 3] of a picture file. Raises DataError where it is unreadable."""
+    """Return the sRGB colors [H, W, 3] of a picture file. Raises DataError where it is unreadable."""
     pixels, header = images.read_picture(path), find_header(path)
     return _display(pixels) if header is not None and header.kind == "exr" else pixels
 
@@ -77,16 +61,11 @@ def _display(light: np.ndarray) -> np.ndarray:
 def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[ObjectMatch, ...]:
     """Set the swatches so that the active view comes closest to a picture of it; locked ones stay.
 
-    Args:
-        scene: The scene.
-        name: The picture's.
-        picture: The whole view, at any size, without lens distortion, sRGB [h, w, 3].
-
-    Returns:
-        What came of each object that the picture wants otherwise.
+    The picture [h, w, 3] sRGB shows the whole view, at any size, without lens distortion. Return what was found for
+    each object that has other colors there.
 
     Raises:
-        BadRequest: The picture has another shape or wants nothing else, or the scene shows palettes only.
+        BadRequest: The picture has another shape or no other colors, or the scene shows palettes only.
         KarfError: The view is not prepared.
     """
     karf = scene.karf
@@ -116,7 +95,7 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
 
 
 def _fitted(name: str, picture: np.ndarray, width: int, height: int) -> np.ndarray:
-    """A picture at the size of the view. Raises BadRequest where its shape is another."""
+    """Resize a picture to the view. Raises BadRequest where its shape is another."""
     own_height, own_width = picture.shape[:2]
     if abs(own_width * height / (own_height * width) - 1) > ASPECT_TOLERANCE:
         raise BadRequest(

@@ -12,7 +12,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 
 from .. import session
-from ..host import windows
+from ..host.drawing import draw_line, draw_text
 from ..host.words import translate
 from . import displayed, free_camera, views
 from .object_masks import ObjectMasks
@@ -29,11 +29,6 @@ AVERAGED = 3  # pixels in a row and in a column in the middle, whose mean is pic
 FRAME, NO_COLOR = (0.05, 0.05, 0.05, 1.0), (0.3, 0.3, 0.3, 1.0)
 
 Rectangle = tuple[float, float, float, float]  # left, bottom, right, top, in pixels of the region
-
-
-def redraw() -> None:
-    """Redraw all editors that have overlays."""
-    windows.redraw(*windows.PANEL_AREAS)
 
 
 # --- where ---------------------------------------------------------------------------------------------------------
@@ -83,6 +78,7 @@ def _camera_frame(context: bpy.types.Context) -> Rectangle | None:
 
 
 # --- in editors ----------------------------------------------------------------------------------------------------
+@session.draw_handler(bpy.types.SpaceImageEditor, "POST_PIXEL")
 def _draw_in_image() -> None:
     context = bpy.context
     if not shows_picture(context) or not context.space_data.overlay.show_overlays:
@@ -97,6 +93,7 @@ def _draw_in_image() -> None:
         draw_split(context)
 
 
+@session.draw_handler(bpy.types.SpaceView3D, "POST_PIXEL")
 def _draw_in_view() -> None:
     context = bpy.context
     if context.window_manager.karf_seeing.show_masks and context.space_data.overlay.show_overlays:
@@ -145,14 +142,14 @@ def draw_split(context: bpy.types.Context, is_bold: bool = False) -> None:
     seeing, scale = context.window_manager.karf_seeing, context.preferences.system.ui_scale
     left, bottom, right, top = picture_in(context.region)
     x = left + seeing.wipe * (right - left)
+    unit = 2 * scale if is_bold else scale
     gpu.state.blend_set("ALPHA")
-    for width, color in ((4, (0, 0, 0, 0.5)), (LINE_WIDTH, (1, 1, 1, 1))):
-        _draw_line(((x, bottom, 0), (x, top, 0)), (2 if is_bold else 1) * width * scale, color)
+    draw_line(((x, bottom), (x, top)), (4 * unit, (0, 0, 0, 0.5)), (LINE_WIDTH * unit, (1, 1, 1, 1)))
     gpu.state.blend_set("NONE")
     blf.size(0, TEXT_SIZE * scale)
     before, after = (seeing.bl_rna.properties["mode"].enum_items[name].name for name in ("ORIGINAL", seeing.mode))
-    _write(before, x - blf.dimensions(0, before)[0] - MARGIN * scale / 2, top - MARGIN * scale)
-    _write(after, x + MARGIN * scale / 2, top - MARGIN * scale)
+    draw_text(before, x - blf.dimensions(0, before)[0] - MARGIN * scale / 2, top - MARGIN * scale)
+    draw_text(after, x + MARGIN * scale / 2, top - MARGIN * scale)
 
 
 def _draw_scale(scale: float) -> None:
@@ -166,25 +163,8 @@ def _draw_scale(scale: float) -> None:
     blf.size(0, TEXT_SIZE * scale)
     for tick in range(TICKS + 1):
         text = f"{views.HOTTEST * tick / TICKS:g}" + ("+" if tick == TICKS else "")
-        _write(text, left + SCALE_WIDTH * scale * tick / TICKS, bottom - MARGIN * scale)
-    _write(translate("Difference: 1 is just visible"), left, bottom + (SCALE_HEIGHT + 6) * scale)
-
-
-def _write(text: str, x: float, y: float) -> None:
-    blf.color(0, 1, 1, 1, 1)
-    blf.enable(0, blf.SHADOW)
-    blf.shadow(0, 3, 0, 0, 0, 1)
-    blf.position(0, x, y, 0)
-    blf.draw(0, text)
-    blf.disable(0, blf.SHADOW)
-
-
-def _draw_line(points: tuple, width: float, color: tuple[float, ...]) -> None:
-    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
-    shader.uniform_float("lineWidth", width)
-    shader.uniform_float("color", color)
-    batch_for_shader(shader, "LINE_STRIP", {"pos": points}).draw(shader)
+        draw_text(text, left + SCALE_WIDTH * scale * tick / TICKS, bottom - MARGIN * scale)
+    draw_text(translate("Difference: 1 is just visible"), left, bottom + (SCALE_HEIGHT + 6) * scale)
 
 
 def _draw_colors(kind: str, points: list, colors: list[tuple[float, ...]]) -> None:
@@ -229,23 +209,11 @@ def draw_loupe(
     _draw_rectangles([(left, bottom, size, 2 * cell - 2)], [color])
     first, inner = (LOUPE_SIDE - AVERAGED) // 2 * cell, AVERAGED * cell
     x, y = left + first, bottom + 2 * cell + first
-    corners = ((x, y, 0), (x + inner, y, 0), (x + inner, y + inner, 0), (x, y + inner, 0), (x, y, 0))
-    for width, color in ((3, (0, 0, 0, 1)), (1, (1, 1, 1, 1))):  # visible on light and on dark pixels
-        _draw_line(corners, width, color)
+    corners = ((x, y), (x + inner, y), (x + inner, y + inner), (x, y + inner), (x, y))
+    draw_line(corners, (3, (0, 0, 0, 1)), (1, (1, 1, 1, 1)))  # visible on light and on dark pixels
 
 
 def _draw_rectangles(rectangles: list[tuple[float, float, float, float]], colors: list[tuple[float, ...]]) -> None:
     """Draw rectangles (left, bottom, width, height), each of one color."""
     points = [(x + u * width, y + v * height) for x, y, width, height in rectangles for u, v in UNIT_SQUARE]
     _draw_colors("TRIS", points, [color for color in colors for _ in UNIT_SQUARE])
-
-
-@session.setup
-def _overlays():
-    handlers = [
-        (space, space.draw_handler_add(draw, (), "WINDOW", "POST_PIXEL"))
-        for space, draw in ((bpy.types.SpaceImageEditor, _draw_in_image), (bpy.types.SpaceView3D, _draw_in_view))
-    ]
-    yield
-    for space, handler in handlers:
-        space.draw_handler_remove(handler, "WINDOW")

@@ -1,7 +1,7 @@
 """Learned palettes become a scene's objects and swatches, also where it has others already.
 
-Edits, locks and keyframes belong to an object's name and to a swatch's learned color: where palettes are replaced they
-go to the swatch that has this color now, and what has no such swatch is kept in a file.
+Edits, locks and keyframes go to the swatch of the object whose learned color is nearest; those of other swatches are
+saved to a file.
 """
 
 import time
@@ -15,13 +15,11 @@ import numpy as np
 from .. import progress
 from ..engine_api import (
     UNIT_GAINS,
-    AddedColor,
     DataError,
     Edit,
     KarfError,
     Message,
     Palette,
-    Surface,
     dominant_color,
     file_name,
     hex_to_rgb,
@@ -32,67 +30,64 @@ from ..engine_api import (
 )
 from ..project import folders
 from . import colors, displayed, edits, gestures, groups, keyframes, looks
+from .solving import NEUTRAL, PaletteState
 
 NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
+OWN_VALUES = ("rule", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
 
 
 @dataclass(frozen=True)
 class _ObjectEdits:
-    """What the artist has done to an object: swatches by number, its added colors, and the object's own values by name."""
+    """What the artist has done to an object: its swatches, and its own values by name."""
 
-    added: tuple[AddedColor, ...]
-    learned: np.ndarray
-    colors: np.ndarray
-    locked: tuple[bool, ...]
-    links: tuple[int, ...]
-    merged: tuple[int, ...]
-    surfaces: tuple[Surface, ...]
+    state: PaletteState
     own: dict
 
     @classmethod
     def of(cls, item: bpy.types.PropertyGroup) -> "_ObjectEdits":
-        kept = ("rule", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
-        own = {name: getattr(item, name) for name in kept}
+        own = {name: getattr(item, name) for name in OWN_VALUES}
         source, target = colors.color_pair(item)
         if source != target:  # else it waits for a target, with the color that the object mostly had
             own |= {"source": source, "target": target, "gains": tuple(item.gains)}
-        flags = [(swatch.locked, swatch.link, swatch.merged, colors.surface_of(swatch)) for swatch in item.swatches]
-        return cls(colors.added(item), colors.learned(item), colors.chosen(item), *zip(*flags, strict=True), own)
-
-    @property
-    def size(self) -> int:
-        """How many swatches were learned."""
-        return len(self.learned) // (1 + len(self.added))
+        return cls(colors.state(item), own)
 
     @property
     def touched(self) -> set[int]:
-        """The swatches that are edited, locked, move with others or were added."""
-        edited = (self.colors != self.learned).any(axis=-1)
-        has_surface = [not surface.is_neutral for surface in self.surfaces]
-        kept = list(zip(edited, self.locked, self.links, self.merged, has_surface, strict=True))[: self.size]
-        return {index for index, each in enumerate(kept) if index and any(each)} | set(self.places(self.size))
+        """The numbers of the swatches that are edited, locked, move with others or were added."""
+        state = self.state
+        has_color, has_surface = state.chosen != state.learned, state.surface != NEUTRAL
+        touched = (has_color | has_surface).any(axis=-1) | state.locked | (state.link > 0) | (state.merged > 0)
+        return set(np.flatnonzero(touched[: state.size]).tolist()) - {0} | set(self.added_places(state.size))
 
     @property
     def has_edge(self) -> bool:
-        """Whether its edge is moved or faded."""
+        """True if its edge is moved or faded."""
         return bool(self.own["choke"] or self.own["feather"])
 
-    def places(self, size: int) -> range:
-        """Where added colors are behind `size` learned swatches."""
-        return range(size, size * (1 + len(self.added)), size)
+    def added_places(self, size: int) -> range:
+        """Return the numbers of its added colors behind `size` learned swatches."""
+        return range(size, size * (1 + len(self.state.added)), size)
+
+    def match(self, new: np.ndarray | None) -> dict[int, int]:
+        """Return the numbers of its swatches in another palette [m, 3] with the same added colors, by their own."""
+        if new is None:
+            return {}
+        size = self.state.size
+        added = zip(self.added_places(size), self.added_places(len(new)), strict=True)
+        return _match_swatches(self.state.palette.colors, new) | dict(added)
 
 
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     """Replace the scene's objects and swatches by these learned palettes. Edits, looks, locks and keyframes go along.
 
-    What cannot go along is kept as an edit file in the project, and a warning names it.
+    Those that have no place there are saved to an edit file in the project, and a warning names it.
 
     Raises:
-        DataError: That file cannot be written; then all stays as it was.
+        DataError: That file cannot be written; then nothing is replaced.
     """
-    before = {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
+    before = _edits_of(scene)
     after = {palette.name: palette.colors for palette in palettes}
-    matches = {name: _match(each, after.get(name)) for name, each in before.items()}
+    matches = {name: each.match(after.get(name)) for name, each in before.items()}
     lost = [
         name
         for name, each in before.items()
@@ -106,87 +101,73 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
     with displayed.batched(scene), gestures.suspended(scene):
-        states = {name: _state(scene, edit) for name, edit in kept.items()}
+        states = {}
+        for name, edit in kept.items():
+            edits.apply_edit(scene, edit, is_whole=True)
+            states[name] = _edits_of(scene)
         for name, state in states.items():
             _replace(scene, palettes, state)
             scene.karf.looks[name].edit = looks.captured(scene)
         _replace(scene, palettes, before)
-        if not palettes:
-            looks.forget(scene)
+        if not palettes:  # no objects, no looks of them
+            scene.karf.looks.clear()
+            scene.karf.look = scene.karf.look_before = ""
         numbers = {name: number for number, name in enumerate(scene.karf.objects.keys())}
         for curve in curves:
             keyframes.move(curve, numbers, _swatch_of(curve, before, matches, after))
 
 
-def _state(scene: bpy.types.Scene, edit: Edit) -> dict[str, _ObjectEdits]:
-    """What an edit of the scene's palettes does to its objects, which have it then."""
-    edits.apply_edit(scene, edit, is_whole=True)
+def _edits_of(scene: bpy.types.Scene) -> dict[str, _ObjectEdits]:
     return {item.name: _ObjectEdits.of(item) for item in scene.karf.objects}
 
 
 def _replace(scene: bpy.types.Scene, palettes: Sequence[Palette], before: dict[str, _ObjectEdits]) -> None:
-    """Give the scene the objects of these palettes, with what was done to those it had."""
+    """Give the scene the objects of these palettes, with the edits of those it had."""
     scene.karf.objects.clear()
     for palette in palettes:
-        own = before.get(palette.name)
-        _add(scene, palette, own, _match(own, palette.colors) if own else {})
+        item = scene.karf.objects.add()
+        item.name = palette.name
+        for index, color in enumerate(palette.colors):
+            swatch = item.swatches.add()
+            swatch.name = f"Color {index}" if index else "Black"
+            swatch.learned = swatch.color = color
+            swatch.locked = index == 0
+        item.source = item.target = _dominant_color(scene, palette)
+        item.gains = UNIT_GAINS
+        if palette.name in before:
+            _restore(item, before[palette.name], before[palette.name].match(palette.colors))
 
 
-def _add(scene: bpy.types.Scene, palette: Palette, before: _ObjectEdits | None, matches: dict[int, int]) -> None:
-    """Add an object.
-
-    Args:
-        scene: The scene.
-        palette: The object's palette as learned.
-        before: What the artist had done to it, if it was there.
-        matches: The new number of each of its former swatches that is still there.
-    """
-    item = scene.karf.objects.add()
-    item.name = palette.name
-    for index, color in enumerate(palette.colors):
-        swatch = item.swatches.add()
-        swatch.name = f"Color {index}" if index else "Black"
-        swatch.learned = swatch.color = color
-        swatch.locked = index == 0
-    item.source = item.target = _mostly(scene, palette)
-    item.gains = UNIT_GAINS
-    if before is None:
-        return
+def _restore(item: bpy.types.PropertyGroup, before: _ObjectEdits, matches: dict[int, int]) -> None:
+    """Give a new object the edits of the one that it replaces."""
     for name, value in before.own.items():
         setattr(item, name, value)
-    for color in before.added:
+    state = before.state
+    for color in state.added:
         groups.add_color(item, color)
     for old in before.touched & set(matches):
         swatch = item.swatches[matches[old]]
-        swatch.locked, swatch.link = before.locked[old], before.links[old]
-        swatch.merged = matches.get(before.merged[old], 0)
-        if (before.colors[old] != before.learned[old]).any():
-            swatch.color = before.colors[old]
-        colors.write_surface(swatch, before.surfaces[old])
+        swatch.locked, swatch.link = bool(state.locked[old]), int(state.link[old])
+        swatch.merged = matches.get(int(state.merged[old]), 0)
+        if (state.chosen[old] != state.learned[old]).any():
+            swatch.color = state.chosen[old]
+        colors.write_surface(swatch, state.surface_of(old))
         if swatch.is_added:
-            colors.write(
-                item, gestures.solve_sets(scene, colors.states(scene), item.name, matches[old])[item.name].chosen
-            )
+            scene = item.id_data
+            solved = gestures.solve_sets(scene, colors.states(scene), item.name, matches[old])
+            colors.write(item, solved[item.name].chosen)
 
 
-def _mostly(scene: bpy.types.Scene, palette: Palette) -> np.ndarray:
-    """The color that an object mostly has, [3]; its first swatch's where nobody has counted."""
+def _dominant_color(scene: bpy.types.Scene, palette: Palette) -> np.ndarray:
+    """Return the color that an object mostly has, [3]; its first swatch's where its colors were not counted."""
     try:
         return dominant_color(displayed.of(scene).learned_histogram(palette.name))
     except (KarfError, OSError):
         return palette.colors[min(1, len(palette.colors) - 1)]
 
 
-def _match(before: _ObjectEdits, new: np.ndarray | None) -> dict[int, int]:
-    """Where an object's swatches are in another palette [m, 3], and its added colors behind that."""
-    if new is None:
-        return {}
-    learned = _match_swatches(before.learned[: before.size], new)
-    return learned | dict(zip(before.places(before.size), before.places(len(new)), strict=True))
-
-
 def _match_swatches(old: np.ndarray, new: np.ndarray) -> dict[int, int]:
-    """Where the swatches of a palette [n, 3] are in another [m, 3]: nearest pairs first, each swatch in one pair."""
+    """Pair the swatches of a palette [n, 3] with those of another [m, 3], nearest first."""
     distances = np.linalg.norm(srgb_to_lab(old)[:, None] - srgb_to_lab(new)[None], axis=-1)
     distances[0], distances[:, 0] = np.inf, np.inf  # black is black
     matches = {0: 0}
@@ -205,14 +186,14 @@ def _swatch_of(
     matches: dict[str, dict[int, int]],
     after: dict[str, np.ndarray],
 ) -> int | str | None:
-    """The number of a curve's swatch in the new palettes, or its learned color where there is no such swatch."""
+    """Return the number of a curve's swatch in the new palettes, or its learned color where it has no place there."""
     name, swatch = curve.object_name, curve.swatch
     if isinstance(swatch, int):
-        learned = before[name].learned if name in before else ()
+        learned = before[name].state.learned if name in before else ()
         return matches[name].get(swatch, rgb_to_hex(learned[swatch])) if swatch < len(learned) else swatch
     if swatch is None or name not in after:
         return swatch
-    # a curve that waited takes a swatch that no other has
+    # a curve that waits takes only a swatch that had no place before
     black_and_waiting = np.stack([np.zeros(3), hex_to_rgb(swatch)])
     found = _match_swatches(black_and_waiting, after[name]).get(1)
     return swatch if found is None or found in matches.get(name, {}).values() else found
@@ -225,8 +206,7 @@ def _keep_look(
     before: dict[str, _ObjectEdits],
     matches: dict[str, dict[int, int]],
 ) -> None:
-    """Write a look to a new edit file where colors of it have no place in the new palettes, and say so. Raises DataError
-    where it cannot be written."""
+    """Write a look to a new edit file where colors of it have no place in the new palettes, and warn."""
     more = {*edit.added, *edit.edges}
     lost = [
         item
@@ -247,12 +227,13 @@ def _keep_look(
 
 
 def _changed(edited: np.ndarray, item: _ObjectEdits) -> set[int]:
-    """The swatches of an object to which an edit [M, 3] gives another color than the learned one."""
-    return set(np.flatnonzero((edited[: item.size] != item.learned[: item.size]).any(axis=-1)).tolist())
+    """Return the numbers of the learned swatches to which an edit [M, 3] gives other colors."""
+    learned = item.state.palette.colors
+    return set(np.flatnonzero((edited[: len(learned)] != learned).any(axis=-1)).tolist())
 
 
 def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
-    """Write the swatches as they stand to a new edit file, and say so. Raises DataError where it cannot be written."""
+    """Write the current swatches to a new edit file, and warn."""
     file = _write_kept(scene, edits.current_edit(scene))
     progress.warn(
         Message(
@@ -265,7 +246,7 @@ def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
 
 
 def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:
-    """Write an edit to a new file of the project, whose name ends in a mark. Raises DataError where it cannot be."""
+    """Write an edit to a new file of the project, whose name ends in a mark. Raises DataError where that fails."""
     project = folders.project_of(scene)
     stamp, number = time.strftime("%Y%m%d-%H%M%S") + mark, 2
     file = project.path("edits", f"kept-{stamp}.json")
@@ -285,11 +266,7 @@ def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:
 
 def has_edits(scene: bpy.types.Scene) -> bool:
     """True if a swatch of the scene is edited, locked or animated, or an edge moved or faded."""
-    return (
-        bool(colors.edges(scene))
-        or any(_ObjectEdits.of(item).touched for item in scene.karf.objects)
-        or bool(keyframes.of(scene))
-    )
+    return any(each.touched or each.has_edge for each in _edits_of(scene).values()) or bool(keyframes.of(scene))
 
 
 def import_learned(scene: bpy.types.Scene) -> None:

@@ -1,4 +1,4 @@
-"""The light of a scene beside the reference light of color books, by a color chart or a gray card in a photo."""
+"""The light of a scene and the reference light of color books, by a color chart or a gray card in a photo."""
 
 import bpy
 import numpy as np
@@ -7,7 +7,7 @@ from ..engine_api import BadRequest, ReferenceLight
 
 
 def light(scene: bpy.types.Scene) -> ReferenceLight | None:
-    """How the scene's light differs from daylight (D65), by its chart, else by its card; None where neither tells it."""
+    """Return how the scene's light differs from daylight (D65), by its chart, else by its card; None without both."""
     if has_chart(scene):
         return ReferenceLight(np.reshape(scene.karf.chart, (3, 3)).astype(np.float64))
     card = np.array(scene.karf.card)
@@ -20,12 +20,12 @@ def light(scene: bpy.types.Scene) -> ReferenceLight | None:
 
 
 def has_chart(scene: bpy.types.Scene) -> bool:
-    """Whether a color chart was picked."""
+    """Tell whether a color chart was picked."""
     return any(scene.karf.chart)
 
 
 def set_chart(scene: bpy.types.Scene, matrix: np.ndarray, left: float) -> None:
-    """Remember what a color chart says: the light's matrix [3, 3], and what is left of its patches, mean CIEDE2000."""
+    """Remember the light by a color chart: a matrix [3, 3], and the mean CIEDE2000 that it leaves."""
     scene.karf.chart = np.ravel(matrix)
     scene.karf.chart_left = left
 
@@ -37,12 +37,12 @@ def forget_chart(scene: bpy.types.Scene) -> None:
 
 
 def as_named(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:
-    """A color of the photos, sRGB [3], as it is under the reference light, in [0, 1]; without card and chart itself."""
+    """Return a color of the photos, sRGB [3], under the reference light, in [0, 1]; the same without card and chart."""
     known = light(scene)
     return np.clip(color if known is None else known.reference(color), 0, 1)
 
 
 def as_photographed(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:
-    """A color of a book, sRGB [3] in [0, 1], as the photos would show it; without card and chart itself."""
+    """Return a color of a book, sRGB [3] in [0, 1], as the photos would show it; the same without card and chart."""
     known = light(scene)
     return color if known is None else known.photographed(color)

@@ -156,7 +156,7 @@ def _fail(error: KarfError) -> None:
     if bpy.app.background:
         raise error
     progress.fail(error)
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
 
 
 def _poll() -> float | None:

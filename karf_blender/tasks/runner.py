@@ -251,7 +251,7 @@ def _poll() -> float | None:
             if is_ours
             else KarfError("Internal error: {error!r}.", "See the console for details.", error=failure)
         )
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw()
         session.notify(STATUS_CHANGED)
         if not is_ours:
             raise
@@ -261,7 +261,7 @@ def _poll() -> float | None:
         # one undo step for all that the task brought into the scene
         if running.task.is_file_open and bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message=running.task.title)
-        windows.redraw(*windows.PANEL_AREAS)
+        windows.redraw()
     elif events:
         windows.redraw_sidebars()
     if events or done:

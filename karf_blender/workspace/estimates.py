@@ -1,7 +1,12 @@
-"""Estimates of how long a preset will take on this computer."""
+"""Estimates of how long a preset will take on this computer.
 
+Its speed is measured once, corrected by finished jobs, and kept in a file of the user's.
+"""
+
+import contextlib
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -9,9 +14,8 @@ import bpy
 
 from ... import __package__ as extension
 from .. import engine_api, preferences, session
-from ..engine import speed
-from ..engine.speed import Measurement, Speed
-from ..engine_api import PRESETS, KarfError, MissingDependency, Request
+from ..engine.processes import Inquiry
+from ..engine_api import PRESETS, KarfError, MissingDependency, Request, read_json, write_json
 from ..host import windows
 from ..project import disk
 from ..tasks import runner
@@ -20,6 +24,61 @@ POLL_SECONDS = 0.5
 USUAL = 1e6  # samples a second of a computer that was not measured yet
 SHORT = 1.0  # seconds of a job that trains nothing
 STAGES = {"learn_scene": ("geometry",), "learn_all": ("geometry", "segmentation", "recoloring")}
+NEW = 0.5  # weight of the last job relative to all earlier ones
+UNBELIEVABLE = 0.3  # share of its estimate below which a job had resumed another, or found its work done
+
+
+@dataclass(frozen=True)
+class Speed:
+    """The speed of an engine on this computer, corrected by finished jobs."""
+
+    python: str  # the engine's
+    threads: int  # that it was given; 0: it chose
+    samples_per_second: float = 0.0  # 0: not measured yet
+    factors: dict[str, float] = field(default_factory=dict)  # by stage, seconds of jobs relative to the prediction
+
+    def corrected(self, seconds: dict[str, float]) -> dict[str, float]:
+        """Correct the seconds of stages that the speed alone predicts."""
+        return {stage: promised * self.factors.get(stage, 1.0) for stage, promised in seconds.items()}
+
+    def learned_from(self, stage: str, promised: float, taken: float) -> "Speed":
+        """Return the same with the seconds that a job of a stage has taken."""
+        factor = taken / promised
+        if factor < UNBELIEVABLE * self.factors.get(stage, 1.0):
+            return self
+        known = self.factors.get(stage, factor)
+        return replace(self, factors=self.factors | {stage: (1 - NEW) * known + NEW * factor})
+
+    def write(self, file: Path) -> None:
+        """Keep it; a disk that refuses does not matter."""
+        with contextlib.suppress(OSError):
+            write_json(file, asdict(self))
+
+
+def read_speed(file: Path, python: str, threads: int) -> Speed:
+    """Read what is known of a Python with a number of threads; nothing where the file is of another or missing."""
+    unknown = Speed(python, threads)
+    try:
+        known = Speed(**read_json(file, "speed"))
+    except (OSError, KarfError, TypeError):
+        return unknown
+    return known if (known.python, known.threads) == (python, threads) else unknown
+
+
+class Measurement(Inquiry):
+    """The engine's `speed`; `poll` it until it gives an answer."""
+
+    def __init__(self, python: Path, threads: int) -> None:
+        super().__init__(python, "speed", threads=threads)
+
+    def poll(self) -> float | None:
+        """Return None while it runs; then the samples a second, 0 where it could not be measured."""
+        if self.process.poll() is None:
+            return None
+        try:
+            return float(json.loads(self.lines()[-1])["samples_per_second"])
+        except (ValueError, IndexError, KeyError, TypeError):
+            return 0.0
 
 
 @dataclass
@@ -75,7 +134,7 @@ def measure_once() -> None:
         return
     python, threads = Path(computer.speed.python), computer.speed.threads
     try:
-        computer.measurement = Measurement(python, engine_api.ENGINE_FOLDER, threads)
+        computer.measurement = Measurement(python, threads)
     except OSError:  # Test Engine says why
         return
     session.start_timer(_tick, POLL_SECONDS, persistent=True)
@@ -90,7 +149,7 @@ def _read_once() -> None:
             python, threads = preferences.engine_python(), preferences.current().threads
         except MissingDependency:
             return
-        computer.speed = speed.read(_file(), str(python), threads)
+        computer.speed = read_speed(_file(), str(python), threads)
 
 
 def _tick() -> float | None:
@@ -108,7 +167,7 @@ def _tick() -> float | None:
         computer.learn(measured)
     else:
         computer.speed = measured
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()
     return None
 
 

@@ -1,7 +1,4 @@
-"""The KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab.
-
-It comes from a file that `tools/window/make_workspace.py` has made.
-"""
+"""The KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +9,7 @@ import bpy
 from .. import session
 from ..host import windows
 
-FILE = Path(__file__).with_name("workspace.blend")
+FILE = Path(__file__).with_name("workspace.blend")  # made by tools/window/make_workspace.py
 NAME = TAB = "KaRF"
 LATER, TRIES = 0.2, 20  # seconds between tries, and their number: a sidebar has no tabs before it is drawn
 
@@ -35,11 +32,7 @@ def open_workspace(window: bpy.types.Window) -> None:
 
 
 def set_up(*then: Callable[[bpy.types.Window], None]) -> None:
-    """Bring the tab to the front in windows that show the workspace, after these are drawn.
-
-    Args:
-        then: Called with each of these windows, one after the other, with a redraw in between.
-    """
+    """Bring the tab to the front in windows that show the workspace, then call functions with each, redrawn between."""
     state = session.get(SetUp)
     state.tries, state.then = TRIES, then
     if not bpy.app.background:

@@ -17,12 +17,7 @@ from ..tasks import runner
 
 STEPS = ("import", "learn", "mark", "segment", "palette", "edit", "render")
 TO_DO, DONE, STALE, RUNNING = "to do", "done", "stale", "running"
-FOLDERS = (
-    "import",
-    "learn",
-    "segment",
-    "palette",
-)  # marking goes on after the first mask, and folds with the next step
+FOLDERS = ("import", "learn", "segment", "palette")  # steps that fold; marking folds with the next one
 STEP_OF_STAGE = {
     "poses": "import",
     "import-splat": "import",
@@ -81,19 +76,16 @@ def _is_done(scene: bpy.types.Scene, step: str, known: Contents) -> bool:
 
 def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
     if step == "learn":
-        return _why_learn_again(scene, known)
+        preset, nerf = known.learned_with
+        if nerf != folders.nerf_of(scene):
+            return OTHER_NERF
+        if not nerf and preset not in ("", scene.karf.preset):
+            return OTHER_PRESET
     if step == "segment" and "segmentation" in known.outdated:
         return OTHER_MARKS if "segmentation" in known.stages else OTHER_SCENE
     if step == "palette" and "recoloring" in known.outdated:
         return OTHER_OBJECTS
     return ""
-
-
-def _why_learn_again(scene: bpy.types.Scene, known: Contents) -> str:
-    preset, nerf = known.learned_with
-    if nerf != folders.nerf_of(scene):
-        return OTHER_NERF
-    return OTHER_PRESET if not nerf and preset not in ("", scene.karf.preset) else ""
 
 
 # --- folding -------------------------------------------------------------------------------------------------------
@@ -107,12 +99,7 @@ class LastStates:
 
 
 def opened(before: dict[str, str], after: dict[str, str]) -> dict[str, bool]:
-    """Return which steps to open or fold after a change; others stay as they are.
-
-    Args:
-        before: The states of the steps, empty for a new scene.
-        after: The states now.
-    """
+    """Return which steps to open or fold after a change of states, `before` empty for a new scene; others stay."""
     if not before:
         return {step: step in _next(after) for step in STEPS}
     stale = {step: True for step in STEPS if after[step] == STALE != before[step]}
@@ -144,4 +131,4 @@ def update() -> None:
     folding = bpy.data.window_managers[0].karf_folding
     for step, is_open in opened(before, kinds).items():
         setattr(folding, f"show_{step}", is_open)
-    windows.redraw(*windows.PANEL_AREAS)
+    windows.redraw()

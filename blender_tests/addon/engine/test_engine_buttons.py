@@ -1,7 +1,6 @@
 """The preferences say whether there is an engine; their buttons install, cancel, repair and remove it."""
 
 import importlib
-import sys
 from pathlib import Path
 from types import MethodType, SimpleNamespace
 
@@ -94,7 +93,7 @@ def test_the_button_is_called_by_what_it_does(bpy, addon, chosen, engine, monkey
 
 
 def test_the_sentence_says_which_python_runs_the_engine(addon, engine):
-    say = addon.managing.sentence
+    say = addon.preferences.sentence
     assert say(engine("ready", sentence="Installed: torch.")) == "Engine ready. Installed: torch."
     assert say(engine("outdated", sentence="Update gets them.")) == "Update gets them."
     assert "another" in say(engine("ready", is_managed=False)) and "Test Engine" in say(
@@ -200,7 +199,7 @@ def test_remove_deletes_the_environment_and_nothing_else(bpy, addon, managed, tm
 
 def test_remove_goes_on_beside_the_interface(bpy, addon, chosen, managed):
     installing = addon.installing
-    installing._begin(installing.Removal(managed, sys.executable))
+    installing._begin(installing.Removal, managed)
     assert "Removing the engine ..." in drawn_preferences(bpy, chosen)
     assert not bpy.ops.karf.install_engine.poll() and not bpy.ops.karf.cancel_installation.poll()
     run_to_end(installing._tick)
@@ -212,7 +211,8 @@ def test_what_cannot_be_removed_is_told(bpy, addon, chosen, managed, monkeypatch
         raise PermissionError(13, "Permission denied", "torch.dll")
 
     installing = addon.installing
-    installing._begin(installing.Removal(managed, "true"))
+    monkeypatch.setattr(addon.home.chores, "command", lambda *arguments: ("true",))
+    installing._begin(installing.Removal, managed)
     monkeypatch.setattr(addon.home.chores, "remove", refuse)
     run_to_end(installing._tick)
     assert "torch.dll: Permission denied" in drawn_preferences(bpy, chosen)

@@ -84,7 +84,7 @@ def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amis
 
 def test_a_test_that_hangs_is_cancelled(bpy, addon, chosen, tmp_path):
     addon.probing._begin(sleeper(tmp_path), tmp_path, 0)
-    process = addon.session.get(addon.probing._State).examination._process
+    process = addon.session.get(addon.probing._State).examination._inquiry.process
     assert addon.probing._tick() == addon.probing.POLL_SECONDS
     assert bpy.ops.karf.cancel_examination() == {"FINISHED"}
     assert process.poll() is not None and not addon.probing.is_running()
@@ -92,7 +92,7 @@ def test_a_test_that_hangs_is_cancelled(bpy, addon, chosen, tmp_path):
 
 def test_disabling_the_extension_ends_the_test_and_its_timer(bpy, addon, chosen, tmp_path):
     addon.probing._begin(sleeper(tmp_path), tmp_path, 0)
-    process = addon.session.get(addon.probing._State).examination._process
+    process = addon.session.get(addon.probing._State).examination._inquiry.process
     addon.session.start_timer(addon.probing._tick, 60, persistent=True)
     addon.extension.unregister()
     addon.extension.register()
@@ -100,7 +100,7 @@ def test_disabling_the_extension_ends_the_test_and_its_timer(bpy, addon, chosen,
 
 
 def test_a_python_that_never_answers_is_given_up(addon, chosen, tmp_path, monkeypatch):
-    monkeypatch.setattr(addon.examination, "TIMEOUT", 0.1)
+    monkeypatch.setattr(addon.probing, "TIMEOUT", 0.1)
     addon.probing._begin(sleeper(tmp_path), tmp_path, 0)
     run_to_end(addon.probing._tick)
     assert "no answer" in addon.probing.verdict_on(sleeper(tmp_path)).sentence
@@ -108,13 +108,13 @@ def test_a_python_that_never_answers_is_given_up(addon, chosen, tmp_path, monkey
 
 def test_something_that_is_no_python_is_named(addon, tmp_path):
     for python in (tmp_path / "nothing", script(tmp_path, "echo hello"), script(tmp_path, "exit 3")):
-        (verdict,) = addon.examination.examine(python, tmp_path, tmp_path).findings
+        (verdict,) = addon.probing.wait(python, tmp_path)
         assert verdict.status == "error" and str(python) in verdict.sentence and verdict.remedy
 
 
 def test_a_python_that_is_too_old_says_so(addon, tmp_path):
     old = script(tmp_path, "echo 'error: this is Python 3.9, and the engine needs 3.11 or newer' >&2; exit 3")
-    (verdict,) = addon.examination.examine(old, tmp_path, tmp_path).findings
+    (verdict,) = addon.probing.wait(old, tmp_path)
     assert "needs 3.11 or newer" in verdict.sentence
 
 
@@ -122,7 +122,7 @@ def test_a_library_that_crashes_leaves_what_was_found_before(addon, finding, tmp
     python = saying(
         addon, tmp_path, finding("python", "ok", "Fine."), finding("torch", "ok", "Fine."), then="kill -SEGV $$"
     )
-    found = addon.examination.examine(python, tmp_path, tmp_path).findings
+    found = addon.probing.wait(python, tmp_path)
     assert [each.name for each in found] == ["python", "torch", "engine"]
     assert found[-1].status == "error" and "after torch (SIGSEGV)" in found[-1].sentence
 
@@ -130,7 +130,7 @@ def test_a_library_that_crashes_leaves_what_was_found_before(addon, finding, tmp
 def test_what_libraries_print_is_no_finding(addon, finding, tmp_path):
     python = saying(addon, tmp_path, finding("engine", "ok", "The engine is ready."))
     (tmp_path / "lines").write_text("CUDA initialized\n[]\n" + (tmp_path / "lines").read_text() + "half a li")
-    found = addon.examination.examine(python, tmp_path, tmp_path).findings
+    found = addon.probing.wait(python, tmp_path)
     assert [each.sentence for each in found] == ["The engine is ready."]
 
 

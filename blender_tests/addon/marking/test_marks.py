@@ -246,7 +246,7 @@ def correcting(addon, marked):
 
 
 def corrections(addon, scene):
-    return addon.objects.corrections_folder(scene) / "pot" / "photo_0.png"
+    return addon.objects.mark_folders(scene)[1] / "pot" / "photo_0.png"
 
 
 def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy, addon, correcting):

@@ -144,15 +144,15 @@ def test_the_camera_of_a_border_sees_what_the_whole_one_sees_there(addon, scene)
 
 def test_one_process_renders_an_animation_and_its_files_go(addon, scene, render, monkeypatch):
     answers = []
-    ask = addon.blocking.ask
-    monkeypatch.setattr(addon.blocking, "ask", lambda *given: answers.append(ask(*given)) or answers[-1])
+    ask = addon.still.ask
+    monkeypatch.setattr(addon.still, "ask", lambda *given: answers.append(ask(*given)) or answers[-1])
     for frame in (1, 2, 3):
         scene.frame_set(frame)
         render()
     folders = {addon.folders.Path(each["pixels"]).parents[1] for each in answers}
     assert len(folders) == 1  # the job's folder of one worker
     assert not list(folders.pop().glob("answers/*"))
-    addon.blocking.stop()
+    addon.session.get(addon.still.RenderWorker).close()
     assert not any(each.exists() for each in folders)
 
 
@@ -163,7 +163,7 @@ def test_a_cancelled_render_ends_the_worker(addon, scene, monkeypatch):
     depsgraph = scene.view_layers[0].depsgraph
     with pytest.raises(addon.engine_api.Cancelled):
         addon.still.render(engine, depsgraph)
-    assert addon.session.get(addon.blocking.RenderWorker).worker is None
+    assert addon.session.get(addon.still.RenderWorker).worker is None
 
 
 @pytest.mark.parametrize(

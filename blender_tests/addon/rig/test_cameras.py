@@ -52,11 +52,11 @@ def test_a_camera_that_is_clicked_becomes_the_active_view(bpy, addon, shot, monk
     layer = bpy.context.view_layer
     for name, view in (("photo_1", "photo_1"), ("Mine", "photo_1"), ("photo_2", "photo_2")):
         layer.objects.active = bpy.data.objects[name]
-        addon.clicking.choose_clicked(shot, layer)
+        addon.following.choose_clicked(shot, layer)
         assert shot.karf.active_view == view
-    monkeypatch.setattr(addon.clicking, "_is_looking_through", lambda: True)
+    monkeypatch.setattr(addon.following, "_is_looking_through", lambda: True)
     layer.objects.active = bpy.data.objects["photo_1"]
-    addon.clicking.choose_clicked(shot, layer)
+    addon.following.choose_clicked(shot, layer)
     assert shot.karf.active_view == "photo_2"
 
 

@@ -251,7 +251,7 @@ def test_files_that_cannot_be_written_are_refused(addon, learned, points_file, t
 
 def test_objects_of_long_names_keep_their_own_weights(bpy, addon, points):
     names = ["鍋" * 60 + end for end in "ab"]
-    attributes = {addon.trees.weight_attribute(name, 1) for name in names}
+    attributes = {addon.scene_object.weight_attribute(name, 1) for name in names}
     data = bpy.data.meshes.new("long")
     assert {data.attributes.new(name, "FLOAT", "FACE").name for name in attributes} == attributes
     assert len(attributes) == 2

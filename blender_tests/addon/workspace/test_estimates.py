@@ -6,7 +6,7 @@ import pytest
 @pytest.fixture
 def known(addon, monkeypatch, tmp_path):
     """A computer that learns from a million samples a second."""
-    speed = addon.speed.Speed("python", 2, 1e6)
+    speed = addon.estimates.Speed("python", 2, 1e6)
     monkeypatch.setattr(addon.session.get(addon.estimates.ThisComputer), "speed", speed)
     monkeypatch.setattr(addon.estimates, "_file", lambda: tmp_path / "speed.json")
     return speed
@@ -29,8 +29,8 @@ def test_a_job_that_was_done_corrects_all_presets_and_is_kept(addon, known, tmp_
     assert once.corrected({"geometry": 10.0, "segmentation": 5.0}) == {"geometry": 20.0, "segmentation": 5.0}
     assert once.learned_from("geometry", 50.0, 50.0).factors == {"geometry": 1.5}
     once.write(tmp_path / "speed.json")
-    assert addon.speed.read(tmp_path / "speed.json", "python", 2) == once
-    assert addon.speed.read(tmp_path / "speed.json", "python", 1).samples_per_second == 0
+    assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 2) == once
+    assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 1).samples_per_second == 0
 
 
 def test_a_job_that_only_went_on_is_no_measure(known):

@@ -24,6 +24,11 @@ from pathlib import Path
 NAME = re.compile(r"env(-\d+)?")  # of environments: `env`, `env-2`
 
 
+def command(verb: str, *arguments: str, python: str = sys.executable) -> tuple[str, ...]:
+    """Return the command line of a verb, which usually Blender's own Python executes."""
+    return (python, "-I", "-B", "-X", "utf8", __file__, verb, *arguments)
+
+
 def environments(folder: Path) -> list[Path]:
     """Return the environments in a folder that may be missing."""
     paths = folder.iterdir() if folder.is_dir() else ()

@@ -7,7 +7,7 @@ import re
 import shlex
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,10 +27,12 @@ AMD = "dev/kfd"  # the compute driver; its folder below lists processors too, wh
 AMD_NODES = "sys/class/kfd/kfd/topology/nodes"
 FOUND = {"cuda": "an NVIDIA driver", "rocm": "an AMD compute driver", "mps": "Apple silicon"}
 FETCHED_PYTHON = "3.13"  # where uv has to find or fetch one
-SHELLS = ("posix", "powershell", "cmd")
 PLAIN = re.compile(r"[\w./:\\=+-]+")  # text that no Windows shell interprets
 PROBE_SECONDS = 20.0
-PROBE = "import ensurepip, struct, sys, venv; print(*sys.version_info[:2], struct.calcsize('P') * 8)"
+PROBE = (  # its version, its bits, and whether it can make environments
+    "import struct, sys; from importlib.util import find_spec as has; "
+    "print(*sys.version_info[:2], struct.calcsize('P') * 8, all(map(has, ('venv', 'ensurepip'))))"
+)
 UNIX_FOLDERS = ("/usr/local/bin", "/usr/bin", "/opt/homebrew/bin", "~/.local/bin")
 
 
@@ -48,8 +50,7 @@ class Machine:
         return f"Found {' and '.join(names)}." if names else "No graphics driver that torch could use was found."
 
     @property
-    def builds(self) -> tuple[str, ...]:
-        """Builds of torch for its system."""
+    def builds(self) -> tuple[str, ...]:  # of torch
         return tuple(build for build in locks.BUILDS if locks.lock_file(self.platform, build).is_file())
 
 
@@ -101,49 +102,45 @@ class Starter:
 def find_starter(chosen: str, own_python: str, variables: Mapping[str, str]) -> Starter:
     """Find what can make the environment: the chosen program, Blender's own Python, uv, any other Python.
 
-    Raises:
-        MissingDependency: None can; says what was tried.
+    Raises MissingDependency that says what was tried, where none can.
     """
-    path = _search_path(variables)
+    # programs started from a desktop often lack folders of the PATH that terminals have
+    more = () if os.name == "nt" else map(os.path.expanduser, UNIX_FOLDERS)
+    path = os.pathsep.join(filter(None, (variables.get("PATH"), *more)))
     names = ["uv", *(f"python{version}" for version in reversed(locks.PYTHONS)), "python3", "python"]
     others = (found for name in names if (found := shutil.which(name, path=path)))
     tried = []
     for program in [chosen] if chosen else [own_python, *others]:
-        version = _version(program)
-        if version in locks.PYTHONS:
+        version, has_venv = _ask(program)
+        if version in locks.PYTHONS and has_venv:
             return Starter(program, version)
-        if Path(program).stem.lower() == "uv" and Path(program).is_file():
-            # uv needs no venv and no pip
-            version = _version(own_python, PROBE.replace("ensurepip, ", "").replace(", venv", ""))
+        if Path(program).stem.lower() == "uv" and Path(program).is_file():  # it needs no venv
+            version, _ = _ask(own_python)
             is_known = version in locks.PYTHONS
             return Starter(own_python if is_known else "", version if is_known else FETCHED_PYTHON, program)
-        tried.append(program + (f" (Python {version})" if version else ""))
+        tried.append(program + (f" (Python {version}{'' if has_venv else ' without venv'})" if version else ""))
     raise MissingDependency(
         f"Nothing here can make a Python environment. Tried: {', '.join(tried)}.",
         f"Install Python {locks.PYTHONS[0]} to {locks.PYTHONS[-1]} with venv (Debian and Ubuntu: python3-venv), or uv.",
     )
 
 
-def _version(python: str, probe: str = PROBE) -> str:
-    """Ask a Python for its version; empty where it does not answer, or cannot make environments."""
+def _ask(python: str) -> tuple[str, bool]:
+    """Return the version of a Python, empty where it does not answer, and whether it can make environments."""
     options = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     try:
-        process = processes.start([python, "-I", "-c", probe], **options)
+        process = processes.start([python, "-I", "-c", PROBE], **options)
         said, _ = process.communicate(timeout=PROBE_SECONDS)
     except OSError:
-        return ""
+        return "", False
     except subprocess.TimeoutExpired:
         processes.end(process)
-        return ""
-    found = re.fullmatch(rb"(\d+) (\d+) (\d+)\s*", said)
-    return f"{int(found[1])}.{int(found[2])}{'' if found[3] == b'64' else ' of 32 bits'}" if found else ""
-
-
-def _search_path(variables: Mapping[str, str]) -> str:
-    """Return the PATH; programs started from a desktop often lack folders of it that terminals have."""
-    folders = variables.get("PATH", "").split(os.pathsep)
-    folders += [] if os.name == "nt" else [str(Path(folder).expanduser()) for folder in UNIX_FOLDERS]
-    return os.pathsep.join(filter(None, folders))
+        return "", False
+    found = re.fullmatch(r"(\d+ \d+) (\d+) (True|False)\s*", said.decode("ascii", "replace"))
+    if not found:
+        return "", False
+    version, bits, has_venv = found.groups()
+    return version.replace(" ", ".") + ("" if bits == "64" else f" of {bits} bits"), has_venv == "True"
 
 
 # --- where packages come from; KaRF itself names no place ------------------------------------------------------------
@@ -162,35 +159,28 @@ def find_source(variables: Mapping[str, str], wheels: Path | None = None) -> Sou
     for name in ("UV_DEFAULT_INDEX", "UV_INDEX_URL", "PIP_INDEX_URL"):
         if url := variables.get(name):
             told = {"UV_DEFAULT_INDEX": url} if name.startswith("PIP") else {}
-            return Source(f"the index {without_login(url)} (variable {name})", told)
+            return Source(f"the index {_without_login(url)} (variable {name})", told)
     for path in _pip_files(variables):
         if url := _index_in(path):
-            return Source(f"the index {without_login(url)} (of {path})", {"UV_DEFAULT_INDEX": url})
+            return Source(f"the index {_without_login(url)} (of {path})", {"UV_DEFAULT_INDEX": url})
     return Source("the Python Package Index (or another, where uv.toml names one)")
 
 
-def without_login(url: str) -> str:
-    """Return an address without the user and the password in it.
-
-    Examples:
-        >>> without_login("https://name:p@ss@mirror.example/simple")
-        'https://mirror.example/simple'
-    """
+def _without_login(url: str) -> str:
     return re.sub(r"(?<=//)[^/?#]*@", "", url)
 
 
-def _pip_files(variables: Mapping[str, str]) -> Iterator[Path]:
-    """pip's files of settings, the user's own first, as its documentation lists them."""
-    if variables.get("PIP_CONFIG_FILE"):
-        yield Path(variables["PIP_CONFIG_FILE"])
-    user = Path(variables.get("HOME") or variables.get("USERPROFILE") or os.curdir)
+def _pip_files(variables: Mapping[str, str]) -> list[Path]:
+    """Return pip's files of settings, the user's own first, as its documentation lists them."""
+    chosen = variables.get("PIP_CONFIG_FILE")
     if os.name == "nt":
-        roots = [variables.get(name, "") for name in ("APPDATA", "PROGRAMDATA")]
-        yield from (Path(root) / "pip" / "pip.ini" for root in roots if root)
-        return
-    own = Path(variables.get("XDG_CONFIG_HOME") or user / ".config")
-    folders = (own / "pip", user / ".pip", user / "Library" / "Application Support" / "pip", "/etc/xdg/pip", "/etc")
-    yield from (Path(folder) / "pip.conf" for folder in folders)
+        files = [Path(variables[name], "pip", "pip.ini") for name in ("APPDATA", "PROGRAMDATA") if variables.get(name)]
+    else:
+        user = Path(variables.get("HOME") or os.curdir)
+        own = Path(variables.get("XDG_CONFIG_HOME") or user / ".config")
+        folders = (own / "pip", user / ".pip", user / "Library" / "Application Support" / "pip", "/etc/xdg/pip", "/etc")
+        files = [Path(folder, "pip.conf") for folder in folders]
+    return [Path(chosen), *files] if chosen else files
 
 
 def _index_in(path: Path) -> str:
@@ -205,12 +195,7 @@ def _index_in(path: Path) -> str:
 
 # --- commands for people -----------------------------------------------------------------------------------------------
 def shell_line(command: Sequence[str], shell: str) -> str:
-    """Return a command as one line for a shell of SHELLS.
-
-    Examples:
-        >>> print(shell_line(["C:\\\\my env\\\\python.exe", "-m", "venv"], "powershell"))
-        & 'C:\\my env\\python.exe' -m venv
-    """
+    """Return a command as one line for a shell: `posix`, `powershell` or `cmd`."""
     if shell == "posix":
         return shlex.join(command)
     if shell == "powershell":

@@ -82,11 +82,7 @@ def new_environment(folder: Path) -> str:
 
 
 def claim(folder: Path, chosen: dict[str, Any]) -> None:
-    """Make the folder KaRF's, and note what is to be in it.
-
-    Raises:
-        DataError: It is a file, has files of others, or cannot be written.
-    """
+    """Make the folder KaRF's, and note what is to be in it; raises DataError as `check_free`."""
     with disk_errors():
         check_free(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -120,9 +116,7 @@ def is_ours(folder: Path) -> bool:
 def remove(folder: Path) -> None:
     """Delete the environments and all that belongs to them; this may take a minute.
 
-    Raises:
-        BadRequest: The folder is not KaRF's.
-        DataError: A file cannot be deleted.
+    Raises BadRequest where the folder is not KaRF's, DataError where a file cannot be deleted.
     """
     check_ours(folder)
     with disk_errors():

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...engine_api import BadRequest, Cancelled, DataError, KarfError, MissingDependency, write_json
+from ...engine_api import REQUIRED, BadRequest, Cancelled, DataError, KarfError, MissingDependency, write_json
 from .. import processes
 from ..failures import disk_errors
-from . import home, plan
-from .plan import Plan, Step
+from . import chores, home
+from .plan import EXTRAS, UNPACKED, Plan, Step
 
 KILL_SECONDS = 5.0
 FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
@@ -29,10 +29,20 @@ HASH = "hash mismatch|do not match the hashes"
 FULL = "no space left on device|os error 28|os error 112|not enough space on the disk|disk quota exceeded"
 CERTIFICATE = "invalid peer certificate|certificate verify failed|unknownissuer"
 NETWORK = (  # the most specific first
-    "temporary failure in name resolution|failed to lookup address|connection refused|connection reset|"
-    "network is unreachable|operation timed out|read timed out|error decoding response body|"
-    "failed to establish a new connection|proxyerror|dns error|tcp connect error|error sending request|"
-    "request failed after"
+    "temporary failure in name resolution",
+    "failed to lookup address",
+    "connection refused",
+    "connection reset",
+    "network is unreachable",
+    "operation timed out",
+    "read timed out",
+    "error decoding response body",
+    "failed to establish a new connection",
+    "proxyerror",
+    "dns error",
+    "tcp connect error",
+    "error sending request",
+    "request failed after",
 )
 NO_FILE = "no solution found|no matching distribution"
 GO_ON = "What was fetched is kept; Install goes on from there."
@@ -40,8 +50,6 @@ GO_ON = "What was fetched is kept; Install goes on from there."
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress of an installation or removal."""
-
     title: str
     done: int = 0  # bytes, estimated
     total: int = 0
@@ -117,35 +125,34 @@ class Installation:
 
     # --- the work --------------------------------------------------------------------------------------------------
     def _work(self) -> Iterator[Step]:
-        planned = self.plan
+        planned, folder, name = self.plan, str(self.plan.folder), self.plan.environment.name
         was = home.status(planned.folder)
-        yield planned.check(was.environment if was.torch else "")
+        counting = was.environment if was.torch else ""
+        yield Step("Checking what is there", chores.command("check", folder, counting), is_needed=False)
         yield from planned.steps()
-        yield planned.test()
-        tested = self._answer()
-        self._check_build(tested)
+        modules = [package.name for package in REQUIRED] + ["numba", *map(EXTRAS.get, planned.choices.extras)]
+        yield Step("Testing", chores.command("test", *modules, python=str(home.python_of(planned.environment))))
+        tested = self._tested()
         with disk_errors():
-            named = {"environment": planned.environment.name, "chosen": self._mark, "digest": planned.lock.digest}
+            named = {"environment": name, "chosen": self._mark, "digest": planned.lock.digest}
             write_json(planned.folder / home.INSTALLED, {"schema": home.SCHEMA, **tested, **named})
-        yield planned.clear(planned.environment.name)
+        yield Step("Cleaning up", chores.command("clear", folder, name), is_needed=False)
 
-    def _answer(self) -> dict[str, Any]:
-        """Read a chore's last line, which is JSON."""
+    def _tested(self) -> dict[str, Any]:
+        """Return what the test has found, its last line; refuse another build of torch than was meant."""
         try:
-            return json.loads(self._said[-1])
+            tested = json.loads(self._said[-1])
         except (ValueError, IndexError) as error:
             raise KarfError(
                 "The environment's Python gave no answer.", "Repair, or remove and install anew."
             ) from error
-
-    def _check_build(self, tested: dict[str, Any]) -> None:
-        """Raise BadRequest where uv's backend has brought another build of torch than was meant."""
         build = self.plan.lock.build
         if tested["build"] != REPORTED_AS.get(build, build):
             raise BadRequest(
                 f"torch {tested['torch']} is a {tested['build']} build, not the {build} build that was chosen.",
                 "Choose another build: uv found no driver on this computer for the chosen one.",
             )
+        return tested
 
     # --- one command -----------------------------------------------------------------------------------------------
     def _advance(self) -> None:
@@ -212,13 +219,13 @@ class Removal:
 
     can_be_cancelled = False
 
-    def __init__(self, folder: Path, own_python: str) -> None:
+    def __init__(self, folder: Path) -> None:
         home.check_ours(folder)
         self.ended, self._folder = False, folder
         self.progress = Progress("Removing the engine ...")
         with disk_errors():
             (folder / home.INSTALLED).unlink(missing_ok=True)  # from here on nobody starts it
-            self._process = processes.start(plan.chore(own_python, "remove", str(folder)), stdin=subprocess.DEVNULL)
+            self._process = processes.start(chores.command("remove", str(folder)), stdin=subprocess.DEVNULL)
 
     def poll(self) -> Progress:
         self.ended = self._process.poll() is not None
@@ -238,12 +245,12 @@ class _Fetching:
 
     def __init__(self, step: Step, planned: Plan) -> None:
         self._total, self._folder = step.bytes, planned.folder
-        self._unpacked = plan.UNPACKED[planned.lock.build]
-        cached = {path.name.lower() for path in planned.cache.glob("archive-v*/*/*.dist-info")}
-        names = {wheel: "-".join(wheel.file.split("-")[:2]).lower() for wheel in step.wheels}
-        self._before = sum(wheel.size for wheel in step.wheels if f"{names[wheel]}.dist-info" in cached)
-        self._free = self._disk_free()
-        self._active: dict[str, None] = {}
+        self._unpacked = UNPACKED[planned.lock.build]
+        cached = {path.stem.lower() for path in planned.cache.glob("archive-v*/*/*.dist-info")}
+        packages = ((wheel.size, "-".join(wheel.file.split("-")[:2]).lower()) for wheel in step.wheels)
+        self._before = sum(size for size, package in packages if package in cached)
+        self._free = shutil.disk_usage(self._folder).free
+        self._active: dict[str, None] = {}  # packages that uv is fetching
         self._is_prepared = False
 
     def read(self, lines: Iterable[str]) -> None:
@@ -262,62 +269,46 @@ class _Fetching:
 
     @property
     def done(self) -> int:
-        """Bytes, estimated."""
-        grown = max(self._free - self._disk_free(), 0) / self._unpacked
-        return self._total if self._is_prepared else min(self._before + round(grown), self._total)
-
-    def _disk_free(self) -> int:
-        return shutil.disk_usage(self._folder).free
+        if self._is_prepared:
+            return self._total
+        grown = max(self._free - shutil.disk_usage(self._folder).free, 0) / self._unpacked
+        return min(self._before + round(grown), self._total)
 
 
 # --- errors ----------------------------------------------------------------------------------------------------------
 def explain(planned: Plan, step: Step, said: Sequence[str], how: str) -> KarfError:
     """Return the error for a command that failed, by what it has said and its exit code or signal."""
     text = "\n".join(said)
-    log = planned.folder / home.LOG
-    has_other = planned.backend == "cpu" and "cuda" in planned.machine.builds
-    other = "Or choose the build cuda: the usual index has it, and it computes on processors too. " if has_other else ""
-    known = (
-        (
-            HASH,
-            f"{_named(text)} is not the file that KaRF was tested with: its hash is another.",
-            f"It was not installed. Is {step.source} to be trusted?",
-        ),
-        (FULL, f"The disk of {planned.folder} is full.", "Free some space, or choose another folder."),
-        (
-            CERTIFICATE,
-            f"The certificate of {step.source} is not accepted.",
+    lower, last, source, log = text.lower(), _last(said), step.source, planned.folder / home.LOG
+    if re.search(HASH, lower):
+        sentence = f"{_named(text)} is not the file that KaRF was tested with: its hash is another."
+        remedy = f"It was not installed. Is {source} to be trusted?"
+    elif re.search(FULL, lower):
+        sentence = f"The disk of {planned.folder} is full."
+        remedy = "Free some space, or choose another folder."
+    elif re.search(CERTIFICATE, lower):
+        sentence = f"The certificate of {source} is not accepted."
+        remedy = (
             "In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
-            "Blender anew.",
-        ),
-        (
-            NETWORK,
-            f"No connection to {step.source} ({_first(NETWORK, text)}).",
-            f"Check network and proxy, or choose a folder of wheels. {other}".strip(),
-        ),
-        (
-            NO_FILE,
-            f"A file that the engine needs is not to be had from {step.source}: {_last(said)}",
-            f"{log} tells which. Choose another index, or a folder of wheels.",
-        ),
-    )
-    for phrases, sentence, remedy in known:
-        if _first(phrases, text):
-            return DataError(sentence, f"{remedy} {GO_ON}")
-    return MissingDependency(f"{step.title} failed ({how}): {_last(said)}", f"{log} tells more. {GO_ON}")
-
-
-def _first(phrases: str, text: str) -> str:
-    """Return the first of these phrases that a text has."""
-    return next((phrase for phrase in phrases.split("|") if phrase in text.lower()), "")
+            "Blender anew."
+        )
+    elif reason := next((phrase for phrase in NETWORK if phrase in lower), ""):
+        sentence = f"No connection to {source} ({reason})."
+        remedy = "Check network and proxy, or choose a folder of wheels."
+        if planned.backend == "cpu" and "cuda" in planned.machine.builds:
+            remedy += " Or choose the build cuda: the usual index has it, and it computes on processors too."
+    elif re.search(NO_FILE, lower):
+        sentence = f"A file that the engine needs is not to be had from {source}: {last}"
+        remedy = f"{log} tells which. Choose another index, or a folder of wheels."
+    else:
+        return MissingDependency(f"{step.title} failed ({how}): {last}", f"{log} tells more. {GO_ON}")
+    return DataError(sentence, f"{remedy} {GO_ON}")
 
 
 def _named(text: str) -> str:
     """Return the package that a complaint about hashes names."""
-    found = re.search(r"[Hh]ash mismatch for [`']?([\w.-]+==[\w.+]+)", text) or re.search(
-        r"^\s+([\w.-]+==\S+) from", text, re.M
-    )
-    return found[1] if found else "A file"
+    found = re.search(r"[Hh]ash mismatch for [`']?([\w.-]+==[\w.+]+)|^\s+([\w.-]+==\S+) from", text, re.M)
+    return found[1] or found[2] if found else "A file"
 
 
 def _last(said: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from ...engine_api import REQUIRED, BadRequest, DataError
+from ...engine_api import BadRequest, DataError
 from . import chores, computer, home, locks
 from .computer import Machine, Source, Starter, shell_line
 from .locks import Lock, Wheel
@@ -22,8 +22,6 @@ MOST_NAMED = 6  # files named in a sentence
 
 @dataclass(frozen=True)
 class Choices:
-    """The user's choices."""
-
     folder: Path
     build: str = "auto"  # one of `locks.BUILDS`
     extras: tuple[str, ...] = ()  # of EXTRAS
@@ -32,7 +30,7 @@ class Choices:
 
 
 class Step(NamedTuple):
-    """A command, and what it does in words."""
+    """A command of an installation."""
 
     title: str
     command: tuple[str, ...]
@@ -47,11 +45,10 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """All that an installation needs to know."""
+    """What an installation does; `sentences` and `commands` say it."""
 
     choices: Choices
     machine: Machine
-    own_python: str  # Blender's
     starter: Starter
     source: Source
     lock: Lock
@@ -71,27 +68,24 @@ class Plan:
         return "cpu" if self.lock.build == "cpu" else "auto"  # by the versions that the driver allows
 
     @property
-    def unchecked(self) -> str:
-        """The package without a known hash."""
+    def unchecked(self) -> str:  # the package without a known hash
         return "" if self.lock.torch.sha256 else f"torch {self.lock.torch.version} for {self.lock.build}"
 
     @property
     def sources(self) -> str:
-        more = " and torch's own index, which uv knows" if self.backend and not self.choices.wheels else ""
-        return f"{self.source.sentence}{more}"
+        is_more = self.backend and not self.choices.wheels
+        return self.source.sentence + (" and torch's own index, which uv knows" if is_more else "")
 
     @property
     def download_bytes(self) -> int:
         return self.lock.bytes + sum(wheel.size for wheel in self.tools)
 
     @property
-    def disk_bytes(self) -> int:
-        """Estimated bytes of the environment."""
+    def disk_bytes(self) -> int:  # of the environment, estimated
         return round(self.download_bytes * UNPACKED[self.lock.build])
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The plan in sentences."""
         checked = [wheel for wheel in self.lock.wheels + self.tools if wheel.sha256]
         more, about = (f" and {self.unchecked}", "about ") if self.unchecked else ("", "")
         begun = " What is there already and whole is not fetched again." if home.is_ours(self.folder) else ""
@@ -102,20 +96,14 @@ class Plan:
             f"To {self.folder}, about {size_text(self.disk_bytes)}; {size_text(self.free_bytes)} are free.",
             f"The environment is {self.starter.sentence}. Blender's own Python stays as it is.",
         ]
-        return (*lines, *self.warnings)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences about possible problems."""
-        found = []
         if self.unchecked:
-            found.append(f"KaRF has no hash of {self.unchecked}: it is checked by its version only.")
+            lines.append(f"KaRF has no hash of {self.unchecked}: it is checked by its version only.")
         if self.machine.platform.startswith("windows") and len(str(self.folder)) + LONGEST_INSIDE > LONGEST_PATH:
-            found.append(
+            lines.append(
                 "Paths below this folder get longer than Windows allows by default: choose a folder such as "
                 "C:\\karf, or switch long paths on in Windows."
             )
-        return tuple(found)
+        return tuple(lines)
 
     @property
     def uv(self) -> str:
@@ -138,17 +126,8 @@ class Plan:
         python = str(home.python_of(self.environment))
         make = (self.uv, "venv", "--clear", "--python", self.starter.python or self.starter.version)
         found.append(Step("Making the environment", (*make, str(self.environment))))
-        fill = (
-            self.uv,
-            "pip",
-            "install",
-            "--python",
-            python,
-            "--cache-dir",
-            str(self.cache),
-            "--link-mode",
-            "hardlink",
-        )
+        fill = (self.uv, "pip", "install", "--python", python)
+        fill += ("--cache-dir", str(self.cache), "--link-mode", "hardlink")
         # the engine's jobs write no compiled files: without them each would read all sources anew
         fill += ("--only-binary", ":all:", "--compile-bytecode", *offline)
         # uv checks the hashes that there are also without --require-hashes
@@ -157,31 +136,10 @@ class Plan:
         fill += tuple(part for file in self.lock.files for part in ("--requirement", str(file)))
         return (*found, Step("Installing packages", fill, self.sources, self.lock.wheels))
 
-    def check(self, counting: str) -> Step:
-        """Drop what a killed installation has left, and damaged files of what was fetched before."""
-        return self._chore("Checking what is there", self.own_python, "check", str(self.folder), counting)
-
-    def test(self) -> Step:
-        """Load the engine's packages."""
-        modules = [package.name for package in REQUIRED] + ["numba", *(EXTRAS[name] for name in self.choices.extras)]
-        return self._chore("Testing", str(home.python_of(self.environment)), "test", *modules)._replace(is_needed=True)
-
-    def clear(self, counting: str) -> Step:
-        """Drop all environments but the one that counts, and what only they needed."""
-        return self._chore("Cleaning up", self.own_python, "clear", str(self.folder), counting)
-
-    def _chore(self, title: str, python: str, *arguments: str) -> Step:
-        return Step(title, chore(python, *arguments), is_needed=False)
-
     def commands(self, shell: str = "") -> str:
-        """The same by hand, for a shell of `computer.SHELLS`; default: this system's usual one."""
+        """Return the commands for `posix`, `powershell` or `cmd`; default: this system's usual shell."""
         shell = shell or ("powershell" if self.machine.platform.startswith("windows") else "posix")
         return "\n".join(shell_line(step.command, shell) for step in self.steps())
-
-
-def chore(python: str, *arguments: str) -> tuple[str, ...]:
-    """Return the command of a verb of `chores`."""
-    return (python, "-I", "-B", "-X", "utf8", chores.__file__, *arguments)
 
 
 def make(
@@ -191,17 +149,9 @@ def make(
     variables: Mapping[str, str] = os.environ,
     here: Machine | None = None,
 ) -> Plan:
-    """Plan an installation. Takes a second; changes nothing.
+    """Plan an installation: takes a second, changes nothing.
 
-    Args:
-        choices: The user's.
-        own_python: Blender's own Python.
-        is_online: Blender may use the network (`bpy.app.online_access`).
-        variables: The process's environment.
-        here: The computer; default: this one.
-
-    Raises:
-        KarfError: It cannot be done: no network allowed, no starter, no such build, wheels missing, no space.
+    Raises KarfError where it cannot be done: no network allowed, no starter, no such build, wheels missing, no space.
     """
     here, folder = here or computer.detect_machine(), choices.folder
     if not folder.is_absolute():
@@ -228,7 +178,7 @@ def make(
     free = shutil.disk_usage(next(path for path in (folder, *folder.parents) if path.is_dir())).free
     environment = folder / home.new_environment(folder)
     source = computer.find_source(variables, choices.wheels)
-    plan = Plan(choices, here, own_python, starter, source, lock, environment, tools, free)
+    plan = Plan(choices, here, starter, source, lock, environment, tools, free)
     # only where it is needed: counting what is there already takes time
     needed = plan.disk_bytes
     if free < needed:
@@ -249,7 +199,7 @@ def _has_uv(folder: Path, uv: Wheel) -> bool:
 
 
 def _check_wheels(folder: Path, wheels: Sequence[Wheel], python: str) -> None:
-    """Raise DataError with the names of files that are not there, or not whole; uv checks hashes."""
+    """Raise DataError that names files that are missing, or not whole; uv checks hashes."""
     found = {wheel: wheel.find(folder, python) for wheel in wheels}
     missing = [wheel.file for wheel, path in found.items() if path is None]
     if missing:
@@ -265,11 +215,7 @@ def _check_wheels(folder: Path, wheels: Sequence[Wheel], python: str) -> None:
 
 
 def fetching(lock: Lock, python: str, platform: str, shell: str) -> tuple[str, str]:
-    """Return what somebody must fetch on another computer, of any system, for a folder of wheels.
-
-    Returns:
-        The text of `karf-wheels.txt`, and the command that reads it and fetches the files into the folder `wheels`.
-    """
+    """Return the text of `karf-wheels.txt`, and the command that fetches its files into the folder `wheels`."""
     wheels = [wheel for wheel in (*lock.wheels, locks.read_uv(platform)) if wheel.sha256]
     listing = "".join(f"{wheel.requirement}  # {wheel.file}, {wheel.size:,} bytes\n" for wheel in wheels)
     tags = [wheel.file[:-4].split("-")[-2:] for wheel in wheels]
@@ -282,10 +228,5 @@ def fetching(lock: Lock, python: str, platform: str, shell: str) -> tuple[str, s
 
 
 def size_text(count: int) -> str:
-    """Return bytes for people.
-
-    Examples:
-        >>> size_text(2_840_660_000), size_text(45_571)
-        ('2.8 GB', '0.0 MB')
-    """
+    """Return bytes for people, such as `2.8 GB`."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.{0 if count >= 1e7 else 1}f} MB"

@@ -27,7 +27,7 @@ def test_a_file_that_is_opened_shows_its_picture(bpy, addon, learned, editor, tm
 
 def test_a_preview_that_is_gone_is_no_picture(bpy, addon, learned, editor):
     editor().image = gone = _gone(bpy)
-    addon.own_pictures.show_again()
+    addon.following.show_again()
     assert editor().image == learned.karf.result != gone
 
 
@@ -39,25 +39,25 @@ def _gone(bpy):
 
 def test_a_picture_of_the_artists_own_stays(bpy, addon, learned, editor):
     editor().image = own = bpy.data.images.new("sketch", 8, 8)
-    addon.own_pictures.show_again()
-    addon.own_pictures.show_own()
+    addon.following.show_again()
+    addon.following.show_own()
     assert editor().image == own
 
 
 def test_another_scene_shows_its_own_picture_and_not_the_first_ones(bpy, addon, learned, editor):
     window, other = bpy.data.window_managers[0].windows[0], bpy.data.scenes.new("other")
     window.scene = other
-    addon.own_pictures.show_own()
+    addon.following.show_own()
     assert editor().image is None
     window.scene = learned
-    addon.own_pictures.show_own()
+    addon.following.show_own()
     assert editor().image == learned.karf.result
     other.karf.result = addon.images.new_image("KaRF", 8, 8)
     window.scene = other
-    addon.own_pictures.show_own()
+    addon.following.show_own()
     assert editor().image == other.karf.result
     window.scene = learned
-    addon.own_pictures.show_own()
+    addon.following.show_own()
     assert editor().image == learned.karf.result
 
 
