@@ -4,9 +4,8 @@ import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
 from .. import session
-from .progress import KARF_PG_colorways, KARF_PG_folding, KARF_PG_preview, KARF_PG_progress
 from .scene import KARF_PG_scene
-from .seeing import KARF_PG_seeing
+from .window_manager import KARF_PG_colorways, KARF_PG_folding, KARF_PG_preview, KARF_PG_progress, KARF_PG_seeing
 
 
 @session.setup
