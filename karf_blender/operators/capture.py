@@ -182,17 +182,8 @@ class KARF_OT_import_splat(ImportOperator, bpy.types.Operator):
 
     def step(self, context):
         photos, cameras = (bpy.path.abspath(each) or None for each in (self.learned_from, self.cameras))
-        task = steps.import_splat(
-            context.scene,
-            bpy.path.abspath(self.filepath),
-            photos,
-            cameras,
-            self.views,
-            self.up.lower(),
-            self.antialiased,
-            self.rig_options(),
-        )
-        return _then_mark(task)
+        options = self.views, self.up.lower(), self.antialiased, self.rig_options()
+        return _then_mark(steps.import_splat(context.scene, self.path, photos, cameras, *options))
 
 
 class KARF_OT_check_capture(StepOperator, bpy.types.Operator):

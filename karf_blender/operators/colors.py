@@ -50,11 +50,8 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
         magnifier.mouse, magnifier.object_name = None, self.object_name
         magnifier.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_loupe, (), "WINDOW", "POST_PIXEL")
         context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(
-            translate_report(
-                "Click on {name} in the picture to add the color there.  Esc: cancel", name=self.object_name
-            )
-        )
+        hint = translatable("Click on {name} in the picture to add the color there.  Esc: cancel")
+        context.workspace.status_text_set(translate_report(hint, name=self.object_name))
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -185,9 +182,8 @@ class KARF_OT_pick_chart(StepOperator, bpy.types.Operator):
         if image is None:
             raise BadRequest("No Image Editor shows a photo.", "Open the photo of the chart in one.")
         fit = steps.pick_chart(context.scene, image, np.reshape(self.corners, (4, 2)))
-        return translate_report(
-            "The chart's patches differ by CIEDE2000 {left} on average", left=f"{fit.mean_residual:.1f}"
-        )
+        left = f"{fit.mean_residual:.1f}"
+        return translate_report("The chart's patches differ by CIEDE2000 {left} on average", left=left)
 
 
 class KARF_OT_find_chart(StepOperator, bpy.types.Operator):

@@ -22,6 +22,7 @@ RULE_ITEMS = [
     ("fewest", "Fewest swatches", "Reach the color by changing as few swatches as possible"),
 ]
 FACTOR = {"default": 1.0, "min": 0.0, "max": MAX_FACTOR, "soft_max": 2.0, "step": 5}
+PIXELS = {"subtype": "PIXEL", "step": 10, "precision": 1}
 STOPS = {"min": -MAX_BRIGHTNESS, "max": MAX_BRIGHTNESS, "soft_min": -1.0, "soft_max": 1.0, "step": 5}
 
 
@@ -131,23 +132,19 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     )
     choke: FloatProperty(
         name="Choke",
-        subtype="PIXEL",
         min=-MAX_CHOKE,
         max=MAX_CHOKE,
-        step=10,
-        precision=1,
         description="Shrink the object's paint by this many pixels of the photo. Negative values expand it",
         update=edit_changed,
+        **PIXELS,
     )
     feather: FloatProperty(
         name="Feather",
-        subtype="PIXEL",
         min=0.0,
         max=MAX_FEATHER,
-        step=10,
-        precision=1,
         description="Fade the paint over this many pixels of the photo, half of them on either side of its edge",
         update=edit_changed,
+        **PIXELS,
     )
     show_edge: BoolProperty(name="Edge", description="Position and softness of the paint's edge")
     show_surface: BoolProperty(name="Surface", description="Saturation, brightness and gloss of each swatch's paint")

@@ -108,10 +108,8 @@ def place_points(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
     """Show points that the engine has written (`points --out FILE.npz`) as `show_scene` does; returns the object."""
     requests.check_rig(scene)
     karf, points = scene.karf, read_points(Path(path).absolute())
-    palettes = [
-        _as_long_as_swatches(scene, Palette(name, learned))
-        for name, learned in zip(points.objects, points.learned, strict=True)
-    ]
+    learned = zip(points.objects, points.learned, strict=True)
+    palettes = [_as_long_as_swatches(scene, Palette(*each)) for each in learned]
     ours = {each.name for each in _with_swatches(scene, palettes)}
     added = {name: own for name, own in colors.added_by_object(scene).items() if name in ours}
     points = points.with_edges(palettes, {name: own for name, own in colors.edges(scene).items() if name in ours})
