@@ -84,7 +84,7 @@ class StepOperator:
     """
 
     needs: tuple[Need, ...] = ()
-    scene_step: Callable  # the function of `steps` that is called with the scene, in place of a method `step`
+    scene_step: Callable  # in place of a method `step`: a function of `steps`, called with the scene
 
     @classmethod
     def poll(cls, context):

@@ -1,4 +1,4 @@
-"""What the .blend keeps (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+"""Properties of the scene (saved, undone, keyframed) and of the window manager (neither)."""
 
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty

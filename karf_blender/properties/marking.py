@@ -1,4 +1,4 @@
-"""What the .blend keeps of marking: the objects to mark, the brush, and where undo stands."""
+"""Properties of marking, which the .blend keeps: the objects to mark, the brush, and where undo stands."""
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty

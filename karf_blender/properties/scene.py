@@ -1,4 +1,4 @@
-"""What the .blend keeps of a scene's project: Scene.karf."""
+"""Properties of a scene's project, which the .blend keeps: Scene.karf."""
 
 import bpy
 from bpy.props import (

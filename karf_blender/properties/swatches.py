@@ -157,7 +157,7 @@ class KARF_PG_object(bpy.types.PropertyGroup):
 
 
 class KARF_PG_left(bpy.types.PropertyGroup):
-    """What a match has left of the difference of one object."""
+    """The remaining difference of one object after a match."""
 
     before: FloatProperty(description="Mean CIEDE2000 to the picture before the match")
     left: FloatProperty(description="Mean CIEDE2000 to the picture after the match")

@@ -77,7 +77,7 @@ def _picture_changed(self, context):
 
 
 class KARF_PG_seeing(bpy.types.PropertyGroup):
-    """What is shown of the active view, and what is drawn over it."""
+    """The display of the active view, and the overlays of its picture."""
 
     mode: EnumProperty(name="Show", items=MODE_ITEMS, update=_picture_changed)
     solo_object: StringProperty(

@@ -117,7 +117,7 @@ def farm_bundle(
     per_task: int = 10,
     python: str = "python3",
 ) -> Path:
-    """Write a bundle with which a farm renders what `render_sequence` does, and return its folder; see docs/farm.md.
+    """Write a bundle for a farm that renders what `render_sequence` does, and return its folder; see docs/farm.md.
 
     Args:
         out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
