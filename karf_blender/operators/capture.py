@@ -72,7 +72,6 @@ class ImportOperator(OpenFileOperator):
             self.layout.prop(self, name)
 
     def rig_options(self) -> Options:
-        """The options as the rig takes them."""
         return Options(
             self.orientation.lower(), self.size, self.points, self.photos, camera_size=self.camera_size / 100
         )

@@ -239,7 +239,6 @@ class NamedColorOperator(StepOperator):
     index: IntProperty(name="Swatch", min=0, description="Counted from 1. 0: the target color", options={"SKIP_SAVE"})
 
     def use(self, context, name):
-        """Set the color."""
         left = steps.use_color_name(context.scene, self.object_name, self.index, _book(), name)
         if left:
             sentence = translatable("{name} is outside sRGB: the nearest color differs from it by CIEDE2000 {left}")
@@ -306,7 +305,6 @@ def _book() -> ColorBook:
 
 @lru_cache(maxsize=1)  # Blender needs the texts as long as it shows them
 def _items(book: ColorBook | None) -> list[tuple[str, str, str, int, int]]:
-    """The names as Blender searches them."""
     if book is None:
         return []
     return [(str(number), name, "", chips.icon(book[name]), number) for number, name in enumerate(book.names)]

@@ -132,11 +132,10 @@ def _draw_unsure(layout, context, known):
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
-            draw_text(
-                layout, translate("{name}: {share} % unsure, not visible in any marked view", **shown), "QUESTION"
-            )
+            text = translate("{name}: {share} % unsure, not visible in any marked view", **shown)
         else:
-            draw_text(layout, translate("{name}: {share} % unsure, marks and colors disagree", **shown), "QUESTION")
+            text = translate("{name}: {share} % unsure, marks and colors disagree", **shown)
+        draw_text(layout, text, "QUESTION")
     if not context.scene.karf.objects:  # then step 6 has it
         layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
         draw_render_learned(layout, context)

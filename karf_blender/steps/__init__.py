@@ -11,10 +11,11 @@ from ..engine_api import Edit, KarfError
 from ..rig.cameras import Options as RigOptions
 from ..swatches.looks import choose as choose_look
 from ..swatches.looks import rename as rename_look
+from ..swatches.reference import forget_chart as remove_chart
 from ..tasks.runner import Task
 from .blender_render import add_strip, put_objects_in, show_frames, use_engine
 from .capture import SPLAT_VIEWS, check_capture, check_unasked, find_poses, import_capture, import_splat, move_project
-from .edit import apply_edit, becomes, find_chart, match_picture, paint_over, pick_chart, remove_chart, save_edit
+from .edit import apply_edit, becomes, find_chart, match_picture, paint_over, pick_chart, save_edit
 from .engine import (
     engine_files,
     engine_status,

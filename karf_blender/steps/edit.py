@@ -124,8 +124,3 @@ def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     if bpy.ops.ed.undo_push.poll():
         bpy.ops.ed.undo_push(message="Find Color Chart")
     windows.redraw()
-
-
-def remove_chart(scene: bpy.types.Scene) -> None:
-    """Forget the color chart: names are what photos show, or those of the gray card."""
-    reference.forget_chart(scene)

@@ -52,9 +52,7 @@ class _Live:
 
 @dataclass
 class _State:
-    """The followed camera, if any."""
-
-    live: _Live | None = None
+    live: _Live | None = None  # where a camera is followed
 
 
 def is_live() -> bool:

@@ -104,7 +104,6 @@ def unfollow_splat(scene: bpy.types.Scene) -> None:
 
 
 def _tick() -> float | None:
-    """Called by the timer as long as an object follows."""
     followed = _followed_scenes()
     if runner.is_running():
         session.get(_Requested).clear()  # what a task learns changes the splats, and meanwhile the cores are its own
