@@ -26,7 +26,7 @@ MODULES = {
     "project": "captures contents disk folders moving",
     "pictures": "editors images photos sequences chips tints",
     "rig": "cameras lens reprojection",
-    "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",
+    "swatches": "colors overlays edits looks object_masks gestures palettes displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",

@@ -8,7 +8,7 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from .. import steps
 from ..host.words import translatable, translate, translate_report
 from ..pictures import chips
-from ..swatches import looks, overlays, reference
+from ..swatches import colors, looks, overlays
 from ..tasks import runner
 from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
 
@@ -231,7 +231,7 @@ def show_predictions(context, sheet):
     shown = context.window_manager.karf_colorways
     shown.colors.clear()
     for plan in planned:
-        for prediction in (each.under_light(reference.light(context.scene)) for each in plan.predictions):
+        for prediction in (each.under_light(colors.reference_light(context.scene)) for each in plan.predictions):
             item = shown.colors.add()
             item.colorway, item.object = plan.colorway.name, prediction.target_color.name
             item.wanted, item.reached = prediction.target, prediction.reached

@@ -5,7 +5,7 @@ import bpy
 from ..host.labels import draw_text
 from ..host.words import translate
 from ..project import disk
-from ..swatches import looks, object_masks, reference
+from ..swatches import colors, looks, object_masks
 from ..tasks import queries
 from .display import ADVANCED_MODES, draw_advanced, draw_modes, draw_view, draw_view_options, how_visible
 from .swatching import draw_fold, draw_object
@@ -105,10 +105,10 @@ def draw_light(layout, scene):
     layout.operator("karf.pick_chart", icon="EYEDROPPER")
     if queries.is_waiting("chart"):
         layout.label(text="The engine is working", icon="SORTTIME")
-    if reference.has_chart(scene):
+    if colors.has_chart(scene):
         text = translate("Color chart: CIEDE2000 {number} remaining", number=f"{scene.karf.chart_left:.1f}")
         layout.operator("karf.remove_chart", text=text, icon="X")
         return
     layout.prop(scene.karf, "card")
-    if any(scene.karf.card) and reference.light(scene) is None:
+    if any(scene.karf.card) and colors.reference_light(scene) is None:
         layout.label(text="The card is too dark or too bright at this point", icon="ERROR")

@@ -8,7 +8,6 @@ from ..project import disk
 from ..render_engine.engine import NAME
 from ..steps import preview
 from ..surface import scene_object, splat_objects
-from ..swatches import free_camera
 from .display import draw_advanced, draw_space
 
 
@@ -81,7 +80,7 @@ def _draw_live(layout, karf):
     row.prop(bpy.data.window_managers[0].karf_preview, "long_side", text="")
     if preview.message():
         draw_text(layout, preview.message(), "INFO")
-    for sentence in free_camera.lacks():
+    for sentence in preview.missing():
         draw_text(layout, sentence, "INFO")
 
 

@@ -9,7 +9,7 @@ from ..host.words import translate
 from ..pictures import chips
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
-from ..swatches import colors, reference
+from ..swatches import colors
 from .display import draw_left, draw_solo, how_visible
 
 NEAREST = 3  # names offered for a color
@@ -235,7 +235,7 @@ def draw_context_menu(menu, context):
 def _draw_names(layout, color, object_name, index):
     """Lab and LCh of an sRGB color, and the names next to it; index: of the object's swatch, 0 for its target color."""
     scene = bpy.context.scene
-    color = reference.as_named(scene, np.array(color))
+    color = colors.as_named(scene, np.array(color))
     lab = srgb_to_lab(color)
     layout.label(text="Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0)))  # no -0.0
     lch = lab[0], lab_chroma(lab), np.degrees(lab_hue(lab)) % 360

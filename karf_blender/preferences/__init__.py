@@ -27,7 +27,7 @@ WIDTH = 96  # letters that fit the preferences' usual width
 
 
 def _make_paths_absolute(preferences, _):
-    # a setting of this machine must not depend on the file that is open
+    # a setting of this machine must not depend on the open file
     for name in ("engine_folder", "color_book"):
         if getattr(preferences, name).startswith("//"):
             setattr(preferences, name, bpy.path.abspath(getattr(preferences, name)))

@@ -14,7 +14,7 @@ from bpy.props import (
 
 from .. import progress
 from ..engine_api import MAX_BRIGHTNESS, MAX_CHOKE, MAX_FACTOR, MAX_FEATHER, MAX_SRGB, UNIT_GAINS, KarfError
-from ..swatches import becomes, displayed, edits, gestures
+from ..swatches import displayed, edits, gestures
 from .colors import pigment_reach, protected_neutrals, srgb
 
 RULE_ITEMS = [
@@ -41,14 +41,14 @@ def _reach_changed(self, context):
 
 
 def _source_picked(self, context):
-    becomes.source_picked(self)
+    edits.source_picked(self)
     displayed.of(self.id_data).update_left()
 
 
 def _target_changed(self, context):
     if self.live:
         try:
-            becomes.apply_picked(self)
+            edits.become_target(self)
         except (KarfError, OSError) as error:
             progress.warn(str(error))
     displayed.of(self.id_data).update_left()

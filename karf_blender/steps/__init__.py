@@ -9,9 +9,9 @@ triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and
 
 from ..engine_api import Edit, KarfError
 from ..rig.cameras import Options as RigOptions
+from ..swatches.colors import forget_chart as remove_chart
 from ..swatches.looks import choose as choose_look
 from ..swatches.looks import rename as rename_look
-from ..swatches.reference import forget_chart as remove_chart
 from ..tasks.runner import Task
 from .blender_render import add_strip, put_objects_in, show_frames, use_engine
 from .capture import SPLAT_VIEWS, check_capture, check_unasked, find_poses, import_capture, import_splat, move_project

@@ -20,8 +20,7 @@ from ..engine_api import (
 from ..host import windows
 from ..pictures import editors, images
 from ..project import captures
-from ..swatches import becomes as becoming
-from ..swatches import colors, edits, matching, reference
+from ..swatches import colors, edits, matching
 from ..swatches.solving import Becoming
 from ..tasks import queries
 from .swatches import Color, rgb_of
@@ -44,7 +43,7 @@ def becomes(
     """
     item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)
-    becoming.apply(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
+    edits.become(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
@@ -104,7 +103,7 @@ def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence
     photo = linear_to_srgb(pixels) if image.is_float else pixels
     across, up = np.transpose(corners)
     fit = fit_photo(np.clip(photo, 0, 1), np.stack([across * image.size[0], (1 - up) * image.size[1]], axis=-1))
-    reference.set_chart(scene, fit.light.matrix, fit.mean_residual)
+    colors.set_chart(scene, fit.light.matrix, fit.mean_residual)
     return fit
 
 
@@ -120,7 +119,7 @@ def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
 
 
 def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
-    reference.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
+    colors.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
     if bpy.ops.ed.undo_push.poll():
         bpy.ops.ed.undo_push(message="Find Color Chart")
     windows.redraw()

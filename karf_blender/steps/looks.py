@@ -7,7 +7,7 @@ import bpy
 from .. import progress
 from ..engine_api import BadRequest, PlannedColorway, plan_colorways, write_edit, write_json
 from ..project import folders
-from ..swatches import colors, looks, reference
+from ..swatches import colors, looks
 from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
@@ -78,7 +78,7 @@ def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[Planne
 
     With a gray card or a color chart the sheet's colors are those under daylight.
     """
-    sheet, light = Path(sheet).absolute(), reference.light(scene)
+    sheet, light = Path(sheet).absolute(), colors.reference_light(scene)
     return plan_colorways(folders.project_of(scene), sheet, _locked(scene), light, colors.edges(scene))
 
 
@@ -108,7 +108,7 @@ def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
-    light = reference.light(scene)
+    light = colors.reference_light(scene)
     if light is not None:
         options["light"] = light.matrix.ravel().tolist()
     if colors.edges(scene):

@@ -19,7 +19,7 @@ from ..engine_api import (
     rgb_to_hex,
     srgb_to_lab,
 )
-from ..swatches import colors, displayed, edits, gestures, groups, keyframes, reference
+from ..swatches import colors, displayed, edits, gestures, groups, keyframes
 
 ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
@@ -42,12 +42,12 @@ def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: C
 
     Returns CIEDE2000 from what a picture can show to the color of the name; 0 where a picture can show that.
     """
-    color = reference.as_photographed(scene, book[name])
+    color = colors.as_photographed(scene, book[name])
     if index:
         edits.set_color(scene, object_name, index, color)
     else:
         edits.object_named(scene, object_name).target = color = np.minimum(color, 1)
-    left = float(ciede2000(srgb_to_lab(reference.as_named(scene, color)), book.lab_of(name)))
+    left = float(ciede2000(srgb_to_lab(colors.as_named(scene, color)), book.lab_of(name)))
     return left if left > ROUNDING else 0.0
 
 
