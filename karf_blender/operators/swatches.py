@@ -23,13 +23,9 @@ class OneSwatch(StepOperator):
     index: IntProperty(name="Swatch", default=1, min=1, description="From 1", options={"SKIP_SAVE"})
 
 
-class OneOrAll(StepOperator):
+class OneOrAll(OneSwatch):
     """Mix-in of operators on one swatch or on all of an object."""
 
-    bl_options = {"REGISTER", "UNDO"}
-    needs = (PALETTES,)
-
-    object_name: StringProperty(name="Object")
     index: IntProperty(name="Swatch", default=0, min=0, description="Counted from 1. 0: all", options={"SKIP_SAVE"})
 
 

@@ -98,10 +98,8 @@ def draw_left(layout, item):
     elif isinf(left):
         layout.label(text=translate("{name} has no such color: pick one on it", name=item.name), icon="ERROR")
     else:
-        layout.label(
-            text=translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
-            icon="CHECKMARK" if left < INVISIBLE else "BLANK1",
-        )
+        text = translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}")
+        layout.label(text=text, icon="CHECKMARK" if left < INVISIBLE else "BLANK1")
 
 
 def how_visible(difference):

@@ -28,13 +28,13 @@ def draw_object(layout, item):
             _draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
-    _draw_fold(row, item, "show_becomes")
+    draw_fold(row, item, "show_becomes")
     row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         _draw_becomes(layout, item)
     row = layout.row()
-    _draw_fold(row, item, "show_surface")
-    _draw_fold(row, item, "show_edge")
+    draw_fold(row, item, "show_surface")
+    draw_fold(row, item, "show_edge")
     if item.show_surface:
         _draw_surfaces(layout, item)
     if item.show_edge:
@@ -43,8 +43,8 @@ def draw_object(layout, item):
         row.prop(item, "feather")
 
 
-def _draw_fold(row, item, name):
-    left = row.row()
+def draw_fold(layout, item, name):
+    left = layout.row()
     left.alignment = "LEFT"
     left.prop(item, name, icon="DOWNARROW_HLT" if getattr(item, name) else "RIGHTARROW", emboss=False)
 
@@ -64,7 +64,8 @@ def _draw_swatch(column, item, index, swatch):
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
-    row.menu("KARF_MT_swatch", text="", icon=_state_icon(swatch))  # Blender adds an arrow
+    icon = "LOCKED" if swatch.locked else "LINKED" if swatch.link else "NONE"
+    row.menu("KARF_MT_swatch", text="", icon=icon)  # Blender adds an arrow
 
 
 def _draw_surfaces(layout, item):
@@ -88,10 +89,6 @@ def _draw_surfaces(layout, item):
         button.enabled = not colors.surface_of(swatch).is_neutral
         reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
         reset.object_name, reset.index = item.name, index
-
-
-def _state_icon(swatch):
-    return "LOCKED" if swatch.locked else "LINKED" if swatch.link else "NONE"
 
 
 def _draw_becomes(layout, item):
@@ -189,10 +186,9 @@ class KARF_MT_merge(bpy.types.Menu):
         item = context.karf_object
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not (other.merged or other.is_added):
-                icon = tints.icon(other.learned)
-                _swatch_operator(
-                    self.layout, "karf.merge_swatch", context, text=f"{item.name} {index}", icon_value=icon
-                ).into = index
+                text, icon = f"{item.name} {index}", tints.icon(other.learned)
+                button = _swatch_operator(self.layout, "karf.merge_swatch", context, text=text, icon_value=icon)
+                button.into = index
 
 
 class KARF_MT_palette(bpy.types.Menu):
@@ -240,8 +236,9 @@ def _draw_names(layout, color, object_name, index):
     scene = bpy.context.scene
     color = colors.as_named(scene, np.array(color))
     lab = srgb_to_lab(color)
-    layout.label(text=_lab_text(lab))
-    layout.label(text=_lch_text(lab))
+    layout.label(text="Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0)))  # no -0.0
+    lch = lab[0], lab_chroma(lab), np.degrees(lab_hue(lab)) % 360
+    layout.label(text="LCh (D65)   {:.1f}   {:.1f}   {:.1f}\N{DEGREE SIGN}".format(*lch))
     layout.separator()
     layout.operator_context = "INVOKE_DEFAULT"  # the search and the file browser are what invoking opens
     book, problem = color_book.known()
@@ -249,26 +246,13 @@ def _draw_names(layout, color, object_name, index):
         draw_text(layout, problem, "ERROR")
     if book is not None:
         for near in nearest_names(book, color, NEAREST):
-            text = translate(
-                "{name}: {how} ({number})",
-                name=near.name,
-                how=how_visible(near.ciede2000),
-                number=f"{near.ciede2000:.1f}",
-            )
+            how, number = how_visible(near.ciede2000), f"{near.ciede2000:.1f}"
+            text = translate("{name}: {how} ({number})", name=near.name, how=how, number=number)
             button = layout.operator("karf.use_color_name", text=text, icon_value=tints.icon(near.color))
             button.object_name, button.index, button.color_name = object_name, index, near.name
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index
     layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
-
-
-def _lab_text(lab):
-    return "Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0))  # no -0.0
-
-
-def _lch_text(lab):
-    hue = np.degrees(lab_hue(lab)) % 360
-    return f"LCh (D65)   {lab[0]:.1f}   {lab_chroma(lab):.1f}   {hue:.1f}\N{DEGREE SIGN}"
 
 
 class KARF_MT_swatch_names(bpy.types.Menu):

@@ -1,4 +1,4 @@
-"""Step 6: one color becomes another, a view is matched to a picture of it, edits are files, and a chart tells the light."""
+"""Step 6: a color becomes another, a view is matched to a picture of it, edits are files, a chart tells the light."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -57,14 +57,10 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
 def match_picture(
     scene: bpy.types.Scene, picture: str | Path | bpy.types.Image | None = None
 ) -> tuple[ObjectMatch, ...]:
-    """Set the swatches so that the active view matches a picture of it; locked ones stay.
+    """Set the swatches so that the active view matches a picture of it (None: the scene's own); locked ones stay.
 
-    Args:
-        picture: A file or an image: the whole view, of any size, without lens distortion; None: the scene's own.
-
-    Returns:
-        For each object that the picture wants otherwise: its `name`, its `colors`, and the mean CIEDE2000 of its pixels
-        to the picture `before` and what is `left`.
+    The picture is the whole view, of any size, without lens distortion. Returns those objects that it changes, with
+    their mean CIEDE2000 to it `before` and `after`.
     """
     if isinstance(picture, str | Path):
         found = matching.match(scene, Path(picture).name, matching.read(Path(picture)))
@@ -112,10 +108,7 @@ def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence
 
 
 def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
-    """Find a color chart in the file of a picture with the engine, and read the light off it as `pick_chart` does.
-
-    For one of KaRF's pictures it takes the active view's photo.
-    """
+    """Find a color chart in a picture's file (KaRF's own: the view's photo) with the engine; see `pick_chart`."""
     if image.name.startswith(editors.PREFIX):
         photo = captures.view_of(scene).image
     else:
@@ -130,8 +123,3 @@ def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     if bpy.ops.ed.undo_push.poll():
         bpy.ops.ed.undo_push(message="Find Color Chart")
     windows.redraw()
-
-
-def remove_chart(scene: bpy.types.Scene) -> None:
-    """Forget the color chart: names are what photos show, or those of the gray card."""
-    colors.forget_chart(scene)

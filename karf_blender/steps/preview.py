@@ -1,8 +1,8 @@
 """Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-compares the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
-editor shows the picture, nothing is rendered.
+compares the camera, so that anything that moves it counts: keyframes, drivers, parents, constraints. While no editor
+shows the picture, nothing is rendered.
 """
 
 import json
@@ -42,7 +42,7 @@ Wanted = tuple[str, int]  # `_Live.text`, and the picture's long side
 
 @dataclass
 class _Live:
-    """The followed camera."""
+    """The followed camera and its picture."""
 
     owner: Owner  # its scene
     camera: Camera | None = None  # as it was seen last
@@ -57,9 +57,7 @@ class _Live:
 
 @dataclass
 class _State:
-    """The followed camera, if any."""
-
-    live: _Live | None = None
+    live: _Live | None = None  # where a camera is followed
 
 
 def is_live() -> bool:
@@ -110,15 +108,9 @@ def stop() -> None:
 def preview_camera(
     scene: bpy.types.Scene, path: str | Path, camera: bpy.types.Object | None = None, long_side: int = 512
 ) -> Path:
-    """Write what a camera sees now with the swatches as they stand; the worker that renders it stays for the next one.
+    """Write a PNG of what a camera (default: the scene's) sees now with the swatches as they are; return its path.
 
-    Args:
-        path: The PNG to write.
-        camera: Default: the scene's.
-        long_side: Pixels; the scene's render size is never enlarged.
-
-    Returns:
-        The picture's path.
+    The picture is never larger than the scene's render size. The worker that renders it stays for the next one.
     """
     pinhole = lens.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
@@ -166,7 +158,7 @@ def _tick() -> float | None:
 
 
 def _is_displayed(live: _Live) -> bool:
-    """Return whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
+    """Return whether an editor shows the picture; one that undo took, or that is not there yet, is shown when made."""
     image = displayed.camera_image()
     if image is None:
         live.edit = ()

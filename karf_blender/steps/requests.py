@@ -66,10 +66,7 @@ def check_rig(scene: bpy.types.Scene) -> None:
 
 
 def presenting(present: Callable[[bpy.types.Scene], None], where: Message, written: Path | None = None) -> Finish:
-    """Make a `finish` that presents a result to the scene that began the job; where it is gone, it warns `where` it is.
-
-    `written` is the folder that *Open Folder* opens from then on.
-    """
+    """Make a `finish` that presents a result to the job's scene, or warns `where` it is, in the folder `written`."""
 
     def finish(owner: Owner, _: Request) -> None:
         if written is not None:
@@ -112,10 +109,7 @@ def planes(views: str) -> Job:
 def pictures(
     scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str, size: str | int = "photo"
 ) -> Job:
-    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`).
-
-    The size of photos is `photo`, `learned` or the long side in pixels.
-    """
+    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
     karf = scene.karf
     return render(
         views,

@@ -24,10 +24,7 @@ RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was render
 
 # --- camera --------------------------------------------------------------------------------------------------------
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
-    """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
-
-    The scene's camera and picture size are put back by `leave_view`.
-    """
+    """Look through a captured view's camera, with its picture size and undistorted photo, until `leave_view`."""
     show_camera(scene, captures.of(scene), captures.view_of(scene, name))
 
 
@@ -46,19 +43,16 @@ def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
-    """Measure the distances in pixels of the sparse points to where a view's photo (default: the active one's) shows them."""
+    """Measure the distances in pixels of the sparse points from where a photo (default: the active one) shows them."""
     name = captures.view_of(scene, view).name
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
 
 
 # --- recolored -----------------------------------------------------------------------------------------------------
 def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
-    """Make a captured view (default: the active one) active, and show it recolored.
+    """Make a captured view (default: the active one) active, and show it recolored, with palettes learned meanwhile.
 
-    Palettes that the project has learned meanwhile are imported first.
-
-    Returns:
-        The task that prepares the view; where that is done already, it has no jobs. Its result is the image.
+    Returns the task that prepares the view (without jobs where that is done); its result is the image.
     """
     karf = scene.karf
     if view and view not in karf.views:
@@ -82,7 +76,7 @@ def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
 
 # --- learned -------------------------------------------------------------------------------------------------------
 def show_masks(scene: bpy.types.Scene) -> None:
-    """Draw the objects' masks over the active view; where it was not rendered yet, as soon as the engine has made them."""
+    """Draw the objects' masks over the active view, as soon as the engine has made them."""
     bpy.context.window_manager.karf_seeing.show_masks = True
     displayed.of(scene).load_masks()
     _reveal(scene)

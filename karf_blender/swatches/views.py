@@ -1,6 +1,6 @@
 """Views: their edit planes, and the picture that these make with the swatches, the edited one or another side of it.
 
-`WindowManager.karf_seeing` (properties/seeing.py) says which side is displayed, and whether in a split view.
+`WindowManager.karf_seeing` (properties/window_manager.py) says which side is displayed, and whether in a split view.
 """
 
 import dataclasses
