@@ -42,7 +42,6 @@ def disk_errors() -> Iterator[None]:
         raise disk_error(error) from error
 
 
-# --- reports -----------------------------------------------------------------------------------------------------------
 def compose(job: Path, sentence: str, versions: Mapping[str, str]) -> str:
     """Report the failed job in this folder, which may be gone."""
     ending = {"Engine": _engine(job), "Stage": _stage(job), "Ended": sentence}

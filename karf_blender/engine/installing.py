@@ -1,4 +1,4 @@
-"""The engine's installation and removal: alongside the interface, or blocking in background mode, where timers never fire."""
+"""The engine's installation and removal: alongside the interface, or blocking in background mode."""
 
 import sys
 import time
@@ -40,27 +40,21 @@ def is_running() -> bool:
 
 
 def can_be_cancelled() -> bool:
-    """Return True while an installation is at work; a removal cannot be cancelled."""
     work = session.get(_State).work
     return work is not None and work.can_be_cancelled
 
 
 def progress() -> Progress | None:
-    """Return how far it is; None while none is at work."""
     work = session.get(_State).work
     return work.progress if work else None
 
 
 def last_error() -> KarfError | None:
-    """Return how the last one failed or was cancelled; None where it did not."""
     return session.get(_State).error
 
 
 def launch(planned: Plan) -> None:
-    """Install alongside the interface and return at once; in background mode, block until it is done.
-
-    Raises KarfError where it cannot start; in background mode also where it fails.
-    """
+    """Install alongside the interface, or block in background mode; raises KarfError if it cannot start, or fails."""
     if bpy.app.background:
         wait(planned)
     else:
@@ -85,10 +79,7 @@ def wait(planned: Plan) -> None:
 
 
 def remove(folder: Path) -> None:
-    """Delete the environment in a folder and return at once; in background mode, block until it is done.
-
-    Raises KarfError where the folder is not KaRF's; in background mode also where a file cannot be deleted.
-    """
+    """Delete the environment in a folder as `launch` installs; raises KarfError also where the folder is not KaRF's."""
     if bpy.app.background:
         home.remove(folder)
     else:
@@ -112,7 +103,6 @@ def _begin(kind: type, *arguments: Any) -> Installation | Removal:
 
 
 def _tick() -> float | None:
-    """The timer: lets the work continue, and stops itself when it has ended."""
     state = session.get(_State)
     if state.work is None:
         return None

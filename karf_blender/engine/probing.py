@@ -1,7 +1,4 @@
-"""The test of the engine's Python: its doctor, alongside the interface or blocking.
-
-Findings belong to one Python and to this session.
-"""
+"""The test of the engine's Python: its doctor, alongside the interface or blocking."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -99,10 +96,7 @@ def verdict_on(python: Path | None) -> Finding | None:
 
 
 def launch(python: Path, folder: Path, threads: int = 0) -> None:
-    """Test a Python alongside the interface and return at once; in background mode, block until it is done.
-
-    `folder` is that of projects, there or not; with 0 threads the engine chooses.
-    """
+    """Test a Python alongside the interface, or block in background mode; `folder`: of projects, there or not."""
     if bpy.app.background:
         wait(python, folder, threads)
     else:
@@ -134,7 +128,6 @@ def _begin(python: Path, folder: Path, threads: int) -> Examination:
 
 
 def _tick() -> float | None:
-    """The timer: takes in what was found, and stops itself at the end."""
     examination = session.get(_State).examination
     before, has_ended = examination.findings, examination.poll()
     if has_ended or examination.findings != before:

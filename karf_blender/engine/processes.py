@@ -16,7 +16,6 @@ LEAKS = ("PYTHON", "LD_LIBRARY_PATH", "LD_PRELOAD", "DYLD_", "OCIO", "BLENDER_")
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 # Windows has no SIGKILL: there both steps end the process at once
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
-NO_VARIABLES: Mapping[str, str] = {}
 SIGNAL_NAMES = {each.value: each.name for each in signal.Signals}
 
 
@@ -35,19 +34,15 @@ def engine_command(python: Path, verb: str, *arguments: Any) -> list[str]:
 
 
 def start(
-    command: Sequence[str], threads: int = 0, variables: Mapping[str, str] = NO_VARIABLES, **options: Any
+    command: Sequence[str], threads: int = 0, variables: Mapping[str, str] | None = None, **options: Any
 ) -> subprocess.Popen:
-    """Start a command in a new process group, without Blender's environment but with these variables.
-
-    threads: of numerical libraries; 0: they choose. Raises OSError where it does not start.
-    """
+    """Start a command in its own process group, without Blender's variables; raises OSError if it does not start."""
     if os.name == "nt":
         own_group = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.CREATE_NEW_PROCESS_GROUP}
     else:
         own_group = {"start_new_session": True}
-    return subprocess.Popen(
-        command, env=child_environment(os.environ, threads) | dict(variables), **own_group, **options
-    )
+    environment = child_environment(os.environ, threads) | dict(variables or {})
+    return subprocess.Popen(command, env=environment, **own_group, **options)
 
 
 def send(process: subprocess.Popen, number: int) -> None:

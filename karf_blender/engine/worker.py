@@ -1,8 +1,6 @@
-"""The engine's worker, a child process: jobs one after another, queries, and cancel. No bpy, no threads: the caller polls.
+"""The engine's worker, a child process: jobs one after another, queries, and cancel. No bpy; the caller polls.
 
-It reports in files (see the engine's `worker.protocol`); its standard input is lifeline and cancel. Starting takes two
-seconds, most of them to load torch, so a worker may be kept for a while after a job is done. After a failed or
-cancelled job, or for other settings, a new one is started.
+It reports in files (see the engine's `worker.protocol`); its standard input is lifeline and cancel.
 """
 
 import contextlib
@@ -15,20 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import engine_api
-from ..engine_api import (
-    CANCEL,
-    LOG_FILE,
-    Cancelled,
-    DataError,
-    Event,
-    EventReader,
-    KarfError,
-    MissingDependency,
-    Query,
-    Request,
-    error_from_code,
-    folder_line,
-)
+from ..engine_api import Cancelled, DataError, Event, EventReader, KarfError, MissingDependency, Query, Request
 from . import processes
 from .failures import disk_errors
 
@@ -57,13 +42,11 @@ class _Job:
 
 
 class Worker:
-    """A worker: `begin` a job, `poll` until it has `ended`, `check` how it ended; then begin the next, or `end`.
-
-    The process waits `keep_seconds` for the next job after one that is done; with 0 it ends.
-    """
+    """A worker: `begin` a job, `poll` until it has `ended`, `check` how it ended; then begin the next, or `end`."""
 
     def __init__(self, keep_seconds: float = 0, hello_seconds: float = HELLO_SECONDS) -> None:
         self.unanswered: dict[int, Any] = {}  # what the caller noted of queries without reply, by their numbers
+        # the process waits `keep_seconds` for a next job, which then need not load torch again; with 0 it ends
         self._keep_seconds, self._hello_seconds = keep_seconds, hello_seconds
         self._process: subprocess.Popen | None = None
         self._made_for: tuple[Any, ...] = ()
@@ -74,15 +57,14 @@ class Worker:
 
     # --- jobs ------------------------------------------------------------------------------------------------------
     def begin(self, python: Path, request: Request, folder: Path, threads: int = 0) -> None:
-        """Begin a job in its own folder, new or empty, in the process that waits for one where it still serves.
+        """Begin a job in its own folder, new or empty, while no other job is at work; threads 0: it chooses.
 
-        No other job may be at work. With 0 threads the engine chooses. Raises MissingDependency where the Python does
-        not start, DataError where the folder cannot be written.
+        Raises MissingDependency where the Python does not start, DataError where the folder cannot be written.
         """
         with disk_errors():
             request.write(folder)
         if self.is_waiting and self.suits(python, threads):
-            self._send(folder_line(folder))
+            self._send(engine_api.folder_line(folder))
         else:
             self.end()
             self._process = self._start(python, folder, threads)
@@ -97,12 +79,17 @@ class Worker:
             return []
         # poll the exit first, so that no event written before it is missed
         has_exited = self._process.poll() is not None
-        events = self._new_events()
+        try:
+            events = list(job.reader.poll())
+        except OSError:  # the folder may be taken away while the worker lives; its end is seen all the same
+            events = []
         if events:
             job.hello_by = float("inf")
         for event in events:
             if event.kind == "hello":
-                self._send_queries()
+                for query in (self._unsent or {}).values():
+                    self._send(query.encode())
+                self._unsent = None
             if event.is_final:
                 job.final = event
                 job.end_after(EXIT_SECONDS)
@@ -112,8 +99,7 @@ class Worker:
             job.has_ended = True
         elif has_exited:
             self._close()
-            # what it started may have outlived it
-            processes.send(self._process, processes.KILL)
+            processes.send(self._process, processes.KILL)  # what it started may have outlived it
             job.has_ended = True
         elif now > job.hello_by:
             job.is_silent = True
@@ -126,7 +112,7 @@ class Worker:
     def cancel(self) -> None:
         """Ask the worker to stop its job at the next safe point; end it by force where it does not."""
         self._job.is_cancelled = True
-        self._send(CANCEL)
+        self._send(engine_api.CANCEL)
         self._job.end_after(CANCEL_SECONDS)
 
     def check(self) -> None:
@@ -198,7 +184,6 @@ class Worker:
         return self._made_for == _settings(python, threads)
 
     def end(self) -> None:
-        """End the process now, at work or waiting; waits for it a few seconds at most."""
         if self._process is not None:
             self._close()
             processes.end(self._process)
@@ -209,7 +194,7 @@ class Worker:
         waiting = ("--wait", str(self._keep_seconds)) if self._keep_seconds else ()
         command = processes.engine_command(python, "run", folder, *waiting)
         with disk_errors():
-            log = (folder / LOG_FILE).open("ab")
+            log = (folder / engine_api.LOG_FILE).open("ab")
         try:
             with log:
                 return processes.start(
@@ -229,17 +214,6 @@ class Worker:
             self._process.stdin.write(f"{line}\n".encode())
             self._process.stdin.flush()
 
-    def _send_queries(self) -> None:
-        for query in (self._unsent or {}).values():
-            self._send(query.encode())
-        self._unsent = None
-
-    def _new_events(self) -> list[Event]:
-        try:
-            return list(self._job.reader.poll())
-        except OSError:  # the folder may be taken away while the worker lives; its end is seen all the same
-            return []
-
     def _close(self) -> None:
         with contextlib.suppress(OSError, ValueError):
             self._process.stdin.close()
@@ -250,5 +224,4 @@ def _settings(python: Path, threads: int) -> tuple[Any, ...]:
 
 
 def error_from_event(event: Event) -> KarfError:
-    """Return the error of an `error` or a `refused` event."""
-    return error_from_code(event["code"], event["sentence"], event.get("hint") or "")
+    return engine_api.error_from_code(event["code"], event["sentence"], event.get("hint") or "")

@@ -83,7 +83,6 @@ class KARF_AP_preferences(bpy.types.AddonPreferences):
 
 
 def _draw_engine(layout):
-    """Draw the state in a sentence, the installation at work, and the buttons."""
     engine = state.known()
     managed = engine.managed
     if installing.is_running():
@@ -110,7 +109,6 @@ def _draw_engine(layout):
 
 
 def sentence(engine: Engine) -> str:
-    """Return whether there is an engine, as a sentence."""
     managed = engine.managed
     if engine.is_managed and managed.state == READY:
         return f"Engine ready. {managed.sentence}"
@@ -152,7 +150,6 @@ def _draw_test(layout):
 
 
 def _draw_finding(layout, finding: Finding):
-    """Draw a finding; its remedy only where something is amiss."""
     draw_text(layout, finding.sentence, ICONS[finding.status], WIDTH)
     if finding.status == OK:
         return

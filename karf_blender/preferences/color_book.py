@@ -1,8 +1,4 @@
-"""The color book that the user has chosen, as it was read last: drawing asks only this.
-
-Whoever watches the disk calls `refresh`, and so does the choice of another file. In background mode nothing is drawn and
-timers never fire: there `known` reads the file.
-"""
+"""The color book that the user has chosen, as read last, for drawing; what watches the disk calls `refresh`."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +21,7 @@ class _State:
 
 
 def known() -> Known:
-    if not HAS_TIMER:
+    if not HAS_TIMER:  # nothing else would read it
         refresh()
     return session.get(_State).known
 

@@ -1,8 +1,4 @@
-"""Which engine the user has chosen, and its state as last read from disk, for drawing.
-
-The code that watches the disk calls `refresh`. In background mode nothing is drawn and timers never fire: there
-`known` reads the disk.
-"""
+"""Which engine the user has chosen, and its state as read last, for drawing; what watches the disk calls `refresh`."""
 
 import os
 from collections.abc import Iterator
@@ -20,7 +16,7 @@ from ..engine_api import MissingDependency
 from ..host import windows
 
 VARIABLE = "KARF_ENGINE_PYTHON"
-HAS_TIMER = not bpy.app.background
+HAS_TIMER = not bpy.app.background  # without timers nothing watches the disk: `known` reads it
 NOTHING = Status(NONE, "")
 SLICE = 50  # folders measured at once
 SLICE_SECONDS = 0.05
@@ -38,11 +34,7 @@ def engine_folder() -> Path:
 
 
 def chosen_python() -> Path:
-    """Return the Python that runs the engine, there or not; never Blender's own.
-
-    It is that of the preference, of the variable, of the installed engine, else of `.venv/engine` beside a checkout.
-    Raises MissingDependency where its path is not absolute: what it names would depend on the open file.
-    """
+    """Return the engine's Python, there or not; raises MissingDependency where its path depends on the open file."""
     chosen = _set_by_user()
     if not chosen:
         checkout = engine_api.ENGINE_FOLDER.parent / ".venv" / "engine"
@@ -141,7 +133,6 @@ def _read() -> Engine:
 
 
 def _tick() -> float | None:
-    """The timer: measures some folders of the environment, which has thousands."""
     state = session.get(_State)
     counted = list(islice(state.measuring, SLICE))
     if counted:

@@ -1,7 +1,4 @@
-"""Estimates of how long a preset will take on this computer.
-
-Its speed is measured once, corrected by finished jobs, and kept in a file of the user's.
-"""
+"""Estimates of how long a preset will take on this computer; its speed is measured once and kept in a file."""
 
 import contextlib
 import json
@@ -30,15 +27,12 @@ UNBELIEVABLE = 0.3  # share of its estimate below which a job had resumed anothe
 
 @dataclass(frozen=True)
 class Speed:
-    """The speed of an engine on this computer, corrected by finished jobs."""
-
     python: str  # the engine's
     threads: int  # that it was given; 0: it chose
     samples_per_second: float = 0.0  # 0: not measured yet
     factors: dict[str, float] = field(default_factory=dict)  # by stage, seconds of jobs relative to the prediction
 
     def corrected(self, seconds: dict[str, float]) -> dict[str, float]:
-        """Correct the seconds of stages that the speed alone predicts."""
         return {stage: promised * self.factors.get(stage, 1.0) for stage, promised in seconds.items()}
 
     def learned_from(self, stage: str, promised: float, taken: float) -> "Speed":
@@ -50,8 +44,7 @@ class Speed:
         return replace(self, factors=self.factors | {stage: (1 - NEW) * known + NEW * factor})
 
     def write(self, file: Path) -> None:
-        """Keep it; a disk that refuses does not matter."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError):  # it would only be measured again
             write_json(file, asdict(self))
 
 
@@ -83,20 +76,16 @@ class Measurement(Inquiry):
 
 @dataclass
 class ThisComputer:
-    """The known speed of this computer, and the current measurement."""
-
     speed: Speed | None = None
     measurement: Measurement | None = None
 
     @property
     def samples_per_second(self) -> float:
-        """The speed; 0 before a measurement."""
         return self.speed.samples_per_second if self.speed is not None else 0
 
     def learn(self, found: Speed) -> None:
-        """Store another speed, also for the next session."""
         self.speed = found
-        found.write(_file())
+        found.write(_file())  # also for the next session
 
     def close(self) -> None:
         if self.measurement is not None:
@@ -142,7 +131,6 @@ def measure_once() -> None:
 
 @session.listener(disk.READ)
 def _read_once() -> None:
-    """Read the known speed of this computer, if there is an engine."""
     computer = session.get(ThisComputer)
     if computer.speed is None:
         try:
@@ -153,9 +141,8 @@ def _read_once() -> None:
 
 
 def _tick() -> float | None:
-    """Take over the measurement. A timer. A job ends the measurement: both would be slower."""
     computer = session.get(ThisComputer)
-    if runner.is_running():
+    if runner.is_running():  # both would be slower
         computer.close()
         return None
     found = computer.measurement.poll()

@@ -1,7 +1,4 @@
-"""What follows the user: Image Editors show the picture of their window's scene, and a clicked camera is the active view.
-
-The message bus reports only what the user does; after undo and when a file is opened, Image Editors are updated too.
-"""
+"""Image Editors follow the scene of their window, and the active view follows a clicked camera."""
 
 import bpy
 
@@ -57,7 +54,6 @@ def _after_undo(*_):
     show_again()
 
 
-# --- a clicked camera ----------------------------------------------------------------------------------------------
 def choose_clicked(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
     """Make the view of the active object the active one, if that is one of the scene's captured cameras."""
     karf, clicked = scene.karf, layer.objects.active

@@ -16,9 +16,7 @@ LATER, TRIES = 0.2, 20  # seconds between tries, and their number: a sidebar has
 
 @dataclass
 class SetUp:
-    """The remaining tries until the sidebars are drawn, and the remaining work afterwards."""
-
-    tries: int = 0
+    tries: int = 0  # that remain until the sidebars are drawn
     then: tuple[Callable[[bpy.types.Window], None], ...] = ()
 
 

@@ -1,7 +1,6 @@
 """The state of each step of a scene (done, outdated and why, running, to do), and which steps are folded.
 
-Panels use it at every redraw, so nothing reads the disk. When a step is done, it folds with those before it, and the
-next opens; steps that the user folds or opens stay so until the next step is done.
+Panels use it at every redraw, so nothing reads the disk. What the user folds or opens stays so until a step is done.
 """
 
 from dataclasses import dataclass, field
@@ -36,14 +35,11 @@ OTHER_OBJECTS = translatable("The objects have been segmented again since then: 
 
 @dataclass(frozen=True)
 class State:
-    """The state of a step, and why it is outdated."""
-
     kind: str = TO_DO
-    reason: str = ""
+    reason: str = ""  # why it is outdated
 
 
 def state_of(scene: bpy.types.Scene, step: str) -> State:
-    """Return the state of a step."""
     if step == _running_step(scene):
         return State(RUNNING)
     known = disk.contents_of(scene)
@@ -54,7 +50,6 @@ def state_of(scene: bpy.types.Scene, step: str) -> State:
 
 
 def _running_step(scene: bpy.types.Scene) -> str:
-    """Return the step whose job is running for the scene's project; empty if none is."""
     request = runner.current_request(scene)
     if request is None:
         return ""
@@ -88,13 +83,10 @@ def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
     return ""
 
 
-# --- folding -------------------------------------------------------------------------------------------------------
 @dataclass
 class LastStates:
-    """The last scene, by its `session_uid`, and the states of its steps."""
-
     per_file = True
-    scene: int | None = None
+    scene: int | None = None  # its `session_uid`
     kinds: dict[str, str] = field(default_factory=dict)
 
 

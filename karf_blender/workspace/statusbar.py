@@ -27,21 +27,15 @@ def draw_progress(row, state):
 
 @session.listener(runner.STATUS_CHANGED)
 def redraw() -> None:
-    """Redraw the status bars. Python has no access to these areas, but setting their text redraws them.
-
-    The text of a running tool is left alone; its next change redraws the bar.
-    """
+    """Redraw the status bars. Python has no access to these areas, but setting their text redraws them."""
     for window in bpy.data.window_managers[0].windows:
-        if not window.modal_operators:
+        if not window.modal_operators:  # a running tool may have set its text, and redraws it
             window.workspace.status_text_set_internal(None)
 
 
 def _header() -> type:
-    """Return the status bar's header, without the replacement by a tool.
-
-    `WorkSpace.status_text_set` saves the draw function before its first call and restores it after each. The operator
-    that installs extensions calls it, so a later addition would be lost.
-    """
+    """Return the status bar's header, without the replacement by a tool."""
+    # `WorkSpace.status_text_set` restores what it saved before its first call: a later addition would be lost
     header = bpy.types.STATUSBAR_HT_header
     header.draw = getattr(header, "_draw_orig", header.draw)
     return header

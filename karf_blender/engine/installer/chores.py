@@ -1,11 +1,6 @@
-"""Work on many files of an installation, done by a child process so that Blender's window goes on.
+"""Work on many files of an installation, by a child process, so that Blender's window goes on. Standard library only.
 
-    python chores.py check FOLDER COUNTING  drop all environments but one, and damaged packages of uv's cache
-    python chores.py clear FOLDER COUNTING  drop all environments but one, and packages that it does not use
-    python chores.py remove FOLDER          delete environments and what was fetched
-    python chores.py test MODULE ...        load the engine's packages; print versions and the device as JSON
-
-It needs nothing but the standard library.
+`python chores.py VERB ...` calls the function `check`, `clear`, `remove` or `test` with its arguments.
 """
 
 import base64
@@ -84,7 +79,6 @@ def drop_environments(folder: Path, counting: str) -> None:
 
 
 def _is_used(path: Path) -> bool:
-    """Tell whether a program runs in an environment."""
     if os.name == "nt":  # where no folder of open files can be renamed
         try:
             path.rename(path.with_name("env-0")).rename(path)

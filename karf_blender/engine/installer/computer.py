@@ -16,7 +16,7 @@ from .. import processes
 from . import locks
 
 SYSTEMS = {"Linux": "linux", "Windows": "windows", "Darwin": "macos"}
-PROCESSORS = {"amd64": "x86_64", "arm64": "arm64", "aarch64": "arm64"}
+PROCESSORS = {"amd64": "x86_64", "aarch64": "arm64"}
 NVIDIA = (  # files of its driver on Linux, under WSL, on Windows
     "proc/driver/nvidia/version",
     "dev/nvidiactl",
@@ -98,10 +98,7 @@ class Starter:
 
 
 def find_starter(chosen: str, own_python: str, variables: Mapping[str, str]) -> Starter:
-    """Find what can make the environment: the chosen program, Blender's own Python, uv, any other Python.
-
-    Raises MissingDependency that says what was tried, where none can.
-    """
+    """Find what can make it: the chosen program, Blender's Python, uv, other Pythons; raises MissingDependency."""
     # programs started from a desktop often lack folders of the PATH that terminals have
     more = () if os.name == "nt" else map(os.path.expanduser, UNIX_FOLDERS)
     path = os.pathsep.join(filter(None, (variables.get("PATH"), *more)))

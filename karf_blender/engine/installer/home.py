@@ -22,8 +22,6 @@ NONE, UNFINISHED, BROKEN, OUTDATED, READY = "none", "unfinished", "broken", "out
 
 @dataclass(frozen=True)
 class Status:
-    """The environment in a folder: the one that counts, or an unfinished one."""
-
     state: str
     sentence: str
     build: str = "auto"
@@ -66,7 +64,6 @@ def status(folder: Path) -> Status:
 
 
 def python_in(folder: Path) -> Path | None:
-    """Return the Python of the environment in a folder, where it is finished and there."""
     found = status(folder)
     return python_of(folder / found.environment) if found.is_usable else None
 
@@ -117,10 +114,7 @@ def is_ours(folder: Path) -> bool:
 
 
 def remove(folder: Path) -> None:
-    """Delete the environments and all that belongs to them; this may take a minute.
-
-    Raises BadRequest where the folder is not KaRF's, DataError where a file cannot be deleted.
-    """
+    """Delete the environments and all that belongs to them; raises BadRequest if not KaRF's, DataError if refused."""
     check_ours(folder)
     with disk_errors():
         (folder / INSTALLED).unlink(missing_ok=True)  # from here on nobody starts it

@@ -1,8 +1,7 @@
-"""The installation at work, or the removal: child processes one after another, which the caller polls. No bpy, no threads.
+"""The installation at work, or the removal: child processes one after another, polled by the caller. No bpy.
 
-Installing, resuming, repairing and updating are the same: damaged files are dropped from uv's cache, then uv fills a new
-environment from it, and fetches missing files. Only when the result is tested does the environment count; one that
-counted before does so until then, whatever ends the installation.
+Installing, resuming, repairing and updating are the same: uv fills a new environment from its cache and the network.
+It counts only when it is tested; one that counted before does so until then, whatever ends the installation.
 """
 
 import json
@@ -26,21 +25,11 @@ HASH = "hash mismatch|do not match the hashes"
 FULL = "no space left on device|os error 28|os error 112|not enough space on the disk|disk quota exceeded"
 CERTIFICATE = "invalid peer certificate|certificate verify failed|unknownissuer"
 NETWORK = (  # the most specific first
-    "temporary failure in name resolution",
-    "failed to lookup address",
-    "connection refused",
-    "connection reset",
-    "network is unreachable",
-    "operation timed out",
-    "read timed out",
-    "error decoding response body",
-    "failed to establish a new connection",
-    "proxyerror",
-    "dns error",
-    "tcp connect error",
-    "error sending request",
-    "request failed after",
-)
+    "temporary failure in name resolution|failed to lookup address|connection refused|connection reset"
+    "|network is unreachable|operation timed out|read timed out|error decoding response body"
+    "|failed to establish a new connection|proxyerror|dns error|tcp connect error|error sending request"
+    "|request failed after"
+).split("|")
 NO_FILE = "no solution found|no matching distribution"
 GO_ON = "What was fetched is kept; Install goes on from there."
 
@@ -141,7 +130,6 @@ class Installation:
 
     # --- one command -----------------------------------------------------------------------------------------------
     def _advance(self) -> None:
-        """Start the next command, or end."""
         try:
             self._start(next(self._steps))
         except StopIteration:
@@ -184,8 +172,7 @@ class Installation:
     def _finish_step(self) -> None:
         code = self._process.returncode
         self._new_lines()
-        # what it started may have outlived it
-        processes.send(self._process, processes.KILL)
+        processes.send(self._process, processes.KILL)  # what it started may have outlived it
         if code and self._step.is_needed:
             self._conclude(explain(self.plan, self._step, self._said, processes.ending(self._process)))
         else:
@@ -237,7 +224,6 @@ class _Fetching:
         self._is_prepared = False
 
     def read(self, lines: Iterable[str]) -> None:
-        """Take in what uv has said."""
         for line in lines:
             word, _, name = line.strip().partition(" ")
             self._is_prepared |= word == "Prepared"
@@ -272,8 +258,8 @@ def explain(planned: Plan, step: Step, said: Sequence[str], how: str) -> KarfErr
     elif re.search(CERTIFICATE, lower):
         sentence = f"The certificate of {source} is not accepted."
         remedy = (
-            "In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and start "
-            "Blender anew."
+            "In a network with certificates of its own set UV_SYSTEM_CERTS=1, or SSL_CERT_FILE to their file, and "
+            "start Blender anew."
         )
     elif reason := next((phrase for phrase in NETWORK if phrase in lower), ""):
         sentence = f"No connection to {source} ({reason})."

@@ -1,7 +1,4 @@
-"""Lock files: the packages of the engine's environment, with sizes and hashes. No bpy.
-
-`python3 tools/dev.py lock` writes `requirements/<system>-<build of torch>.txt` in pip's format.
-"""
+"""Lock files of the engine's environment in pip's format, written by `python3 tools/dev.py lock`. No bpy."""
 
 import hashlib
 import re

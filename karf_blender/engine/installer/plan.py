@@ -30,8 +30,6 @@ class Choices:
 
 
 class Step(NamedTuple):
-    """A command of an installation."""
-
     title: str
     command: tuple[str, ...]
     source: str = ""  # where it fetches from
@@ -45,8 +43,6 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """An installation to come, told by `sentences` and `commands`."""
-
     choices: Choices
     machine: Machine
     starter: Starter
@@ -114,7 +110,6 @@ class Plan:
         return self.folder / "cache"
 
     def steps(self) -> tuple[Step, ...]:
-        """Return the commands that make the environment."""
         offline = ("--no-index", "--find-links", str(self.choices.wheels)) if self.choices.wheels else ()
         found, uv_folder = [], self.folder / "uv"
         if self.tools:
@@ -149,10 +144,7 @@ def make(
     variables: Mapping[str, str] = os.environ,
     here: Machine | None = None,
 ) -> Plan:
-    """Plan an installation: takes a second, changes nothing.
-
-    Raises KarfError where it cannot be done: no network allowed, no starter, no such build, wheels missing, no space.
-    """
+    """Plan an installation: takes a second, changes nothing; raises KarfError where it cannot be done."""
     here, folder = here or computer.detect_machine(), choices.folder
     if not folder.is_absolute():
         raise BadRequest(f"The folder {folder} is not given by its whole path.", "Choose it anew.")
