@@ -69,8 +69,7 @@ def anonymous(text: str) -> str:
 def without_home(text: str, home: str) -> str:
     """Write `~` for the user's own folder, also where its backslashes are doubled, or more follows its name."""
     home = home.rstrip("/\\")
-    spellings = {home, home.replace("\\", "\\\\"), home.replace("\\", "/")} - {""}
-    for spelling in spellings:
+    for spelling in {home, home.replace("\\", "\\\\"), home.replace("\\", "/")} - {""}:
         text = re.sub(rf"{re.escape(spelling)}(?!{LETTER})", "~", text)
     return text
 

@@ -22,7 +22,6 @@ SLICE = 50  # folders measured at once
 SLICE_SECONDS = 0.05
 
 
-# --- the user's choice ---------------------------------------------------------------------------------------------
 def current() -> bpy.types.AddonPreferences:
     return bpy.context.preferences.addons[extension].preferences
 
@@ -75,7 +74,6 @@ def _set_by_user() -> str:
     return current().engine_python or os.environ.get(VARIABLE, "")
 
 
-# --- the state as read last ----------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Engine:
     python: Path | None = None  # the chosen one, there or not; None where its path is refused

@@ -83,10 +83,6 @@ class ThisComputer:
     def samples_per_second(self) -> float:
         return self.speed.samples_per_second if self.speed is not None else 0
 
-    def learn(self, found: Speed) -> None:
-        self.speed = found
-        found.write(_file())  # also for the next session
-
     def close(self) -> None:
         if self.measurement is not None:
             self.measurement.end()
@@ -149,11 +145,9 @@ def _tick() -> float | None:
     if found is None:
         return POLL_SECONDS
     computer.measurement = None
-    measured = Speed(computer.speed.python, computer.speed.threads, found)
+    computer.speed = Speed(computer.speed.python, computer.speed.threads, found)
     if found:
-        computer.learn(measured)
-    else:
-        computer.speed = measured
+        computer.speed.write(_file())
     windows.redraw()
     return None
 
@@ -175,7 +169,8 @@ def _take_time(request: Request, taken: float) -> None:
     known = computer.speed
     if not known.samples_per_second:  # the job came before the measurement, and is one
         known = replace(known, samples_per_second=samples / taken)
-    computer.learn(known.learned_from(request.stage, samples / known.samples_per_second, taken))
+    computer.speed = known.learned_from(request.stage, samples / known.samples_per_second, taken)
+    computer.speed.write(_file())
 
 
 @lru_cache(maxsize=16)

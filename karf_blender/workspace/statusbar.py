@@ -8,7 +8,6 @@ from ..tasks import runner
 
 
 def draw(self, context):
-    """Draw the running job, or the last error, at the end of the status bar."""
     state = context.window_manager.karf_progress
     if state.running:
         row = self.layout.row(align=True)

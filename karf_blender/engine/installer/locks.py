@@ -44,10 +44,6 @@ class Lock:
         return next(wheel for wheel in self.wheels if wheel.name == "torch")
 
     @property
-    def bytes(self) -> int:
-        return sum(wheel.size for wheel in self.wheels)
-
-    @property
     def digest(self) -> str:
         """A fingerprint; an environment with another one is outdated."""
         lines = sorted(wheel.sha256 for wheel in self.wheels if wheel.sha256)

@@ -74,7 +74,7 @@ class Plan:
 
     @property
     def download_bytes(self) -> int:
-        return self.lock.bytes + sum(wheel.size for wheel in self.tools)
+        return sum(wheel.size for wheel in self.lock.wheels + self.tools)
 
     @property
     def disk_bytes(self) -> int:  # of the environment, estimated
