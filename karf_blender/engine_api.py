@@ -57,7 +57,6 @@ from ..karf_engine.palettes.matching.becomes import (
 from ..karf_engine.palettes.matching.painted import ObjectMatch, match_picture
 from ..karf_engine.palettes.matching.surface import MAX_BRIGHTNESS, MAX_FACTOR, Surface, match_surface
 from ..karf_engine.palettes.palette import (
-    COMPOSITING_MODES,
     MAX_ADDED,
     MAX_PROTECT,
     MAX_REACH,

@@ -208,21 +208,14 @@ def _in_order(classes: list[type]) -> list[type]:
     ordered: dict[type, None] = {}
 
     def add(each: type) -> None:
-        for other in _needed(each, names):
-            add(other)
+        properties = [declared for base in each.__mro__ for declared in inspect.get_annotations(base).values()]
+        groups = [getattr(declared, "keywords", {}).get("type") for declared in properties]
+        for other in (names.get(getattr(each, "bl_parent_id", "")), *groups):
+            if other in names.values():
+                add(other)
         ordered.setdefault(each)
 
     # panels that have the same parent are shown by `bl_order`, then as they are registered
     for each in sorted(classes, key=lambda each: getattr(each, "bl_order", 0)):
         add(each)
     return list(ordered)
-
-
-def _needed(each: type, names: dict[str, type]) -> Iterator[type]:
-    if getattr(each, "bl_parent_id", "") in names:
-        yield names[each.bl_parent_id]
-    for base in each.__mro__:
-        for declared in inspect.get_annotations(base).values():
-            group = getattr(declared, "keywords", {}).get("type")
-            if group in names.values():
-                yield group

@@ -19,18 +19,18 @@ FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
     "": "engine_api preferences progress session steps",
-    "host": "compat labels rendering windows words",
+    "host": "compat rendering windows words",
     "engine": "failures installing probing processes worker",
     "engine.installer": "home",
     "preferences": "color_book state",
-    "project": "captures contents disk folders moving",
-    "pictures": "editors images photos sequences chips tints",
+    "project": "captures disk folders moving",
+    "pictures": "editors images photos sequences tints",
     "rig": "cameras lens reprojection",
-    "swatches": "becomes colors overlays edits free_camera looks object_masks gestures palettes reference displayed solving views",
+    "swatches": "colors overlays edits looks object_masks gestures palettes displayed solving views",
     "marking": "history objects overlay mask_layers photo proposals raster tools",
     "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",
-    "tasks": "ownership queries runner",
+    "tasks": "queries runner",
     "compositor": "recoloring",
     "nodes": "sockets",
     "surface": "scene_object splat_objects",
@@ -66,7 +66,6 @@ def addon(bpy, monkeypatch):
             setattr(modules, name, importlib.import_module(f"{package}.{name}"))
     monkeypatch.setattr(modules.engine_api, "ENGINE_FOLDER", FAKE_ENGINE)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", sys.executable)
-    modules.displayed.forget_all()
     yield modules
     assert not modules.runner.is_running()
     modules.preview.stop()

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from ..engine_api import LOG_FILE, REQUEST_FILE, DataError, EventReader, Finding, KarfError, read_json
 
-LOG_LINES = 30
-LOG_BYTES = 20_000  # lines may be long
+LOG_LINES, LOG_BYTES = 30, 20_000  # of a log's end; lines may be long
 SHORTEST_NAME = 3  # letters of a name: shorter ones are in every text
 LETTER = r"[^\W\d_]"
 LOGIN = re.compile(r"""(?<=://)[^\s/?#"'<>]+@""")
@@ -28,7 +27,6 @@ def log_tail(folder: Path) -> str:
 
 
 def disk_error(error: OSError) -> DataError:
-    """Return what the operating system refuses as a sentence that names the file."""
     return DataError(
         f"{error.filename or 'The disk'}: {error.strerror or error}.",
         "Check free space, the drive's connection and your write permission, or choose another folder.",
@@ -46,13 +44,13 @@ def disk_errors() -> Iterator[None]:
 
 # --- reports -----------------------------------------------------------------------------------------------------------
 def compose(job: Path, sentence: str, versions: Mapping[str, str]) -> str:
-    """Report the failed job in this folder, which may be gone. versions: of the programs at work, by name."""
+    """Report the failed job in this folder, which may be gone."""
     ending = {"Engine": _engine(job), "Stage": _stage(job), "Ended": sentence}
     return _text({**versions, **ending, "Log": f"\n{log_tail(job) or 'none'}"})
 
 
 def compose_findings(findings: Sequence[Finding], versions: Mapping[str, str]) -> str:
-    """Report a test of the engine. versions: of the programs at work, by name."""
+    """Report a test of the engine."""
     return _text({**versions, "Test": "".join(f"\n{finding.to_text()}" for finding in findings)})
 
 

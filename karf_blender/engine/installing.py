@@ -26,7 +26,7 @@ class _State:
 
     def close(self) -> None:
         if self.work is not None:
-            self.work.terminate()
+            self.work.end()
             self.work = None
 
 
@@ -100,7 +100,7 @@ def cancel() -> None:
     """Ask the installation to stop; downloaded files are kept."""
     if not can_be_cancelled():
         raise BadRequest("No installation is running.", "")
-    session.get(_State).work.cancel()
+    session.get(_State).work.end()
 
 
 def _begin(kind: type, *arguments: Any) -> Installation | Removal:

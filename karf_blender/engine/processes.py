@@ -64,9 +64,9 @@ def send(process: subprocess.Popen, number: int) -> None:
 
 
 def end(process: subprocess.Popen) -> None:
-    """End a process now; waits for it a few seconds at most."""
-    for number in (signal.SIGTERM, KILL):
-        if process.poll() is None:
+    """End a process and all it has started now; waits for it a few seconds at most."""
+    if process.poll() is None:
+        for number in (signal.SIGTERM, KILL):
             send(process, number)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(TERMINATE_SECONDS)

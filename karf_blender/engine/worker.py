@@ -1,8 +1,8 @@
 """The engine's worker, a child process: jobs one after another, queries, and cancel. No bpy, no threads: the caller polls.
 
 It reports in files (see the engine's `worker.protocol`); its standard input is lifeline and cancel. Starting takes two
-seconds, most of them to load torch, so a worker may be kept for a while after a job that is done. One whose job failed
-or was cancelled, or that was made for other settings, takes no further job.
+seconds, most of them to load torch, so a worker may be kept for a while after a job is done. After a failed or
+cancelled job, or for other settings, a new one is started.
 """
 
 import contextlib

@@ -106,6 +106,13 @@ def strips_of(scene: bpy.types.Scene) -> bpy.types.bpy_prop_collection:
     return editor.sequences if bpy.app.version < (4, 4, 0) else editor.strips
 
 
+def all_strips() -> list["bpy.types.Strip"]:
+    """Return the strips of all scenes, also those within meta strips."""
+    name = "sequences_all" if bpy.app.version < (4, 4, 0) else "strips_all"
+    editors = [scene.sequence_editor for scene in bpy.data.scenes if scene.sequence_editor is not None]
+    return [strip for editor in editors for strip in getattr(editor, name)]
+
+
 def show_in_sequencers(scene: bpy.types.Scene) -> None:
     """Show this scene in sequencers that show none; since 5.0 the workspace stores it, not the window."""
     for workspace in bpy.data.workspaces:

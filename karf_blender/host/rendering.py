@@ -1,5 +1,4 @@
-"""Whether Blender renders. Its render thread reads the file and calls handlers; touching pixels or data meanwhile
-crashes Blender."""
+"""Whether Blender renders: touching pixels or data while its render thread reads the file crashes Blender."""
 
 from dataclasses import dataclass
 
@@ -23,18 +22,13 @@ def is_running() -> bool:
 
 
 def refuse() -> None:
-    """Refuse an action during a render.
-
-    Raises:
-        BadRequest: Blender renders.
-    """
+    """Raise BadRequest during a render."""
     if is_running():
         raise BadRequest("Blender is rendering.", "Wait until it is done, or cancel it.")
 
 
 def is_over() -> bool:
-    """Return True if no render job is running. Only for timers: Blender calls them beside a render job, never within a
-    render."""
+    """Return True if no render job is running. Only for timers: Blender never calls them within a render."""
     if bpy.app.is_job_running("RENDER"):
         return False
     session.get(Render).has_begun = False

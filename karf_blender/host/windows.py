@@ -33,8 +33,7 @@ def redraw_sidebars() -> None:
 
 
 def show_text(name: str, content: str) -> bpy.types.Text:
-    """Write a text datablock and show it in an open Text Editor or in a new window; in background mode, only write
-    it."""
+    """Write a text datablock and, except in background mode, show it in an open Text Editor or a new window."""
     text = bpy.data.texts.get(name) or bpy.data.texts.new(name)
     text.from_string(content)
     if not bpy.app.background:

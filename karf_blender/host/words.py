@@ -1,4 +1,4 @@
-"""Translation of texts that Blender does not translate without help.
+"""Translation of texts that Blender does not translate without help, and long texts in panels.
 
 Blender translates labels, names and tooltips when it draws them. This module translates sentences and then inserts
 their values. Errors and warnings are raised in English, as in logs, reports to developers and the engine; as messages
@@ -6,6 +6,7 @@ they keep their keys and values, so that they can be translated when displayed. 
 them from the sources.
 """
 
+import textwrap
 from dataclasses import dataclass, field
 
 from bpy.app.translations import pgettext_iface, pgettext_rpt
@@ -14,6 +15,8 @@ from .. import session
 from ..engine_api import KarfError, Message
 
 MOST_KEPT = 256
+WIDE = "\u2e7f"  # letters after this one are twice as wide
+SIDEBAR = 34  # letters that fit the sidebar's usual width
 
 
 @dataclass
@@ -51,10 +54,7 @@ def kept(message: str) -> str:
 
 
 def translate_message(text: str) -> str:
-    """Translate a message, or the text of a kept one.
-
-    Texts without translation stay as they are. Values may be messages too; names are never translated.
-    """
+    """Translate a message or the text of a kept one, and messages among its values; names are never translated."""
     message = text if isinstance(text, Message) else session.get(KeptMessages).by_text.get(text)
     if message is None:
         return translate(text) if text else ""
@@ -67,3 +67,16 @@ def translate_message(text: str) -> str:
 def translate_error(error: KarfError) -> str:
     """Translate an error and how to solve it."""
     return translate_message(error.message)
+
+
+def draw_text(layout, text, icon, width=SIDEBAR):
+    """Draw a text as labels of at most `width` letters: panels do not break lines. The first label has the icon."""
+    column = layout.column(align=True)
+    paragraphs = [text] if isinstance(text, Message) else text.splitlines()
+    text = "\n".join(map(translate_message, paragraphs))
+    if any(letter > WIDE for letter in text):
+        width //= 2
+    for paragraph in text.splitlines():
+        for line in textwrap.wrap(paragraph, width):
+            column.label(text=line, icon=icon)
+            icon = "BLANK1"

@@ -84,6 +84,7 @@ class StepOperator:
     """
 
     needs: tuple[Need, ...] = ()
+    scene_step: Callable  # in place of a method `step`: a function of `steps`, called with the scene
 
     @classmethod
     def poll(cls, context):
@@ -98,6 +99,9 @@ class StepOperator:
             runner.launch(result)
         windows.redraw_sidebars()  # those of other editors too
         return {"FINISHED"}
+
+    def step(self, context):
+        return type(self).scene_step(context.scene)
 
 
 class OpenFileOperator(StepOperator):

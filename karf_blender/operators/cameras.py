@@ -6,7 +6,7 @@ from bpy.props import StringProperty
 from .. import progress, steps
 from ..host.words import translate_report
 from ..steps import preview
-from .base import CAMERA, GEOMETRY, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter, is_met, need
+from .base import CAMERA, GEOMETRY, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter, need
 
 
 def view_from_camera(area, colored_points: bool = False) -> None:
@@ -85,10 +85,7 @@ class KARF_OT_live_camera(StepOperator, bpy.types.Operator):
 
     bl_idname = "karf.live_camera"
     bl_label = "Live Camera"
-
-    @classmethod
-    def poll(cls, context):
-        return preview.is_live() or is_met(cls, context, GEOMETRY, CAMERA)
+    needs = (lambda context: "" if preview.is_live() else GEOMETRY(context) or CAMERA(context),)
 
     def step(self, context):
         if preview.is_live():

@@ -72,7 +72,6 @@ class ImportOperator(OpenFileOperator):
             self.layout.prop(self, name)
 
     def rig_options(self) -> Options:
-        """The options as the rig takes them."""
         return Options(
             self.orientation.lower(), self.size, self.points, self.photos, camera_size=self.camera_size / 100
         )
@@ -182,17 +181,8 @@ class KARF_OT_import_splat(ImportOperator, bpy.types.Operator):
 
     def step(self, context):
         photos, cameras = (bpy.path.abspath(each) or None for each in (self.learned_from, self.cameras))
-        task = steps.import_splat(
-            context.scene,
-            bpy.path.abspath(self.filepath),
-            photos,
-            cameras,
-            self.views,
-            self.up.lower(),
-            self.antialiased,
-            self.rig_options(),
-        )
-        return _then_mark(task)
+        options = self.views, self.up.lower(), self.antialiased, self.rig_options()
+        return _then_mark(steps.import_splat(context.scene, self.path, photos, cameras, *options))
 
 
 class KARF_OT_check_capture(StepOperator, bpy.types.Operator):
@@ -201,9 +191,7 @@ class KARF_OT_check_capture(StepOperator, bpy.types.Operator):
     bl_idname = "karf.check_capture"
     bl_label = "Check Capture"
     needs = (PROJECT,)
-
-    def step(self, context):
-        steps.check_capture(context.scene)
+    scene_step = steps.check_capture
 
 
 class KARF_FH_capture(bpy.types.FileHandler):

@@ -12,7 +12,7 @@ from .. import preferences, session, steps
 from ..engine_api import BOOK_SUFFIXES, BadRequest, ColorBook, KarfError, read_color_book
 from ..host import windows
 from ..host.words import translatable, translate_report
-from ..pictures import chips
+from ..pictures import tints
 from ..preferences import color_book
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
 from ..swatches import displayed, overlays
@@ -50,11 +50,8 @@ class KARF_OT_add_color(StepOperator, bpy.types.Operator):
         magnifier.mouse, magnifier.object_name = None, self.object_name
         magnifier.handler = bpy.types.SpaceImageEditor.draw_handler_add(_draw_loupe, (), "WINDOW", "POST_PIXEL")
         context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(
-            translate_report(
-                "Click on {name} in the picture to add the color there.  Esc: cancel", name=self.object_name
-            )
-        )
+        hint = translatable("Click on {name} in the picture to add the color there.  Esc: cancel")
+        context.workspace.status_text_set(translate_report(hint, name=self.object_name))
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -185,9 +182,8 @@ class KARF_OT_pick_chart(StepOperator, bpy.types.Operator):
         if image is None:
             raise BadRequest("No Image Editor shows a photo.", "Open the photo of the chart in one.")
         fit = steps.pick_chart(context.scene, image, np.reshape(self.corners, (4, 2)))
-        return translate_report(
-            "The chart's patches differ by CIEDE2000 {left} on average", left=f"{fit.mean_residual:.1f}"
-        )
+        left = f"{fit.mean_residual:.1f}"
+        return translate_report("The chart's patches differ by CIEDE2000 {left} on average", left=left)
 
 
 class KARF_OT_find_chart(StepOperator, bpy.types.Operator):
@@ -208,9 +204,7 @@ class KARF_OT_remove_chart(StepOperator, bpy.types.Operator):
     bl_label = "Remove Color Chart"
     bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
-
-    def step(self, context):
-        steps.remove_chart(context.scene)
+    scene_step = steps.remove_chart
 
 
 def _editors(context):
@@ -245,7 +239,6 @@ class NamedColorOperator(StepOperator):
     index: IntProperty(name="Swatch", min=0, description="Counted from 1. 0: the target color", options={"SKIP_SAVE"})
 
     def use(self, context, name):
-        """Set the color."""
         left = steps.use_color_name(context.scene, self.object_name, self.index, _book(), name)
         if left:
             sentence = translatable("{name} is outside sRGB: the nearest color differs from it by CIEDE2000 {left}")
@@ -312,7 +305,6 @@ def _book() -> ColorBook:
 
 @lru_cache(maxsize=1)  # Blender needs the texts as long as it shows them
 def _items(book: ColorBook | None) -> list[tuple[str, str, str, int, int]]:
-    """The names as Blender searches them."""
     if book is None:
         return []
-    return [(str(number), name, "", chips.icon(book[name]), number) for number, name in enumerate(book.names)]
+    return [(str(number), name, "", tints.icon(book[name]), number) for number, name in enumerate(book.names)]

@@ -6,9 +6,9 @@ import bpy
 from bpy.props import EnumProperty, IntProperty, StringProperty
 
 from .. import steps
-from ..host.words import translate, translate_report
-from ..pictures import chips
-from ..swatches import looks, overlays, reference
+from ..host.words import translatable, translate, translate_report
+from ..pictures import tints
+from ..swatches import colors, looks, overlays
 from ..tasks import runner
 from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
 
@@ -120,7 +120,17 @@ class KARF_OT_move_look(LookOperator, bpy.types.Operator):
         steps.move_look(context.scene, self.name, self.by)
 
 
-class KARF_OT_render_looks(StepOperator, bpy.types.Operator):
+class VariantsOperator(StepOperator):
+    """Mix-in of operators that recolor views in several ways."""
+
+    views: StringProperty(
+        name="Views",
+        default="all",
+        description="all, train, test, names separated by commas, or the path of a camera file",
+    )
+
+
+class KARF_OT_render_looks(VariantsOperator, bpy.types.Operator):
     """Recolor views with each look, in a folder of its name"""
 
     bl_idname = "karf.render_looks"
@@ -128,11 +138,6 @@ class KARF_OT_render_looks(StepOperator, bpy.types.Operator):
     needs = (IDLE, PROJECT, PALETTES, need("Keep a look first", lambda context: context.scene.karf.looks))
 
     what: EnumProperty(name="Render", items=WHAT_ITEMS)
-    views: StringProperty(
-        name="Views",
-        default="all",
-        description="all, train, test, names separated by commas, or the path of a camera file",
-    )
 
     def invoke(self, context, event):
         return context.window_manager.invoke_props_dialog(self)
@@ -162,21 +167,16 @@ class KARF_UL_colorways(bpy.types.UIList):
 
 
 def draw_color(layout, item):
-    """A row: names, chips of the wanted and the predicted color, their difference, and the reason."""
-    names, rest = split(layout, 0.35)
+    """Draw names, chips of the wanted and the predicted color, their difference, and the reason."""
+    both = layout.split(factor=0.35)
+    names, rest = both.row(), both.row().split(factor=0.25)
     names.label(text=item.colorway)
     names.label(text=item.object)
-    numbers, reason = split(rest, 0.25)
-    numbers.label(text="", icon_value=chips.icon(item.wanted))
-    numbers.label(text=f"{item.difference:.1f}", icon_value=chips.icon(item.reached))
+    numbers, reason = rest.row(), rest.row()
+    numbers.label(text="", icon_value=tints.icon(item.wanted))
+    numbers.label(text=f"{item.difference:.1f}", icon_value=tints.icon(item.reached))
     if item.reason:
         reason.label(text=item.reason, icon="ERROR")
-
-
-def split(layout, factor):
-    """Two rows side by side."""
-    both = layout.split(factor=factor)
-    return both.row(), both.row()
 
 
 class KARF_OT_colorways(OpenFileOperator, bpy.types.Operator):
@@ -194,7 +194,7 @@ class KARF_OT_colorways(OpenFileOperator, bpy.types.Operator):
         return bpy.ops.karf.render_colorways("INVOKE_DEFAULT", filepath=self.filepath)
 
 
-class KARF_OT_render_colorways(StepOperator, bpy.types.Operator):
+class KARF_OT_render_colorways(VariantsOperator, bpy.types.Operator):
     """Recolor views with each colorway of a sheet"""
 
     bl_idname = "karf.render_colorways"
@@ -202,26 +202,17 @@ class KARF_OT_render_colorways(StepOperator, bpy.types.Operator):
     needs = (IDLE, PROJECT, PALETTES)
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
-    views: StringProperty(
-        name="Views",
-        default="all",
-        description="all, train, test, names separated by commas, or the path of a camera file",
-    )
 
     def invoke(self, context, event):
         return context.window_manager.invoke_props_dialog(self, width=WIDTH)
 
     def draw(self, context):
         shown, layout = context.window_manager.karf_colorways, self.layout
-        missed = sum(bool(item.reason) for item in shown.colors)
-        count = len(shown.colors)
-        layout.label(
-            text=translate(
-                "{count} colors, {missed} out of reach. Numbers: difference from the wanted color; 1 is just visible",
-                count=count,
-                missed=missed,
-            )
+        sentence = translatable(
+            "{count} colors, {missed} out of reach. Numbers: difference from the wanted color; 1 is just visible"
         )
+        missed = sum(bool(item.reason) for item in shown.colors)
+        layout.label(text=translate(sentence, count=len(shown.colors), missed=missed))
         rows = min(ROWS, len(shown.colors))
         layout.template_list(KARF_UL_colorways.__name__, "", shown, "colors", shown, "active", rows=rows)
         if shown.active < len(shown.colors) and (reason := shown.colors[shown.active].reason):
@@ -240,7 +231,7 @@ def show_predictions(context, sheet):
     shown = context.window_manager.karf_colorways
     shown.colors.clear()
     for plan in planned:
-        for prediction in (each.under_light(reference.light(context.scene)) for each in plan.predictions):
+        for prediction in (each.under_light(colors.reference_light(context.scene)) for each in plan.predictions):
             item = shown.colors.add()
             item.colorway, item.object = plan.colorway.name, prediction.target_color.name
             item.wanted, item.reached = prediction.target, prediction.reached

@@ -4,9 +4,8 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import steps
-from ..project import disk
 from ..swatches import displayed, edits, overlays
-from .base import GEOMETRY, IDLE, PALETTES, PROJECT, SEGMENTATION, StepOperator, is_met
+from .base import GEOMETRY, IDLE, PALETTES, PREPARED, PROJECT, SEGMENTATION, StepOperator
 
 REACH = 8  # pixels from the line of the split view within which the mouse takes it
 
@@ -16,11 +15,7 @@ class KARF_OT_show_masks(StepOperator, bpy.types.Operator):
 
     bl_idname = "karf.show_masks"
     bl_label = "Show Masks"
-
-    @classmethod
-    def poll(cls, context):
-        is_prepared = disk.contents_of(context.scene).is_prepared
-        return is_met(cls, context, PROJECT, *(() if is_prepared else (SEGMENTATION,)))
+    needs = (PROJECT, lambda context: PREPARED(context) and SEGMENTATION(context))
 
     def step(self, context):
         seeing = context.window_manager.karf_seeing
@@ -36,9 +31,7 @@ class KARF_OT_see_view(StepOperator, bpy.types.Operator):
     bl_idname = "karf.see_view"
     bl_label = "Render Learned"
     needs = (IDLE, PROJECT, GEOMETRY)
-
-    def step(self, context):
-        return steps.see_view(context.scene)
+    scene_step = steps.see_view
 
 
 class KARF_OT_solo_swatch(StepOperator, bpy.types.Operator):

@@ -7,7 +7,7 @@ from .. import preferences
 from ..engine import installing
 from ..engine.installer import computer, locks
 from ..engine_api import KarfError
-from ..host.labels import draw_text
+from ..host.words import draw_text
 from ..steps import engine
 from .base import IDLE, NOT_INSTALLING, is_met, reports_errors
 

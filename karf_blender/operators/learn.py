@@ -6,16 +6,7 @@ from bpy.props import StringProperty
 from .. import steps
 from ..pictures import editors
 from ..swatches import palettes
-from .base import (
-    GEOMETRY,
-    IDLE,
-    PALETTES,
-    PROJECT,
-    RECOLORING,
-    SEGMENTATION,
-    StepOperator,
-    need,
-)
+from .base import GEOMETRY, IDLE, PALETTES, PROJECT, RECOLORING, SEGMENTATION, StepOperator, need
 
 MASKS = need(
     "Mark an object first: paint a mask, or choose a folder of masks", lambda context: context.scene.karf.masks
@@ -28,9 +19,7 @@ class KARF_OT_learn_scene(StepOperator, bpy.types.Operator):
     bl_idname = "karf.learn_scene"
     bl_label = "Learn Scene"
     needs = (IDLE, PROJECT)
-
-    def step(self, context):
-        return steps.learn_scene(context.scene)
+    scene_step = steps.learn_scene
 
 
 class PaletteOperator(StepOperator):
@@ -52,9 +41,7 @@ class KARF_OT_learn_all(PaletteOperator, bpy.types.Operator):
     bl_idname = "karf.learn_all"
     bl_label = "Learn All"
     needs = (IDLE, PROJECT, MASKS)
-
-    def step(self, context):
-        return steps.learn_all(context.scene)
+    scene_step = steps.learn_all
 
 
 class KARF_OT_segment(StepOperator, bpy.types.Operator):
@@ -63,9 +50,7 @@ class KARF_OT_segment(StepOperator, bpy.types.Operator):
     bl_idname = "karf.segment"
     bl_label = "Segment"
     needs = (IDLE, PROJECT, GEOMETRY, MASKS)
-
-    def step(self, context):
-        return steps.segment(context.scene)
+    scene_step = steps.segment
 
 
 class KARF_OT_extract_palette(PaletteOperator, bpy.types.Operator):
@@ -78,9 +63,7 @@ class KARF_OT_extract_palette(PaletteOperator, bpy.types.Operator):
     bl_idname = "karf.extract_palette"
     bl_label = "Extract Palette"
     needs = (IDLE, PROJECT, SEGMENTATION)
-
-    def step(self, context):
-        return steps.extract_palette(context.scene)
+    scene_step = steps.extract_palette
 
 
 class KARF_OT_learn_splats(StepOperator, bpy.types.Operator):
@@ -89,9 +72,7 @@ class KARF_OT_learn_splats(StepOperator, bpy.types.Operator):
     bl_idname = "karf.learn_splats"
     bl_label = "Learn Splats"
     needs = (IDLE, PROJECT, GEOMETRY)
-
-    def step(self, context):
-        return steps.learn_splats(context.scene)
+    scene_step = steps.learn_splats
 
 
 class KARF_OT_show_view(StepOperator, bpy.types.Operator):

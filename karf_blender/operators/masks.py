@@ -83,9 +83,7 @@ class KARF_OT_erase_mask(StepOperator, bpy.types.Operator):
     bl_label = "Erase Mask"
     bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, OBJECT)
-
-    def step(self, context):
-        steps.erase_mask(context.scene)
+    scene_step = steps.erase_mask
 
 
 class KARF_OT_set_volume(StepOperator, bpy.types.Operator):
@@ -136,6 +134,7 @@ class KARF_OT_remove_object(StepOperator, bpy.types.Operator):
     bl_label = "Remove Object"
     bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, OBJECT)
+    scene_step = steps.remove_object
 
     def invoke(self, context, event):
         item = objects.active(context.scene)
@@ -144,9 +143,6 @@ class KARF_OT_remove_object(StepOperator, bpy.types.Operator):
             return self.execute(context)
         message = f"{count} masks of {item.folder!r} are removed from the disk"
         return context.window_manager.invoke_confirm(self, event, title="Remove the object?", message=message)
-
-    def step(self, context):
-        steps.remove_object(context.scene)
 
 
 class MarkingTool:
@@ -210,8 +206,7 @@ class DragTool(MarkingTool):
             self.leave(context)
             return self.finish(context, event)
         if event.type in {"ESC", "RIGHTMOUSE"}:
-            self.leave(context)
-            self.abandon(context)
+            self.cancel(context)
             return {"CANCELLED"}
         return {"RUNNING_MODAL"}
 

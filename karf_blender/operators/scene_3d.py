@@ -21,8 +21,7 @@ AXES_ITEMS = [
 ]
 
 FOLLOWING_SPLATS = need(
-    "Choose Gaussian splats imported by Blender or 3DGS Render",
-    lambda context: splat_objects.find(context.scene),
+    "Choose Gaussian splats imported by Blender or 3DGS Render", lambda context: splat_objects.find(context.scene)
 )
 
 
@@ -32,9 +31,7 @@ class KARF_OT_show_scene(StepOperator, bpy.types.Operator):
     bl_idname = "karf.show_scene"
     bl_label = "Show in 3D View"
     needs = (IDLE, PROJECT, PALETTES)
-
-    def step(self, context):
-        return steps.show_scene(context.scene)
+    scene_step = steps.show_scene
 
 
 class KARF_OT_show_colors(StepOperator, bpy.types.Operator):

@@ -9,7 +9,7 @@ from bpy.props import IntProperty, StringProperty
 from .. import steps
 from ..engine_api import EDIT_SUFFIXES
 from ..host.words import translatable, translate_report
-from ..swatches import becomes, edits
+from ..swatches import edits
 from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter
 
 
@@ -23,13 +23,9 @@ class OneSwatch(StepOperator):
     index: IntProperty(name="Swatch", default=1, min=1, description="From 1", options={"SKIP_SAVE"})
 
 
-class OneOrAll(StepOperator):
+class OneOrAll(OneSwatch):
     """Mix-in of operators on one swatch or on all of an object."""
 
-    bl_options = {"REGISTER", "UNDO"}
-    needs = (PALETTES,)
-
-    object_name: StringProperty(name="Object")
     index: IntProperty(name="Swatch", default=0, min=0, description="Counted from 1. 0: all", options={"SKIP_SAVE"})
 
 
@@ -194,7 +190,7 @@ class KARF_OT_becomes(StepOperator, bpy.types.Operator):
     object_name: StringProperty(name="Object")
 
     def step(self, context):
-        remark = becomes.apply_picked(edits.object_named(context.scene, self.object_name))
+        remark = edits.become_target(edits.object_named(context.scene, self.object_name))
         if remark:
             self.report({"WARNING"}, remark)
 

@@ -6,7 +6,7 @@ import bpy
 
 from .. import session
 from ..host.words import translate
-from ..pictures import chips
+from ..pictures import tints
 from ..project import disk
 from ..swatches import colors, displayed
 
@@ -76,7 +76,7 @@ def draw_masks(layout, context):
         return
     row = layout.row()
     for name, tint in masks.tints.items():
-        row.label(text=name, icon_value=chips.icon(tint))
+        row.label(text=name, icon_value=tints.icon(tint))
 
 
 def draw_solo(layout, name, index):
@@ -98,10 +98,8 @@ def draw_left(layout, item):
     elif isinf(left):
         layout.label(text=translate("{name} has no such color: pick one on it", name=item.name), icon="ERROR")
     else:
-        layout.label(
-            text=translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}"),
-            icon="CHECKMARK" if left < INVISIBLE else "BLANK1",
-        )
+        text = translate("Remaining difference: {how} ({number})", how=how_visible(left), number=f"{left:.1f}")
+        layout.label(text=text, icon="CHECKMARK" if left < INVISIBLE else "BLANK1")
 
 
 def how_visible(difference):

@@ -2,13 +2,12 @@
 
 import bpy
 
-from ..host.labels import draw_text
-from ..host.words import translate
+from ..host.words import draw_text, translate
 from ..project import disk
-from ..swatches import looks, object_masks, reference
+from ..swatches import colors, looks, object_masks
 from ..tasks import queries
 from .display import ADVANCED_MODES, draw_advanced, draw_modes, draw_view, draw_view_options, how_visible
-from .swatching import draw_object
+from .swatching import draw_fold, draw_object
 
 
 def draw_edit(layout, context):
@@ -44,9 +43,7 @@ def draw_edit(layout, context):
 
 def _draw_match(layout, karf):
     match = karf.match
-    row = layout.row()
-    row.alignment = "LEFT"
-    row.prop(match, "show", icon="DOWNARROW_HLT" if match.show else "RIGHTARROW", emboss=False)
+    draw_fold(layout, match, "show")
     if not match.show:
         return
     layout.template_ID(match, "picture", open="image.open")
@@ -54,14 +51,9 @@ def _draw_match(layout, karf):
     row.operator("karf.paint_over", icon="BRUSH_DATA")
     row.operator("karf.match_picture", icon="EYEDROPPER")
     for left in match.left:
-        text = translate(
-            "{name}: the remaining difference is {how} ({left}, was {before})",
-            name=left.name,
-            how=how_visible(left.left),
-            before=f"{left.before:.1f}",
-            left=f"{left.left:.1f}",
-        )
-        layout.label(text=text)
+        values = {"name": left.name, "how": how_visible(left.left)}
+        values |= {"left": f"{left.left:.1f}", "before": f"{left.before:.1f}"}
+        layout.label(text=translate("{name}: the remaining difference is {how} ({left}, was {before})", **values))
 
 
 def _draw_looks(layout, context):
@@ -112,10 +104,10 @@ def draw_light(layout, scene):
     layout.operator("karf.pick_chart", icon="EYEDROPPER")
     if queries.is_waiting("chart"):
         layout.label(text="The engine is working", icon="SORTTIME")
-    if reference.has_chart(scene):
+    if colors.has_chart(scene):
         text = translate("Color chart: CIEDE2000 {number} remaining", number=f"{scene.karf.chart_left:.1f}")
         layout.operator("karf.remove_chart", text=text, icon="X")
         return
     layout.prop(scene.karf, "card")
-    if any(scene.karf.card) and reference.light(scene) is None:
+    if any(scene.karf.card) and colors.reference_light(scene) is None:
         layout.label(text="The card is too dark or too bright at this point", icon="ERROR")

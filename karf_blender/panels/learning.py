@@ -4,10 +4,9 @@ import bpy
 
 from ... import __package__ as extension
 from ..engine import installing
-from ..host.labels import draw_text
-from ..host.words import translate
+from ..host.words import draw_text, translate
 from ..marking import objects
-from ..pictures import chips
+from ..pictures import tints
 from ..preferences import state
 from ..project import disk, moving
 from ..rig import reprojection
@@ -132,11 +131,10 @@ def _draw_unsure(layout, context, known):
     for name, share, is_unseen in known.unsure:
         shown = {"name": name, "share": f"{100 * share:.0f}"}
         if is_unseen:
-            draw_text(
-                layout, translate("{name}: {share} % unsure, not visible in any marked view", **shown), "QUESTION"
-            )
+            text = translate("{name}: {share} % unsure, not visible in any marked view", **shown)
         else:
-            draw_text(layout, translate("{name}: {share} % unsure, marks and colors disagree", **shown), "QUESTION")
+            text = translate("{name}: {share} % unsure, marks and colors disagree", **shown)
+        draw_text(layout, text, "QUESTION")
     if not context.scene.karf.objects:  # then step 6 has it
         layout.prop_enum(context.window_manager.karf_seeing, "mode", "UNSURE")
         draw_render_learned(layout, context)
@@ -152,7 +150,7 @@ class KARF_UL_objects(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
         row = layout.row(align=True)
-        row.label(text="", icon_value=chips.icon(objects.tint(item)))
+        row.label(text="", icon_value=tints.icon(objects.tint(item)))
         row.prop(item, "name", text="", emboss=False)
         count = disk.contents_of(context.scene).masks.get(item.folder, 0)
         row.label(text=translate("{count} marked", count=count) if count else "not marked")
@@ -171,10 +169,13 @@ def draw_mark(layout, context):
     layout.label(text="Ctrl: exclude from the object" if marking.correct else "Ctrl: take away", icon="MOUSE_LMB")
     layout.prop(marking, "brush")
     layout.operator_menu_enum("karf.set_volume", "kind", icon="CUBE")
-    if "segmentation" in disk.contents_of(scene).stages:
+    known = disk.contents_of(scene)
+    if "segmentation" in known.stages:
         layout.prop(marking, "correct", toggle=True, icon="BRUSH_DATA")
-        layout.operator("karf.go_to_suggested", text=_suggested_view_label(scene), icon="LIGHT")
-        if disk.contents_of(scene).any_view_helps:
+        suggested = known.suggested
+        text = translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
+        layout.operator("karf.go_to_suggested", text=text, icon="LIGHT")
+        if known.any_view_helps:
             layout.label(text="All views would help about equally", icon="BLANK1")
     layout.operator("karf.erase_mask", icon="X", text="Erase Correction" if marking.correct else "Erase Mask")
     if state.known().problem:
@@ -182,11 +183,6 @@ def draw_mark(layout, context):
     if queries.is_waiting("propose") or queries.is_waiting("correct"):
         layout.label(text="The engine is working", icon="SORTTIME")
     layout.prop(scene.karf, "masks")
-
-
-def _suggested_view_label(scene) -> str:
-    suggested = disk.contents_of(scene).suggested
-    return translate("Mark next: {view}", view=suggested[0]) if suggested else translate("Suggested View")
 
 
 def _draw_view_steps(layout, scene):

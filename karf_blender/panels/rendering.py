@@ -2,13 +2,11 @@
 
 import bpy
 
-from ..host.labels import draw_text
-from ..host.words import translatable
+from ..host.words import draw_text, translatable
 from ..project import disk
 from ..render_engine.engine import NAME
 from ..steps import preview
 from ..surface import scene_object, splat_objects
-from ..swatches import free_camera
 from .display import draw_advanced, draw_space
 
 
@@ -81,7 +79,7 @@ def _draw_live(layout, karf):
     row.prop(bpy.data.window_managers[0].karf_preview, "long_side", text="")
     if preview.message():
         draw_text(layout, preview.message(), "INFO")
-    for sentence in free_camera.lacks():
+    for sentence in preview.missing():
         draw_text(layout, sentence, "INFO")
 
 

@@ -12,8 +12,7 @@ import bpy
 
 from .. import session
 from ..host import windows
-from ..host.labels import draw_text
-from ..host.words import translatable, translate
+from ..host.words import draw_text, translatable, translate
 from ..project import disk
 from ..workspace import opening, states, statusbar
 from . import editing, learning, rendering, swatching

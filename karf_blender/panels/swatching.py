@@ -4,12 +4,11 @@ import bpy
 import numpy as np
 
 from ..engine_api import lab_chroma, lab_hue, nearest_names, srgb_to_lab
-from ..host.labels import draw_text
-from ..host.words import translate
-from ..pictures import chips
+from ..host.words import draw_text, translate
+from ..pictures import tints
 from ..preferences import color_book
 from ..properties.swatches import KARF_PG_swatch
-from ..swatches import colors, reference
+from ..swatches import colors
 from .display import draw_left, draw_solo, how_visible
 
 NEAREST = 3  # names offered for a color
@@ -29,13 +28,13 @@ def draw_object(layout, item):
             _draw_swatch(row.column(align=True), item, index, swatch)
     row.operator("karf.add_color", text="", icon="EYEDROPPER").object_name = item.name
     row = layout.row()
-    _draw_fold(row, item, "show_becomes")
+    draw_fold(row, item, "show_becomes")
     row.prop(item, "is_metal", icon="SHADING_RENDERED", icon_only=True)
     if item.show_becomes:
         _draw_becomes(layout, item)
     row = layout.row()
-    _draw_fold(row, item, "show_surface")
-    _draw_fold(row, item, "show_edge")
+    draw_fold(row, item, "show_surface")
+    draw_fold(row, item, "show_edge")
     if item.show_surface:
         _draw_surfaces(layout, item)
     if item.show_edge:
@@ -44,8 +43,8 @@ def draw_object(layout, item):
         row.prop(item, "feather")
 
 
-def _draw_fold(row, item, name):
-    left = row.row()
+def draw_fold(layout, item, name):
+    left = layout.row()
     left.alignment = "LEFT"
     left.prop(item, name, icon="DOWNARROW_HLT" if getattr(item, name) else "RIGHTARROW", emboss=False)
 
@@ -57,7 +56,7 @@ def _draw_swatch(column, item, index, swatch):
     row = column.row(align=True)
     for each in item.swatches:
         if each == swatch or (each.merged == index and not swatch.is_added):
-            learned = row.operator("karf.reset_swatch", text="", icon_value=chips.icon(each.learned))
+            learned = row.operator("karf.reset_swatch", text="", icon_value=tints.icon(each.learned))
             learned.object_name, learned.index = item.name, index
     edited = column.row(align=True)
     edited.scale_y = 2.0
@@ -65,7 +64,8 @@ def _draw_swatch(column, item, index, swatch):
     edited.prop(swatch, "color", text="")
     row = column.row(align=True)
     draw_solo(row, item.name, index)
-    row.menu("KARF_MT_swatch", text="", icon=_state_icon(swatch))  # Blender adds an arrow
+    icon = "LOCKED" if swatch.locked else "LINKED" if swatch.link else "NONE"
+    row.menu("KARF_MT_swatch", text="", icon=icon)  # Blender adds an arrow
 
 
 def _draw_surfaces(layout, item):
@@ -74,7 +74,7 @@ def _draw_surfaces(layout, item):
     column = table.column(align=True)
     column.label(text="")
     for _, swatch in shown:
-        column.label(text="", icon_value=chips.icon(swatch.color))
+        column.label(text="", icon_value=tints.icon(swatch.color))
     for name in colors.SURFACE:
         column = table.column(align=True)
         column.label(text=KARF_PG_swatch.bl_rna.properties[name].name)
@@ -89,10 +89,6 @@ def _draw_surfaces(layout, item):
         button.enabled = not colors.surface_of(swatch).is_neutral
         reset = button.operator("karf.reset_surface", text="", icon="LOOP_BACK")
         reset.object_name, reset.index = item.name, index
-
-
-def _state_icon(swatch):
-    return "LOCKED" if swatch.locked else "LINKED" if swatch.link else "NONE"
 
 
 def _draw_becomes(layout, item):
@@ -176,7 +172,7 @@ def _draw_others(layout, context, operator):
     for item in context.scene.karf.objects:
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not other.merged:
-                text, icon = f"{item.name} {index}", chips.icon(other.color)
+                text, icon = f"{item.name} {index}", tints.icon(other.color)
                 button = _swatch_operator(layout, operator, context, text=text, icon_value=icon)
                 button.other_name, button.other_index = item.name, index
 
@@ -190,10 +186,9 @@ class KARF_MT_merge(bpy.types.Menu):
         item = context.karf_object
         for index, other in enumerate(item.swatches):
             if index and other != context.karf_swatch and not (other.merged or other.is_added):
-                icon = chips.icon(other.learned)
-                _swatch_operator(
-                    self.layout, "karf.merge_swatch", context, text=f"{item.name} {index}", icon_value=icon
-                ).into = index
+                text, icon = f"{item.name} {index}", tints.icon(other.learned)
+                button = _swatch_operator(self.layout, "karf.merge_swatch", context, text=text, icon_value=icon)
+                button.into = index
 
 
 class KARF_MT_palette(bpy.types.Menu):
@@ -239,10 +234,11 @@ def draw_context_menu(menu, context):
 def _draw_names(layout, color, object_name, index):
     """Lab and LCh of an sRGB color, and the names next to it; index: of the object's swatch, 0 for its target color."""
     scene = bpy.context.scene
-    color = reference.as_named(scene, np.array(color))
+    color = colors.as_named(scene, np.array(color))
     lab = srgb_to_lab(color)
-    layout.label(text=_lab_text(lab))
-    layout.label(text=_lch_text(lab))
+    layout.label(text="Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0)))  # no -0.0
+    lch = lab[0], lab_chroma(lab), np.degrees(lab_hue(lab)) % 360
+    layout.label(text="LCh (D65)   {:.1f}   {:.1f}   {:.1f}\N{DEGREE SIGN}".format(*lch))
     layout.separator()
     layout.operator_context = "INVOKE_DEFAULT"  # the search and the file browser are what invoking opens
     book, problem = color_book.known()
@@ -250,26 +246,13 @@ def _draw_names(layout, color, object_name, index):
         draw_text(layout, problem, "ERROR")
     if book is not None:
         for near in nearest_names(book, color, NEAREST):
-            text = translate(
-                "{name}: {how} ({number})",
-                name=near.name,
-                how=how_visible(near.ciede2000),
-                number=f"{near.ciede2000:.1f}",
-            )
-            button = layout.operator("karf.use_color_name", text=text, icon_value=chips.icon(near.color))
+            how, number = how_visible(near.ciede2000), f"{near.ciede2000:.1f}"
+            text = translate("{name}: {how} ({number})", name=near.name, how=how, number=number)
+            button = layout.operator("karf.use_color_name", text=text, icon_value=tints.icon(near.color))
             button.object_name, button.index, button.color_name = object_name, index, near.name
         find = layout.operator("karf.find_color_name", icon="VIEWZOOM")
         find.object_name, find.index = object_name, index
     layout.operator("karf.choose_color_book", icon="FILE_FOLDER")
-
-
-def _lab_text(lab):
-    return "Lab (D65)   {:.1f}   {:.1f}   {:.1f}".format(*(lab.round(1) + 0.0))  # no -0.0
-
-
-def _lch_text(lab):
-    hue = np.degrees(lab_hue(lab)) % 360
-    return f"LCh (D65)   {lab[0]:.1f}   {lab_chroma(lab):.1f}   {hue:.1f}\N{DEGREE SIGN}"
 
 
 class KARF_MT_swatch_names(bpy.types.Menu):

@@ -14,12 +14,8 @@ MARGIN = 0.95  # share of the editor that a picture fills
 def reveal(image: bpy.types.Image, is_wanted: bool = False, is_whole: bool = False) -> None:
     """Show an image in the Image Editors that show none, or one of KaRF's own.
 
-    The engine's preview never replaces another picture.
-
-    Args:
-        image: The picture to show.
-        is_wanted: The user has requested this picture; else one in paint mode stays.
-        is_whole: Zoom to the whole image in editors that did not show it before.
+    The engine's preview never replaces another picture. Unless the user has requested the image (`is_wanted`), one in
+    paint mode stays. With `is_whole`, editors that did not show it before zoom to all of it.
     """
     replaced = PREVIEW_NAME if image.name.startswith(PREVIEW_NAME) else PREFIX
     for area in windows.areas("IMAGE_EDITOR"):
@@ -43,28 +39,27 @@ def is_empty(area: bpy.types.Area) -> bool:
 
 
 def show(area: bpy.types.Area, image: bpy.types.Image | None) -> None:
-    """Show an image, or none, in an Image Editor, at the place and width of the last one: Blender 5.2 would reset the
-    zoom."""
+    """Show an image, or none, in an Image Editor, at the place and width of the last one."""
     play(area)
     space = area.spaces.active
     if space.image == image:
         return
-    zoom, ends = space.zoom_percentage, _ends(area)
+    zoom, corners = space.zoom_percentage, _corners(area)
     space.image = image
-    if image is not None and ends and space.zoom_percentage != zoom and image.size[0] and not bpy.app.background:
-        place(area, *ends)
+    # Blender 5.2 resets the zoom
+    if image is not None and corners and space.zoom_percentage != zoom and image.size[0] and not bpy.app.background:
+        place(area, *corners)
 
 
 def play(area: bpy.types.Area) -> None:
-    """Update an Image Editor during playback, wherever it started: by default only the editor under the mouse
-    plays."""
+    """Update an Image Editor during playback; by default only the editor under the mouse plays."""
     area.id_data.use_play_image_editors = True
 
 
 def fit(area: bpy.types.Area) -> None:
     """Zoom an Image Editor to its whole picture, beside its overlapping sidebar and toolbar."""
     width, height = area.spaces.active.image.size
-    region, (x0, y0, x1, y1) = _free(area)
+    region, (x0, y0, x1, y1) = _main_region(area), _uncovered(area)
     if not width or min(x1 - x0, y1 - y0) <= 1:  # it cannot be read, or the editor was not drawn yet
         return
     zoom = MARGIN * min((x1 - x0) / width, (y1 - y0) / height)
@@ -84,7 +79,7 @@ def place(area: bpy.types.Area, low: tuple[float, float], high: tuple[float, flo
         bpy.ops.image.view_pan(offset=tuple(-value / 2 / zoom for value in aside))
 
 
-def _ends(area: bpy.types.Area) -> tuple[tuple[int, int], tuple[int, int]] | None:
+def _corners(area: bpy.types.Area) -> tuple[tuple[int, int], tuple[int, int]] | None:
     """Return the lower left and the upper right corner of the displayed picture, if any."""
     view = _main_region(area).view2d
     if area.spaces.active.image is None:
@@ -92,8 +87,8 @@ def _ends(area: bpy.types.Area) -> tuple[tuple[int, int], tuple[int, int]] | Non
     return view.view_to_region(0, 0, clip=False), view.view_to_region(1, 1, clip=False)
 
 
-def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, int]]:
-    """Return the main region of an editor and its uncovered part: left, bottom, right, top in the window."""
+def _uncovered(area: bpy.types.Area) -> tuple[int, int, int, int]:
+    """Return the uncovered part of an editor's main region: left, bottom, right, top in the window."""
     main = _main_region(area)
     x0, y0, x1, y1 = main.x, main.y, main.x + main.width, main.y + main.height
     for region in area.regions:
@@ -105,7 +100,7 @@ def _free(area: bpy.types.Area) -> tuple[bpy.types.Region, tuple[int, int, int, 
             x1 = min(x1, region.x)
         elif region.alignment == "TOP":
             y1 = min(y1, region.y)
-    return main, (x0, y0, x1, y1)
+    return x0, y0, x1, y1
 
 
 def _main_region(area: bpy.types.Area) -> bpy.types.Region:

@@ -21,11 +21,7 @@ STILL_SECONDS = 0.5  # that a picture has not changed: one that follows the mous
 
 
 def new_image(name: str, width: int, height: int) -> bpy.types.Image:
-    """Create a black, opaque byte image labelled sRGB.
-
-    Raises:
-        BadRequest: Blender renders.
-    """
+    """Create a black, opaque byte image labelled sRGB; raise BadRequest while Blender renders."""
     rendering.refuse()
     image = bpy.data.images.new(name, width, height, alpha=False)
     image.colorspace_settings.name = "sRGB"
@@ -35,8 +31,7 @@ def new_image(name: str, width: int, height: int) -> bpy.types.Image:
 
 def knows_space(name: str) -> bool:
     """Return whether Blender's color management has a space of this name."""
-    spaces = bpy.types.Image.bl_rna.properties["colorspace_settings"].fixed_type.properties["name"].enum_items
-    return name in spaces
+    return name in bpy.types.Image.bl_rna.properties["colorspace_settings"].fixed_type.properties["name"].enum_items
 
 
 def fit(image: bpy.types.Image, width: int, height: int) -> None:
@@ -89,12 +84,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 
 
 def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
-    """Read a picture's numbers [H, W, 3] float32, transparency put on white; at most `long_side` pixels long.
-
-    Raises:
-        DataError: The file is unreadable.
-        BadRequest: Blender renders.
-    """
+    """Read a picture's numbers [H, W, 3] float32 as `opened`, transparency put on white; at most `long_side` long."""
     with opened(path) as image:
         if long_side and max(image.size) > long_side:
             image.scale(*(max(1, round(side * long_side / max(image.size))) for side in image.size))
@@ -105,9 +95,7 @@ def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
 def opened(path: Path) -> Iterator[bpy.types.Image]:
     """Load a picture file as an image, and remove it after this block.
 
-    Raises:
-        DataError: The file is unreadable.
-        BadRequest: Blender renders.
+    Raises DataError if the file is unreadable, BadRequest while Blender renders.
     """
     rendering.refuse()
     try:
@@ -132,14 +120,8 @@ def colors_of(image: bpy.types.Image) -> np.ndarray:
 
 
 def read_mask(path: Path) -> np.ndarray:
-    """Read a mask [H, W] bool by the engine's rules: over one half in alpha if that varies, else in the brightest
-    channel.
-
-    Raises:
-        DataError: The file is unreadable.
-        BadRequest: Blender renders.
-    """
-    with opened(path) as image:
+    """Read a mask [H, W] bool as `opened`: over one half in alpha if that varies, else in the brightest channel."""
+    with opened(path) as image:  # by the same rules as the engine
         rgba = pixels(image)
     color, opaque = rgba[..., :3].max(-1), rgba[..., 3] > 0.5
     brightest = color.max()
@@ -148,17 +130,11 @@ def read_mask(path: Path) -> np.ndarray:
 
 
 def read_correction(path: Path) -> np.ndarray:
-    """Read a correction [H, W] int8: 1 for opaque white (part of the object), -1 for opaque black (not part of it),
-    else 0.
-
-    Raises:
-        DataError: The file is unreadable.
-        BadRequest: Blender renders.
-    """
+    """Read a correction [H, W] int8 as `opened`: opaque white (part of the object) is 1, opaque black -1, else 0."""
     with opened(path) as image:
         rgba = pixels(image)
-    said = np.where(rgba[..., 0] > 0.5, 1, -1)
-    return np.where(rgba[..., 3] > 0.5, said, 0).astype(np.int8)
+    sign = np.where(rgba[..., 0] > 0.5, 1, -1)
+    return np.where(rgba[..., 3] > 0.5, sign, 0).astype(np.int8)
 
 
 def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:

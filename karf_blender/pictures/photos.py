@@ -17,7 +17,7 @@ from ..engine_api import (
 )
 from . import images
 
-SHOWN_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full photo would block Blender for seconds
+MOST_PIXELS = 2_000_000  # pixels of a photo behind a camera; a phone's full photo would block Blender for seconds
 
 
 def is_shown_as_stored(view: View) -> bool:
@@ -26,23 +26,15 @@ def is_shown_as_stored(view: View) -> bool:
 
 
 def read(view: View, long_side: int | None = None) -> np.ndarray:
-    """Read the photo with its lens distortion, as the user paints masks on it.
+    """Read the photo with its lens distortion, as the user paints masks on it: [H, W, 3] float32, sRGB in [0, 1].
 
-    Returns:
-        [H, W, 3] float32, sRGB in [0, 1]; at most `long_side` pixels long.
-
-    Raises:
-        DataError: The photo cannot be read.
+    It is at most `long_side` pixels long. Raises DataError if it cannot be read.
     """
     return _taken(view, images.read_picture(view.image, long_side))
 
 
 def taken(view: View, folder: Path) -> Path:
-    """Return a file that Blender shows like `read`: the photo if possible, else a copy in the folder, made once.
-
-    Raises:
-        DataError: The photo cannot be read.
-    """
+    """Return a file that Blender shows like `read`: the photo if possible, else a copy in the folder, made once."""
     header = _header(view)
     if _orientation(view) == 1 and (header is None or header.kind != "exr"):
         return view.image
@@ -53,12 +45,12 @@ def taken(view: View, folder: Path) -> Path:
 
 
 def straightened(view: View, folder: Path) -> Path:
-    """Return a PNG of the photo as the view's pinhole shows it, at most SHOWN_PIXELS large, made once in the folder.
+    """Return a PNG of the photo as the view's pinhole shows it, at most MOST_PIXELS large, made once in the folder.
 
-    Raises:
-        DataError: The photo cannot be read, or has another size than its camera.
+    Raises DataError if the photo cannot be read or has another size than its camera.
     """
-    camera = _shown(view.camera)
+    shrink = min(1.0, (MOST_PIXELS / (view.camera.width * view.camera.height)) ** 0.5)
+    camera = view.camera.scaled(*(max(1, round(side * shrink)) for side in (view.camera.width, view.camera.height)))
     lens = (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.distortion, camera.fisheye)
     path = _copy(view, folder, lens)
     if not path.exists():
@@ -70,12 +62,6 @@ def _copy(view: View, folder: Path, purpose: object) -> Path:
     """Return the path of a copy of the photo, for a purpose."""
     made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
     return checked_path(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
-
-
-def _shown(camera: Camera) -> Camera:
-    """Return the camera at the size of its background image, which Blender stretches over the frame."""
-    shrink = min(1.0, (SHOWN_PIXELS / (camera.width * camera.height)) ** 0.5)
-    return camera.scaled(max(1, round(camera.width * shrink)), max(1, round(camera.height * shrink)))
 
 
 def _read_small(view: View, camera: Camera) -> np.ndarray:

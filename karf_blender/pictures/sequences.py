@@ -29,14 +29,8 @@ def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
 def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types.Image:
     """Show frames in the Image Editors: as a sequence if their names count up, else the first of them.
 
-    Args:
-        files: In their order.
-        first: The scene's frame for the first file.
-        is_wanted: The user has requested them; else a picture in paint mode stays.
-
-    Raises:
-        BadRequest: Blender renders.
-        DataError: The first is unreadable.
+    `first` is the scene's frame for the first file; `is_wanted` as in `editors.reveal`. Raises DataError if the first
+    file is unreadable, BadRequest while Blender renders.
     """
     rendering.refuse()
     old = bpy.data.images.get(NAME)
@@ -54,16 +48,12 @@ def show(files: Sequence[Path], first: int, is_wanted: bool = True) -> bpy.types
     editors.reveal(image, is_wanted, is_whole=True)
     for area in windows.areas("IMAGE_EDITOR"):
         if area.spaces.active.image == image and image.source == "SEQUENCE":
-            _follow_frames(area.spaces.active.image_user, numbers, first)
+            user = area.spaces.active.image_user
+            user.frame_start, user.frame_offset = first, numbers[0] - 1
+            user.frame_duration = numbers[-1] - numbers[0] + 1
+            user.use_auto_refresh = True  # follow the scene's current frame
             editors.play(area)
     return image
-
-
-def _follow_frames(user: bpy.types.ImageUser, numbers: Sequence[int], first: int) -> None:
-    """Show the file of the scene's current frame in an editor."""
-    user.frame_start, user.frame_offset = first, numbers[0] - 1
-    user.frame_duration = numbers[-1] - numbers[0] + 1
-    user.use_auto_refresh = True
 
 
 def number_of(path: Path) -> int | None:

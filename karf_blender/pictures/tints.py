@@ -1,12 +1,16 @@
-"""Colors that distinguish objects, the same in overlays, outlines, marks and icons."""
+"""Colors that distinguish objects, and icons of one flat color: a disabled color field would be too dark."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import count
 
-from ..engine_api import hex_to_rgb
+import bpy.utils.previews
+
+from .. import session
+from ..engine_api import hex_to_rgb, rgb_to_hex
 
 # the nearest two differ by CIEDE2000 17; the first five by 34
 TINTS = ("#ff4b4b", "#3aa8ff", "#ffd23a", "#4be08a", "#c873ff", "#ff9a3a", "#3ae0e0", "#ff7ac8")
+ICON_SIDE = 16
 
 
 def tints_of(names: Iterable[str], numbers: Mapping[str, int]) -> dict[str, tuple[float, float, float]]:
@@ -18,3 +22,24 @@ def tints_of(names: Iterable[str], numbers: Mapping[str, int]) -> dict[str, tupl
 def tint_of(index: int) -> tuple[float, float, float]:
     """Return the color of an object's number, sRGB in [0, 1]; there are eight."""
     return tuple(map(float, hex_to_rgb(TINTS[index % len(TINTS)])))
+
+
+class ColorIcons:
+    """The icons by color; Blender needs the collection until the end."""
+
+    def __init__(self) -> None:
+        self.icons = bpy.utils.previews.new()
+
+    def close(self) -> None:
+        bpy.utils.previews.remove(self.icons)
+
+
+def icon(color: Sequence[float]) -> int:
+    """Return the `icon_value` of an sRGB color."""
+    name = rgb_to_hex(color)
+    icons = session.get(ColorIcons).icons
+    if name not in icons:
+        preview = icons.new(name)
+        preview.icon_size = ICON_SIDE, ICON_SIDE
+        preview.icon_pixels_float = [*color, 1.0] * ICON_SIDE**2
+    return icons[name].icon_id

@@ -8,7 +8,7 @@ from ..engine import installing, probing
 from ..engine.installer.home import BROKEN, NONE, OUTDATED, READY, UNFINISHED
 from ..engine.installer.plan import size_text
 from ..engine_api import ERROR, OK, WARNING, Cancelled, Finding, Message, Options, bounds_of
-from ..host.labels import draw_text
+from ..host.words import draw_text
 from . import color_book, state
 from .state import Engine, chosen_python, current, engine_folder, engine_python, has_engine
 
@@ -27,7 +27,7 @@ WIDTH = 96  # letters that fit the preferences' usual width
 
 
 def _make_paths_absolute(preferences, _):
-    # a setting of this machine must not depend on the file that is open
+    # a setting of this machine must not depend on the open file
     for name in ("engine_folder", "color_book"):
         if getattr(preferences, name).startswith("//"):
             setattr(preferences, name, bpy.path.abspath(getattr(preferences, name)))

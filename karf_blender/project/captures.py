@@ -21,22 +21,14 @@ class ReadCaptures:
 
 
 def path_of(scene: bpy.types.Scene) -> Path:
-    """Return the path of the scene's capture.
-
-    Raises:
-        BadRequest: None was imported.
-    """
+    """Return the path of the scene's capture; raise BadRequest if none was imported."""
     if not scene.karf.capture:
         raise BadRequest("The scene {name!r} has no capture.", "Import a capture first.", name=scene.name)
     return folders.absolute(scene.karf.capture)
 
 
 def of(scene: bpy.types.Scene) -> Capture:
-    """Return the scene's capture, as of the last time it was read.
-
-    Raises:
-        KarfError: None was imported, or it cannot be read.
-    """
+    """Return the scene's capture as it was read last; raise KarfError if none was imported or it is unreadable."""
     path, known = path_of(scene), session.get(ReadCaptures).by_path
     if path not in known:
         known[path] = open_capture(path)

@@ -1,23 +1,32 @@
-"""A snapshot of the files of all scenes, for drawing and polls, which run at every redraw.
+"""The files of scenes: finished stages, edit planes, renderings and masks.
 
-A slow timer refreshes it, and so does every change: a job's end, another folder, a new mask, undo, load and save. In
-background mode nothing is drawn and timers never fire: there each call reads the disk.
+Drawing and polls, which run at every redraw, use `contents_of`: what was read last. A slow timer refreshes it, and so
+does every change: a job's end, another folder, a new mask, undo, load and save. In background mode nothing is drawn and
+timers never fire: there each call reads the disk. All other functions always read the disk.
 """
 
+import os
+import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import bpy
 
 from .. import session
-from ..engine_api import KarfError
+from ..engine_api import BadRequest, KarfError, Project, planes_made_from, read_json, result_fingerprint
 from ..host import windows
 from ..preferences import color_book, state
-from . import contents, folders
+from . import folders
 
 HAS_TIMER = not bpy.app.background
 REFRESH_SECONDS = 2.0
+LISTING_SECONDS = 30.0  # after which masks that others have overwritten in place are noticed
+GRACE_SECONDS = 5.0  # tolerance: a stage copies masks into the project as its last action
 READ = "disk_read"  # event, where anything is drawn
 
 
@@ -35,16 +44,29 @@ class Contents:
     masks: Mapping[str, int] = field(default_factory=dict)  # their number, of each object that has some
     suggested: tuple[str, ...] = ()  # the views whose mark would decide most, the best first
     any_view_helps: bool = False  # whether a mark in any other view would decide about as much
-    unsure: tuple[tuple[str, float, bool], ...] = ()  # see `contents.unsure_objects`
+    # of each object: name, unsure share in [0, 1], and whether that is mostly unseen by marked photos
+    unsure: tuple[tuple[str, float, bool], ...] = ()
+
+
+@dataclass(frozen=True)
+class MaskFolder:
+    """The PNG files directly in a folder."""
+
+    key: tuple[int, int]  # it is listed again when this has changed
+    count: int
+    written: float  # time of the last change
+    folders: tuple[Path, ...]  # in it
 
 
 @dataclass
 class LastRead:
-    """The snapshot: the files of each scene."""
+    """The contents and the folders of masks that were read last."""
 
     scenes: Mapping[tuple[str, ...], Contents] = field(default_factory=dict)
+    mask_folders: dict[Path, MaskFolder] = field(default_factory=dict)
 
 
+# --- what was read last --------------------------------------------------------------------------------------------
 def contents_of(scene: bpy.types.Scene) -> Contents:
     """Return the scene's files as of the last refresh; nothing before the first one."""
     if not HAS_TIMER:
@@ -57,10 +79,10 @@ def refresh(lists_again: bool = True) -> bool:
 
     lists_again: Also list folders of masks whose times have not changed.
     """
-    if lists_again:
-        contents.forget_marks()
     last = session.get(LastRead)
-    before, last.scenes = last.scenes, {_key(scene): _read(scene) for scene in bpy.data.scenes}
+    if lists_again:
+        last.mask_folders.clear()
+    before, last.scenes = last.scenes, {_key(scene): read(scene) for scene in bpy.data.scenes}
     has_new_engine, has_new_book = state.refresh(), color_book.refresh()
     if HAS_TIMER:
         session.notify(READ)
@@ -72,28 +94,6 @@ def _key(scene: bpy.types.Scene) -> tuple[str, ...]:
     return bpy.data.filepath, karf.project, karf.masks, karf.active_view
 
 
-def _read(scene: bpy.types.Scene) -> Contents:
-    has_project = bool(scene.karf.project)
-    try:
-        if has_project and not (folder := folders.project_of(scene).folder).is_dir():
-            return Contents(missing=folder)
-        return Contents(
-            stages=contents.finished_stages(scene),
-            outdated=contents.outdated(scene),
-            learned_with=contents.learned_with(scene),
-            is_prepared=contents.is_prepared(scene),
-            is_rendered=has_project and contents.seen_rendering(scene) is not None,
-            is_doubted=has_project and bool(contents.seen_doubts(scene)),
-            masks=contents.mask_counts(scene),
-            suggested=contents.views_to_mark(scene),
-            any_view_helps=contents.any_view_helps(scene),
-            unsure=contents.unsure_objects(scene),
-        )
-    except (OSError, KarfError):  # unreadable, or gone while it was read
-        return Contents()
-
-
-# --- timer and handlers --------------------------------------------------------------------------------------------
 def _tick() -> float:
     if refresh(lists_again=False):
         windows.redraw("PREFERENCES", *windows.PANEL_AREAS)
@@ -110,3 +110,181 @@ def _watch():
     if HAS_TIMER:
         session.start_timer(_tick, persistent=True)
     yield
+
+
+# --- reading -------------------------------------------------------------------------------------------------------
+def read(scene: bpy.types.Scene) -> Contents:
+    """Return the present state of the scene's files; nothing if they are unreadable. Never raises."""
+    project = folders.project_of(scene) if scene.karf.project else None
+    try:
+        if project is not None and not project.folder.is_dir():
+            return Contents(missing=project.folder)
+        marked = _folders_in(folders.absolute(scene.karf.masks)) if scene.karf.masks else []
+        counts = {folder.name: _masks_below(folder)[0] for folder in marked}
+        masks = {name: count for name, count in counts.items() if count}
+        if project is None:
+            return Contents(masks=masks)
+        found = _state_of(project)
+        stages = found.get("stages", {})
+        report = _report(project) if "segmentation" in stages else {}
+        return Contents(
+            stages=frozenset(stages),
+            outdated=_outdated(project, marked),
+            learned_with=_learned_with(found),
+            is_prepared=is_prepared(scene),
+            is_rendered=rendering_of(scene) is not None,
+            is_doubted=bool(rendered_doubts(scene)),
+            masks=masks,
+            suggested=tuple(name for name in _table(report, "suggestions") if name in scene.karf.views),
+            any_view_helps=report.get("any_view_helps") is True,
+            unsure=_unsure(_table(report, "unsure")),
+        )
+    except (OSError, KarfError):  # unreadable, or gone while it was read
+        return Contents()
+
+
+def _state_of(project: Project) -> Mapping[str, Any]:
+    """Return the content of project.json; empty before anything is learned."""
+    try:
+        return _read_state(project.folder, *_time_and_size(project.state_file))
+    except (OSError, KarfError):
+        return {}
+
+
+@lru_cache(maxsize=4)
+def _read_state(folder: Path, written: int, size: int) -> Mapping[str, Any]:
+    return MappingProxyType(Project(folder).state())
+
+
+def _time_and_size(path: Path) -> tuple[int, int]:
+    """Return what tells whether a file has changed. Raises OSError if it is gone."""
+    found = path.stat()
+    return found.st_mtime_ns, found.st_size
+
+
+def _learned_with(state: Mapping[str, Any]) -> tuple[str, str]:
+    geometry = state.get("stages", {}).get("geometry")
+    if geometry is None:
+        return "", ""
+    return state.get("settings", {}).get("preset", ""), geometry.get("nerf", "")
+
+
+def _report(project: Project) -> Mapping[str, Any]:
+    """Return the report of the last segmentation; empty if there is none."""
+    try:
+        found = read_json(project.segmentation_report, "report")
+    except (OSError, KarfError):  # a damaged report must not stop the panels
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _table(report: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = report.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _unsure(objects: Mapping[str, Any]) -> tuple[tuple[str, float, bool], ...]:
+    try:
+        return tuple((name, float(each["share"]), each["unseen"] > 0.5) for name, each in objects.items())
+    except (KeyError, TypeError, ValueError):
+        return ()
+
+
+# --- masks ---------------------------------------------------------------------------------------------------------
+def _outdated(project: Project, marked: list[Path]) -> frozenset[str]:
+    """Return the stages with a result of other data than the present; `marked`: the folders of objects' masks."""
+    state = _state_of(project)
+    stages, listed = state.get("stages", ()), state.get("outdated", ())
+    project = Project(project.folder, dict(state) or None)  # reads project.json once
+    results = {"segmentation": project.segmentation_file, "recoloring": project.palette_file}
+    # earlier versions of the engine list no outdated stages, but keep their files
+    found = {name for name, file in results.items() if name not in stages and (name in listed or file.exists())}
+    if "segmentation" in stages and results["segmentation"].exists():
+        written = [_masks_below(folder)[1] for folder in (*marked, *_folders_in(project.corrections_folder))]
+        written += [project.volumes_file.stat().st_mtime] if project.volumes_file.exists() else []
+        if max(written, default=0.0) > results["segmentation"].stat().st_mtime + GRACE_SECONDS:
+            found.add("segmentation")
+    return frozenset(found)
+
+
+def _folders_in(root: Path) -> list[Path]:
+    """Return the sorted folders in a folder, which need not exist."""
+    return sorted(each for each in root.iterdir() if each.is_dir()) if root.is_dir() else []
+
+
+def _masks_below(folder: Path) -> tuple[int, float]:
+    """Return the number of PNG files below a folder, and the time of their last change."""
+    known = session.get(LastRead).mask_folders
+    key = folder.stat().st_mtime_ns, int(time.monotonic() // LISTING_SECONDS)
+    if folder not in known or known[folder].key != key:
+        known[folder] = _list_masks(folder, key)
+    below = [_masks_below(each) for each in known[folder].folders]
+    count = known[folder].count + sum(each[0] for each in below)
+    return count, max([known[folder].written, *(each[1] for each in below)])
+
+
+def _list_masks(folder: Path, key: tuple[int, int]) -> MaskFolder:
+    count, written, folders = 0, key[0] / 1e9, []
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                folders.append(Path(entry.path))
+            elif entry.name.lower().endswith(".png"):
+                count += 1
+                with suppress(OSError):  # a link to nowhere
+                    written = max(written, entry.stat().st_mtime)
+    return MaskFolder(key, count, written, tuple(folders))
+
+
+# --- edit planes and renderings ------------------------------------------------------------------------------------
+def planes_file(scene: bpy.types.Scene) -> Path:
+    """Return the planes file of the scene's active view; raise BadRequest if no view of the capture is chosen."""
+    if scene.karf.active_view not in scene.karf.views:
+        raise BadRequest("The scene {name!r} has no active view.", "Choose one in the KaRF panel.", name=scene.name)
+    return folders.project_of(scene).planes_file(scene.karf.active_view)
+
+
+def is_prepared(scene: bpy.types.Scene) -> bool:
+    """Return True if the active view can be recolored: it has current planes."""
+    is_chosen = scene.karf.project and scene.karf.active_view in scene.karf.views
+    return bool(is_chosen) and is_current(folders.project_of(scene), scene.karf.active_view)
+
+
+def is_current(project: Project, view: str) -> bool:
+    """Return True if the view has planes of what is learned now."""
+    try:
+        file = project.planes_file(view)
+        return _planes_made_from(file, *_time_and_size(file)) == result_fingerprint(_state_of(project), "recoloring")
+    except (OSError, KarfError):
+        return False
+
+
+@lru_cache(maxsize=64)
+def _planes_made_from(file: Path, written: int, size: int) -> str:
+    return planes_made_from(file)
+
+
+def renderings_folder(scene: bpy.types.Scene) -> Path:
+    """Return the engine's folder of single views: a rendering, the masks of objects, and where these are unsure.
+
+    Its name depends on what is learned, so older renderings are in other folders.
+    """
+    project = folders.project_of(scene)
+    return project.path("seen", result_fingerprint(_state_of(project), "segmentation"))
+
+
+def rendering_of(scene: bpy.types.Scene) -> Path | None:
+    """Return the rendering of the active view; None if there is none of what is learned now."""
+    file = renderings_folder(scene) / "render" / f"{scene.karf.active_view}.png"
+    return file if file.is_file() else None
+
+
+def rendered_masks(scene: bpy.types.Scene) -> dict[str, Path]:
+    """Return the masks of the active view from the last segmentation, by object."""
+    files = sorted(renderings_folder(scene).glob(f"masks/*/{scene.karf.active_view}.png"))
+    return {file.parent.name: file for file in files}
+
+
+def rendered_doubts(scene: bpy.types.Scene) -> list[Path]:
+    """Return the pictures of what is unsure of each object in the active view, if rendered."""
+    return sorted(renderings_folder(scene).glob(f"unsure/*/{scene.karf.active_view}.png"))

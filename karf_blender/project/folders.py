@@ -32,11 +32,7 @@ def stored(path: Path, blend: str | None = None) -> str:
 
 
 def project_of(scene: bpy.types.Scene) -> Project:
-    """Return the scene's project.
-
-    Raises:
-        BadRequest: None is chosen.
-    """
+    """Return the scene's project; raise BadRequest if none is chosen."""
     if not scene.karf.project:
         raise BadRequest("The scene {name!r} has no KaRF project.", "Import a capture first.", name=scene.name)
     return Project(absolute(scene.karf.project))
@@ -47,14 +43,9 @@ def out_folder(scene: bpy.types.Scene) -> Path:
     return absolute(scene.karf.out) if scene.karf.out else project_of(scene).path("out")
 
 
-def nerf_of(scene: bpy.types.Scene) -> str:
-    """Return the absolute path of the pretrained NeRF; empty if the geometry is learned."""
-    return str(absolute(scene.karf.nerf)) if scene.karf.nerf else ""
-
-
-def ocio_of(scene: bpy.types.Scene) -> str:
-    """Return the absolute path of the OpenColorIO configuration; empty for the engine's."""
-    return str(absolute(scene.karf.ocio)) if scene.karf.ocio else ""
+def absolute_text(stored: str) -> str:
+    """Return the absolute path of one stored in the .blend as text; empty stays empty."""
+    return str(absolute(stored)) if stored else ""
 
 
 def default_project(capture: Path) -> Path:
@@ -80,29 +71,20 @@ def relocated(path: str, old: Path, new: Path) -> str:
     return stored(new / place.relative_to(old))
 
 
-def relocate(old: Path, new: Path) -> None:
-    """Update the paths of all scenes after a folder has moved."""
-    _rewrite_paths(lambda path: relocated(path, old, new))
-
-
-def rebase(source: str, target: str) -> None:
-    """Rewrite the relative paths of all scenes for another place of the .blend; an empty place: absolute."""
-    _rewrite_paths(lambda path: stored(absolute(path, source), target))
-
-
 @dataclass
 class PathRewriting:
-    """The state of `rebase` and `relocate`."""
+    """The state of `rewrite_paths`."""
 
     is_on: bool = False
 
 
-def is_rebasing() -> bool:
+def is_rewriting() -> bool:
     """Return True while paths are rewritten: they name the same places as before."""
     return session.get(PathRewriting).is_on
 
 
-def _rewrite_paths(rewrite: Callable[[str], str]) -> None:
+def rewrite_paths(rewrite: Callable[[str], str]) -> None:
+    """Replace the stored paths of all scenes by what `rewrite` returns."""
     session.get(PathRewriting).is_on = True
     try:
         for scene in bpy.data.scenes:
@@ -117,11 +99,16 @@ def _rewrite_paths(rewrite: Callable[[str], str]) -> None:
 @session.handler("save_pre", phase=session.Phase.STATE)
 def _before_save(target, *_):
     if isinstance(target, str) and target:
-        rebase(bpy.data.filepath, target)
+        _rebase(bpy.data.filepath, target)
 
 
 @session.handler("save_post", "save_post_fail", phase=session.Phase.STATE)
 def _after_save(target, *_):
     # a saved copy and a file that could not be written leave the open file where it was
     if isinstance(target, str) and target:
-        rebase(target, bpy.data.filepath)
+        _rebase(target, bpy.data.filepath)
+
+
+def _rebase(source: str, target: str) -> None:
+    """Rewrite relative paths for another place of the .blend; an empty place: absolute."""
+    rewrite_paths(lambda path: stored(absolute(path, source), target))

@@ -6,8 +6,8 @@ it. The first save of such a file asks the user whether to move it.
 
 import contextlib
 import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 import bpy
@@ -15,7 +15,7 @@ import bpy
 from ... import __package__ as extension
 from .. import session
 from ..engine_api import BadRequest, DataError
-from ..host import windows
+from ..host import compat, windows
 from . import captures, disk, folders
 
 USERS = "used_by.txt"  # in a project in the extension's folder: the .blend files that use it
@@ -39,25 +39,22 @@ class AskedProjects:
 
 def is_hidden(scene: bpy.types.Scene) -> bool:
     """Return whether the scene's project is in the extension's folder, where users do not find it."""
-    if not scene.karf.project:
-        return False
-    return _own_folder() in folders.project_of(scene).folder.parents
+    return bool(scene.karf.project) and _own_folder() in folders.project_of(scene).folder.parents
+
+
+def _own_folder() -> Path:
+    return Path(bpy.utils.extension_path_user(extension, path="projects"))
 
 
 def place_beside(scene: bpy.types.Scene) -> Path:
     """Return a new folder beside the .blend for the scene's project."""
-    wanted = place = Path(bpy.data.filepath).parent / f"{folders.project_of(scene).folder.name}_karf"
-    number = 2
-    while place.exists():
-        place, number = wanted.with_name(f"{wanted.name}_{number}"), number + 1
-    return place
+    wanted = Path(bpy.data.filepath).parent / f"{folders.project_of(scene).folder.name}_karf"
+    places = (wanted if number == 1 else wanted.with_name(f"{wanted.name}_{number}") for number in count(1))
+    return next(place for place in places if not place.exists())
 
 
 def move(scene: bpy.types.Scene) -> Path:
-    """Move the scene's project beside the .blend, and save the file.
-
-    Returns:
-        The project's new folder.
+    """Move the scene's project beside the .blend, save the file, and return the project's new folder.
 
     Raises:
         BadRequest: The file was never saved.
@@ -107,24 +104,13 @@ def _copy(old: Path, new: Path) -> None:
 
 def _relocate(old: Path, new: Path) -> None:
     """Update the paths of scenes, images and strips."""
-    folders.relocate(old, new)
+    folders.rewrite_paths(lambda path: folders.relocated(path, old, new))
     for image in bpy.data.images:
         if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
             image.filepath = place
-    for strip in _picture_strips():
-        strip.directory = folders.relocated(strip.directory, old, new)
-
-
-def _picture_strips() -> "Iterator[bpy.types.Strip]":
-    editors = [scene.sequence_editor for scene in bpy.data.scenes if scene.sequence_editor is not None]
-    for editor in editors:
-        # hasattr, as an empty collection is false; Blender 4.2 and 4.3 call strips sequences
-        strips = editor.strips_all if hasattr(editor, "strips_all") else editor.sequences_all
-        yield from (strip for strip in strips if strip.type == "IMAGE")
-
-
-def _own_folder() -> Path:
-    return Path(bpy.utils.extension_path_user(extension, path="projects"))
+    for strip in compat.all_strips():
+        if strip.type == "IMAGE":
+            strip.directory = folders.relocated(strip.directory, old, new)
 
 
 def _users(project: Path) -> set[str]:

@@ -1,12 +1,11 @@
-"""What the .blend keeps (Scene.karf: saved, undone, keyframed) and what it does not (WindowManager.karf_progress)."""
+"""Properties of the scene (saved, undone, keyframed) and of the window manager (neither)."""
 
 import bpy
 from bpy.props import BoolProperty, PointerProperty, StringProperty
 
 from .. import session
-from .progress import KARF_PG_colorways, KARF_PG_folding, KARF_PG_preview, KARF_PG_progress
 from .scene import KARF_PG_scene
-from .seeing import KARF_PG_seeing
+from .window_manager import KARF_PG_colorways, KARF_PG_folding, KARF_PG_preview, KARF_PG_progress, KARF_PG_seeing
 
 
 @session.setup
@@ -19,11 +18,7 @@ def _pointers():
         (bpy.types.WindowManager, "karf_folding", PointerProperty(type=KARF_PG_folding)),
         (bpy.types.WindowManager, "karf_preview", PointerProperty(type=KARF_PG_preview)),
         (bpy.types.Object, "karf_hidden", BoolProperty(name="Hidden by KaRF")),
-        (
-            bpy.types.Object,
-            "karf_view",
-            StringProperty(name="KaRF view", description="Captured view of this camera"),
-        ),
+        (bpy.types.Object, "karf_view", StringProperty(name="KaRF view", description="Captured view of this camera")),
     )
     for owner, name, declared in added:
         setattr(owner, name, declared)

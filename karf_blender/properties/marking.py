@@ -1,4 +1,4 @@
-"""What the .blend keeps of marking: the objects to mark, the brush, and where undo stands."""
+"""Properties of marking, which the .blend keeps: the objects to mark, the brush, and where undo stands."""
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
@@ -15,10 +15,6 @@ def _renamed(self, context):
         self["name"] = self.folder
         print(f"KaRF: the object {self.folder!r} keeps its name: {error}")
     mask_layers.reread(self.id_data)
-
-
-def _changed(self, context):
-    windows.redraw()
 
 
 def _switched(self, context):
@@ -43,7 +39,7 @@ class KARF_PG_marking(bpy.types.PropertyGroup):
     """The objects to mark, and the tools that mark them."""
 
     objects: CollectionProperty(type=KARF_PG_marked_object)
-    active: IntProperty(name="Object", description="Object to mark", update=_changed)
+    active: IntProperty(name="Object", description="Object to mark", update=lambda self, context: windows.redraw())
     photo: PointerProperty(name="Photo", type=bpy.types.Image, description="Photo to mark")
     brush: IntProperty(
         name="Brush",

@@ -1,4 +1,4 @@
-"""What the .blend keeps of a scene's project: Scene.karf."""
+"""Properties of a scene's project, which the .blend keeps: Scene.karf."""
 
 import bpy
 from bpy.props import (
@@ -12,11 +12,11 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine_api import COMPOSITING_MODES, PRESETS, PointsOptions, bounds_of
+from ..engine_api import PRESETS, PointsOptions, bounds_of
 from ..host import windows
 from ..host.compat import PATH_OPTIONS
 from ..marking import objects, photo
-from ..project import contents, disk, folders
+from ..project import disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
 from .colors import srgb
@@ -31,12 +31,10 @@ PRESET_HELP = {
     "paper": "Method and settings of the paper, on a graphics card; takes a long time",
 }
 PRESET_ITEMS = [(name, name.capitalize(), PRESET_HELP[name]) for name in PRESETS]
-COMPOSITING_NAMES = {"delta": "Photo plus change", "paper": "Palette only"}
-COMPOSITING_HELP = {
-    "delta": "Add the palette's change to the photo. Without changes, the photo stays as it is",
-    "paper": "Replace the object by its palette mixture, as in the paper",
-}
-COMPOSITING_ITEMS = [(name, COMPOSITING_NAMES[name], COMPOSITING_HELP[name]) for name in COMPOSITING_MODES]
+COMPOSITING_ITEMS = [
+    ("delta", "Photo plus change", "Add the palette's change to the photo. Without changes, the photo stays as it is"),
+    ("paper", "Palette only", "Replace the object by its palette mixture, as in the paper"),
+]
 FORMAT_ITEMS = [
     ("PNG", "PNG", "sRGB values, for any other program"),
     ("OPEN_EXR", "OpenEXR", "Scene-linear light, for compositing"),
@@ -62,7 +60,7 @@ def _view_chosen(self, context):
 
 
 def _masks_chosen(self, context):
-    if not folders.is_rebasing() and self.project:
+    if not folders.is_rewriting() and self.project:
         objects.sync(self.id_data)
     disk.refresh()
 
@@ -72,19 +70,11 @@ def _format_chosen(self, context):
         self.color_depth = "16"  # which both have
 
 
-def _fading_chosen(self, context):
-    windows.redraw("VIEW_3D")
-
-
-def _overlay_switched(self, context):
-    reprojection.refresh(self.id_data)
-
-
 def _project_chosen(self, context):
     # while a file is saved elsewhere, its new paths lead from the new place: here they lead anywhere
-    if not folders.is_rebasing():
+    if not folders.is_rewriting():
         palettes.import_learned(self.id_data)
-        preset, _ = contents.learned_with(self.id_data)
+        preset, _ = disk.read(self.id_data).learned_with
         if preset in PRESETS:
             self.preset = preset
         if self.project:
@@ -92,14 +82,15 @@ def _project_chosen(self, context):
         disk.refresh()
 
 
+def PathProperty(subtype="DIR_PATH", **options):
+    """A property of a path, which may be relative to the .blend."""
+    return StringProperty(subtype=subtype, options=PATH_OPTIONS, **options)
+
+
 class KARF_PG_view(bpy.types.PropertyGroup):
     """A captured view, known by its name."""
 
     split: StringProperty(name="Split", description="train, val or test")
-
-
-def _hiding_switched(self, context):
-    cameras.hide_others(self.id_data)
 
 
 class KARF_PG_looking(bpy.types.PropertyGroup):
@@ -112,7 +103,7 @@ class KARF_PG_looking(bpy.types.PropertyGroup):
     hides_others: BoolProperty(
         name="Hide Others",
         description="Hide the other cameras and the sparse points while one camera is looked through",
-        update=_hiding_switched,
+        update=lambda self, context: cameras.hide_others(self.id_data),
     )
 
 
@@ -134,34 +125,20 @@ class KARF_PG_surface(bpy.types.PropertyGroup):
 class KARF_PG_scene(bpy.types.PropertyGroup):
     """A scene's project, palettes and edits."""
 
-    project: StringProperty(
+    project: PathProperty(
         name="Project",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
         description="Folder of everything learned. Choosing one with palettes loads its swatches",
         update=_project_chosen,
     )
     stays_hidden: BoolProperty(description="The question about moving the project beside the file was declined")
-    capture: StringProperty(name="Capture", subtype="FILE_PATH", options=PATH_OPTIONS, description="Cameras and photos")
-    masks: StringProperty(
+    capture: PathProperty("FILE_PATH", name="Capture", description="Cameras and photos")
+    masks: PathProperty(
         name="Masks",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
         description="Folder with <object>/<photo name>.png, white where the object is",
         update=_masks_chosen,
     )
-    out: StringProperty(
-        name="Output",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
-        description="Folder for pictures. Empty: the folder out in the project",
-    )
-    frames: StringProperty(
-        name="Frames",
-        subtype="DIR_PATH",
-        options=PATH_OPTIONS,
-        description="Folder of the last rendered frames",
-    )
+    out: PathProperty(name="Output", description="Folder for pictures. Empty: the folder out in the project")
+    frames: PathProperty(name="Frames", description="Folder of the last rendered frames")
     captured_size: EnumProperty(name="Size", items=SIZE_ITEMS, description="File format of recolored photos")
     captured_pixels: IntProperty(
         name="Long Side",
@@ -186,13 +163,12 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         default=True,
         description="Fade surfaces to gray that no photo shows well, in the rendered 3D View and in cameras' "
         "frames. Off: show the splats as they are",
-        update=_fading_chosen,
+        update=lambda self, context: windows.redraw("VIEW_3D"),
     )
     preset: EnumProperty(name="Preset", items=PRESET_ITEMS, description="Quality and duration of learning")
-    nerf: StringProperty(
+    nerf: PathProperty(
+        "FILE_PATH",
         name="Pretrained NeRF",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
         description="Checkpoint of a NeRF that another program has trained on this capture, used as the geometry "
         "(nerf-pytorch, krrish94). Empty: learn the geometry",
     )
@@ -206,10 +182,9 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         description="OpenColorIO color space of the picture in the layers, such as ACEScg. Empty: linear Rec. 709. "
         "Requires the engine's extra color",
     )
-    ocio: StringProperty(
+    ocio: PathProperty(
+        "FILE_PATH",
         name="Color Config",
-        subtype="FILE_PATH",
-        options=PATH_OPTIONS,
         description="OpenColorIO configuration with these spaces (config.ocio). Empty: the one in the variable "
         "OCIO, or the engine's own",
     )
@@ -246,7 +221,7 @@ class KARF_PG_scene(bpy.types.PropertyGroup):
         name="Reprojection Errors",
         description="Draw lines over the current photo from each projected sparse point to its position in the "
         "photo: green where they agree, red from 4 pixels",
-        update=_overlay_switched,
+        update=lambda self, context: reprojection.refresh(self.id_data),
     )
     advice: StringProperty(description="Results of checking the capture, one per line. Empty: not checked")
     is_poor: BoolProperty(description="More photos are recommended before learning")

@@ -14,7 +14,7 @@ from bpy.props import (
 
 from .. import progress
 from ..engine_api import MAX_BRIGHTNESS, MAX_CHOKE, MAX_FACTOR, MAX_FEATHER, MAX_SRGB, UNIT_GAINS, KarfError
-from ..swatches import becomes, displayed, edits, gestures
+from ..swatches import displayed, edits, gestures
 from .colors import pigment_reach, protected_neutrals, srgb
 
 RULE_ITEMS = [
@@ -22,16 +22,13 @@ RULE_ITEMS = [
     ("fewest", "Fewest swatches", "Reach the color by changing as few swatches as possible"),
 ]
 FACTOR = {"default": 1.0, "min": 0.0, "max": MAX_FACTOR, "soft_max": 2.0, "step": 5}
+PIXELS = {"subtype": "PIXEL", "step": 10, "precision": 1}
 STOPS = {"min": -MAX_BRIGHTNESS, "max": MAX_BRIGHTNESS, "soft_min": -1.0, "soft_max": 1.0, "step": 5}
 
 
 def edit_changed(self, context):
     """The update of a property that changes the picture."""
     displayed.of(self.id_data).refresh()
-
-
-def _color_changed(self, context):
-    gestures.color_changed(self)
 
 
 def _surface_changed(self, context):
@@ -44,14 +41,14 @@ def _reach_changed(self, context):
 
 
 def _source_picked(self, context):
-    becomes.source_picked(self)
+    edits.source_picked(self)
     displayed.of(self.id_data).update_left()
 
 
 def _target_changed(self, context):
     if self.live:
         try:
-            becomes.apply_picked(self)
+            edits.become_target(self)
         except (KarfError, OSError) as error:
             progress.warn(str(error))
     displayed.of(self.id_data).update_left()
@@ -66,14 +63,6 @@ def _picture_chosen(self, context):
     self.view = ""  # of another picture nobody knows which view it shows
 
 
-def _palette(self):
-    return edits.copied(self.id_data, self.name, None)
-
-
-def _set_palette(self, text):
-    edits.paste(self.id_data, self.name, None, text)
-
-
 class KARF_PG_swatch(bpy.types.PropertyGroup):
     """One palette color of an object: as learned, and as the artist wants it."""
 
@@ -83,7 +72,7 @@ class KARF_PG_swatch(bpy.types.PropertyGroup):
         highest=MAX_SRGB,
         description="New color, which may be brighter than white. With Material, the other colors of its paint "
         "follow, and highlights keep the light's color",
-        update=_color_changed,
+        update=lambda self, context: gestures.color_changed(self),
     )
     saturation: FloatProperty(
         name="Saturation",
@@ -143,36 +132,32 @@ class KARF_PG_object(bpy.types.PropertyGroup):
     )
     choke: FloatProperty(
         name="Choke",
-        subtype="PIXEL",
         min=-MAX_CHOKE,
         max=MAX_CHOKE,
-        step=10,
-        precision=1,
         description="Shrink the object's paint by this many pixels of the photo. Negative values expand it",
         update=edit_changed,
+        **PIXELS,
     )
     feather: FloatProperty(
         name="Feather",
-        subtype="PIXEL",
         min=0.0,
         max=MAX_FEATHER,
-        step=10,
-        precision=1,
         description="Fade the paint over this many pixels of the photo, half of them on either side of its edge",
         update=edit_changed,
+        **PIXELS,
     )
     show_edge: BoolProperty(name="Edge", description="Position and softness of the paint's edge")
     show_surface: BoolProperty(name="Surface", description="Saturation, brightness and gloss of each swatch's paint")
     palette: StringProperty(
         name="Palette",
         description="Colors of its swatches, as written by Copy Palette",
-        get=_palette,
-        set=_set_palette,
+        get=lambda self: edits.copied(self.id_data, self.name, None),
+        set=lambda self, text: edits.paste(self.id_data, self.name, None, text),
     )
 
 
 class KARF_PG_left(bpy.types.PropertyGroup):
-    """What a match has left of the difference of one object."""
+    """The remaining difference of one object after a match."""
 
     before: FloatProperty(description="Mean CIEDE2000 to the picture before the match")
     left: FloatProperty(description="Mean CIEDE2000 to the picture after the match")

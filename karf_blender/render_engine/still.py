@@ -19,7 +19,7 @@ from ..nodes.sockets import swatch_socket
 from ..project import folders
 from ..rig import lens
 from ..swatches import colors, displayed
-from ..tasks.workers import WarmWorker
+from ..tasks.queries import WarmWorker
 from . import camera_pixels
 
 COMBINED = "Combined"

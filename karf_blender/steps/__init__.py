@@ -2,17 +2,20 @@
 
     from bl_ext.user_default.karf.karf_blender import steps as karf
 
-The first parameter of a step is the scene. A step that needs the engine for a while returns a `Task`: `wait` for it in a
-script; an operator launches it (`tasks.runner.launch`). All other steps are done when they return. Colors are sRGB
-triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and a hint. See docs/blender.md for a script.
+The first parameter of a step is the scene. A step that needs the engine for a while returns a `Task`: `wait` for it in
+a script; an operator launches it (`tasks.runner.launch`). All other steps are done when they return. Colors are sRGB
+triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and a hint. See docs/blender.md.
 """
 
 from ..engine_api import Edit, KarfError
 from ..rig.cameras import Options as RigOptions
+from ..swatches.colors import forget_chart as remove_chart
+from ..swatches.looks import choose as choose_look
+from ..swatches.looks import rename as rename_look
 from ..tasks.runner import Task
 from .blender_render import add_strip, put_objects_in, show_frames, use_engine
 from .capture import SPLAT_VIEWS, check_capture, check_unasked, find_poses, import_capture, import_splat, move_project
-from .edit import apply_edit, becomes, find_chart, match_picture, paint_over, pick_chart, remove_chart, save_edit
+from .edit import apply_edit, becomes, find_chart, match_picture, paint_over, pick_chart, save_edit
 from .engine import (
     engine_files,
     engine_status,
@@ -24,7 +27,6 @@ from .engine import (
 )
 from .learn import extract_palette, learn_all, learn_scene, learn_splats, segment
 from .looks import (
-    choose_look,
     colorways,
     colorways_folder,
     flip_looks,
@@ -33,7 +35,6 @@ from .looks import (
     move_look,
     predict_colorways,
     remove_look,
-    rename_look,
     render_looks,
 )
 from .masks import (

@@ -15,24 +15,14 @@ from ..render_engine.engine import NAME
 from . import requests
 
 STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are
-COPIED = (
-    "resolution_x",
-    "resolution_y",
-    "resolution_percentage",
-    "pixel_aspect_x",
-    "pixel_aspect_y",
-    "fps",
-    "fps_base",
-)
+COPIED = "resolution_x resolution_y resolution_percentage pixel_aspect_x pixel_aspect_y fps fps_base".split()
 
 
 # --- frames --------------------------------------------------------------------------------------------------------
 def show_frames(scene: bpy.types.Scene, folder: str | Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
-    """Show rendered frames in the Image Editors, as a sequence where their names count up.
+    """Show rendered frames (default: the last ones) in the Image Editors, as a sequence where their names count up.
 
-    Args:
-        folder: Of the pictures; default: those rendered last.
-        is_wanted: The user asked for them now; else a picture that is being painted on is left alone.
+    Unless `is_wanted` by the user now, a picture that is being painted on is left alone.
     """
     files = _frames_in(scene, folder)
     return sequences.show(files, _first_frame(files), is_wanted)
@@ -56,7 +46,7 @@ def warn_of_view_transform(scene: bpy.types.Scene) -> None:
 
 
 def _frames_in(scene: bpy.types.Scene, folder: str | Path | None) -> list[Path]:
-    """The pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
+    """Return the pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
     if folder is None and not scene.karf.frames:
         raise BadRequest("No frames have been rendered yet.", "Render captured views or a camera's frames first.")
     folder = Path(folder).absolute() if folder else folders.absolute(scene.karf.frames)
@@ -87,8 +77,7 @@ def use_engine(scene: bpy.types.Scene, spaces: Iterable["bpy.types.SpaceView3D"]
 def put_objects_in(scene: bpy.types.Scene) -> bpy.types.Scene:
     """Render the scene's own objects within the captured one, each hidden where the other is nearer.
 
-    Returns:
-        A scene of the objects, rendered by the scene's former engine, or by EEVEE. Called again, it is updated.
+    Returns a scene of the objects, rendered by the scene's former engine, or by EEVEE. A second call updates it.
     """
     requests.check_rig(scene)
     name = f"{scene.name} {over_scene.OBJECTS}"

@@ -16,12 +16,11 @@ from ..host.words import kept
 from ..marking import history, mask_layers
 from ..pictures import editors
 from ..preferences import state
-from ..project import captures, contents, folders, moving
+from ..project import captures, disk, folders, moving
 from ..rig import cameras
 from ..swatches import displayed, palettes
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
-from ..tasks.runner import Task
+from ..tasks.runner import Owner, Task
 from . import requests
 from .views import show_camera
 
@@ -40,15 +39,13 @@ def import_capture(
 ) -> Capture:
     """Build the rig of a capture, a folder or a camera file, and make it the scene's.
 
-    Palettes and masks of another capture leave the scene; they are kept in the project that they were made in.
+    Palettes and masks of another capture leave the scene; they are kept in the project that they were made in. The
+    warnings of the returned capture say what could not be had.
 
     Args:
         project: Folder for the results; default: the scene's project of this capture, else one beside the .blend.
         holdout: N keeps every Nth photo out of learning where the capture declares none; 0: none. Default: as the
             project was learned, else 0.
-
-    Returns:
-        The capture; its warnings say what could not be had.
     """
     captures.forget()
     path, project = Path(path).absolute(), Path(project).absolute() if project else None
@@ -89,10 +86,7 @@ def import_capture(
 
 
 def _place_of(path: Path, capture: Capture) -> Path:
-    """The folder of the camera file, or that of camera file and photos, where it is the same capture.
-
-    Chosen in whichever way, a capture has one path and one project.
-    """
+    """Return the folder of the camera file, or of it and the photos: a capture has one path, however it is chosen."""
     photos = [each.image for each in capture.views]
     start = path.parent if path.is_file() else path
     try:
@@ -112,10 +106,7 @@ def _place_of(path: Path, capture: Capture) -> Path:
 
 
 def find_poses(scene: bpy.types.Scene, photos: str | Path, rig: cameras.Options = USUAL_RIG) -> Task:
-    """Find the camera poses of a folder of photos, or of a video, in a new project folder, and import the capture.
-
-    The task's result is the capture.
-    """
+    """Find the camera poses of photos or a video, and import the capture, the task's result, as a new project."""
     photos = Path(photos).absolute()
     named = photos.with_suffix("") if photos.is_file() else photos
     return _task_of_new_capture(scene, "Find Camera Poses", named, ("poses", {"photos": str(photos)}), rig)
@@ -131,7 +122,7 @@ def import_splat(
     antialiased: bool = False,
     rig: cameras.Options = USUAL_RIG,
 ) -> Task:
-    """Import Gaussian splats that another program has learned, as a capture in a new project folder.
+    """Import Gaussian splats that another program has learned as a capture, the task's result, in a new project.
 
     Args:
         photos: Their capture; None: views are rendered from cameras around them.
@@ -139,9 +130,6 @@ def import_splat(
         views: Without photos, the number of cameras.
         up: Without photos, the axis that points up: `auto`, `x`, `y`, `z`, `-x`, `-y` or `-z`.
         antialiased: They were learned with antialiasing, even if neither file nor photos say so.
-
-    Returns:
-        The task; its result is the capture.
     """
     splat = Path(splat).absolute()
     given = {"photos": photos, "cameras": cameras_file}
@@ -177,10 +165,7 @@ def _task_of_new_capture(
 
 # --- check ---------------------------------------------------------------------------------------------------------
 def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
-    """Ask the engine how good the scene's capture is; steps 1 and 2 show the answer.
-
-    With `shows_map`, the Image Editors then show where more photos would help.
-    """
+    """Ask the engine how good the scene's capture is; `shows_map`: and show where more photos would help."""
     masks = folders.absolute(scene.karf.masks) if scene.karf.masks else None
     options = {
         "capture": str(captures.path_of(scene)),
@@ -191,9 +176,8 @@ def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
 
 
 def check_unasked(scene: bpy.types.Scene) -> None:
-    """Check a capture that was just imported, where an engine is there and nothing is learned of it yet. Never raises."""
-    is_wanted = not (state.known().problem or contents.finished_stages(scene) or scene.karf.advice)
-    if bpy.app.background or not is_wanted:
+    """Check a capture that was just imported, if there is an engine and nothing is learned of it. Never raises."""
+    if bpy.app.background or state.known().problem or disk.read(scene).stages or scene.karf.advice:
         return
     with progress.printing_errors():
         check_capture(scene, shows_map=False)
@@ -220,13 +204,9 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
 
 # --- move ----------------------------------------------------------------------------------------------------------
 def move_project(scene: bpy.types.Scene) -> Path:
-    """Move the scene's project out of the extension's own folder, beside the .blend, which is saved.
+    """Move the project from the extension's own folder to beside the .blend, which is saved; return its new folder.
 
-    Returns:
-        The project's new folder.
-
-    Raises:
-        KarfError: A job runs, the file was never saved, or a disk cannot be written; nothing is lost.
+    Raises KarfError if a job runs, the file was never saved, or a disk cannot be written; nothing is lost.
     """
     if runner.is_running():
         raise BadRequest("A KaRF job is running.", "Wait for it, or cancel it.")

@@ -1,4 +1,4 @@
-"""Step 6: one color becomes another, a view is matched to a picture of it, edits are files, and a chart tells the light."""
+"""Step 6: a color becomes another, a view is matched to a picture of it, edits are files, a chart tells the light."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,8 +20,7 @@ from ..engine_api import (
 from ..host import windows
 from ..pictures import editors, images
 from ..project import captures
-from ..swatches import becomes as becoming
-from ..swatches import colors, edits, matching, reference
+from ..swatches import colors, edits, matching
 from ..swatches.solving import Becoming
 from ..tasks import queries
 from .swatches import Color, rgb_of
@@ -44,7 +43,7 @@ def becomes(
     """
     item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)
-    becoming.apply(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
+    edits.become(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
 
 
 def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
@@ -58,14 +57,10 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
 def match_picture(
     scene: bpy.types.Scene, picture: str | Path | bpy.types.Image | None = None
 ) -> tuple[ObjectMatch, ...]:
-    """Set the swatches so that the active view matches a picture of it; locked ones stay.
+    """Set the swatches so that the active view matches a picture of it (None: the scene's own); locked ones stay.
 
-    Args:
-        picture: A file or an image: the whole view, of any size, without lens distortion; None: the scene's own.
-
-    Returns:
-        For each object that the picture wants otherwise: its `name`, its `colors`, and the mean CIEDE2000 of its pixels
-        to the picture `before` and what is `left`.
+    The picture is the whole view, of any size, without lens distortion. Returns those objects that it changes, with
+    their mean CIEDE2000 to it `before` and `after`.
     """
     if isinstance(picture, str | Path):
         found = matching.match(scene, Path(picture).name, matching.read(Path(picture)))
@@ -108,15 +103,12 @@ def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence
     photo = linear_to_srgb(pixels) if image.is_float else pixels
     across, up = np.transpose(corners)
     fit = fit_photo(np.clip(photo, 0, 1), np.stack([across * image.size[0], (1 - up) * image.size[1]], axis=-1))
-    reference.set_chart(scene, fit.light.matrix, fit.mean_residual)
+    colors.set_chart(scene, fit.light.matrix, fit.mean_residual)
     return fit
 
 
 def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
-    """Find a color chart in the file of a picture with the engine, and read the light off it as `pick_chart` does.
-
-    For one of KaRF's pictures it takes the active view's photo.
-    """
+    """Find a color chart in a picture's file (KaRF's own: the view's photo) with the engine; see `pick_chart`."""
     if image.name.startswith(editors.PREFIX):
         photo = captures.view_of(scene).image
     else:
@@ -127,12 +119,7 @@ def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
 
 
 def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
-    reference.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
+    colors.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
     if bpy.ops.ed.undo_push.poll():
         bpy.ops.ed.undo_push(message="Find Color Chart")
     windows.redraw()
-
-
-def remove_chart(scene: bpy.types.Scene) -> None:
-    """Forget the color chart: names are what photos show, or those of the gray card."""
-    reference.forget_chart(scene)

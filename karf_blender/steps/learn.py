@@ -24,8 +24,7 @@ def learn_scene(
         overrides: Single settings as `stage.field=value`.
         nerf: Checkpoint of a NeRF of another program; default: the panel's.
 
-    Returns:
-        The task; its result is the stage's entry in the project (seconds, metrics).
+    The task's result, as of `segment` and `learn_splats`, is the stage's entry in the project (seconds, metrics).
     """
     if nerf is not None:
         scene.karf.nerf = folders.stored(Path(nerf).absolute())
@@ -34,20 +33,14 @@ def learn_scene(
 
 
 def learn_all(scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = ()) -> Task:
-    """Learn scene, objects and palettes in a row, and prepare the active view; what is done already is kept.
-
-    The task's result is that of `extract_palette`.
-    """
-    jobs = _geometry(scene, preset, overrides), _segmentation(scene, None), *_palettes(scene)
-    jobs = *jobs, *_imported_splats(scene)
+    """Learn scene, objects and palettes in a row, then as `extract_palette`; what is done already is kept."""
+    learned = _geometry(scene, preset, overrides), _segmentation(scene, None)
+    jobs = *learned, *_palettes(scene), *_imported_splats(scene)
     return requests.task(scene, "Learn All", *jobs, result=partial(colors.palettes, scene))
 
 
 def segment(scene: bpy.types.Scene, masks: str | Path | None = None) -> Task:
-    """Segment the objects by coarse masks, `<object>/<photo name>.png` in a folder (default: the panel's).
-
-    The task's result is the stage's entry in the project.
-    """
+    """Segment the objects by coarse masks, `<object>/<photo name>.png` in a folder (default: the panel's)."""
     job = _segmentation(scene, Path(masks).absolute() if masks else None)
     return requests.task(scene, "Segment", job, result=partial(_entry, scene, "segmentation"))
 
@@ -58,7 +51,7 @@ def extract_palette(scene: bpy.types.Scene) -> Task:
 
 
 def learn_splats(scene: bpy.types.Scene) -> Task:
-    """Learn the scene as Gaussians: they render new cameras sharply and quickly. The task's result is the stage's entry."""
+    """Learn the scene as Gaussians: they render new cameras sharply and quickly."""
     return requests.task(scene, "Learn Splats", ("splats", {}), result=partial(_entry, scene, "splats"))
 
 
@@ -72,10 +65,10 @@ def _geometry(scene: bpy.types.Scene, preset: str, overrides: Sequence[str]) -> 
         "capture": str(captures.path_of(scene)),
         "preset": scene.karf.preset,
         "overrides": list(overrides),
-        "nerf": folders.nerf_of(scene) or None,
+        "nerf": folders.absolute_text(scene.karf.nerf) or None,
         "holdout": scene.karf.holdout if scene.karf.holdout >= 0 else None,
         "photo_space": scene.karf.photo_space or None,
-        "ocio": folders.ocio_of(scene) or None,
+        "ocio": folders.absolute_text(scene.karf.ocio) or None,
         "masks": str(folders.absolute(scene.karf.masks)) if scene.karf.masks else None,
     }
 

@@ -1,4 +1,4 @@
-"""Steps 6 and 7: named looks, whole states of the swatches; each of them, and each colorway of a sheet, in every view."""
+"""Steps 6 and 7: named looks, whole states of the swatches; each of them, or each colorway of a sheet, in all views."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import bpy
 from .. import progress
 from ..engine_api import BadRequest, PlannedColorway, plan_colorways, write_edit, write_json
 from ..project import folders
-from ..swatches import colors, looks, reference
+from ..swatches import colors, looks
 from ..tasks.runner import Task
 from . import requests
 from .edit import save_edit
@@ -16,25 +16,13 @@ from .render import camera_folder, export_cameras
 
 # --- looks ---------------------------------------------------------------------------------------------------------
 def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
-    """Keep the swatches as they are as a look, which is then in use.
-
-    Args:
-        name: A new one, or the look to replace; empty: the first free letter.
-
-    Returns:
-        The look's name.
-    """
+    """Keep the swatches as a look, new or replaced, and use it; return its name (default: the first free letter)."""
     requests.check_palettes(scene)
     name = name or looks.free_name(scene)
     if name not in scene.karf.looks:
         looks.check_name(scene, name)
     looks.keep(scene, name)
     return name
-
-
-def choose_look(scene: bpy.types.Scene, name: str) -> None:
-    """Set all swatches to a look, locked ones too: a look is a whole state."""
-    looks.choose(scene, name)
 
 
 def flip_looks(scene: bpy.types.Scene) -> str:
@@ -44,11 +32,6 @@ def flip_looks(scene: bpy.types.Scene) -> str:
         raise BadRequest("There is no other look.", "Keep two looks to switch between them.")
     looks.choose(scene, name)
     return name
-
-
-def rename_look(scene: bpy.types.Scene, name: str, new: str) -> None:
-    """Give a look another name, which must not be too like another's."""
-    looks.rename(scene, name, new)
 
 
 def remove_look(scene: bpy.types.Scene, name: str) -> None:
@@ -69,15 +52,7 @@ def render_looks(
 ) -> Task:
     """Have the engine write every look in every view, or in every frame of the scene's camera: a folder for each look.
 
-    Pictures that are there already and would come out the same are kept.
-
-    Args:
-        views: `all`, `train`, `test`, names with commas, or the path of a camera file.
-        of_camera: In place of these, what the scene's camera sees in the scene's frames.
-        out: The folder; default: `looks_folder`.
-
-    Returns:
-        The task; its result is the looks as colorways, each with its edit.
+    Arguments and result are as of `colorways`; `of_camera` renders the frames of the scene's camera in place of views.
     """
     if not len(scene.karf.looks):
         raise BadRequest("The scene has no looks.", "Keep one first.")
@@ -103,7 +78,7 @@ def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[Planne
 
     With a gray card or a color chart the sheet's colors are those under daylight.
     """
-    sheet, light = Path(sheet).absolute(), reference.light(scene)
+    sheet, light = Path(sheet).absolute(), colors.reference_light(scene)
     return plan_colorways(folders.project_of(scene), sheet, _locked(scene), light, colors.edges(scene))
 
 
@@ -126,15 +101,14 @@ def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out
         views: `all`, `train`, `test`, names with commas, or the path of a camera file.
         out: The folder; default: `colorways_folder`.
 
-    Returns:
-        The task; its result is the colorways, each with its edit and the predicted colors.
+    The task's result is the colorways, each with its edit and the predicted colors.
     """
     sheet = Path(sheet).absolute()
     planned = predict_colorways(scene, sheet)  # a wrong sheet is reported now, and not by a job
     out = Path(out).absolute() if out else colorways_folder(scene, sheet)
     locked = [f"{name}/{number}" for name, numbers in _locked(scene).items() for number in numbers]
     options = {"sheet": str(sheet), "views": views, "out": str(out), "locked": locked}
-    light = reference.light(scene)
+    light = colors.reference_light(scene)
     if light is not None:
         options["light"] = light.matrix.ravel().tolist()
     if colors.edges(scene):

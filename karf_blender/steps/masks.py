@@ -16,7 +16,7 @@ from ..marking.mask_layers import Layer
 from ..marking.raster import Place
 from ..pictures import editors
 from ..preferences import state
-from ..project import contents, disk, folders
+from ..project import disk, folders
 from ..workspace import following
 
 WITHOUT_ENGINE = translatable("Brush, lasso and box work without it.")
@@ -35,9 +35,9 @@ def show_photo(scene: bpy.types.Scene) -> bpy.types.Image:
 
 
 def begin_marking(window: bpy.types.Window) -> None:
-    """Show the photo ready to mark in a window of the KaRF workspace, or the picture of what is learned. Never raises."""
+    """Show the photo to mark, or the picture of what is learned, in a window of the KaRF workspace. Never raises."""
     scene = window.scene
-    if not scene.karf.project or contents.finished_stages(scene):
+    if not scene.karf.project or disk.read(scene).stages:
         following.show_again()
         return
     try:
@@ -64,7 +64,7 @@ def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
 
 # --- marks ---------------------------------------------------------------------------------------------------------
 def mark_stroke(scene: bpy.types.Scene, places: Sequence[Place], radius: float, does: str = "ADD") -> None:
-    """Mark what a round brush of a radius in pixels covers on its way. Marks raise OSError where none can be written."""
+    """Mark what a round brush of a radius in pixels covers. Marks raise OSError where none can be written."""
     layer = layer_to_mark(scene)
     for start, end in zip(places, [*places[1:], places[-1]], strict=True):
         raster.stroke(layer.pixels, start, end, radius, value_of(scene, does))
@@ -79,7 +79,7 @@ def mark_lasso(scene: bpy.types.Scene, places: Sequence[Place], does: str = "ADD
 
 
 def mark_box(scene: bpy.types.Scene, corner: Place, other: Place, does: str = "ADD") -> None:
-    """Mark the object in a box: the engine finds it there. Without an engine, and to take away, the box itself counts."""
+    """Mark the object that the engine finds in a box. Without an engine, and to take away, the box itself counts."""
     if does == "ADD" and not scene.karf.marking.correct and not state.known().problem:
         _choose_folder(scene)
         proposals.propose(scene, proposals.box(scene, _name(scene), corner, other))
@@ -155,11 +155,7 @@ def remove_object(scene: bpy.types.Scene) -> None:
 
 
 def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
-    """Make the next view active (by 1) or the one before (by -1), around the end; marked: with marks of the object.
-
-    Returns:
-        Its name.
-    """
+    """Make the next (by 1) or previous (-1) view active, around the end, and return it; `marked`: with the object."""
     names = list(scene.karf.views.keys())
     wanted = set(objects.marked_views(scene)) if marked else set(names)
     start = names.index(scene.karf.active_view) if scene.karf.active_view in names else 0
@@ -173,7 +169,7 @@ def go_to_view(scene: bpy.types.Scene, by: int, marked: bool = False) -> str:
 
 def go_to_suggested(scene: bpy.types.Scene) -> str:
     """Make the view active whose mark would decide most, or called again, the next best; returns its name."""
-    names = contents.views_to_mark(scene)
+    names = disk.read(scene).suggested
     if not names:
         raise BadRequest("No view is suggested.", "Segment first.")
     active = scene.karf.active_view
@@ -184,8 +180,7 @@ def go_to_suggested(scene: bpy.types.Scene) -> str:
 def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str) -> int:
     """Put the active object `inside` or `outside` of a mesh or an Empty's box; without a shape, forget its volumes.
 
-    Returns:
-        The number of its volumes. *Segment* uses them.
+    Returns the number of its volumes. *Segment* uses them.
     """
     count = objects.set_volume(scene, _name(scene), shape, kind)
     photo.correct(scene)

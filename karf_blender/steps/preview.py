@@ -1,8 +1,8 @@
 """Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
 A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-compares the camera, so that anything that moves it counts: the mouse, keyframes, drivers, parents, constraints. While no
-editor shows the picture, nothing is rendered.
+compares the camera, so that anything that moves it counts: keyframes, drivers, parents, constraints. While no editor
+shows the picture, nothing is rendered.
 """
 
 import json
@@ -21,12 +21,17 @@ from ..host.words import translatable
 from ..pictures import editors, images
 from ..render_engine import camera_pixels
 from ..rig import lens
-from ..swatches import colors, displayed, free_camera, views
+from ..swatches import colors, displayed, views
 from ..swatches.views import DisplayedView
 from ..tasks import queries, runner
-from ..tasks.ownership import Owner
+from ..tasks.runner import Owner
 from .render import camera_of
 
+NO_PHOTO = translatable("A free camera has no photo: Original shows the learned scene.")
+NO_PALETTES = translatable(
+    "There are no palettes yet, so the picture shows the learned scene. Press Extract Palette in step 5."
+)
+NO_MASKS = translatable("Nothing is segmented yet, so there are no masks to show. Press Segment in step 4.")
 UNSEEN = translatable("The picture KaRF camera is only rendered while an Image Editor shows it. Choose it in one.")
 KIND = "preview"
 COARSE_SIDE = 96  # pixels
@@ -37,7 +42,7 @@ Wanted = tuple[str, int]  # `_Live.text`, and the picture's long side
 
 @dataclass
 class _Live:
-    """The followed camera."""
+    """The followed camera and its picture."""
 
     owner: Owner  # its scene
     camera: Camera | None = None  # as it was seen last
@@ -52,9 +57,7 @@ class _Live:
 
 @dataclass
 class _State:
-    """The followed camera, if any."""
-
-    live: _Live | None = None
+    live: _Live | None = None  # where a camera is followed
 
 
 def is_live() -> bool:
@@ -70,12 +73,26 @@ def message() -> str:
     return live.message if live.is_displayed else UNSEEN
 
 
+def missing() -> tuple[str, ...]:
+    """Return what the settings ask for and the picture cannot show, a sentence each."""
+    view, seeing = displayed.followed_camera(), bpy.data.window_managers[0].karf_seeing
+    if view is None:
+        return ()
+    wants_palettes = seeing.mode in {"WEIGHTS", "DIFFERENCE"}
+    found = {
+        NO_PHOTO: seeing.mode == "ORIGINAL" or seeing.is_wiped,
+        NO_PALETTES: wants_palettes and not view.planes.palette_weights.shape[1],
+        NO_MASKS: seeing.show_masks and not view.planes.objects,
+    }
+    return tuple(sentence for sentence, is_missing in found.items() if is_missing)
+
+
 def start(scene: bpy.types.Scene) -> None:
     """Follow the scene's camera, whose picture is shown in the Image Editors that are free."""
     if bpy.app.background:
         raise BadRequest("Live Camera needs a window.", "Write a picture instead: steps.preview_camera.")
     camera_of(scene, None)
-    image = free_camera.image()
+    image = displayed.camera_image()
     if image is not None:
         editors.reveal(image, is_wanted=True, is_whole=True)
     session.get(_State).live = _Live(Owner.of(scene))
@@ -91,15 +108,9 @@ def stop() -> None:
 def preview_camera(
     scene: bpy.types.Scene, path: str | Path, camera: bpy.types.Object | None = None, long_side: int = 512
 ) -> Path:
-    """Write what a camera sees now with the swatches as they stand; the worker that renders it stays for the next one.
+    """Write a PNG of what a camera (default: the scene's) sees now with the swatches as they are; return its path.
 
-    Args:
-        path: The PNG to write.
-        camera: Default: the scene's.
-        long_side: Pixels; the scene's render size is never enlarged.
-
-    Returns:
-        The picture's path.
+    The picture is never larger than the scene's render size. The worker that renders it stays for the next one.
     """
     pinhole = lens.pinhole(scene, camera_of(scene, camera))
     view = _taken(queries.wait(scene, KIND, _options(scene, pinhole, long_side)))
@@ -147,8 +158,8 @@ def _tick() -> float | None:
 
 
 def _is_displayed(live: _Live) -> bool:
-    """Return whether an editor shows the picture; one that is not there yet, or that undo took, is shown when it comes."""
-    image = free_camera.image()
+    """Return whether an editor shows the picture; one that undo took, or that is not there yet, is shown when made."""
+    image = displayed.camera_image()
     if image is None:
         live.edit = ()
     return image is None or editors.is_shown(image)
@@ -186,7 +197,7 @@ def _take(requested: Wanted, scene: bpy.types.Scene, answer: dict[str, Any]) -> 
 
 def _show(live: _Live, scene: bpy.types.Scene) -> None:
     live.edit = _edit_key(scene)
-    free_camera.show(scene, live.view, live.camera.width, live.camera.height)
+    displayed.show_camera(scene, live.view, live.camera.width, live.camera.height)
 
 
 def _edit_key(scene: bpy.types.Scene) -> tuple:
@@ -205,4 +216,4 @@ def _say(live: _Live | None, error: KarfError) -> None:
 @session.handler("save_pre")
 def _before_save(*_):
     # pixels that are only in memory are not saved
-    images.pack(free_camera.image())
+    images.pack(displayed.camera_image())

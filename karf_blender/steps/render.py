@@ -46,7 +46,7 @@ def render_captured(
     skip_existing: bool | None = None,
     size: str | int | None = None,
 ) -> Task:
-    """Recolor captured views with the swatches as they are, on their photos. What is chosen becomes the panel's.
+    """Recolor captured views on their photos, in the folder that is the task's result. Choices become the panel's.
 
     Args:
         views: `all`, `train`, `test` or names with commas.
@@ -54,9 +54,6 @@ def render_captured(
         skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
         size: `photo`: all pixels of the photos, in files of their kind (PNG, TIFF or EXR); `learned`: what was learned
             from; or the long side in pixels. Default: the panel's.
-
-    Returns:
-        The task; its result is the folder of the pictures.
     """
     _choose(scene, out, skip_existing)
     return _captured_task(scene, "Captured Views", views, size)
@@ -100,16 +97,10 @@ def render_sequence(
     out: str | Path | None = None,
     skip_existing: bool | None = None,
 ) -> Task:
-    """Recolor what any Blender camera sees, frame by frame, with the swatches of each. What is chosen becomes the panel's.
+    """Recolor what a camera (default: the scene's) sees in frames (default: the scene's), with the swatches of each.
 
-    Args:
-        camera: Default: the scene's.
-        frames: Their numbers; default: the scene's range.
-        out: Output folder; default: the panel's.
-        skip_existing: Whether to keep frames that would come out the same; default: the panel's.
-
-    Returns:
-        The task; its result is the folder of the pictures, frame_0001.png and so on, in the `camera_folder`.
+    `out` and `skip_existing` are as of `render_captured`. The task's result is the folder of the pictures,
+    frame_0001.png and so on, in the `camera_folder`.
     """
     _choose(scene, out, skip_existing)
     folder = camera_folder(scene, camera)
@@ -126,16 +117,12 @@ def farm_bundle(
     per_task: int = 10,
     python: str = "python3",
 ) -> Path:
-    """Write a bundle that renders what a camera sees, recolored, with the swatches of each frame; see docs/farm.md.
+    """Write a bundle for a farm that renders what `render_sequence` does, and return its folder; see docs/farm.md.
 
     Args:
-        camera: As of `render_sequence`; so `frames`.
         out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
         per_task: Frames of a task.
         python: The Python of the farm's machines that has the engine's packages.
-
-    Returns:
-        The bundle's folder.
     """
     out = Path(out).absolute() if out else _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
     with TemporaryDirectory() as folder:
@@ -155,11 +142,7 @@ def _free(folder: Path) -> Path:
 def write_sequence(
     scene: bpy.types.Scene, camera: bpy.types.Object | None, frames: Iterable[int] | None, out: Path
 ) -> tuple[Path, list[str]]:
-    """Write the camera and the swatches of each frame; equal edits are one file.
-
-    Returns:
-        The camera file, and the edit's file of each frame.
-    """
+    """Write cameras and swatches of frames; return the camera file and each frame's edit file, equal ones once."""
     camera = camera_of(scene, camera)
     requests.check_palettes(scene)
     views, files, known = [], [], {}
@@ -190,10 +173,7 @@ def export_cameras(
     camera: bpy.types.Object | None = None,
     frames: Iterable[int] | None = None,
 ) -> Path:
-    """Write what a camera is frame by frame as a transforms.json, with poses relative to the rig where there is one.
-
-    Camera and frames are as of `render_sequence`. Returns the file's path.
-    """
+    """Write a camera in frames, as of `render_sequence`, as a transforms.json relative to the rig; return its path."""
     path, numbers = Path(path).absolute(), frame_range(scene) if frames is None else frames
     views = list(frames_of(scene, camera_of(scene, camera), numbers))
     if not views:

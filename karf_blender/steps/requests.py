@@ -11,11 +11,10 @@ from .. import preferences, progress
 from ..engine_api import BadRequest, Message, Project, Request, read_palettes
 from ..marking import photo
 from ..pictures import editors
-from ..project import contents, folders
+from ..project import disk, folders
 from ..render_engine import camera_pixels
 from ..swatches import displayed, palettes
-from ..tasks.ownership import Owner
-from ..tasks.runner import Task
+from ..tasks.runner import Owner, Task
 from ..workspace import estimates
 
 # the engine's names of what Blender's output panel calls file format and color depth
@@ -44,7 +43,7 @@ def import_results(owner: Owner, request: Request) -> None:
         if request.stage == "recoloring":
             displayed.forget(scene)
             palettes.load_palettes(scene, read_palettes(Project(request.project).palette_file))
-        elif contents.is_prepared(scene):
+        elif disk.is_prepared(scene):
             show_recolored(scene)
 
 
@@ -67,10 +66,7 @@ def check_rig(scene: bpy.types.Scene) -> None:
 
 
 def presenting(present: Callable[[bpy.types.Scene], None], where: Message, written: Path | None = None) -> Finish:
-    """Make a `finish` that presents a result to the scene that began the job; where it is gone, it warns `where` it is.
-
-    `written` is the folder that *Open Folder* opens from then on.
-    """
+    """Make a `finish` that presents a result to the job's scene, or warns `where` it is, in the folder `written`."""
 
     def finish(owner: Owner, _: Request) -> None:
         if written is not None:
@@ -113,10 +109,7 @@ def planes(views: str) -> Job:
 def pictures(
     scene: bpy.types.Scene, views: str, edit: str | list[str], out: Path, base: str, size: str | int = "photo"
 ) -> Job:
-    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`).
-
-    The size of photos is `photo`, `learned` or the long side in pixels.
-    """
+    """The job that recolors views, on their photos (base `photo`) or on what the engine renders (`render`)."""
     karf = scene.karf
     return render(
         views,

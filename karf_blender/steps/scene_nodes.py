@@ -1,4 +1,4 @@
-"""Step 7: recoloring by Blender's own nodes, in the compositor and as an object; they need neither engine nor extension."""
+"""Step 7: recoloring by Blender's own nodes, in the compositor and on an object, without engine or extension."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -35,7 +35,7 @@ _Learned = Palette | ObjectLayers  # what nodes are made of: the name of an obje
 
 # --- compositor ----------------------------------------------------------------------------------------------------
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
-    """Recolor a captured view (default: the active one) by nodes in the compositor, with a color socket for each swatch.
+    """Recolor a captured view (default: the active one) by compositor nodes, with a color socket for each swatch.
 
     The sockets begin with the scene's swatches, and follow them if `driven`. The task's result is the group's node.
     """
@@ -51,17 +51,13 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
         progress.warn("The compositor recolors {path} with the node {name}.", path=path, name=node.name)
 
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
-    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.ocio_of(scene) or None}
+    spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.absolute_text(scene.karf.ocio) or None}
     job = requests.render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
     return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(recoloring.find, scene, view))
 
 
 def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False) -> bpy.types.Node:
-    """Recolor a layered picture that the engine has written (`render --layers`), of any camera, as `build_compositor` does.
-
-    Returns:
-        The group's node.
-    """
+    """Recolor a layered picture by the engine (`render --layers`), of any camera, as `build_compositor` does."""
     path = Path(path).absolute()
     objects = read_layer_names(path)
     known = _with_swatches(scene, objects)
@@ -101,10 +97,7 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
 
 # --- object --------------------------------------------------------------------------------------------------------
 def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
-    """Show the learned scene as an object of about `count` points (default: the panel's) whose colors follow the swatches.
-
-    The task's result is the object; one from before gets the new points.
-    """
+    """Show the learned scene as an object of about `count` points, the task's result, that follows the swatches."""
     path = folders.project_of(scene).points_file
     job = "points", {"out": str(path), "count": count or scene.karf.surface.count}
     finish = requests.presenting(partial(place_points, path=path), Message("The points are in {path}.", path=path))
@@ -115,10 +108,8 @@ def place_points(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
     """Show points that the engine has written (`points --out FILE.npz`) as `show_scene` does; returns the object."""
     requests.check_rig(scene)
     karf, points = scene.karf, read_points(Path(path).absolute())
-    palettes = [
-        _as_long_as_swatches(scene, Palette(name, learned))
-        for name, learned in zip(points.objects, points.learned, strict=True)
-    ]
+    learned = zip(points.objects, points.learned, strict=True)
+    palettes = [_as_long_as_swatches(scene, Palette(*each)) for each in learned]
     ours = {each.name for each in _with_swatches(scene, palettes)}
     added = {name: own for name, own in colors.added_by_object(scene).items() if name in ours}
     points = points.with_edges(palettes, {name: own for name, own in colors.edges(scene).items() if name in ours})
@@ -135,20 +126,15 @@ def place_points(scene: bpy.types.Scene, path: str | Path) -> bpy.types.Object:
 
 
 def _as_long_as_swatches(scene: bpy.types.Scene, palette: Palette) -> Palette:
-    """A palette without the zeros behind its end, which are there where others are longer."""
+    """Return a palette without the zeros that pad it to the longest."""
     item = scene.karf.objects.get(palette.name)
     return palette if item is None else Palette(palette.name, palette.colors[: colors.size(item)])
 
 
 def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads") -> Path:
-    """Write the scene's object with its colors as they are now.
+    """Write the scene's object as it is now to a `.ply`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`; return its path.
 
-    Args:
-        path: The file: `.ply`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
-        shape: `quads`, as Blender shows it, or `points`, a vertex each.
-
-    Returns:
-        The file's path.
+    The shape is `quads`, as Blender shows it, or `points`, a vertex each.
     """
     item = scene_object.find(scene)
     if item is None:

@@ -43,19 +43,16 @@ def export_splat(
     solid: bool = False,
     attributes: bool = False,
 ) -> Task:
-    """Write the scene's splats with the swatches as they are.
+    """Write the scene's splats with the swatches as they are; the task's result is the file's path.
 
     Args:
-        path: The file: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
-        axes: `capture`, those of the capture's own world, in which splats were imported; `blender`, where the rig stands
-            and as large as it is, z up (other kinds of files than .ply say what is up, and get it); `viewers`, the same
-            with y down, as most programs show a .ply; `auto`: `capture` for imported splats, else `blender`.
+        path: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
+        axes: `capture`: the capture's own world; `blender`: where the rig is, z up (or what the kind of file defines);
+            `viewers`: the same with y down, as most programs show a .ply; `auto`: `capture` for imported splats, else
+            `blender`.
         objects: Only these are cut out; none: the whole scene.
         solid: Whether to leave out the shell that shows what is behind the scene.
         attributes: Whether to add each Gaussian's object, probability and palette weights; `.ply` only.
-
-    Returns:
-        The task; its result is the file's path.
     """
     requests.check_rig(scene)
     karf, path = scene.karf, Path(path).absolute()
@@ -85,11 +82,8 @@ def _matrix_of(rig: bpy.types.Object, path: Path, axes: str) -> np.ndarray:
 def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     """Give an object of splats the swatches' colors, now and whenever they change; what followed before keeps its own.
 
-    In background mode nothing follows: call this again after a change.
-
-    Args:
-        item: A point cloud of Blender, or a mesh of KIRI's add-on, imported from a file of the scene's splats: all of
-            them, or all but what is behind the scene.
+    The object is a point cloud of Blender, or a mesh of KIRI's add-on, of all the scene's splats, or all but the
+    background. In background mode nothing follows: call this again after a change.
     """
     if not splat_objects.is_splat(item):
         raise BadRequest(
@@ -110,7 +104,6 @@ def unfollow_splat(scene: bpy.types.Scene) -> None:
 
 
 def _tick() -> float | None:
-    """Called by the timer as long as an object follows."""
     followed = _followed_scenes()
     if runner.is_running():
         session.get(_Requested).clear()  # what a task learns changes the splats, and meanwhile the cores are its own

@@ -19,7 +19,7 @@ from ..engine_api import (
     rgb_to_hex,
     srgb_to_lab,
 )
-from ..swatches import colors, displayed, edits, gestures, groups, keyframes, reference
+from ..swatches import colors, displayed, edits, gestures, groups, keyframes
 
 ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
@@ -38,20 +38,16 @@ def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Colo
 
 
 def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: ColorBook, name: str) -> float:
-    """Give one swatch, or an object's target color, the color of a name, as if it were dragged there.
+    """Give one swatch (0: the object's target color) the color of a name, as if it were dragged there.
 
-    Args:
-        index: The swatch's; 0: the color that the object's source shall become.
-
-    Returns:
-        CIEDE2000 from what a picture can show to the color of the name itself; 0 where a picture can show that.
+    Returns CIEDE2000 from what a picture can show to the color of the name; 0 where a picture can show that.
     """
-    color = reference.as_photographed(scene, book[name])
+    color = colors.as_photographed(scene, book[name])
     if index:
         edits.set_color(scene, object_name, index, color)
     else:
         edits.object_named(scene, object_name).target = color = np.minimum(color, 1)
-    left = float(ciede2000(srgb_to_lab(reference.as_named(scene, color)), book.lab_of(name)))
+    left = float(ciede2000(srgb_to_lab(colors.as_named(scene, color)), book.lab_of(name)))
     return left if left > ROUNDING else 0.0
 
 
@@ -65,14 +61,10 @@ def set_surface(
 ) -> None:
     """Set the surface of a swatch's paint, and of those linked to it; chosen colors stay.
 
-    Args:
-        saturation: 0 to 4; 0 is gray, 1 as it is.
-        brightness: Of the mid-tones, -2 to 2; 0 is as it is.
-        gloss: Strength of the highlights, 0 to 4; 0 is matte, 1 as it is.
+    Saturation is 0 (gray) to 4, brightness (of the mid-tones) -2 to 2, gloss (of the highlights) 0 (matte) to 4.
     """
-    swatch, surface = edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss)
     with displayed.batched(scene):
-        colors.write_surface(swatch, surface)
+        colors.write_surface(edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss))
 
 
 def link_swatches(scene: bpy.types.Scene, one: Swatch, other: Swatch) -> None:
@@ -95,28 +87,22 @@ def unlink_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int | None = None) -> int:
-    """Merge one swatch of an object into another, which then moves both paints by the same amount.
+    """Merge one swatch of an object `into` another, which then moves both paints by the same amount.
 
-    Args:
-        index: The swatch that disappears.
-        into: The one that moves it, whose number is returned; None: the one with the nearest learned color.
+    Returns the other's number; default: the one with the nearest learned color.
     """
     edits.unlocked(scene, object_name, index)
-    item = edits.object_named(scene, object_name)
+    item, which = edits.object_named(scene, object_name), {"index": index, "name": object_name}
     others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
     if item.swatches[index].is_added:
         raise BadRequest(
-            "Swatch {index} of {name!r} is an added color and cannot be merged.",
-            "Remove it in its menu.",
-            index=index,
-            name=object_name,
+            "Swatch {index} of {name!r} is an added color and cannot be merged.", "Remove it in its menu.", **which
         )
     if not others or into not in (None, *others):
         raise BadRequest(
             "Swatch {index} of {name!r} cannot be merged into {other}.",
             "Choose another visible swatch of this object.",
-            index=index,
-            name=object_name,
+            **which,
             other=into or "another",
         )
     if into is None:
@@ -140,14 +126,12 @@ def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> np.ndarray:
-    """Return the color that an object has in the active view, as learned, sRGB [3]: the mean of a few pixels.
+    """Return an object's color in the active view, as learned, sRGB [3]: the mean of a few pixels.
 
     The place is one in the picture: (0, 0) is its lower left corner, (1, 1) its upper right one.
     """
-    view, learned = (
-        displayed.of(scene).prepared_view().planes,
-        colors.state(edits.object_named(scene, name)).palette.colors,
-    )
+    view = displayed.of(scene).prepared_view().planes
+    learned = colors.state(edits.object_named(scene, name)).palette.colors
     height, width = view.base.shape[:2]
     column, row = int(place[0] * width), int((1 - place[1]) * height)
     near = slice(max(0, row - 1), row + 2), slice(max(0, column - 1), column + 2)
@@ -171,7 +155,7 @@ def add_color(
     reach: float | None = None,
     protect: float | None = None,
 ) -> int:
-    """Give an object one more swatch, which changes only what has the pigment of a color that it shows.
+    """Give an object one more swatch, whose number is returned, for the pigment of a color that it shows.
 
     Args:
         picked: The color as the photos show it.
@@ -179,9 +163,6 @@ def add_color(
         reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4; see `edit.added`.
             None: as far as the object's colors propose.
         protect: Colors under this share of its saturation, 0 to 0.5, are neutral and not of it. None: as they propose.
-
-    Returns:
-        The swatch's number, for `set_swatch`.
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(colors.added(item)) >= MAX_ADDED:
@@ -201,13 +182,10 @@ def add_color(
 
 
 def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
-    """Restrict a swatch to its own pigment: silver, foil, paper and gloss stay as they are.
+    """Restrict a swatch to its own pigment (silver, foil, paper and gloss stay), and return the number to change it by.
 
     An added color gets that option. A learned swatch, which is part of many colors, gets an added color for the pigment
     that it paints most, as this is shown now; itself and what followed it go back to where they were.
-
-    Returns:
-        The number of the swatch that changes the pigment from now on.
     """
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if swatch.is_added:

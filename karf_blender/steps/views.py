@@ -12,22 +12,19 @@ from ..engine_api import BadRequest, Capture, ErrorSummary, Message, View
 from ..host import windows
 from ..marking import photo
 from ..pictures import editors
-from ..project import captures, contents, folders
+from ..project import captures, disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
 from ..tasks import queries
 from ..tasks.runner import Task
 from . import requests
 
-RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `contents.seen_folder`
+RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `disk.renderings_folder`
 
 
 # --- camera --------------------------------------------------------------------------------------------------------
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
-    """Look through a captured view's camera, with its picture size and its photo free of lens distortion.
-
-    The scene's camera and picture size are put back by `leave_view`.
-    """
+    """Look through a captured view's camera, with its picture size and undistorted photo, until `leave_view`."""
     show_camera(scene, captures.of(scene), captures.view_of(scene, name))
 
 
@@ -46,19 +43,16 @@ def show_camera(scene: bpy.types.Scene, capture: Capture, view: View) -> None:
 
 
 def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
-    """Measure the distances in pixels of the sparse points to where a view's photo (default: the active one's) shows them."""
+    """Measure the distances in pixels of the sparse points from where a photo (default: the active one) shows them."""
     name = captures.view_of(scene, view).name
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
 
 
 # --- recolored -----------------------------------------------------------------------------------------------------
 def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
-    """Make a captured view (default: the active one) active, and show it recolored.
+    """Make a captured view (default: the active one) active, and show it recolored, with palettes learned meanwhile.
 
-    Palettes that the project has learned meanwhile are imported first.
-
-    Returns:
-        The task that prepares the view; where that is done already, it has no jobs. Its result is the image.
+    Returns the task that prepares the view (without jobs where that is done); its result is the image.
     """
     karf = scene.karf
     if view and view not in karf.views:
@@ -68,7 +62,7 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
     if view:
         karf.active_view = view
     jobs = ()
-    if contents.is_current(folders.project_of(scene), karf.active_view):
+    if disk.is_current(folders.project_of(scene), karf.active_view):
         requests.show_recolored(scene, is_wanted=True)
     else:
         jobs = (requests.planes(karf.active_view),)
@@ -82,7 +76,7 @@ def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
 
 # --- learned -------------------------------------------------------------------------------------------------------
 def show_masks(scene: bpy.types.Scene) -> None:
-    """Draw the objects' masks over the active view; where it was not rendered yet, as soon as the engine has made them."""
+    """Draw the objects' masks over the active view, as soon as the engine has made them."""
     bpy.context.window_manager.karf_seeing.show_masks = True
     displayed.of(scene).load_masks()
     _reveal(scene)
@@ -114,7 +108,7 @@ def see_view(scene: bpy.types.Scene) -> Task:
 
 def _rendered_folder(scene: bpy.types.Scene) -> Path:
     """The folder of what is learned now; those of what was learned before are removed."""
-    own = contents.seen_folder(scene)
+    own = disk.renderings_folder(scene)
     if not own.parent.is_symlink() and own.parent.is_dir():
         for folder in own.parent.iterdir():
             if folder != own and RENDERED.fullmatch(folder.name) and not folder.is_symlink():
@@ -125,7 +119,7 @@ def _rendered_folder(scene: bpy.types.Scene) -> Path:
 def _reveal(scene: bpy.types.Scene) -> None:
     """Show the active view, recolored where it is prepared, in the Image Editors."""
     known = displayed.of(scene)
-    image = known.recolor() if contents.is_prepared(scene) else known.show_unedited()
+    image = known.recolor() if disk.is_prepared(scene) else known.show_unedited()
     editors.reveal(image, is_wanted=True)
     photo.leave(scene)
     windows.redraw()

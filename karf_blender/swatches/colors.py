@@ -1,11 +1,20 @@
-"""The swatches of a scene as palette states, and back; see `solving`."""
+"""The swatches of a scene as palette states, and back (see `solving`), and its light."""
 
 from collections.abc import Iterable
 
 import bpy
 import numpy as np
 
-from ..engine_api import AddedColor, EdgeShape, Palette, Surface, hex_to_rgb, to_mean_exposure
+from ..engine_api import (
+    AddedColor,
+    BadRequest,
+    EdgeShape,
+    Palette,
+    ReferenceLight,
+    Surface,
+    hex_to_rgb,
+    to_mean_exposure,
+)
 from .solving import Becoming, PaletteState, States
 
 SURFACE = ("saturation", "brightness", "gloss")
@@ -58,7 +67,7 @@ def edited(item: bpy.types.PropertyGroup) -> np.ndarray:
 
 
 def surface_of(swatch: bpy.types.PropertyGroup) -> Surface:
-    """Return the surface of a swatch; one that another moves has none of its own."""
+    """Return the surface of a swatch; merged swatches are neutral."""
     return Surface() if swatch.merged else Surface(*(getattr(swatch, name) for name in SURFACE))
 
 
@@ -73,7 +82,7 @@ def palettes(scene: bpy.types.Scene) -> tuple[Palette, ...]:
 
 
 def added(item: bpy.types.PropertyGroup) -> tuple[AddedColor, ...]:
-    """Return the colors that were added to an object."""
+    """Return the added colors of an object."""
     return state(item).added
 
 
@@ -107,7 +116,7 @@ def place_of(swatch: bpy.types.PropertyGroup) -> tuple[bpy.types.PropertyGroup, 
 
 # --- the pair of colors of Becomes ---------------------------------------------------------------------------------
 def color_pair(item: bpy.types.PropertyGroup) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return an object's source and target color; they are the same where there is no target."""
+    """Return an object's source and target color, which are equal before a target is chosen."""
     return tuple(item.source), tuple(item.target)
 
 
@@ -136,3 +145,46 @@ def write_surface(swatch: bpy.types.PropertyGroup, surface: Surface) -> None:
     for name in SURFACE:
         if getattr(swatch, name) != getattr(surface, name):
             setattr(swatch, name, getattr(surface, name))
+
+
+# --- the light of color books, by a color chart or a gray card in a photo -------------------------------------------
+def reference_light(scene: bpy.types.Scene) -> ReferenceLight | None:
+    """Return how the scene's light differs from daylight (D65), by its chart, else by its card; None without both."""
+    if has_chart(scene):
+        return ReferenceLight(np.reshape(scene.karf.chart, (3, 3)).astype(np.float64))
+    card = np.array(scene.karf.card)
+    if not card.any():
+        return None
+    try:
+        return ReferenceLight.of_card(card)
+    except BadRequest:  # the panel says that the card is too dark or clipped
+        return None
+
+
+def has_chart(scene: bpy.types.Scene) -> bool:
+    """Tell whether a color chart was picked."""
+    return any(scene.karf.chart)
+
+
+def set_chart(scene: bpy.types.Scene, matrix: np.ndarray, left: float) -> None:
+    """Remember the light by a color chart: a matrix [3, 3], and the mean CIEDE2000 that it leaves."""
+    scene.karf.chart = np.ravel(matrix)
+    scene.karf.chart_left = left
+
+
+def forget_chart(scene: bpy.types.Scene) -> None:
+    """Forget the color chart: names are what photos show, or those of the gray card."""
+    scene.karf.chart = np.zeros(9)
+    scene.karf.chart_left = 0
+
+
+def as_named(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:
+    """Return a color of the photos, sRGB [3], under the reference light, in [0, 1]; the same without card and chart."""
+    light = reference_light(scene)
+    return np.clip(color if light is None else light.reference(color), 0, 1)
+
+
+def as_photographed(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:
+    """Return a color of a book, sRGB [3] in [0, 1], as the photos would show it; the same without card and chart."""
+    light = reference_light(scene)
+    return color if light is None else light.photographed(color)

@@ -1,11 +1,11 @@
-"""What is shown of each scene, and its result image, which is kept up to date with its swatches.
+"""Displayed pictures: each scene's result image, kept up to date with its swatches, and a followed camera's.
 
-A scene has one `DisplayedScene`, which keeps what was read from disk and what was composed of it. Its picture follows swatch
-edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph updates) and loaded files;
-while Blender renders it waits, and follows when that ends.
+A scene has one `DisplayedScene`, which keeps what was read from disk and what was composed of it. Its picture follows
+swatch edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph updates) and loaded
+files; while Blender renders it waits, and follows when that ends.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,27 +16,28 @@ import numpy as np
 from .. import session
 from ..engine_api import UNIT_GAINS, ColorHistogram, DataError, KarfError, read_object_colors, read_planes
 from ..host import rendering
-from ..pictures import images
-from ..project import contents, folders
+from ..pictures import editors, images
+from ..project import disk, folders
 from . import colors, object_masks, solving, views
 from .object_masks import ObjectMasks
 from .views import DisplayedView, PictureFiles
 
 RESULT_NAME = "KaRF"
+CAMERA_NAME = f"{editors.PREFIX} camera"
 RETRY_SECONDS = 0.2
 
 
 @dataclass
 class DisplayedScene:
-    """What is shown of one scene. Drawing only asks for what is in memory."""
+    """The displayed picture of one scene and its sources; drawing uses only what is in memory."""
 
     scene: bpy.types.Scene  # as `of` was last asked for it: undo replaces it
-    view: DisplayedView | None = None  # the planes shown last
-    camera: DisplayedView | None = None  # the planes of the camera that is followed, where it is this scene's
+    view: DisplayedView | None = None  # the planes displayed last
+    camera: DisplayedView | None = None  # the planes of the followed camera, if it is this scene's
     files: PictureFiles = field(default_factory=PictureFiles)
     masks: tuple[tuple, ObjectMasks | None] = ((), None)  # as read last, and what from
     histograms: dict[tuple[Path, int, str], ColorHistogram] = field(default_factory=dict)  # by file, time and object
-    spread: dict[str, tuple[bytes, ColorHistogram, ColorHistogram]] = field(default_factory=dict)  # see `histogram_of`
+    spread: dict[str, tuple[bytes, ColorHistogram, ColorHistogram]] = field(default_factory=dict)  # see `histogram`
     left: dict[str, tuple[tuple, float]] = field(default_factory=dict)  # to the target, with what it was found of
     surfaces: dict[str, bytes] = field(default_factory=dict)  # what the surfaces of each object were solved of
     values: bytes = b""  # what the picture was made from
@@ -44,15 +45,16 @@ class DisplayedScene:
 
     # --- the picture -----------------------------------------------------------------------------------------------
     def refresh(self) -> None:
-        """Bring the result image up to date after a change, where there is one to show; never raises.
+        """Bring the result image up to date after a change, if there is one; never raises.
 
-        A view that cannot be shown recolored shows its photo instead: never another view's picture.
+        A view that cannot be recolored shows its photo: never another view's picture.
         """
         if rendering.is_running():
-            _refresh_later()
+            if not bpy.app.background:  # there timers never fire, and a render's last handler refreshes
+                session.start_timer(_catch_up, RETRY_SECONDS)
             return
         self.update_surfaces()
-        if session.get(_State).open_batches or self.scene.karf.result is None:
+        if is_batched() or self.scene.karf.result is None:
             return
         try:
             self.recolor()
@@ -62,7 +64,7 @@ class DisplayedScene:
             self.update_left()
 
     def recolor(self) -> bpy.types.Image:
-        """Put the active view, as it is looked at, into the scene's result image, which is made if needed.
+        """Put the picture of the active view into the scene's result image.
 
         Raises:
             KarfError: The view cannot be composited, or Blender renders.
@@ -72,8 +74,8 @@ class DisplayedScene:
         return self._put(views.picture(self.scene, self.prepared_view(), self.files))
 
     def update_surfaces(self) -> None:
-        """Bring the shifts of the scene's swatches up to date; those of an object whose colors nobody counted stay."""
-        if session.get(_State).open_batches:
+        """Bring the shifts of the scene's swatches up to date, of objects whose colors were counted."""
+        if is_batched():
             return
         for item in self.scene.karf.objects:
             state = colors.state(item)
@@ -83,10 +85,7 @@ class DisplayedScene:
                     self.surfaces[item.name] = colors.state(item).key
 
     def solved(self, item: bpy.types.PropertyGroup) -> np.ndarray:
-        """As `colors.edited`, with what surfaces add found anew and not kept.
-
-        While Blender renders nothing can be put into the scene, and keyframed numbers move on.
-        """
+        """Return `colors.edited` with surfaces solved anew: while Blender renders, the scene cannot keep them."""
         state = colors.state(item)
         try:
             return replace(state, shift=self._shifts(state)).edited
@@ -94,48 +93,34 @@ class DisplayedScene:
             return state.edited
 
     def _shifts(self, state: solving.PaletteState) -> np.ndarray:
-        seen = None if state.is_neutral else self.histogram_of(state)
-        return solving.surface_shifts(state, seen)
+        return solving.surface_shifts(state, None if state.is_neutral else self.histogram(state))
 
     def show_unedited(self) -> bpy.types.Image:
-        """Put what there is of a view that cannot be recolored into the result image, which is made if needed.
-
-        Raises:
-            BadRequest: Blender renders.
-        """
+        """Put the placeholder of a view into the result image. Raises BadRequest while Blender renders."""
         rendering.refuse()
         return self._put(views.placeholder(self.scene, self.files))
 
     def _put(self, buffer: np.ndarray) -> bpy.types.Image:
-        """Make an RGBA buffer [H, W, 4] the result image, as the active view's picture."""
-        karf, (height, width) = self.scene.karf, buffer.shape[:2]
-        if karf.result is None:
-            karf.result = images.new_image(RESULT_NAME, width, height)
-        images.fit(karf.result, width, height)
-        images.upload(karf.result, buffer)
-        images.note_change(karf.result)
+        """Make an RGBA buffer [H, W, 4] the result image."""
+        self.scene.karf.result = _filled(self.scene.karf.result, RESULT_NAME, buffer)
         self.placeholder_key = views.placeholder_key(self.scene)
         self.load_masks()
         self.update_left()
-        return karf.result
+        return self.scene.karf.result
 
     def edited(self) -> np.ndarray:
-        """The active view recolored by the swatches, however it is looked at; see `DisplayedView.recolored`.
-
-        Raises:
-            KarfError: The view has no planes, or they belong to other palettes.
-        """
+        """Return the active view recolored by the swatches; see `DisplayedView.recolored` and `prepared_view`."""
         return self.prepared_view().recolored(self.scene)
 
     # --- what is read from the project -----------------------------------------------------------------------------
     def prepared_view(self) -> DisplayedView:
-        """The active view with its planes, read from disk where they are not the ones in memory.
+        """Return the active view with its planes, read from disk if they changed.
 
         Raises:
             KarfError: There are none, or they were made from other palettes, or are damaged.
         """
-        file = contents.planes_file(self.scene)
-        if not contents.is_prepared(self.scene):
+        file = disk.planes_file(self.scene)
+        if not disk.is_prepared(self.scene):
             raise DataError(
                 "{file} (edit planes) was made from other palettes."
                 if file.exists()
@@ -150,33 +135,34 @@ class DisplayedScene:
 
     @property
     def gains(self) -> tuple[float, float, float]:
-        """How the photo of the active view is exposed, as far as its planes tell; never raises."""
+        """The exposure of the active view's photo, as far as its planes tell; never raises."""
         try:
             return self.prepared_view().planes.gains
         except (KarfError, OSError):
             return UNIT_GAINS
 
     def load_masks(self) -> None:
-        """Read the masks of the active view, where they are looked at and not the ones in memory; never raises."""
+        """Read the masks of the active view if they are displayed and changed; never raises."""
         if not bpy.context.window_manager.karf_seeing.show_masks or not self.scene.karf.project:
             return
         try:
-            is_prepared = contents.is_prepared(self.scene)
-            files = {"": contents.planes_file(self.scene)} if is_prepared else contents.seen_masks(self.scene)
+            is_prepared = disk.is_prepared(self.scene)
+            files = {"": disk.planes_file(self.scene)} if is_prepared else disk.rendered_masks(self.scene)
             key = (*self._place(), *((file, file.stat().st_mtime_ns) for file in files.values()))
             if key != self.masks[0]:
-                self.masks = key, self._read_masks(None if is_prepared else files)
+                self.masks = (
+                    key,
+                    (
+                        object_masks.of_planes(self.prepared_view().planes, self.scene)
+                        if is_prepared
+                        else object_masks.of_files(files, self.scene)
+                    ),
+                )
         except (KarfError, OSError):
             self.masks = (), None
 
-    def _read_masks(self, files: Mapping[str, Path] | None) -> ObjectMasks | None:
-        """The active view's from these files, by object; None: from its planes."""
-        if files is None:
-            return object_masks.of_planes(self.prepared_view().planes, self.scene)
-        return object_masks.of_files(files, self.scene)
-
     def known_masks(self) -> ObjectMasks | None:
-        """The masks of the active view, as prepared for recoloring, else as segmented; None where none were read."""
+        """Return the masks of the active view, as prepared for recoloring, else as segmented; None if not read."""
         key, masks = self.masks
         return masks if key[:2] == self._place() else None
 
@@ -184,10 +170,10 @@ class DisplayedScene:
         return self.scene.karf.project, self.scene.karf.active_view
 
     def learned_histogram(self, name: str) -> ColorHistogram:
-        """An object's colors in the photos, read once.
+        """Return an object's colors in the photos, read once.
 
         Raises:
-            KarfError: There is no project, or it is damaged or has no such object.
+            KarfError: The project is missing or damaged, or the object is not in it.
         """
         project = folders.project_of(self.scene)
         file = project.object_colors_file
@@ -196,12 +182,8 @@ class DisplayedScene:
             self.histograms[key] = read_object_colors(project.verified(file), name)
         return self.histograms[key]
 
-    def histogram(self, item: bpy.types.PropertyGroup) -> ColorHistogram:
-        """The same with weights that are spread over the sets of the object's added colors."""
-        return self.histogram_of(colors.state(item))
-
-    def histogram_of(self, state: solving.PaletteState) -> ColorHistogram:
-        """The same of an object's swatches."""
+    def histogram(self, state: solving.PaletteState) -> ColorHistogram:
+        """Return the same with weights that are spread over the sets of the object's added colors."""
         learned = self.learned_histogram(state.name)
         if not state.is_added.any():
             return learned
@@ -213,12 +195,12 @@ class DisplayedScene:
 
     # --- target colors ---------------------------------------------------------------------------------------------
     def left_to_target(self, item: bpy.types.PropertyGroup) -> float | None:
-        """See `solving.left_to_target`; None where the object has no target color."""
+        """Return what `update_left` found; None if the object has no target color."""
         known = self.left.get(item.name)
         return known[1] if known and known[0][:2] == colors.color_pair(item) else None
 
     def update_left(self) -> None:
-        """Find anew what is left where swatches or target colors have changed; never raises."""
+        """Bring `solving.left_to_target` up to date with swatches and target colors; never raises."""
         for item in self.scene.karf.objects:
             source, target = colors.color_pair(item)
             if source == target:
@@ -229,8 +211,8 @@ class DisplayedScene:
             key = source, target, self.scene.karf.project, *own, state.key, before
             if item.name not in self.left or self.left[item.name][0] != key:
                 try:
-                    seen = self.histogram_of(state)
-                    self.left[item.name] = key, solving.left_to_target(state, colors.becoming(item), seen)
+                    left = solving.left_to_target(state, colors.becoming(item), self.histogram(state))
+                    self.left[item.name] = key, left
                 except (KarfError, OSError):  # the project is gone, or has no such object yet
                     self.left.pop(item.name, None)
 
@@ -238,83 +220,112 @@ class DisplayedScene:
 # --- all scenes ----------------------------------------------------------------------------------------------------
 @dataclass
 class _State:
-    """What is shown of each scene (by `session_uid`), and how many `batched` blocks are open."""
+    per_file = True
+    scenes: dict[int, DisplayedScene] = field(default_factory=dict)  # by `session_uid`
+    open_batches: int = 0  # `batched` blocks
 
-    scenes: dict[int, DisplayedScene] = field(default_factory=dict)
-    open_batches: int = 0
+
+def _scenes() -> dict[int, DisplayedScene]:
+    return session.get(_State).scenes
 
 
 def of(scene: bpy.types.Scene) -> DisplayedScene:
-    """What is shown of a scene."""
-    known = session.get(_State).scenes.get(scene.session_uid)
+    """Return what is displayed of a scene."""
+    known = _scenes().get(scene.session_uid)
     if known is None:
-        known = session.get(_State).scenes[scene.session_uid] = DisplayedScene(scene)
+        known = _scenes()[scene.session_uid] = DisplayedScene(scene)
     known.scene = scene
     return known
 
 
-def followed_camera() -> DisplayedView | None:
-    """The planes of the camera that is followed, of whichever scene."""
-    return next((known.camera for known in session.get(_State).scenes.values() if known.camera is not None), None)
-
-
-def follow_no_camera() -> None:
-    """No camera is followed any more; its last picture stays as it is."""
-    for known in session.get(_State).scenes.values():
-        known.camera = None
-
-
 def forget(scene: bpy.types.Scene) -> None:
-    """Read all of a scene anew at the next question. What its pictures show stays known."""
+    """Read all of a scene again when it is needed; what its pictures display is still known."""
     known = of(scene)
-    session.get(_State).scenes[scene.session_uid] = DisplayedScene(
-        scene, camera=known.camera, placeholder_key=known.placeholder_key
-    )
-
-
-def forget_all() -> None:
-    """Drop what is in memory of all scenes."""
-    session.get(_State).scenes.clear()
+    _scenes()[scene.session_uid] = DisplayedScene(scene, camera=known.camera, placeholder_key=known.placeholder_key)
 
 
 @contextmanager
 def batched(scene: bpy.types.Scene) -> Iterator[None]:
     """Change many swatches inside this block and get one new picture at its end."""
-    session.get(_State).open_batches += 1
+    state = session.get(_State)
+    state.open_batches += 1
     try:
         yield
     finally:
-        session.get(_State).open_batches -= 1
+        state.open_batches -= 1
     of(scene).refresh()
 
 
 def is_batched() -> bool:
-    """Whether a `batched` block is open: a program sets swatches, no artist drags one."""
+    """Tell whether a program sets swatches in a `batched` block: no artist drags one."""
     return session.get(_State).open_batches > 0
 
 
+def _filled(image: bpy.types.Image | None, name: str, buffer: np.ndarray) -> bpy.types.Image:
+    """Put an RGBA buffer [H, W, 4] into an image, or into a new one."""
+    height, width = buffer.shape[:2]
+    image = image or images.new_image(name, width, height)
+    images.fit(image, width, height)
+    images.upload(image, buffer)
+    images.note_change(image)
+    return image
+
+
 def _refresh_changed() -> None:
-    """Bring the pictures of all scenes up to date whose values have changed since; drop scenes that are gone."""
-    for uid in session.get(_State).scenes.keys() - {scene.session_uid for scene in bpy.data.scenes}:
-        del session.get(_State).scenes[uid]
+    """Bring the pictures of all scenes with other values up to date; drop removed scenes."""
+    for uid in _scenes().keys() - {scene.session_uid for scene in bpy.data.scenes}:
+        del _scenes()[uid]
     for scene in bpy.data.scenes:
         of(scene).update_surfaces()
         if scene.karf.result is not None and colors.fingerprint(scene) != of(scene).values:
             of(scene).refresh()
 
 
-def _refresh_later() -> None:
-    # in background mode timers never fire; there a render's last handler follows
-    if not bpy.app.background and not bpy.app.timers.is_registered(_catch_up):
-        session.start_timer(_catch_up, RETRY_SECONDS)
-
-
 def _catch_up() -> float | None:
-    """The timer: waits until Blender has rendered."""
+    """Refresh, as a timer, when Blender has rendered."""
     if not rendering.is_over():
         return RETRY_SECONDS
     _refresh_changed()
     return None
+
+
+# --- the followed camera -------------------------------------------------------------------------------------------
+def camera_image() -> bpy.types.Image | None:
+    """Return the image of the followed camera, if there is one."""
+    return bpy.data.images.get(CAMERA_NAME)
+
+
+def show_camera(scene: bpy.types.Scene, view: DisplayedView, width: int, height: int) -> None:
+    """Put the picture of a camera's planes into its image, at this size, and follow it.
+
+    Raises:
+        KarfError: The planes belong to other palettes, or Blender renders.
+    """
+    known = of(scene)
+    picture = views.picture(scene, view, known.files)
+    before = camera_image()
+    image = _filled(before, CAMERA_NAME, images.enlarged(picture, width, height))
+    if before is None:
+        editors.reveal(image, is_wanted=True, is_whole=True)
+    known.camera = view
+    if bpy.context.window_manager.karf_seeing.show_masks and view.planes.objects and view.masks is None:
+        view.masks = object_masks.of_planes(view.planes, scene)
+
+
+def followed_camera() -> DisplayedView | None:
+    """Return the planes of the followed camera, of whichever scene."""
+    return next((known.camera for known in _scenes().values() if known.camera is not None), None)
+
+
+def follow_no_camera() -> None:
+    """End following; the last picture stays."""
+    for known in _scenes().values():
+        known.camera = None
+
+
+def is_camera_in(space: bpy.types.Space) -> bool:
+    """Tell whether an Image Editor shows the picture of a followed camera."""
+    return followed_camera() is not None and space.image is not None and space.image == camera_image()
 
 
 # --- handlers ------------------------------------------------------------------------------------------------------
@@ -333,8 +344,7 @@ def _after_change(*_):
 
 @session.handler("load_post")
 def _after_load(*_):
-    forget_all()
     for scene in bpy.data.scenes:
-        # a picture that was saved is that of the view that was active then
+        # a saved picture is that of the view active then
         of(scene).placeholder_key = views.placeholder_key(scene)
         of(scene).refresh()

@@ -1,23 +1,27 @@
-"""Swatches of a scene as palettes and edits, and back.
+"""Edits: the swatches of a scene as an edit, and back, and what tools do to them.
 
 Swatch 0 of every object is black, frozen and not shown. Colors are sRGB numbers in float32, as Blender stores them, so
 a swatch never touched equals its learned color exactly.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..engine_api import BadRequest, EdgeShape, Edit, Surface, color_to_text, colors_of_text, edit_to_json
+from ..engine_api import BadRequest, EdgeShape, Edit, Surface, color_to_text, colors_of_text, edit_to_json, rgb_to_hex
 from . import colors, displayed, gestures, groups, solving
+from .solving import Becoming
+
+MOST_HELD = 8  # pairs held for an object's paints
 
 Edited = Callable[[bpy.types.PropertyGroup], np.ndarray]  # an object's palette, [M, 3]
 
 
 def current_edit(scene: bpy.types.Scene, edited: Edited = colors.edited) -> Edit:
-    """Return the palettes as the swatches stand now, each as `edited` says."""
+    """Return the current edit of the scene, with the palettes that `edited` returns."""
     palettes = {item.name: edited(item) for item in scene.karf.objects}
     return Edit(palettes, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
 
@@ -28,10 +32,10 @@ def edit_option(scene: bpy.types.Scene, edited: Edited = colors.edited) -> dict[
 
 
 def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> None:
-    """Set the swatches and edges to an edit of these objects, added colors among them.
+    """Set the swatches, edges and added colors to an edit of these objects.
 
-    Objects that it leaves out and locked swatches stay, merged ones follow; where the edit is a whole state, all are set to
-    what it says. Surfaces are part of its colors, and become neutral.
+    Other objects and locked swatches stay, merged ones follow; an edit that is a whole state (`is_whole`) sets all.
+    Surfaces become neutral: the colors of an edit contain them.
     """
     with displayed.batched(scene), gestures.suspended(scene):
         scene.karf.compositing = edit.compositing
@@ -54,7 +58,7 @@ def apply_edit(scene: bpy.types.Scene, edit: Edit, is_whole: bool = False) -> No
 
 
 def _bake_surfaces(item: bpy.types.PropertyGroup) -> None:
-    """Let an object's swatches have the colors that they are shown with, and neutral surfaces."""
+    """Give an object's swatches the displayed colors, and neutral surfaces."""
     state = colors.state(item)
     if not state.is_neutral:
         colors.write(item, state.edited)
@@ -64,14 +68,14 @@ def _bake_surfaces(item: bpy.types.PropertyGroup) -> None:
 
 
 def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[float] | np.ndarray) -> None:
-    """Set one swatch of an object; index counts from 1, since swatch 0 is black. Raises BadRequest for a locked one."""
+    """Set one swatch of an object, counted from 1. Raises BadRequest for a locked one."""
     unlocked(scene, name, index).color = color
 
 
 def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Give one swatch of an object (None: all) the learned color and surface back, and those that move with it theirs.
+    """Reset one swatch of an object (None: all), and those that move with it, to the learned color and surface.
 
-    What followed a swatch that was dragged follows it back; locked ones stay.
+    Swatches that followed when it was dragged follow it back; locked ones stay.
     """
     item = object_named(scene, name)
     if index is not None:
@@ -84,7 +88,7 @@ def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
 
 
 def reset_surface(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Give one swatch of an object (None: all) and those linked to it a neutral surface; locked ones stay."""
+    """Reset the surface of one swatch of an object (None: all) and those linked to it; locked ones stay."""
     chosen = object_named(scene, name).swatches if index is None else [unlocked(scene, name, index)]
     with displayed.batched(scene):
         for swatch in chosen:
@@ -93,17 +97,17 @@ def reset_surface(scene: bpy.types.Scene, name: str, index: int | None = None) -
 
 
 def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]) -> None:
-    """Let two swatches, each an object's name and a number, exchange their colors."""
+    """Exchange the colors of two swatches, each an object's name and a number."""
     one, other = unlocked(scene, *first), unlocked(scene, *second)
     with displayed.batched(scene):
         one.color, other.color = other.color[:], one.color[:]
 
 
 def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> None:
-    """Set one swatch of an object (None: its swatches in their order) to the colors that a text names.
+    """Set one swatch of an object (None: all in order) to the colors in a text.
 
     Raises:
-        BadRequest: The text names none, or the swatch is locked.
+        BadRequest: There are none, or the swatch is locked.
     """
     found = colors_of_text(text)
     if not len(found):
@@ -115,24 +119,20 @@ def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> No
         set_color(scene, name, index, found[0])
         return
     with displayed.batched(scene):
-        shown = [swatch for swatch in object_named(scene, name).swatches[1:] if not swatch.merged]
-        for swatch, color in zip(shown, found, strict=False):
+        displayed_ones = [swatch for swatch in object_named(scene, name).swatches[1:] if not swatch.merged]
+        for swatch, color in zip(displayed_ones, found, strict=False):
             if not swatch.locked:
                 swatch.color = color
 
 
 def copied(scene: bpy.types.Scene, name: str, index: int | None) -> str:
-    """The color of one swatch of an object (None: of all that are shown) as a text."""
+    """Return the color of one swatch of an object (None: of all displayed ones) as a text."""
     swatches = object_named(scene, name).swatches[1:] if index is None else [swatch_at(scene, name, index)]
     return " ".join(color_to_text(swatch.color) for swatch in swatches if not swatch.merged)
 
 
 def unlocked(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.PropertyGroup:
-    """Swatch `index` of an object, which may be changed.
-
-    Raises:
-        BadRequest: There is none, or it is the frozen black, locked, or moved by another.
-    """
+    """Return a swatch of an object that may be changed. Raises BadRequest if it is locked, merged or `swatch_at` does."""
     swatch = swatch_at(scene, name, index)
     if swatch.merged:
         raise BadRequest(
@@ -148,11 +148,7 @@ def unlocked(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Propert
 
 
 def object_named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
-    """The scene's object with this name.
-
-    Raises:
-        BadRequest: There is none; the hint lists those there are.
-    """
+    """Return the scene's object with this name. Raises BadRequest without one."""
     item = scene.karf.objects.get(name)
     if item is None:
         known = ", ".join(scene.karf.objects.keys())
@@ -166,11 +162,7 @@ def object_named(scene: bpy.types.Scene, name: str) -> bpy.types.PropertyGroup:
 
 
 def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.PropertyGroup:
-    """Swatch `index` of an object.
-
-    Raises:
-        BadRequest: There is none, or it is the frozen black.
-    """
+    """Return a swatch of an object. Raises BadRequest if there is none, or for the frozen black."""
     found = object_named(scene, name).swatches
     if not 1 <= index < len(found):
         raise BadRequest(
@@ -181,3 +173,52 @@ def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Proper
             count=len(found) - 1,
         )
     return found[index]
+
+
+# --- one color becomes another -------------------------------------------------------------------------------------
+def become(item: bpy.types.PropertyGroup, pair: Becoming) -> str:
+    """Set an object's swatches so that one color of it becomes another, and return why it does not, if so.
+
+    Raises:
+        BadRequest: The source is black, or the object shows no such color.
+        DataError: The project's histogram of the object's colors is damaged.
+    """
+    scene, state = item.id_data, colors.state(item)
+    wanted, missed = solving.become(state, pair, displayed.of(scene).histogram(state))
+    edit = Edit({item.name: wanted}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
+    apply_edit(scene, edit)
+    return missed
+
+
+def become_target(item: bpy.types.PropertyGroup) -> str:
+    """`become` with the object's own pair of colors, from the swatches as they were when its source was picked.
+
+    So the target can be changed any number of times. Other changes made since are kept as the start, unless they have
+    taken the source itself away.
+    """
+    state, pair = colors.state(item), colors.becoming(item)
+    if (state.edited != colors.stored(item, "after")).any():
+        histogram = displayed.of(item.id_data).histogram(state)
+        if solving.is_shown(state.visible(histogram, state.edited), histogram.counts, pair.source):
+            pair = replace(pair, start=state.edited)
+    missed = become(item, pair)
+    _remember_pair(item, pair.start, colors.edited(item))
+    return missed
+
+
+def source_picked(item: bpy.types.PropertyGroup) -> None:
+    """Remember the swatches and the exposure of the picture where the source was just picked.
+
+    An applied target is held from now on, so that paint after paint can be changed.
+    """
+    before, after, now = colors.stored(item, "before"), colors.stored(item, "after"), colors.edited(item)
+    if (before != after).any() and (after == now).all():
+        given = [*colors.held(item), np.array(item.target)][-MOST_HELD:]
+        item.held = " ".join(map(rgb_to_hex, given))
+    item.gains = displayed.of(item.id_data).gains
+    _remember_pair(item, now, now)
+
+
+def _remember_pair(item: bpy.types.PropertyGroup, before: np.ndarray, after: np.ndarray) -> None:
+    item.swatches.foreach_set("before", before.ravel())
+    item.swatches.foreach_set("after", after.ravel())

@@ -1,7 +1,7 @@
-"""Swatches that follow one that is changed: linked and merged ones, sets of added colors and, with Material, its paint.
+"""Swatches that follow a changed one: linked and merged ones, sets of added colors and, with Material, its paint.
 
-What was dragged, and the colors before, are known in memory. Where keyframes shall move a paint after the file is opened
-again, the object keeps its last drag (`dragged`, `began`).
+Memory has the dragged swatches and the colors before. The object stores its last drag (`dragged`, `began`), so that
+keyframes move a paint after the file is opened again.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,32 +21,32 @@ Key = tuple[int, str]  # of an object: its scene's `session_uid` and its name
 
 
 @dataclass
-class _State:
+class _Memory:
     gestures: dict[Key, Gesture] = field(default_factory=dict)
-    seen: dict[Key, np.ndarray] = field(default_factory=dict)  # chosen colors as of the last change or event
+    last_colors: dict[Key, np.ndarray] = field(default_factory=dict)  # chosen ones as of the last change or event
     is_suspended: bool = False
 
 
 @contextmanager
 def suspended(scene: bpy.types.Scene) -> Iterator[None]:
     """Set swatches of a scene inside this block without any other following."""
-    state = session.get(_State)
+    state = session.get(_Memory)
     before, state.is_suspended = state.is_suspended, True
     try:
         yield
     finally:
         state.is_suspended = before
-        _look(scene)
+        _remember_colors(scene)
 
 
 # --- changes -------------------------------------------------------------------------------------------------------
 def color_changed(swatch: bpy.types.PropertyGroup) -> None:
-    """Let the swatches that move with one follow its new color, and the picture. What programs set moves no paint."""
-    if session.get(_State).is_suspended:
+    """Update the swatches that move with a changed one, and the picture. Colors set by programs move no paint."""
+    if session.get(_Memory).is_suspended:
         return
     scene, (item, index) = swatch.id_data, colors.place_of(swatch)
     now = colors.states(scene)
-    before, own = session.get(_State).seen.get(_key(item)), now[item.name]
+    before, own = session.get(_Memory).last_colors.get(_key(item)), now[item.name]
     before = own.learned if before is None or len(before) != len(own.chosen) else before
     start_colors = own.chosen.copy()
     start_colors[index] = before[index]
@@ -59,8 +59,8 @@ def color_changed(swatch: bpy.types.PropertyGroup) -> None:
 
 
 def surface_changed(swatch: bpy.types.PropertyGroup) -> None:
-    """Let the swatches that are linked to one take its surface, and the picture follow."""
-    if session.get(_State).is_suspended:
+    """Give the swatches linked to a changed one its surface, and update the picture."""
+    if session.get(_Memory).is_suspended:
         return
     item, index = colors.place_of(swatch)
     share_surface(item, index)
@@ -68,7 +68,7 @@ def surface_changed(swatch: bpy.types.PropertyGroup) -> None:
 
 
 def share_surface(item: bpy.types.PropertyGroup, index: int) -> None:
-    """Give the unlocked swatches that are linked to one its surface."""
+    """Give the unlocked swatches linked to one its surface."""
     states = colors.states(item.id_data)
     surface = states[item.name].surface_of(index)
     with suspended(item.id_data):
@@ -78,10 +78,9 @@ def share_surface(item: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def reset(item: bpy.types.PropertyGroup, index: int, follows: bool) -> Mapping[str, np.ndarray]:
-    """Give a swatch and those that move with it the learned color; what followed when it was dragged may follow it back.
+    """Reset the color of a swatch and those that move with it; return these, [M] bool, of each object that has some.
 
-    Returns:
-        Which swatches [M] bool these are, of each object that has some.
+    follows: Those that followed when it was dragged follow it back.
     """
     scene = item.id_data
     start = colors.states(scene)
@@ -93,34 +92,32 @@ def reset(item: bpy.types.PropertyGroup, index: int, follows: bool) -> Mapping[s
 
 
 def drag_again(item: bpy.types.PropertyGroup) -> None:
-    """Solve an object's last drag anew where nothing has changed since, as after it was said to be of metal."""
-    scene, gesture = item.id_data, session.get(_State).gestures.get(_key(item))
+    """Solve an object's last drag anew where nothing has changed since but Metal."""
+    scene, gesture = item.id_data, _last_drag(item)
     if gesture is not None and scene.karf.material:
         now = colors.states(scene)
-        if gesture.goes_on(gesture.moved, now[item.name].chosen):
+        if gesture.continues(gesture.moved, now[item.name].chosen):
             write(scene, _move_paints(scene, now, now, {item.name: _mask(now[item.name], gesture.moved)}))
             displayed.of(scene).refresh()
 
 
 def before_drag(item: bpy.types.PropertyGroup, index: int) -> np.ndarray:
-    """Return an object's palette [M, 3] without a swatch's edit: as before its drag where that is known, else with the
-    learned color of that swatch."""
+    """Return an object's palette [M, 3] as before the drag of a swatch; if unknown, with the swatch as learned."""
     states = colors.states(item.id_data)
     if _is_dragged(item, index, states):
-        return session.get(_State).gestures[_key(item)].start
+        return _last_drag(item).start
     own = states[item.name]
     return np.where(_mask(own, [index])[:, None], own.learned, own.chosen)
 
 
 # --- solving -------------------------------------------------------------------------------------------------------
 def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) -> States:
-    """Return the states with the sets of a swatch and those linked to it; one that cannot be solved stays, with a warning."""
+    """Return the states with the sets of a swatch and those linked to it; warn of those that cannot be solved."""
     result = dict(states)
     for each, own in solving.linked(states, name, index).items():
         for number in np.flatnonzero(own & states[each].is_added):
             try:
-                seen = displayed.of(scene).learned_histogram(each)
-                result[each] = solving.solve_set(result[each], number, seen)
+                result[each] = solving.solve_set(result[each], number, displayed.of(scene).learned_histogram(each))
             except (KarfError, OSError) as error:
                 progress.warn(str(error))
     return result
@@ -129,34 +126,29 @@ def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) ->
 def _move_paints(
     scene: bpy.types.Scene, start: States, moved: States, own: Mapping[str, np.ndarray], begins: bool = True
 ) -> States:
-    """Return the states with the paints of dragged swatches.
+    """Return the states with the paints of dragged swatches, which are `own` [M] bool of each object.
 
-    Args:
-        scene: The scene.
-        start: The states before.
-        moved: The states with the new colors of the swatches and those that move with them.
-        own: The swatches [M] bool of each object that are dragged.
-        begins: Begin a drag where none goes on.
+    `start` are the states before, `moved` those with the new colors of the swatches and those that move with them.
+    Unless `begins`, only drags that continue are solved.
     """
-    result, known = dict(moved), session.get(_State).gestures
+    result, known = dict(moved), session.get(_Memory).gestures
     for name, mask in own.items():
         state, key = moved[name], (scene.session_uid, name)
         paints = tuple(
             np.flatnonzero(mask & (state.merged == 0) & ~state.is_added & ~_locked_links(state, mask)).tolist()
         )
         gesture = known.get(key)
-        if not paints or (not begins and gesture is None):
+        continues = gesture is not None and gesture.continues(paints, start[name].chosen)
+        if not paints or not (begins or continues):
             continue
-        if gesture is None or not gesture.goes_on(paints, start[name].chosen):
-            if not begins:
-                continue
+        if not continues:
             gesture = Gesture(paints, start[name].chosen, start[name].chosen)
-            _keep(scene.karf.objects[name], gesture)
+            _store(scene.karf.objects[name], gesture)
         try:
-            seen = displayed.of(scene).histogram_of(state)
+            histogram = displayed.of(scene).histogram(state)
         except (KarfError, OSError):  # nobody has counted the object's colors: the swatches move alone
             continue
-        result[name] = solving.drag(state, gesture, seen)
+        result[name] = solving.drag(state, gesture, histogram)
         known[key] = replace(gesture, result=result[name].chosen)
     return result
 
@@ -172,11 +164,10 @@ def write(scene: bpy.types.Scene, states: States) -> None:
             colors.write(item, states[item.name].chosen)
 
 
-def _look(scene: bpy.types.Scene) -> None:
-    """Take note of the colors as they stand: the next change of a swatch begins there."""
-    seen = session.get(_State).seen
+def _remember_colors(scene: bpy.types.Scene) -> None:
+    """Remember the current colors: the next change of a swatch begins there."""
     for item in scene.karf.objects:
-        seen[_key(item)] = colors.chosen(item)
+        session.get(_Memory).last_colors[_key(item)] = colors.chosen(item)
 
 
 def _key(item: bpy.types.PropertyGroup) -> Key:
@@ -187,41 +178,44 @@ def _mask(state: solving.PaletteState, numbers) -> np.ndarray:
     return np.isin(np.arange(len(state.chosen)), numbers)
 
 
+def _last_drag(item: bpy.types.PropertyGroup) -> Gesture | None:
+    return session.get(_Memory).gestures.get(_key(item))
+
+
 def _is_dragged(item: bpy.types.PropertyGroup, index: int, states: States) -> bool:
-    gesture = session.get(_State).gestures.get(_key(item))
-    return gesture is not None and index in gesture.moved and gesture.goes_on(gesture.moved, states[item.name].chosen)
+    gesture = _last_drag(item)
+    return gesture is not None and index in gesture.moved and gesture.continues(gesture.moved, states[item.name].chosen)
 
 
 # --- files, undo, keyframes ----------------------------------------------------------------------------------------
-def _keep(item: bpy.types.PropertyGroup, gesture: Gesture) -> None:
-    """Let an object keep where a drag began, for keyframes."""
+def _store(item: bpy.types.PropertyGroup, gesture: Gesture) -> None:
+    """Store where a drag began in the object, for keyframes."""
     item.dragged = gesture.moved[0] if len(gesture.moved) == 1 else 0
     item.swatches.foreach_set("began", gesture.start.ravel())
 
 
 @session.handler("load_post", "undo_post", "redo_post", phase=session.Phase.SOLVE)
 def _after_replacement(*_):
-    """The colors are others, without an update: the drags that they came of go on, others have ended."""
+    """Continue the drags that the replaced colors came of; others have ended."""
     if rendering.is_running():
         return
     for scene in bpy.data.scenes:
         for item in scene.karf.objects:
             _recall(item)
-        _look(scene)
+        _remember_colors(scene)
 
 
 def _recall(item: bpy.types.PropertyGroup) -> None:
-    """Take up the drag that an object keeps, where its colors came of it."""
-    state, known, key = colors.state(item), session.get(_State).gestures, _key(item)
-    if key in known and known[key].goes_on(known[key].moved, state.chosen):
+    """Continue the drag stored in an object, if its colors came of it."""
+    state, known, key = colors.state(item), session.get(_Memory).gestures, _key(item)
+    if key in known and known[key].continues(known[key].moved, state.chosen):
         return
     known.pop(key, None)
     if not 0 < item.dragged < len(state.chosen) or not item.id_data.karf.material:
         return
     gesture = Gesture((item.dragged,), colors.stored(item, "began"), state.chosen)
     try:
-        seen = displayed.of(item.id_data).histogram_of(state)
-        solved = solving.drag(state, gesture, seen)
+        solved = solving.drag(state, gesture, displayed.of(item.id_data).histogram(state))
     except (KarfError, OSError):
         return
     if np.allclose(solved.chosen, state.chosen, atol=1e-5):
@@ -232,12 +226,12 @@ def _recall(item: bpy.types.PropertyGroup) -> None:
 def _after_change(*_):
     if not rendering.is_running():
         for scene in bpy.data.scenes:
-            _look(scene)
+            _remember_colors(scene)
 
 
 @session.handler("frame_change_post", phase=session.Phase.SOLVE)
 def _follow_keyframes(scene, *_):
-    """Keyframes move a swatch without an update: what moves with it, and the paint of one that was dragged, follow."""
+    """Update the swatches that follow keyframed ones: keyframes cause no property update."""
     if rendering.is_running():
         return
     objects = scene.karf.objects
@@ -260,4 +254,4 @@ def _follow_keyframes(scene, *_):
             moved = _move_paints(scene, start, moved, solving.linked(start, name, index), begins=False)
     if places:
         write(scene, moved)
-    _look(scene)
+    _remember_colors(scene)

@@ -15,7 +15,7 @@ from . import colors, displayed, gestures, solving
 
 
 def link(swatch: bpy.types.PropertyGroup, other: bpy.types.PropertyGroup) -> None:
-    """Let two swatches, and all that each is linked to, have one color: the other's."""
+    """Link two swatches, and all linked to each; they take the color of the other."""
     everyone = [each for item in swatch.id_data.karf.objects for each in item.swatches]
     number = other.link or swatch.link or 1 + max(each.link for each in everyone)
     for each in [*_linked(swatch), *_linked(other)]:
@@ -25,7 +25,7 @@ def link(swatch: bpy.types.PropertyGroup, other: bpy.types.PropertyGroup) -> Non
 
 
 def unlink(swatch: bpy.types.PropertyGroup) -> None:
-    """Let a swatch, and the last one that would be left alone, move by themselves; colors stay."""
+    """Unlink a swatch, and the last one otherwise left alone; colors stay."""
     others = [each for each in _linked(swatch) if each != swatch]
     for each in [swatch, *(others if len(others) == 1 else [])]:
         each.link = 0
@@ -39,7 +39,7 @@ def _linked(swatch: bpy.types.PropertyGroup) -> list[bpy.types.PropertyGroup]:
 
 
 def merge(item: bpy.types.PropertyGroup, index: int, into: int) -> None:
-    """Let one swatch of an object move another, which is no longer shown; what that one moved comes along."""
+    """Merge a swatch of an object, and those merged into it, into another; it is no longer displayed."""
     unlink(item.swatches[index])
     for number, each in enumerate(item.swatches):
         if number == index or each.merged == index:
@@ -48,7 +48,7 @@ def merge(item: bpy.types.PropertyGroup, index: int, into: int) -> None:
 
 
 def split(item: bpy.types.PropertyGroup, index: int) -> None:
-    """Let all swatches that were merged into one move by themselves again; colors and pictures stay."""
+    """Separate all swatches merged into one; colors and pictures stay."""
     with gestures.suspended(item.id_data):
         for each in item.swatches:
             if each.merged == index:
@@ -58,11 +58,11 @@ def split(item: bpy.types.PropertyGroup, index: int) -> None:
 
 # --- added colors --------------------------------------------------------------------------------------------------
 def first_set(item: bpy.types.PropertyGroup, color: AddedColor) -> np.ndarray:
-    """Return the set [M, 3] of a color that is about to be added, with which no picture changes.
+    """Return the set [M, 3] of a new added color; it changes no picture.
 
     Raises:
         BadRequest: The color is black, and so has no pigment.
-        KarfError: There is no project, or it is damaged or has no such object.
+        KarfError: The project is missing or damaged, or the object is not in it.
     """
     return solving.first_set(colors.state(item), color, displayed.of(item.id_data).learned_histogram(item.name))
 
@@ -96,7 +96,7 @@ def remove_color(item: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], even_locked: bool = False) -> None:
-    """Let an object have these added colors and no others.
+    """Replace the added colors of an object.
 
     Raises:
         BadRequest: It has others, and one of them is locked, where locked ones are to stay.

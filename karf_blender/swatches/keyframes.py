@@ -61,7 +61,7 @@ def copy_shared_action(scene: bpy.types.Scene) -> None:
 
 
 def move(curve: Curve, numbers: Mapping[str, int], swatch: int | str | None) -> None:
-    """Let a curve animate another swatch of its object; see `Curve.swatch`. numbers: of the objects, by name."""
+    """Move a curve to another swatch of its object; see `Curve.swatch`. numbers: of the objects, by name."""
     number = numbers.get(curve.object_name)
     waits = number is None or isinstance(swatch, str)
     place = f'"{bpy.utils.escape_identifier(curve.object_name)}"' if waits else number

@@ -31,7 +31,7 @@ def edit_of(look: bpy.types.PropertyGroup) -> Edit:
 
 
 def readable(scene: bpy.types.Scene) -> dict[str, Edit]:
-    """Return the edits of a scene's looks by name, without those that are damaged."""
+    """Return the edits of a scene's looks by name, without damaged ones."""
     found = {}
     for look in scene.karf.looks:
         with suppress(DataError):

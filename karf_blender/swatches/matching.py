@@ -25,7 +25,7 @@ def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
 
 
 def chosen(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Return the picture that was painted on or chosen. Raises BadRequest without one of this view."""
+    """Return the painted or chosen picture. Raises BadRequest without one of this view."""
     match, view = scene.karf.match, scene.karf.active_view
     if match.picture is None:
         raise BadRequest("No picture was chosen.", "Press Paint Over, or choose a picture of this view.")

@@ -13,7 +13,7 @@ from ..pictures import images, tints
 
 @dataclass(frozen=True)
 class ObjectMasks:
-    """The objects of one view, in colors of their own."""
+    """The objects of one view, each in its tint."""
 
     tints: Mapping[str, tuple[float, float, float]]  # by object
     fill: np.ndarray  # [H, W, 4] float32 sRGB and coverage, rows from the bottom

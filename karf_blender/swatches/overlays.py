@@ -14,7 +14,7 @@ from gpu_extras.batch import batch_for_shader
 from .. import session
 from ..host.drawing import draw_line, draw_text
 from ..host.words import translate
-from . import displayed, free_camera, views
+from . import displayed, views
 from .object_masks import ObjectMasks
 
 LINE_WIDTH = 1.5
@@ -53,7 +53,7 @@ def shows_picture(context: bpy.types.Context) -> bool:
     """Tell whether the context's editor shows the scene's result image, or a followed camera's picture."""
     space = context.space_data
     is_image = space is not None and space.type == "IMAGE_EDITOR"
-    return is_image and (free_camera.is_in(space) or is_result(context.scene, space))
+    return is_image and (displayed.is_camera_in(space) or is_result(context.scene, space))
 
 
 def is_result(scene: bpy.types.Scene, space: bpy.types.Space | None) -> bool:
@@ -85,8 +85,9 @@ def _draw_in_image() -> None:
         return
     seeing, place = context.window_manager.karf_seeing, picture_in(context.region)
     if seeing.show_masks:
-        is_camera = free_camera.is_in(context.space_data)
-        _draw_masks(free_camera.masks() if is_camera else displayed.of(context.scene).known_masks(), place)
+        is_camera = displayed.is_camera_in(context.space_data)
+        masks = displayed.followed_camera().masks if is_camera else displayed.of(context.scene).known_masks()
+        _draw_masks(masks, place)
     if seeing.mode == "DIFFERENCE":
         _draw_scale(context.preferences.system.ui_scale)
     if seeing.is_wiped:
@@ -175,7 +176,7 @@ def _draw_colors(kind: str, points: list, colors: list[tuple[float, ...]]) -> No
 
 # --- the loupe -----------------------------------------------------------------------------------------------------
 def pixels_at(picture: np.ndarray, place: tuple[float, float]) -> np.ndarray:
-    """Return the pixels round a place of a picture, which is continued by its border.
+    """Return the pixels round a place of a picture; its border continues.
 
     picture: [H, W, 3] uint8, row 0 on top; place: see `place_under`. Returns [LOUPE_SIDE, LOUPE_SIDE, 3] in [0, 1].
     """

@@ -32,13 +32,13 @@ from ..project import folders
 from . import colors, displayed, edits, gestures, groups, keyframes, looks
 from .solving import NEUTRAL, PaletteState
 
-NEAR = 20.0  # CIE L*a*b* distance up to which two learned colors may be the same swatch's
+NEAR = 20.0  # largest CIE L*a*b* distance between learned colors of one swatch
 OWN_VALUES = ("rule", "show_becomes", "held", "is_metal", "choke", "feather", "show_edge")
 
 
 @dataclass(frozen=True)
 class _ObjectEdits:
-    """What the artist has done to an object: its swatches, and its own values by name."""
+    """The artist's edits of an object: its swatches, and its own values by name."""
 
     state: PaletteState
     own: dict
@@ -53,7 +53,7 @@ class _ObjectEdits:
 
     @property
     def touched(self) -> set[int]:
-        """The numbers of the swatches that are edited, locked, move with others or were added."""
+        """The numbers of edited, locked, linked, merged and added swatches."""
         state = self.state
         has_color, has_surface = state.chosen != state.learned, state.surface != NEUTRAL
         touched = (has_color | has_surface).any(axis=-1) | state.locked | (state.link > 0) | (state.merged > 0)
@@ -87,17 +87,23 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     """
     before = _edits_of(scene)
     after = {palette.name: palette.colors for palette in palettes}
-    matches = {name: each.match(after.get(name)) for name, each in before.items()}
     lost = [
         name
         for name, each in before.items()
-        if each.touched - set(matches[name]) or (each.has_edge and name not in after)
+        if each.touched - set(each.match(after.get(name))) or (each.has_edge and name not in after)
     ]
     if lost:
-        _keep(scene, lost)
+        progress.warn(
+            Message(
+                "The palettes no longer have some edited swatches of {names}. A copy of all edits is in {file}; "
+                "keyframes remain in the scene's action.",
+                names=", ".join(lost),
+                file=_write_kept(scene, edits.current_edit(scene)),
+            )
+        )
     kept = looks.readable(scene)
     for name, edit in kept.items():
-        _keep_look(scene, name, edit, before, matches)
+        _keep_look(scene, name, edit, before, after)
     keyframes.copy_shared_action(scene)
     curves = keyframes.of(scene)
     with displayed.batched(scene), gestures.suspended(scene):
@@ -114,7 +120,7 @@ def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
             scene.karf.look = scene.karf.look_before = ""
         numbers = {name: number for number, name in enumerate(scene.karf.objects.keys())}
         for curve in curves:
-            keyframes.move(curve, numbers, _swatch_of(curve, before, matches, after))
+            keyframes.move(curve, numbers, _swatch_of(curve, before, after))
 
 
 def _edits_of(scene: bpy.types.Scene) -> dict[str, _ObjectEdits]:
@@ -135,14 +141,14 @@ def _replace(scene: bpy.types.Scene, palettes: Sequence[Palette], before: dict[s
         item.source = item.target = _dominant_color(scene, palette)
         item.gains = UNIT_GAINS
         if palette.name in before:
-            _restore(item, before[palette.name], before[palette.name].match(palette.colors))
+            _restore(item, before[palette.name], palette)
 
 
-def _restore(item: bpy.types.PropertyGroup, before: _ObjectEdits, matches: dict[int, int]) -> None:
+def _restore(item: bpy.types.PropertyGroup, before: _ObjectEdits, palette: Palette) -> None:
     """Give a new object the edits of the one that it replaces."""
     for name, value in before.own.items():
         setattr(item, name, value)
-    state = before.state
+    state, matches = before.state, before.match(palette.colors)
     for color in state.added:
         groups.add_color(item, color)
     for old in before.touched & set(matches):
@@ -181,68 +187,43 @@ def _match_swatches(old: np.ndarray, new: np.ndarray) -> dict[int, int]:
 
 
 def _swatch_of(
-    curve: keyframes.Curve,
-    before: dict[str, _ObjectEdits],
-    matches: dict[str, dict[int, int]],
-    after: dict[str, np.ndarray],
+    curve: keyframes.Curve, before: dict[str, _ObjectEdits], after: dict[str, np.ndarray]
 ) -> int | str | None:
     """Return the number of a curve's swatch in the new palettes, or its learned color where it has no place there."""
     name, swatch = curve.object_name, curve.swatch
+    matches = before[name].match(after.get(name)) if name in before else {}
     if isinstance(swatch, int):
         learned = before[name].state.learned if name in before else ()
-        return matches[name].get(swatch, rgb_to_hex(learned[swatch])) if swatch < len(learned) else swatch
+        return matches.get(swatch, rgb_to_hex(learned[swatch])) if swatch < len(learned) else swatch
     if swatch is None or name not in after:
         return swatch
     # a curve that waits takes only a swatch that had no place before
     black_and_waiting = np.stack([np.zeros(3), hex_to_rgb(swatch)])
     found = _match_swatches(black_and_waiting, after[name]).get(1)
-    return swatch if found is None or found in matches.get(name, {}).values() else found
+    return swatch if found is None or found in matches.values() else found
 
 
 def _keep_look(
-    scene: bpy.types.Scene,
-    name: str,
-    edit: Edit,
-    before: dict[str, _ObjectEdits],
-    matches: dict[str, dict[int, int]],
+    scene: bpy.types.Scene, name: str, edit: Edit, before: dict[str, _ObjectEdits], after: dict[str, np.ndarray]
 ) -> None:
     """Write a look to a new edit file where colors of it have no place in the new palettes, and warn."""
-    more = {*edit.added, *edit.edges}
-    lost = [
-        item
-        for item, edited in edit.colors.items()
-        if _changed(edited, before[item]) - set(matches[item]) or (item in more and not matches[item])
-    ]
+    lost = []
+    for item, edited in edit.colors.items():
+        learned, matches = before[item].state.palette.colors, before[item].match(after.get(item))
+        changed = np.flatnonzero((edited[: len(learned)] != learned).any(axis=-1)).tolist()
+        has_more = item in edit.added or item in edit.edges
+        if set(changed) - set(matches) or (has_more and not matches):
+            lost.append(item)
     if lost:
-        file = _write_kept(scene, edit, f"-{file_name(name)}")
         progress.warn(
             Message(
                 "The palettes no longer have some colors of {names} in the look {look}. A copy of the look is "
                 "in {file}.",
                 names=", ".join(lost),
                 look=name,
-                file=file,
+                file=_write_kept(scene, edit, f"-{file_name(name)}"),
             )
         )
-
-
-def _changed(edited: np.ndarray, item: _ObjectEdits) -> set[int]:
-    """Return the numbers of the learned swatches to which an edit [M, 3] gives other colors."""
-    learned = item.state.palette.colors
-    return set(np.flatnonzero((edited[: len(learned)] != learned).any(axis=-1)).tolist())
-
-
-def _keep(scene: bpy.types.Scene, lost: Sequence[str]) -> None:
-    """Write the current swatches to a new edit file, and warn."""
-    file = _write_kept(scene, edits.current_edit(scene))
-    progress.warn(
-        Message(
-            "The palettes no longer have some edited swatches of {names}. A copy of all edits is in {file}; "
-            "keyframes remain in the scene's action.",
-            names=", ".join(lost),
-            file=file,
-        )
-    )
 
 
 def _write_kept(scene: bpy.types.Scene, edit: Edit, mark: str = "") -> Path:

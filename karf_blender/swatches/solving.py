@@ -1,4 +1,4 @@
-"""What swatches become: functions from palettes to colors, without Blender.
+"""Solving of swatches: functions from palettes to colors, without Blender.
 
 Colors are sRGB in float32. Swatch 0 of an object is black and stays black. Each added color has a set of swatches for its
 pigment (see the engine's `added`) behind the learned ones: first the added color, which is shown and edited like any
@@ -35,8 +35,8 @@ from ..engine_api import (
     srgb_to_lab,
 )
 
-FOREIGN = 10.0  # CIEDE2000 from which a color does not look like another at all
-LEAST_SHOWN = 1e-3  # share of an object's pixels up to which a color is a stray one
+FOREIGN = 10.0  # CIEDE2000 at and above: another color
+LEAST_SHOWN = 1e-3  # share of an object's pixels; a rarer color is a stray one
 UNREACHED = 0.05  # share of a pigment that added colors reach, up to which it is the learned swatches'
 NEUTRAL = (1.0, 0.0, 1.0)  # saturation, brightness and gloss that change nothing
 
@@ -60,7 +60,7 @@ class PaletteState:
 
     @property
     def size(self) -> int:
-        """Count the learned swatches, black among them."""
+        """The number of learned swatches, black among them."""
         return int(self.is_added.argmax()) if self.is_added.any() else len(self.learned)
 
     @property
@@ -75,12 +75,12 @@ class PaletteState:
 
     @property
     def edited(self) -> np.ndarray:
-        """The colors that are shown, [M, 3]: the chosen ones with what surfaces add."""
+        """The displayed colors, [M, 3]: the chosen ones with what surfaces add."""
         return np.clip(self.chosen + self.shift, 0, MAX_SRGB)
 
     @property
     def held(self) -> list[int]:
-        """Numbers of the swatches that no solve may move: locked ones, merged ones and added ones."""
+        """The numbers of swatches that no solve may move: locked, merged and added ones."""
         return np.flatnonzero(self.locked | (self.merged > 0) | self.is_added).tolist()
 
     @property
@@ -90,7 +90,7 @@ class PaletteState:
 
     @property
     def is_neutral(self) -> bool:
-        """True if no swatch has a surface; one that another moves has none of its own."""
+        """True if no swatch has a surface; those of merged ones do not count."""
         return bool((self.surface[self.merged == 0] == NEUTRAL).all())
 
     @property
@@ -100,32 +100,33 @@ class PaletteState:
         return b"".join(each.tobytes() for each in (*arrays, self.reach, self.protect, self.surface))
 
     def added_color(self, index: int) -> AddedColor:
-        """The color that was added with the set that begins at a swatch."""
+        """Return the added color of the set beginning at a swatch."""
         return AddedColor(self.learned[index], float(self.reach[index]), float(self.protect[index]))
 
     def surface_of(self, index: int) -> Surface:
-        """The surface of a swatch."""
+        """Return the surface of a swatch."""
         return Surface() if self.merged[index] else Surface(*self.surface[index].tolist())
 
     def with_colors(self, chosen: np.ndarray) -> "PaletteState":
-        """The same with other chosen colors."""
+        """Return the same with other chosen colors."""
         return replace(self, chosen=np.clip(chosen, 0, MAX_SRGB).astype(np.float32))
 
-    def spread(self, seen: ColorHistogram) -> ColorHistogram:
-        """The object's colors in the photos, with weights spread over the sets of added colors."""
-        return seen._replace(palette_weights=split_weights(seen.palette_weights.T, self.palette.colors, self.added).T)
+    def spread(self, histogram: ColorHistogram) -> ColorHistogram:
+        """Return the object's colors in the photos, with weights spread over the sets of added colors."""
+        weights = split_weights(histogram.palette_weights.T, self.palette.colors, self.added)
+        return histogram._replace(palette_weights=weights.T)
 
     def gathered(self, weights: np.ndarray) -> np.ndarray:
-        """Weights [M, ...] with those of merged swatches given to the ones that move them; sets stay as they are."""
+        """Return weights [M, ...] with those of merged swatches given to the ones that move them; sets stay."""
         weights = weights.copy()
         for index in np.flatnonzero((self.merged > 0)[: self.size] & ~self.locked[: self.size]):
             weights[self.merged[index]] += weights[index]
             weights[index] = 0
         return weights
 
-    def visible(self, seen: ColorHistogram, palette: np.ndarray) -> np.ndarray:
-        """The object's colors [n, 3] with another palette [M, 3]."""
-        return shown_colors(seen, self.whole, palette)
+    def visible(self, histogram: ColorHistogram, palette: np.ndarray) -> np.ndarray:
+        """Return the object's colors [n, 3] with another palette [M, 3]."""
+        return shown_colors(histogram, self.whole, palette)
 
 
 States = dict[str, PaletteState]  # of a scene's objects, by name
@@ -166,7 +167,7 @@ def reset(states: States, name: str, index: int) -> tuple[States, dict[str, np.n
 
 
 def _carry(state: PaletteState, leaders: np.ndarray) -> PaletteState:
-    """Let swatches that are merged into others [M] bool change by as much as these; sets are solved instead."""
+    """Change the swatches merged into others [M] bool by as much as these; sets are solved instead."""
     moves = (state.merged > 0) & ~state.locked & leaders[state.merged] & ~state.is_added[state.merged]
     learned, chosen = state.learned.astype(np.float64), state.chosen.astype(np.float64)
     moved = learned + (chosen - learned)[state.merged]
@@ -174,26 +175,26 @@ def _carry(state: PaletteState, leaders: np.ndarray) -> PaletteState:
 
 
 # --- added colors --------------------------------------------------------------------------------------------------
-def solve_set(state: PaletteState, index: int, seen: ColorHistogram) -> PaletteState:
+def solve_set(state: PaletteState, index: int, histogram: ColorHistogram) -> PaletteState:
     """Return the state with the set of an added color as its pigment looks in that color.
 
-    `seen` holds the object's colors with weights of the learned swatches. Raises BadRequest where the color is black.
+    `histogram` has the object's colors with weights of the learned swatches. Raises BadRequest where the color is black.
     """
-    found = match_added_color(seen, state.palette.colors, state.added_color(index), state.chosen[index])
+    found = match_added_color(histogram, state.palette.colors, state.added_color(index), state.chosen[index])
     chosen = state.chosen.copy()
     chosen[index : index + len(found)] = found
     return state.with_colors(chosen)
 
 
-def first_set(state: PaletteState, color: AddedColor, seen: ColorHistogram) -> np.ndarray:
-    """Return the set [M, 3] of a color that is about to be added, with which no picture changes.
+def first_set(state: PaletteState, color: AddedColor, histogram: ColorHistogram) -> np.ndarray:
+    """Return the set [M, 3] of a new added color; it changes no picture.
 
     It is what the color looks like as the swatches stand, and these swatches. Where added colors reach its pigment
     already, it is solved, as whenever it moves. Raises BadRequest where the color is black.
     """
-    own = mean_weights(*state.spread(seen), color.picked)
+    own = mean_weights(*state.spread(histogram), color.picked)
     looks = np.clip(color.picked + own @ (state.edited - state.learned), 0, 1).astype(np.float32)
-    solved = match_added_color(seen, state.palette.colors, color, looks)
+    solved = match_added_color(histogram, state.palette.colors, color, looks)
     is_reached = own[state.size :].sum() > UNREACHED
     return solved if is_reached else np.array([looks, *state.edited[1 : state.size]])
 
@@ -207,33 +208,37 @@ class Gesture:
     start: np.ndarray  # [M, 3]
     result: np.ndarray  # [M, 3] after its last change
 
-    def goes_on(self, moved: Sequence[int], chosen: np.ndarray) -> bool:
+    def continues(self, moved: Sequence[int], chosen: np.ndarray) -> bool:
         """True if these are the swatches, and no other has changed since but those that followed."""
         others = ~np.isin(np.arange(len(chosen)), moved)
         is_same = tuple(moved) == self.moved and len(chosen) == len(self.result)
         return is_same and bool((chosen[others] == self.result[others]).all())
 
 
-def drag(state: PaletteState, gesture: Gesture, seen: ColorHistogram) -> PaletteState:
+def drag(state: PaletteState, gesture: Gesture, histogram: ColorHistogram) -> PaletteState:
     """Return the state after a drag: the other swatches of the paint follow those dragged.
 
-    This depends on the gesture's start and the last color alone. Locked swatches and added colors stay. `seen` holds the
+    This depends on the gesture's start and the last color alone. Locked swatches and added colors stay. `histogram` has the
     object's colors with the sets of added colors.
     """
-    weights, colors, numbers = state.gathered(seen.palette_weights.T).T, gesture.start, np.arange(len(state.chosen))
+    weights, colors, numbers = (
+        state.gathered(histogram.palette_weights.T).T,
+        gesture.start,
+        np.arange(len(state.chosen)),
+    )
     for index in gesture.moved:
         stays = [*state.held, *(each for each in gesture.moved if each != index)]
-        visible, wanted = state.visible(seen, colors), state.chosen[index]
-        colors = match_dragged(visible, seen.counts, weights, colors, index, wanted, stays, state.is_metal)
+        visible, wanted = state.visible(histogram, colors), state.chosen[index]
+        colors = match_dragged(visible, histogram.counts, weights, colors, index, wanted, stays, state.is_metal)
     stays = np.isin(numbers, [*gesture.moved, *state.held])
     return _carry(state.with_colors(np.where(stays[:, None], state.chosen, colors)), numbers < state.size)
 
 
 # --- surfaces ------------------------------------------------------------------------------------------------------
-def surface_shifts(state: PaletteState, seen: ColorHistogram | None) -> np.ndarray:
+def surface_shifts(state: PaletteState, histogram: ColorHistogram | None) -> np.ndarray:
     """Return what surfaces add to the chosen colors, [M, 3]: of the learned swatches, and of each set.
 
-    Locked swatches without a surface of their own stay as they are shown. `seen` holds the object's colors with the sets
+    Locked swatches with a neutral surface stay as displayed. `histogram` has the object's colors with the sets
     of added colors; a neutral state needs none.
     """
     chosen, numbers = state.chosen, np.arange(len(state.chosen))
@@ -241,15 +246,17 @@ def surface_shifts(state: PaletteState, seen: ColorHistogram | None) -> np.ndarr
     kept = np.where(np.isin(numbers, held)[:, None], state.shift, np.float32(0))
     if state.is_neutral:
         return kept
-    if seen.palette_weights.shape[1] != len(chosen):  # the project has learned others since
+    if histogram.palette_weights.shape[1] != len(chosen):  # the project has learned others since
         return state.shift
-    visible, shifts = state.visible(seen, chosen), np.zeros_like(chosen)
+    visible, shifts = state.visible(histogram, chosen), np.zeros_like(chosen)
     for first in range(0, len(chosen), state.size):
         is_own = (numbers >= first) & (numbers < first + state.size)
         surfaces = {index: state.surface_of(index) for index in numbers[is_own].tolist()}
         pinned = [*numbers[~is_own], *(index for index in surfaces if index in held)]
         own = kept * is_own[:, None]
-        shifts += match_surface(visible, seen.counts, seen.palette_weights, chosen, surfaces, pinned, own) - chosen
+        shifts += (
+            match_surface(visible, histogram.counts, histogram.palette_weights, chosen, surfaces, pinned, own) - chosen
+        )
     return shifts
 
 
@@ -261,34 +268,34 @@ class Becoming:
     source: np.ndarray  # sRGB [3], in the mean exposure of all photos
     target: np.ndarray  # sRGB [3]
     rule: str  # "becomes": the whole object gets a new paint; "fewest": as few changed swatches as possible
-    start: np.ndarray  # [M, 3], the palette with which the picture shows the source
+    start: np.ndarray  # [M, 3], the palette of the picture that shows the source
     held: Sequence[np.ndarray] = ()  # colors that other paints of the object were given with `start` and keep
 
 
-def become(state: PaletteState, pair: Becoming, seen: ColorHistogram) -> tuple[np.ndarray, str]:
-    """Return the palette [M, 3] with which one color has become another, and why the target is missed, if it is.
+def become(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> tuple[np.ndarray, str]:
+    """Return the palette [M, 3] that makes one color another, and why it misses the target, if it does.
 
     Raises:
         BadRequest: The source is black, or the object shows no such color.
     """
     held = state.held
     start = np.where(np.isin(np.arange(len(state.chosen)), held)[:, None], state.edited, pair.start)
-    visible = state.visible(seen, start)
-    if not is_shown(visible, seen.counts, pair.source):
+    visible = state.visible(histogram, start)
+    if not is_shown(visible, histogram.counts, pair.source):
         raise BadRequest(
             "{name} shows no color like {color}.",
             "Pick the left color on the object in the displayed picture.",
             name=state.name,
             color=rgb_to_hex(pair.source),
         )
-    weights = state.gathered(seen.palette_weights.T).T
+    weights = state.gathered(histogram.palette_weights.T).T
     if pair.rule == "fewest":
         nearest = nearest_weights(visible, weights, pair.source)
         edited = match_fewest(nearest, start, pair.target, held, shown=pair.source)
     else:
         paints = add_fixed_paints(visible, pair.source, pair.target, pair.held)
-        edited = match_becomes(visible, seen.counts, weights, start, *paints, held, state.is_metal)
-    before, target = ColorHistogram(visible, seen.counts, weights), srgb_to_lab(pair.target)
+        edited = match_becomes(visible, histogram.counts, weights, start, *paints, held, state.is_metal)
+    before, target = ColorHistogram(visible, histogram.counts, weights), srgb_to_lab(pair.target)
     reached, _, reason = evaluate_edit(edited, start, before, pair.source, target, held)
     missed = f"{state.name} shows {rgb_to_hex(reached)} and not quite what was wanted, because {reason}."
     return edited, missed if reason else ""
@@ -300,16 +307,16 @@ def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
     return bool(counts[alike].sum() > LEAST_SHOWN * counts.sum())
 
 
-def left_to_target(state: PaletteState, pair: Becoming, seen: ColorHistogram) -> float:
+def left_to_target(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> float:
     """Return the mean CIEDE2000 of the whole object to where the source color has become the target.
 
     A color alone tells little: it may be met while highlights turn green. By the rule of fewest swatches only the color
     itself is to be met. Infinity where the object shows no such source color.
     """
-    before, after = (state.visible(seen, palette) for palette in (pair.start, state.edited))
-    if not is_shown(before, seen.counts, pair.source):
+    before, after = (state.visible(histogram, palette) for palette in (pair.start, state.edited))
+    if not is_shown(before, histogram.counts, pair.source):
         return np.inf
     if pair.rule == "fewest":
-        reached = reached_color(before, after, pair.source, seen.counts)
+        reached = reached_color(before, after, pair.source, histogram.counts)
         return float(ciede2000(srgb_to_lab(reached), srgb_to_lab(pair.target)))
-    return residual_delta_e(before, after, seen.counts, pair.source, pair.target, pair.held, state.is_metal)
+    return residual_delta_e(before, after, histogram.counts, pair.source, pair.target, pair.held, state.is_metal)

@@ -1,6 +1,6 @@
 """Views: their edit planes, and the picture that these make with the swatches, the edited one or another side of it.
 
-`WindowManager.karf_seeing` (properties/seeing.py) says which side is displayed, and whether in a split view.
+`WindowManager.karf_seeing` (properties/window_manager.py) says which side is displayed, and whether in a split view.
 """
 
 import dataclasses
@@ -31,13 +31,13 @@ from ..engine_api import (
     to_photo_exposure,
 )
 from ..pictures import images, photos
-from ..project import captures, contents, folders
+from ..project import captures, disk, folders
 from . import colors
 from .object_masks import ObjectMasks
 
 PHOTO_SIDE = 800  # pixels at most of the placeholder of a view that is not prepared
 COMPARED_PIXELS = 160_000  # of a difference picture: larger ones are compared in every second pixel, or third
-HOTTEST = 20.0  # CIEDE2000 from which the heat map is white
+HOTTEST = 20.0  # CIEDE2000 where the heat map is white
 UNSURE = np.array([1.0, 0.55, 0.04], np.float32)  # color of unsure pixels
 DIMMED = np.float32(0.4)  # factor of the rest of the picture
 HEAT = np.array([[0, 0, 0.05], [0.33, 0.06, 0.43], [0.73, 0.21, 0.33], [0.98, 0.55, 0.04], [1, 1, 0.75]], np.float32)
@@ -121,7 +121,7 @@ class DisplayedView:
         return self.with_edges[repr(wanted)]
 
     def _move_edges(self, scene: bpy.types.Scene, view: "DisplayedView") -> None:
-        """Let the objects in the picture of `view`, which is this one spread, end where the scene's edges do."""
+        """Move the edges of objects in the picture of `view`, which is this one spread, to the scene's."""
         wanted = colors.edges(scene)
         if view.edges and not wanted:  # begun anew it has the planes' own bits
             view.pictures.pop("delta")
@@ -151,7 +151,7 @@ class DisplayedView:
 
 # --- edges ---------------------------------------------------------------------------------------------------------
 class _MovableObject:
-    """Object k of planes, whose edge can be given any shape, and its part of a picture, which is changed in place."""
+    """Object k of planes with an edge of any shape, and its part of a picture, changed in place."""
 
     def __init__(self, scene: bpy.types.Scene, planes: Planes, k: int) -> None:
         self._planes, self._k, self._scale = planes, k, _scale_of(scene, planes)
@@ -318,8 +318,8 @@ def _weights(scene: bpy.types.Scene, view: DisplayedView) -> np.ndarray:
 
 
 def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles) -> np.ndarray:
-    """Dim a photo [H, W, 3] of the active view and mark what is unsure in it, where that was rendered."""
-    doubts = contents.seen_doubts(scene)
+    """Dim a photo [H, W, 3] of the active view and mark unsure pixels, if those were rendered."""
+    doubts = disk.rendered_doubts(scene)
     if not doubts:
         return photo
     doubt = images.resized(files.read("doubts", doubts), *photo.shape[1::-1])
@@ -328,7 +328,7 @@ def _with_doubts(scene: bpy.types.Scene, photo: np.ndarray, files: PictureFiles)
 
 def _rendering(scene: bpy.types.Scene, files: PictureFiles) -> np.ndarray | None:
     """Return the rendering of what is learned of the active view, [h, w, 3]; None where it is out of date."""
-    file = contents.seen_rendering(scene)
+    file = disk.rendering_of(scene)
     return None if file is None else files.read("rendering", [file])
 
 

@@ -4,6 +4,7 @@ The worker answers beside a running task: it only reads, and reads again what a 
 waiting callers get the error, and the next query starts a new worker. In background mode a query blocks.
 """
 
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,14 +12,13 @@ from typing import Any
 
 import bpy
 
-from .. import progress, session
+from .. import preferences, progress, session
 from ..engine.failures import disk_error
 from ..engine.worker import Worker, error_from_event
-from ..engine_api import Event, KarfError
+from ..engine_api import WARM, Event, KarfError, Request
 from ..host import rendering, windows
 from ..project import folders
-from .ownership import Owner
-from .workers import WarmWorker
+from .runner import Owner, begin_job
 
 POLL_SECONDS = 0.02
 
@@ -28,22 +28,56 @@ OnError = Callable[[KarfError], None]
 
 @dataclass(frozen=True)
 class _Query:
-    """An unanswered query; `is_second` if another worker ended before it answered."""
+    """An unanswered query."""
 
     owner: Owner
     kind: str
     options: dict
     on_answer: OnAnswer
     on_error: OnError
-    is_second: bool = False
+    is_second: bool = False  # whether another worker ended before it answered
+
+
+class WarmWorker:
+    """Keeps a worker for queries; the session has one for the interface and one for the render thread."""
+
+    idle_minutes: int | None = None  # after which it ends; None: as the engine chooses
+
+    def __init__(self) -> None:
+        self.worker: Worker | None = None
+
+    def start(self, scene: bpy.types.Scene) -> Worker:
+        """Return a worker that suits the preferences; start one if needed, or raise KarfError."""
+        python, threads = preferences.engine_python(), preferences.current().threads
+        if self.worker is not None and not self.worker.suits(python, threads):
+            self.close()
+        if self.worker is None:
+            options = {"threads": threads, "idle_minutes": self.idle_minutes}
+            given = {name: value for name, value in options.items() if value}
+            worker = Worker()
+            begin_job(worker, Request(WARM, folders.project_of(scene).folder, given))
+            self.worker = worker
+        return self.worker
+
+    def leave(self) -> None:
+        """Drop a worker that has ended. If it failed, raise its KarfError and keep its folder for the log."""
+        try:
+            self.worker.check()
+        except KarfError:
+            self.worker = None
+            raise
+        self.close()
+
+    def close(self) -> None:
+        """End the worker and delete its folder."""
+        if self.worker is not None:
+            self.worker.end()
+            shutil.rmtree(self.worker.folder, ignore_errors=True)
+            self.worker = None
 
 
 class QueryWorker(WarmWorker):
     """The worker of the interface's queries."""
-
-
-def _current() -> Worker | None:
-    return session.get(QueryWorker).worker
 
 
 def send(
@@ -59,10 +93,9 @@ def send(
         kind: One of the engine's `queries.QUERIES`.
         options: JSON values, paths absolute.
         on_answer: Called with the scene and the answer's values; the caller deletes files that these name.
-        on_error: Called with the error. By default the panel shows it; in background mode it is raised.
+        on_error: By default the panel shows the error; in background mode it is raised.
 
-    Raises:
-        KarfError: The worker cannot be started; in background mode also: the query failed.
+    Raises KarfError if the worker cannot be started; in background mode also if the query failed.
     """
     _begin(scene, kind, options, on_answer, on_error or _fail)
     if bpy.app.background:
@@ -72,11 +105,7 @@ def send(
 
 
 def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Send a query, block until it is answered, and return the answer's values; arguments as for `send`.
-
-    Raises:
-        KarfError: There is no answer.
-    """
+    """Send a query as `send`, block until it is answered, and return the answer's values or raise its KarfError."""
     answers: list[dict[str, Any]] = []
     errors: list[KarfError] = []
     _begin(scene, kind, options, lambda _, values: answers.append(values), errors.append)
@@ -88,8 +117,8 @@ def wait(scene: bpy.types.Scene, kind: str, options: dict[str, Any]) -> dict[str
 
 
 def is_waiting(kind: str) -> bool:
-    """Return whether a query of this kind is unanswered."""
-    worker = _current()
+    """Return True while a query of this kind is unanswered."""
+    worker = session.get(QueryWorker).worker
     return worker is not None and any(query.kind == kind for query in worker.unanswered.values())
 
 
@@ -116,10 +145,13 @@ def _wait(kind: str) -> None:
 
 def _take_replies() -> None:
     """Pass on all answers, and leave a worker that has ended."""
-    worker = _current()
-    for query, event in worker.replies() if worker else ():
+    kept = session.get(QueryWorker)
+    worker = kept.worker
+    if worker is None:
+        return
+    for query, event in worker.replies():
         _hand_out(query, event)
-    if worker is not None and worker.ended and worker is _current():
+    if worker.ended and worker is kept.worker:
         _leave(worker)
 
 
@@ -163,5 +195,5 @@ def _poll() -> float | None:
     """Poll the worker while a query is unanswered. A timer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
-    worker = _current()
+    worker = session.get(QueryWorker).worker
     return POLL_SECONDS if worker is not None and worker.unanswered else None

@@ -9,7 +9,7 @@ from .. import session
 from ..host import rendering, windows
 from ..pictures import editors
 from ..progress import printing_errors
-from ..project import contents
+from ..project import disk
 from ..swatches import displayed, palettes
 from ..tasks import runner
 
@@ -31,7 +31,7 @@ def make(scene: bpy.types.Scene) -> None:
     if karf.result is not None or not karf.objects or not karf.project or rendering.is_running():
         return
     with printing_errors():  # nobody has asked for it
-        if contents.is_prepared(scene):
+        if disk.is_prepared(scene):
             displayed.of(scene).recolor()
 
 

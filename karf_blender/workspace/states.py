@@ -77,7 +77,7 @@ def _is_done(scene: bpy.types.Scene, step: str, known: Contents) -> bool:
 def _why_stale(scene: bpy.types.Scene, step: str, known: Contents) -> str:
     if step == "learn":
         preset, nerf = known.learned_with
-        if nerf != folders.nerf_of(scene):
+        if nerf != folders.absolute_text(scene.karf.nerf):
             return OTHER_NERF
         if not nerf and preset not in ("", scene.karf.preset):
             return OTHER_PRESET

@@ -86,8 +86,8 @@ def mark(story: Story) -> Wait:
     corner, other = (acts.on_photo(*place) for place in story.job["box"])
     middle = [round((one + two) / 2) for one, two in zip(corner, other, strict=True)]
     yield from hands.drag([corner, middle, other])
-    counts, queries = desk.module("project.contents").mask_counts, desk.module("tasks.queries")
-    yield from until(lambda: counts(desk.scene()) == {OBJECT: 1}, "the engine's mask", MASK_SECONDS)
+    read, queries = desk.module("project.disk").read, desk.module("tasks.queries")
+    yield from until(lambda: read(desk.scene()).masks == {OBJECT: 1}, "the engine's mask", MASK_SECONDS)
     check(not queries.is_waiting("propose"), "the engine is still at work")
     yield from reach(story, "marked")
     story.facts["mask"] = mask_folder()

@@ -129,7 +129,7 @@ def learn_cancel(story: Story) -> Wait:
     yield from hands.press_button(STEPS, r"karf\.cancel", hands.RIGHT)
     yield from acts.job_end(story, "cancelled")
     check(
-        "geometry" not in desk.module("project.contents").finished_stages(desk.scene()),
+        "geometry" not in desk.module("project.disk").read(desk.scene()).stages,
         "a cancelled stage counts as done",
     )
 
@@ -138,7 +138,7 @@ def learn_cancel(story: Story) -> Wait:
 def learn(story: Story) -> Wait:
     desk.module("tasks.runner").launch(desk.module("steps").learn_scene(desk.scene(), "demo", story.job["tiny"]))
     yield from acts.job_end(story)
-    check("geometry" in desk.module("project.contents").finished_stages(desk.scene()), "the scene is not learned")
+    check("geometry" in desk.module("project.disk").read(desk.scene()).stages, "the scene is not learned")
     yield from story.shoot("learned")
     yield from acts.save_file()
 
@@ -154,7 +154,7 @@ def mark(story: Story) -> Wait:
     yield from acts.mark(story, 0, "mug")
     yield from hands.press_button(BESIDE_PICTURE, r"karf\.add_object", hands.RIGHT)
     yield from acts.mark(story, 1, "pot")
-    counts = desk.module("project.contents").mask_counts(desk.scene())
+    counts = desk.module("project.disk").read(desk.scene()).masks
     check(counts == {"mug": 1, "pot": 1}, f"the masks are {counts}")
     yield from undo_a_stroke(story)
     yield from acts.save_file()
@@ -178,7 +178,7 @@ def undo_a_stroke(story: Story) -> Wait:
 @CHAPTER.step("segment", "mouse: Segment")
 def segment(story: Story) -> Wait:
     yield from acts.button_job(story, r"karf\.segment\(")
-    check("segmentation" in desk.module("project.contents").finished_stages(desk.scene()), "nothing is segmented")
+    check("segmentation" in desk.module("project.disk").read(desk.scene()).stages, "nothing is segmented")
 
 
 @CHAPTER.step("palette", "mouse: Extract Palette")

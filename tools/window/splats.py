@@ -77,8 +77,8 @@ def mark(story: Story) -> Wait:
     corner, other = (acts.on_photo(*place) for place in story.job["box"])
     middle = [round((one + two) / 2) for one, two in zip(corner, other, strict=True)]
     yield from hands.drag([corner, middle, other])
-    counts = desk.module("project.contents").mask_counts
-    yield from until(lambda: list(counts(desk.scene()).values()) == [1], "the engine's mask", MASK_SECONDS)
+    read = desk.module("project.disk").read
+    yield from until(lambda: list(read(desk.scene()).masks.values()) == [1], "the engine's mask", MASK_SECONDS)
     yield from story.shoot("splat-marked")
 
 

@@ -178,7 +178,7 @@ def test_what_was_chosen_is_installed_and_its_folder_remembered(bpy, addon, chos
 def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, monkeypatch):
     cancelled = []
     progress = SimpleNamespace(fraction=0.4, title="Installing torch", sentence="Installing torch, 151 of 351 MB")
-    at_work = SimpleNamespace(progress=progress, can_be_cancelled=True, cancel=lambda: cancelled.append(True))
+    at_work = SimpleNamespace(progress=progress, can_be_cancelled=True, end=lambda: cancelled.append(True))
     assert not bpy.ops.karf.cancel_installation.poll()
     monkeypatch.setattr(addon.session.get(addon.installing._State), "work", at_work)
     drawn = drawn_preferences(bpy, chosen)

@@ -79,6 +79,6 @@ def test_the_panel_shows_why_a_job_failed_in_the_language_of_the_interface(addon
 
     column = Column()
     reason = addon.engine_api.Message("The log in {job} is empty or missing.", job="geometry")
-    addon.labels.draw_text(column, reason, "ERROR", 80)
-    addon.labels.draw_text(column, "Try again.", "ERROR", 80)
+    addon.words.draw_text(column, reason, "ERROR", 80)
+    addon.words.draw_text(column, "Try again.", "ERROR", 80)
     assert column.lines == ["geometry 中的日志为空或已不在。", "请重试。"]

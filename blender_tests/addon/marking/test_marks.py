@@ -42,7 +42,7 @@ def disc(x, y, radius):
 def test_a_stroke_is_on_the_disk_at_once_and_the_folder_is_chosen(addon, marked):
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     np.testing.assert_array_equal(mask(addon, marked), disc(5, 5, 3))
-    assert addon.contents.mask_counts(marked) == {"pot": 1}
+    assert addon.disk.read(marked).masks == {"pot": 1}
     assert addon.folders.absolute(marked.karf.masks) == addon.folders.project_of(marked).masks_folder
 
 
@@ -62,7 +62,7 @@ def test_an_erased_mask_is_no_file_and_no_object_to_the_engine(addon, marked):
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     addon.steps.erase_mask(marked)
     assert not file_of(addon, marked).parent.exists()
-    assert addon.contents.mask_counts(marked) == {}
+    assert addon.disk.read(marked).masks == {}
 
 
 def test_a_mask_is_reopened_and_corrected(addon, marked):
@@ -325,9 +325,9 @@ def test_a_renamed_object_keeps_its_marks_and_undo_renames_it_back(bpy, addon, m
     bpy.ops.ed.undo_push(message="stroke")
     scene.karf.marking.objects[0].name = "red flower"
     bpy.ops.ed.undo_push(message="renamed")
-    assert addon.contents.mask_counts(scene) == {"red flower": 1}
+    assert addon.disk.read(scene).masks == {"red flower": 1}
     bpy.ops.ed.undo()
-    assert addon.contents.mask_counts(bpy.context.scene) == {"pot": 1}
+    assert addon.disk.read(bpy.context.scene).masks == {"pot": 1}
     assert bpy.context.scene.karf.marking.objects[0].folder == "pot"
 
 
@@ -336,9 +336,9 @@ def test_a_removed_object_takes_its_masks_along_and_undo_brings_them_back(bpy, a
     bpy.ops.ed.undo_push(message="stroke")
     assert bpy.ops.karf.remove_object() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="removed")
-    assert addon.contents.mask_counts(bpy.context.scene) == {} and not bpy.context.scene.karf.marking.objects
+    assert addon.disk.read(bpy.context.scene).masks == {} and not bpy.context.scene.karf.marking.objects
     bpy.ops.ed.undo()
-    assert addon.contents.mask_counts(bpy.context.scene) == {"pot": 1}
+    assert addon.disk.read(bpy.context.scene).masks == {"pot": 1}
 
 
 def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wanted(bpy, addon, marked):

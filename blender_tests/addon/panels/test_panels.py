@@ -328,10 +328,10 @@ def test_a_step_waits_for_the_one_before_it(bpy, addon, capture_folder, tmp_path
 
 
 def test_a_learned_color_is_drawn_as_an_icon_of_it(addon):
-    chips = addon.chips
-    chips.icon((1.0, 0.25, 0.0))
-    pixels = addon.session.get(chips.ColorIcons).icons["#ff4000"].icon_pixels_float[:]
-    np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * chips.SIDE**2, atol=1 / 255)
+    tints = addon.tints
+    tints.icon((1.0, 0.25, 0.0))
+    pixels = addon.session.get(tints.ColorIcons).icons["#ff4000"].icon_pixels_float[:]
+    np.testing.assert_allclose(np.reshape(pixels, (-1, 4)), [[1, 0.25, 0, 1]] * tints.ICON_SIDE**2, atol=1 / 255)
 
 
 def test_what_is_looked_at_and_what_is_left_are_in_the_panel(bpy, addon, learned, draw):

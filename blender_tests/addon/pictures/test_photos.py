@@ -41,7 +41,7 @@ def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it(bpy, addon, scene, be
 
 
 def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent, tmp_path, monkeypatch):
-    monkeypatch.setattr(addon.photos, "SHOWN_PIXELS", WIDTH * HEIGHT // 4, raising=False)
+    monkeypatch.setattr(addon.photos, "MOST_PIXELS", WIDTH * HEIGHT // 4, raising=False)
     folder, pixels = bent
     addon.steps.import_capture(scene, folder, tmp_path / "project")
     shown = addon.images.read_picture(background(bpy, scene))

@@ -21,27 +21,27 @@ def set_times(folder, seconds):
 def test_planes_are_current_until_a_stage_before_them_is_learned_anew(addon, learned, seconds):
     project = addon.folders.project_of(learned)
     set_times(project.folder, seconds)
-    assert addon.contents.is_prepared(learned)
+    assert addon.disk.is_prepared(learned)
     project.finish("recoloring", "fake", files={"recoloring.safetensors": "of another run"})
     os.utime(project.recoloring_file, (EARLIER, EARLIER))
-    assert not addon.contents.is_prepared(learned)
+    assert not addon.disk.is_prepared(learned)
     with pytest.raises(addon.engine_api.DataError, match="was made from other palettes"):
         addon.displayed.of(learned).prepared_view()
 
 
 def test_planes_of_earlier_versions_are_made_again(addon, learned):
-    file = addon.contents.planes_file(learned)
+    file = addon.disk.planes_file(learned)
     planes = addon.engine_api.read_planes(file)
     write_planes(file, planes)
-    assert not addon.contents.is_prepared(learned)
+    assert not addon.disk.is_prepared(learned)
     write_current_planes(addon, learned, planes)
-    assert addon.contents.is_prepared(learned)
+    assert addon.disk.is_prepared(learned)
 
 
 def test_damaged_planes_are_not_current(addon, learned):
-    file = addon.contents.planes_file(learned)
+    file = addon.disk.planes_file(learned)
     file.write_bytes(file.read_bytes()[:-100])
-    assert not addon.contents.is_prepared(learned)
+    assert not addon.disk.is_prepared(learned)
 
 
 @pytest.mark.parametrize("stage", ["geometry", "segmentation"])
@@ -50,21 +50,21 @@ def test_renderings_and_masks_are_shown_until_their_stages_are_learned_anew(bpy,
     project.uncertainty_file.touch()
     assert bpy.ops.karf.see_view() == {"FINISHED"}
     set_times(project.folder, EARLIER)
-    seen = addon.contents.seen_rendering, addon.contents.seen_masks, addon.contents.seen_doubts
-    assert all(find(learned) for find in seen)
+    finders = addon.disk.rendering_of, addon.disk.rendered_masks, addon.disk.rendered_doubts
+    assert all(find(learned) for find in finders)
     set_times(project.folder / "seen", LATER)
     project.finish(stage, "anew")
-    assert not any(find(learned) for find in seen)
+    assert not any(find(learned) for find in finders)
 
 
 def test_renderings_of_what_was_learned_before_are_removed_and_nothing_else(bpy, addon, learned, tmp_path):
     assert bpy.ops.karf.see_view() == {"FINISHED"}
-    before = addon.contents.seen_folder(learned)
+    before = addon.disk.renderings_folder(learned)
     others = [before.with_name("notes"), before.with_name("0123456789abcdef")]
     (tmp_path / "films").mkdir()
     others[0].mkdir()
     others[1].symlink_to(tmp_path / "films", target_is_directory=True)
     addon.folders.project_of(learned).finish("segmentation", "anew")
     assert bpy.ops.karf.see_view() == {"FINISHED"}
-    own = addon.contents.seen_folder(learned)
+    own = addon.disk.renderings_folder(learned)
     assert own != before and set(before.parent.iterdir()) == {own, *others} and (tmp_path / "films").is_dir()

@@ -107,7 +107,7 @@ def test_the_timer_walks_through_no_folder_of_masks_that_is_as_before(addon, lea
     def counted(function):
         return lambda *arguments, **options: (calls.append(arguments), function(*arguments, **options))[1]
 
-    monkeypatch.setattr(addon.contents.time, "monotonic", lambda: 1e6)
+    monkeypatch.setattr(addon.disk.time, "monotonic", lambda: 1e6)
     for owner, name in DISK[:6]:
         monkeypatch.setattr(owner, name, counted(getattr(owner, name)))
     addon.disk.refresh()
@@ -125,7 +125,7 @@ def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, m
     assert "segmentation" not in addon.disk.contents_of(learned).outdated
     if change == "overwrite":
         os.utime(many_masks, (later, later))
-        monkeypatch.setattr(addon.contents.time, "monotonic", lambda: 1e9)  # a while later
+        monkeypatch.setattr(addon.disk.time, "monotonic", lambda: 1e9)  # a while later
     else:
         many_masks.with_name("more.png").touch() if change == "add" else many_masks.unlink()
         os.utime(many_masks.parent, (later, later))
@@ -178,7 +178,7 @@ def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
     def refused(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(addon.contents, "mask_counts", refused)
+    monkeypatch.setattr(addon.disk, "is_prepared", refused)
     addon.disk._tick()
     assert addon.disk.contents_of(learned) == addon.disk.Contents()
 

@@ -42,7 +42,7 @@ def test_it_moves_beside_the_file_which_is_saved_with_its_new_place(bpy, addon, 
     scene = bpy.context.scene
     assert (scene.karf.project, scene.karf.out) == ("//pots_karf", "//pots_karf/out")
     assert tuple(scene.karf.objects["pot"].swatches[1].color) == (0.25, 0.5, 0.75)
-    assert addon.contents.is_prepared(scene)
+    assert addon.disk.is_prepared(scene)
 
 
 def test_a_disk_that_is_full_leaves_all_as_it_was(bpy, addon, saved, tmp_path, monkeypatch):
@@ -71,7 +71,7 @@ def test_a_file_that_cannot_be_saved_still_finds_its_project(bpy, addon, saved, 
     else:
         assert (tmp_path / "desk" / "shot.blend").is_file()
         assert not old.exists() and folder_of(addon, saved) == tmp_path / "desk" / "pots_karf"
-    assert addon.contents.is_prepared(saved)
+    assert addon.disk.is_prepared(saved)
 
 
 def test_undo_across_the_move_finds_the_project_where_it_is(bpy, addon, saved, tmp_path):

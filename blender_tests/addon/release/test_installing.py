@@ -56,7 +56,7 @@ print(json.dumps({
     "threads": addon.preferences.threads,
     "note": (own / "note.txt").read_text(),
     "views": len(scene.views),
-    "learned": sorted(karf("karf_blender.project.contents").finished_stages(bpy.context.scene)),
+    "learned": sorted(karf("karf_blender.project.disk").read(bpy.context.scene).stages),
     "color": list(scene.objects[0].swatches[1].color),
 }))
 """

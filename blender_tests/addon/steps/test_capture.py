@@ -223,11 +223,11 @@ def test_poses_found_anew_leave_the_earlier_project_alone(bpy, addon, scene, cap
 
 
 def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
-    assert addon.contents.finished_stages(imported) == frozenset()
+    assert addon.disk.read(imported).stages == frozenset()
     addon.steps.learn_scene(imported).wait()
-    assert addon.contents.finished_stages(imported) == {"geometry"}
+    assert addon.disk.read(imported).stages == {"geometry"}
     addon.steps.extract_palette(imported).wait()
-    assert addon.contents.finished_stages(imported) == {"geometry", "palette", "recoloring"}
+    assert addon.disk.read(imported).stages == {"geometry", "palette", "recoloring"}
 
 
 def test_a_photo_that_cannot_be_opened_leaves_the_cameras_standing(bpy, addon, scene, capture_folder):
@@ -285,7 +285,7 @@ def test_the_engines_advice_and_its_map_are_shown_and_it_is_learned_all_the_same
     path = addon.folders.project_of(checked).folder / "inspection" / "more_photos.png"
     assert path.is_file() and bpy.data.images["KaRF more photos"].filepath == str(path)
     assert bpy.ops.karf.learn_scene() == {"FINISHED"}
-    assert "geometry" in addon.contents.finished_stages(checked)
+    assert "geometry" in addon.disk.read(checked).stages
 
 
 def test_the_same_capture_imported_again_keeps_its_advice_and_another_has_none(

@@ -141,21 +141,21 @@ def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live, seein
 
 def test_masks_lie_over_the_picture_where_they_are_looked_at(bpy, addon, live, seeing):
     live.look(3)
-    assert addon.free_camera.masks() is None
+    assert addon.displayed.followed_camera().masks is None
     seeing.show_masks = True
     addon.preview._tick()
-    assert list(addon.free_camera.masks().tints) == ["lid", "pot"]
-    assert addon.free_camera.masks().fill.shape == (100, 200, 4)
-    assert addon.free_camera.is_in(live.editor)
+    assert list(addon.displayed.followed_camera().masks.tints) == ["lid", "pot"]
+    assert addon.displayed.followed_camera().masks.fill.shape == (100, 200, 4)
+    assert addon.displayed.is_camera_in(live.editor)
     addon.preview.stop()  # what stays is a picture as any other
-    assert addon.free_camera.masks() is None and not addon.free_camera.is_in(live.editor)
+    assert addon.displayed.followed_camera() is None and not addon.displayed.is_camera_in(live.editor)
 
 
 def test_what_a_camera_cannot_show_is_said(bpy, addon, live, seeing, monkeypatch):
     live.look(3)
-    assert addon.free_camera.lacks() == ()
+    assert addon.preview.missing() == ()
     seeing.mode = "ORIGINAL"
-    assert addon.free_camera.lacks() == (addon.free_camera.NO_PHOTO,)
+    assert addon.preview.missing() == (addon.preview.NO_PHOTO,)
     taken = addon.preview._taken
 
     def unlearned(answer):
@@ -167,7 +167,7 @@ def test_what_a_camera_cannot_show_is_said(bpy, addon, live, seeing, monkeypatch
     live.scene.camera.location.x += 0.1
     seeing.mode, seeing.show_masks = "WEIGHTS", True
     live.look(3)
-    assert addon.free_camera.lacks() == (addon.free_camera.NO_PALETTES, addon.free_camera.NO_MASKS)
+    assert addon.preview.missing() == (addon.preview.NO_PALETTES, addon.preview.NO_MASKS)
     assert np.ptp(picture(bpy, addon)) == 0  # the scene as learned, of one gray
 
 

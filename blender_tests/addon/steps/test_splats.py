@@ -64,12 +64,12 @@ def test_with_photos_the_engine_is_not_asked_for_views(addon, scene, splat, tmp_
 
 def test_learned_it_is_shown_by_its_own_splats_at_once(addon, imported):
     addon.steps.learn_scene(imported).wait()
-    assert "splats" in addon.contents.finished_stages(imported)
+    assert "splats" in addon.disk.read(imported).stages
 
 
 def test_photos_have_splats_to_be_learned_by_a_button(addon, project_scene):
     addon.steps.learn_scene(project_scene).wait()
-    assert "splats" not in addon.contents.finished_stages(project_scene)
+    assert "splats" not in addon.disk.read(project_scene).stages
 
 
 def test_blenders_menus_lead_there(bpy, addon):

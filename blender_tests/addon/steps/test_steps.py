@@ -88,5 +88,5 @@ def test_one_button_learns_everything_and_shows_the_picture(bpy, addon, project_
     assert not bpy.ops.karf.learn_all.poll()
     project_scene.karf.masks = str(tmp_path / "masks")
     assert bpy.ops.karf.learn_all() == {"FINISHED"}
-    assert addon.contents.finished_stages(project_scene) == {"geometry", "segmentation", "palette", "recoloring"}
+    assert addon.disk.read(project_scene).stages == {"geometry", "segmentation", "palette", "recoloring"}
     assert project_scene.karf.objects.keys() == ["lid", "pot"] and project_scene.karf.result is not None

@@ -38,21 +38,21 @@ def test_names_are_what_the_photos_show_of_them(bpy, addon, learned, chart):
     fit = addon.steps.pick_chart(learned, image, corners)
     assert fit.mean_residual < 0.5 and learned.karf.chart_left == pytest.approx(fit.mean_residual)
     np.testing.assert_allclose(np.reshape(learned.karf.chart, (3, 3)), np.diag(WARM), atol=0.02)
-    seen = addon.reference.as_photographed(learned, np.array([0.4, 0.5, 0.6]))
+    seen = addon.colors.as_photographed(learned, np.array([0.4, 0.5, 0.6]))
     expected = addon.engine_api.linear_to_srgb(addon.engine_api.srgb_to_linear(np.array([0.4, 0.5, 0.6])) * WARM)
     np.testing.assert_allclose(seen, expected, atol=0.01)
-    np.testing.assert_allclose(addon.reference.as_named(learned, seen), [0.4, 0.5, 0.6], atol=1e-6)
+    np.testing.assert_allclose(addon.colors.as_named(learned, seen), [0.4, 0.5, 0.6], atol=1e-6)
 
 
 def test_a_chart_goes_before_a_gray_card_and_can_be_removed(bpy, addon, learned, chart):
     learned.karf.card = (0.5, 0.5, 0.5)
-    card = addon.reference.light(learned).matrix
+    card = addon.colors.reference_light(learned).matrix
     image, corners = chart
     values = [value for place in corners for value in place]
     assert bpy.ops.karf.pick_chart(image=image.name, corners=values) == {"FINISHED"}
-    np.testing.assert_allclose(addon.reference.light(learned).matrix, np.diag(WARM), atol=0.02)
+    np.testing.assert_allclose(addon.colors.reference_light(learned).matrix, np.diag(WARM), atol=0.02)
     bpy.ops.karf.remove_chart()
-    np.testing.assert_array_equal(addon.reference.light(learned).matrix, card)
+    np.testing.assert_array_equal(addon.colors.reference_light(learned).matrix, card)
 
 
 def test_the_engine_finds_the_chart_in_the_photo_of_a_picture(bpy, addon, learned, chart, tmp_path):
@@ -89,7 +89,7 @@ def test_the_engine_gets_the_light_of_the_chart_for_a_sheet_of_colorways(bpy, ad
     (plain,) = addon.steps.predict_colorways(learned, sheet)
     addon.steps.pick_chart(learned, image, corners)
     (planned,) = addon.steps.predict_colorways(learned, sheet)
-    light = addon.reference.light(learned)
+    light = addon.colors.reference_light(learned)
     wanted, seen = plain.predictions[0].target, planned.predictions[0].target
     np.testing.assert_allclose(seen, light.photographed(wanted), atol=1e-4)
     np.testing.assert_allclose(planned.predictions[0].under_light(light).target, wanted, atol=1e-4)

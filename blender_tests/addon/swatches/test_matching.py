@@ -177,4 +177,4 @@ def test_a_target_that_is_missed_is_told_with_the_reason(addon, learned):
     item = learned.karf.objects["pot"]
     item.source, item.target = RED, BLUE
     item.swatches[1].locked = True
-    assert "not quite what was wanted, because" in addon.becomes.apply_picked(item)
+    assert "not quite what was wanted, because" in addon.edits.become_target(item)

@@ -101,7 +101,7 @@ def test_the_picture_survives_without_its_project(bpy, addon, learned, tmp_path)
     addon.steps.set_swatch(learned, "pot", 1, "#0000ff")
     expected = shown(addon, learned)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    addon.contents.planes_file(learned).unlink()
+    addon.disk.planes_file(learned).unlink()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
     np.testing.assert_array_equal(shown(addon, bpy.context.scene), expected)
 
@@ -179,15 +179,15 @@ def test_a_shown_view_needs_the_engine_only_once(addon, learned, monkeypatch):
 
 def test_learning_anew_makes_prepared_views_stale(addon, learned):
     project = addon.folders.project_of(learned)
-    assert addon.contents.is_current(project, "photo_0")
+    assert addon.disk.is_current(project, "photo_0")
     addon.steps.prepare_views(learned, "photo_1").wait()
     project.finish("recoloring", "anew")
-    assert not addon.contents.is_current(project, "photo_1")
+    assert not addon.disk.is_current(project, "photo_1")
 
 
 def test_pictures_of_views_of_different_sizes_share_one_image(addon, learned):
     image = learned.karf.result
-    small = addon.engine_api.read_planes(addon.contents.planes_file(learned))
+    small = addon.engine_api.read_planes(addon.disk.planes_file(learned))
     half = type(small)(
         small.objects, small.palette_weights[..., :8, :], small.probabilities[..., :8, :], small.base[:8]
     )
@@ -218,7 +218,7 @@ def photo(addon, scene, name):
 
 def test_a_view_that_is_not_prepared_shows_its_own_photo(addon, learned):
     learned.karf.active_view = "photo_2"
-    assert not addon.contents.is_prepared(learned)
+    assert not addon.disk.is_prepared(learned)
     np.testing.assert_array_equal(shown(addon, learned), photo(addon, learned, "photo_2"))
     learned.karf.active_view = "photo_0"
     np.testing.assert_array_equal(shown(addon, learned), base())
@@ -239,7 +239,7 @@ def test_a_photo_that_is_gone_leaves_no_other_views_picture(addon, learned):
 
 @pytest.mark.parametrize("mode", ["delta", "paper"])
 def test_planes_of_a_larger_palette_are_refused_in_a_sentence(addon, learned, mode):
-    planes = addon.engine_api.read_planes(addon.contents.planes_file(learned))
+    planes = addon.engine_api.read_planes(addon.disk.planes_file(learned))
     larger = np.concatenate([planes.palette_weights, planes.palette_weights[:, :1]], axis=1)
     larger = type(planes)(planes.objects, larger, planes.probabilities, planes.base)
     write_current_planes(addon, learned, larger)

@@ -73,9 +73,9 @@ def test_a_gesture_goes_on_until_another_swatch_changes(solving, pot, seen):
     gesture = solving.Gesture((1,), pot.chosen, state.chosen)
     moved = state.chosen.copy()
     moved[1] = GREEN
-    assert gesture.goes_on((1,), moved) and not gesture.goes_on((3,), moved)
+    assert gesture.continues((1,), moved) and not gesture.continues((3,), moved)
     moved[3] = GREEN
-    assert not gesture.goes_on((1,), moved) and not gesture.goes_on((1,), moved[:3])
+    assert not gesture.continues((1,), moved) and not gesture.continues((1,), moved[:3])
 
 
 def test_linked_swatches_take_a_color_and_locked_ones_stay(solving, pot):

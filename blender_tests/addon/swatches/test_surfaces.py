@@ -136,7 +136,7 @@ def test_becomes_begins_from_what_is_shown(addon, learned, pot, edited):
     gray = edited()[1]
     pot.source = gray
     pot.target = (0.1, 0.2, 0.5)
-    addon.becomes.apply_picked(pot)
+    addon.edits.become_target(pot)
     np.testing.assert_allclose(edited()[1], (0.1, 0.2, 0.5), atol=0.02)
     assert addon.colors.state(pot).is_neutral
 

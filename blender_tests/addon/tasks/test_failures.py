@@ -15,7 +15,9 @@ from ..timers import run_to_end
 
 def begin(addon, scene, behave, after=lambda request: None):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
-    addon.runner._begin(addon.runner.Task("Trial", (request,), after))
+    addon.session.get(addon.runner.Runner).begin(
+        addon.runner.Task("Trial", (request,), after, addon.runner.Owner.of(scene))
+    )
     return addon.session.get(addon.runner.Runner).worker
 
 
@@ -140,7 +142,9 @@ def test_what_the_disk_refuses_after_a_job_is_said(bpy, addon, project_scene):
         raise OSError(28, "No space left on device", "/film/picture.png")
 
     request = addon.steps.learn_scene(project_scene).requests[0]
-    addon.runner._begin(addon.runner.Task("Trial", (request,), full))
+    addon.session.get(addon.runner.Runner).begin(
+        addon.runner.Task("Trial", (request,), full, addon.runner.Owner.of(project_scene))
+    )
     run_to_end(addon.runner._poll)
     assert bpy.context.window_manager.karf_progress.error == "/film/picture.png: No space left on device."
 

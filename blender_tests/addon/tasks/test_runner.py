@@ -7,7 +7,7 @@ from ..timers import run_to_end
 
 def failing(addon, scene, behave):
     request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
-    return addon.runner.Task("Trial", (request,), lambda request: None)
+    return addon.runner.Task("Trial", (request,), lambda request: None, addon.runner.Owner.of(scene))
 
 
 def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
@@ -25,7 +25,7 @@ def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(b
 def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_scene):
     runner = addon.runner
     task = addon.steps.learn_scene(project_scene)
-    runner._begin(task)
+    addon.session.get(addon.runner.Runner).begin(task)
     progress = bpy.context.window_manager.karf_progress
     assert progress.running and progress.stage == "Learn Scene"
     run_to_end(runner._poll)
@@ -44,7 +44,7 @@ def test_what_an_artist_can_do_nothing_about_stays_in_the_jobs_record(bpy, addon
 
 def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
     runner = addon.runner
-    runner._begin(failing(addon, project_scene, "error"))
+    addon.session.get(addon.runner.Runner).begin(failing(addon, project_scene, "error"))
     run_to_end(runner._poll)
     progress = bpy.context.window_manager.karf_progress
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
@@ -55,8 +55,9 @@ def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, proje
     def fault(request):
         raise ZeroDivisionError("ours")
 
-    task = addon.runner.Task("Trial", addon.steps.learn_scene(project_scene).requests, fault)
-    addon.runner._begin(task)
+    requests, owner = addon.steps.learn_scene(project_scene).requests, addon.runner.Owner.of(project_scene)
+    task = addon.runner.Task("Trial", requests, fault, owner)
+    addon.session.get(addon.runner.Runner).begin(task)
     with pytest.raises(ZeroDivisionError):
         run_to_end(addon.runner._poll)
     progress = bpy.context.window_manager.karf_progress
@@ -65,7 +66,7 @@ def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, proje
 
 def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, project_scene):
     runner = addon.runner
-    runner._begin(failing(addon, project_scene, "wait for cancel"))
+    addon.session.get(addon.runner.Runner).begin(failing(addon, project_scene, "wait for cancel"))
     with pytest.raises(addon.engine_api.BadRequest, match="busy: Trial"):
         runner.wait(addon.steps.learn_scene(project_scene))
     assert not bpy.ops.karf.learn_scene.poll()
@@ -102,7 +103,7 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(b
 
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
     runner = addon.runner
-    runner._begin(failing(addon, project_scene, "deaf"))
+    addon.session.get(addon.runner.Runner).begin(failing(addon, project_scene, "deaf"))
     addon.session.start_timer(runner._poll)
     worker = addon.session.get(addon.runner.Runner).worker
     addon.extension.unregister()

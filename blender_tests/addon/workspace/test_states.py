@@ -63,7 +63,7 @@ def test_a_stage_that_ran_anew_makes_the_later_ones_stale(addon, project_scene, 
 
 
 def test_another_preset_than_was_learned_with_says_so(addon, learned, monkeypatch):
-    monkeypatch.setattr(addon.contents, "learned_with", lambda scene: ("fine", ""))
+    monkeypatch.setattr(addon.disk, "_learned_with", lambda state: ("fine", ""))
     assert "another preset" in addon.states.state_of(learned, "learn").reason
     learned.karf.preset = "fine"
     assert kinds(addon, learned)["learn"] == "done"

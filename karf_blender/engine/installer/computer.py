@@ -39,10 +39,8 @@ UNIX_FOLDERS = ("/usr/local/bin", "/usr/bin", "/opt/homebrew/bin", "~/.local/bin
 # --- system and drivers -------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class Machine:
-    """A computer: its system, as lock files call it, and for which of `cuda`, `rocm`, `mps` it has a driver."""
-
-    platform: str
-    devices: tuple[str, ...] = ()
+    platform: str  # the system, as lock files call it
+    devices: tuple[str, ...] = ()  # those of `cuda`, `rocm`, `mps` that have a driver
 
     @property
     def device_sentence(self) -> str:

@@ -38,7 +38,7 @@ class Status:
 
 
 def status(folder: Path) -> Status:
-    """Read what state a folder is in. Never raises."""
+    """Read the state of a folder. Never raises."""
     try:
         mark = _read(folder / MARK)
         known = _chosen(mark)
@@ -56,7 +56,11 @@ def status(folder: Path) -> Status:
     if not python_of(folder / name).is_file():
         gone = "The environment's Python is gone, as after a move or update of Blender; Repair makes it anew."
         return Status(BROKEN, gone, **known)
-    if digest != _digest_today(mark):
+    try:
+        today = locks.read(mark["platform"], known["build"], known["python"], known["extras"]).digest
+    except (KarfError, LookupError):
+        today = ""
+    if digest != today:
         return Status(OUTDATED, "This version of KaRF has been tested with other packages; Update gets them.", **known)
     return Status(READY, f"Installed: Python {mark['python']}, torch {torch}.", **known)
 
@@ -101,7 +105,6 @@ def check_free(folder: Path) -> None:
 
 
 def check_ours(folder: Path) -> None:
-    """Raise BadRequest unless KaRF has made a folder."""
     if not is_ours(folder):
         raise BadRequest(f"{folder} was not made by KaRF; nothing was deleted.", "Delete it by hand if you mean it.")
 
@@ -156,10 +159,3 @@ def _chosen(mark: dict[str, Any]) -> dict[str, Any]:
     # earlier versions of the extension had numba as an extra, `fast`
     extras = tuple(name for name in mark["extras"] if name != "fast")
     return {"build": mark["build"], "extras": extras, "python": mark["python"]}
-
-
-def _digest_today(mark: dict[str, Any]) -> str:
-    try:
-        return locks.read(mark["platform"], mark["build"], mark["python"], _chosen(mark)["extras"]).digest
-    except KarfError:
-        return ""

@@ -8,9 +8,7 @@ counted before does so until then, whatever ends the installation.
 import json
 import re
 import shutil
-import signal
 import subprocess
-import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +20,6 @@ from ..failures import disk_errors
 from . import chores, home
 from .plan import EXTRAS, UNPACKED, Plan, Step
 
-KILL_SECONDS = 5.0
 FETCHED_AT_ONCE = "3"  # number of downloads: they are large, and cancelling loses those under way
 REPORTED_AS = {"mps": "cpu"}  # builds of torch that torch itself calls otherwise
 HASH = "hash mismatch|do not match the hashes"
@@ -76,8 +73,6 @@ class Installation:
         self.progress = Progress("Starting", 0, planned.download_bytes)
         self._log = planned.folder / home.LOG
         self._error: KarfError | None = None
-        self._is_cancelled = False
-        self._kill_at = float("inf")
         self._process: subprocess.Popen | None = None
         self._fetching: _Fetching | None = None
         self._before = 0  # bytes of the steps that are done
@@ -100,23 +95,13 @@ class Installation:
             self.progress = Progress(self._step.title, done, self.plan.download_bytes, self._fetching.detail)
         if has_exited:
             self._finish_step()
-        elif time.monotonic() > self._kill_at:
-            self._kill_at = float("inf")
-            processes.send(self._process, processes.KILL)
         return self.progress
 
-    def cancel(self) -> None:
-        """End the command at work; finished files are kept."""
-        if not self.ended:
-            self._is_cancelled = True
-            self._kill_at = time.monotonic() + KILL_SECONDS
-            processes.send(self._process, signal.SIGTERM)
-
-    def terminate(self) -> None:
-        """End it now; waits for it a few seconds at most."""
+    def end(self) -> None:
+        """End the command at work; waits for it a few seconds at most. Finished files are kept."""
         if not self.ended:
             processes.end(self._process)
-            self._end(Cancelled("The installation was ended."))
+            self._conclude(Cancelled("The installation was cancelled.", GO_ON))
 
     def check(self) -> None:
         """Raise KarfError where the environment is not ready: why, and how to continue."""
@@ -160,9 +145,9 @@ class Installation:
         try:
             self._start(next(self._steps))
         except StopIteration:
-            self._end(None)
+            self._conclude(None)
         except KarfError as error:
-            self._end(error)
+            self._conclude(error)
 
     def _start(self, step: Step) -> None:
         self._step, self._said = step, []
@@ -201,15 +186,13 @@ class Installation:
         self._new_lines()
         # what it started may have outlived it
         processes.send(self._process, processes.KILL)
-        if self._is_cancelled:
-            self._end(Cancelled("The installation was cancelled.", GO_ON))
-        elif code and self._step.is_needed:
-            self._end(explain(self.plan, self._step, self._said, processes.ending(self._process)))
+        if code and self._step.is_needed:
+            self._conclude(explain(self.plan, self._step, self._said, processes.ending(self._process)))
         else:
             self._before += self._step.bytes
             self._advance()
 
-    def _end(self, error: KarfError | None) -> None:
+    def _conclude(self, error: KarfError | None) -> None:
         self._error, self.ended = error, True
         self._steps.close()
 
@@ -231,7 +214,7 @@ class Removal:
         self.ended = self._process.poll() is not None
         return self.progress
 
-    def terminate(self) -> None:
+    def end(self) -> None:
         """Leave the rest to the next removal."""
         processes.end(self._process)
 

@@ -1,4 +1,4 @@
-"""Lock files: the packages of the engine's environment, with sizes and hashes No bpy.
+"""Lock files: the packages of the engine's environment, with sizes and hashes. No bpy.
 
 `python3 tools/dev.py lock` writes `requirements/<system>-<build of torch>.txt` in pip's format.
 """
@@ -32,15 +32,12 @@ class Wheel:
         return f"{self.name}=={self.version} --hash=sha256:{self.sha256}"
 
     def find(self, folder: Path, python: str = "") -> Path | None:
-        """Return the file in a folder of wheels."""
         tag = f"-cp{python.replace('.', '')}-" if python and not self.sha256 else ""
         return next((path for path in folder.glob(self.file) if tag in path.name), None)
 
 
 @dataclass(frozen=True)
 class Lock:
-    """The packages of an environment."""
-
     build: str
     files: tuple[Path, ...]  # requirements
     wheels: tuple[Wheel, ...]  # for its Python
@@ -62,20 +59,14 @@ class Lock:
 
 @cache
 def read(platform: str, build: str, python: str, extras: Sequence[str] = ()) -> Lock:
-    """Read what an environment for a system, a build of torch and a Python (`3.11`) has.
-
-    Raises:
-        MissingDependency: There is no such environment.
-    """
+    """Read what an environment for a system, a build of torch and a Python (`3.11`) has; raises MissingDependency."""
     files = tuple(lock_file(platform, name) for name in (build, *sorted(extras)))
     if not files[0].is_file():
-        raise MissingDependency(
-            f"KaRF knows no engine for {platform}.", "Make an environment by hand and set Engine Python to it."
-        )
+        sentence = f"KaRF knows no engine for {platform}."
+        raise MissingDependency(sentence, "Make an environment by hand and set Engine Python to it.")
     if python not in PYTHONS:
-        raise MissingDependency(
-            f"KaRF knows no engine for Python {python} on {platform}.", f"Use Python {' or '.join(PYTHONS)}."
-        )
+        sentence = f"KaRF knows no engine for Python {python} on {platform}."
+        raise MissingDependency(sentence, f"Use Python {' or '.join(PYTHONS)}.")
     for extra, file in zip(sorted(extras), files[1:], strict=True):
         if not file.is_file():
             raise MissingDependency(f"{extra} cannot be had for Python {python} on {platform}.", "Untick it.")
@@ -83,7 +74,6 @@ def read(platform: str, build: str, python: str, extras: Sequence[str] = ()) -> 
 
 
 def read_uv(platform: str) -> Wheel:
-    """Return the file of uv for a system."""
     system, _, processor = platform.partition("-")
     tag = {"linux": "manylinux", "windows": "win", "macos": "macosx"}[system]
     kind = "amd64" if system == "windows" else processor

@@ -45,7 +45,7 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """What an installation does; `sentences` and `commands` say it."""
+    """An installation to come, told by `sentences` and `commands`."""
 
     choices: Choices
     machine: Machine
@@ -114,7 +114,7 @@ class Plan:
         return self.folder / "cache"
 
     def steps(self) -> tuple[Step, ...]:
-        """The commands that make the environment."""
+        """Return the commands that make the environment."""
         offline = ("--no-index", "--find-links", str(self.choices.wheels)) if self.choices.wheels else ()
         found, uv_folder = [], self.folder / "uv"
         if self.tools:

@@ -110,7 +110,7 @@ def test_it_keeps_finished_files_and_goes_on_from_there(managed, install, planne
         managed.processes.send(work._process, managed.processes.KILL)
         work._process.wait()
     else:
-        work.cancel()
+        work.end()
         finish(work)
         with pytest.raises(managed.api.Cancelled, match=r"cancelled.*kept"):
             work.check()

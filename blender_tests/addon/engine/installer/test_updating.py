@@ -75,7 +75,7 @@ def test_the_environments_of_before_go_and_those_in_which_a_job_runs_stay_until_
 def test_cancelled_or_failed_it_leaves_the_engine_that_works(kitchen, managed, outdated, install, planned, place):
     python = managed.home.python_in(place)
     work = begin(managed, planned(), "Making the environment")
-    work.cancel()
+    work.end()
     finish(work)
     with pytest.raises(managed.api.Cancelled):
         work.check()
