@@ -10,8 +10,8 @@ from ..project import folders
 from ..swatches import colors, looks
 from ..tasks.runner import Task
 from . import requests
-from .edit import save_edit
 from .render import camera_folder, export_cameras
+from .swatches import save_edit
 
 
 # --- looks ---------------------------------------------------------------------------------------------------------

@@ -27,8 +27,8 @@ from ..surface import export, scene_object
 from ..swatches import colors
 from ..tasks.runner import Task
 from . import requests
-from .blender_render import warn_of_view_transform
-from .edit import save_edit
+from .render import warn_of_view_transform
+from .swatches import save_edit
 
 _Learned = Palette | ObjectLayers  # what nodes are made of: the name of an object, and its learned palette
 

@@ -21,7 +21,7 @@ from ..swatches import edits
 from ..tasks import queries, runner
 from ..tasks.runner import Task
 from . import requests
-from .edit import save_edit
+from .swatches import save_edit
 
 # from Blender's axes to those of a PLY file by COLMAP: x right, y down, z forward
 FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
