@@ -1,10 +1,7 @@
-"""The steps from capture to picture as plain functions; scripts, buttons and tests call these.
+"""The steps from capture to picture as plain functions of a scene, for scripts, buttons and tests; see docs/blender.md.
 
-    from bl_ext.user_default.karf.karf_blender import steps as karf
-
-The first parameter of a step is the scene. A step that needs the engine for a while returns a `Task`: `wait` for it in
-a script; an operator launches it (`tasks.runner.launch`). All other steps are done when they return. Colors are sRGB
-triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and a hint. See docs/blender.md.
+A step that needs the engine for a while returns a `Task`: `wait` for it in a script; an operator launches it. Colors
+are sRGB triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and a hint.
 """
 
 from ..engine_api import Edit, KarfError

@@ -1,7 +1,4 @@
-"""Step 7: recolored pictures as files and in Blender, also by a render farm; cameras as files of other programs, and back.
-
-The render engine KaRF for 3D Views, stills and animations, too.
-"""
+"""Step 7: recolored pictures as files, also by a render farm, and in Blender; cameras as files, and back."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -32,8 +29,7 @@ COPIED = "resolution_x resolution_y resolution_percentage pixel_aspect_x pixel_a
 def save_shown(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, a preview of the photo, as PNG without the engine; returns its path."""
     colors = images.upright(displayed.of(scene).edited())
-    # where the engine writes this view too
-    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
+    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"  # where the engine writes it too
     images.write_png(path, colors)
     progress.wrote(path.parent)
     return path
@@ -55,12 +51,9 @@ def render_captured(
 ) -> Task:
     """Recolor captured views on their photos, in the folder that is the task's result. Choices become the panel's.
 
-    Args:
-        views: `all`, `train`, `test` or names with commas.
-        out: Output folder; default: the panel's.
-        skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
-        size: `photo`: all pixels of the photos, in files of their kind (PNG, TIFF or EXR); `learned`: what was learned
-            from; or the long side in pixels. Default: the panel's.
+    The views are `all`, `train`, `test` or names with commas; `skip_existing` keeps pictures that would come out the
+    same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or EXR), `learned` what was
+    learned from, and a number the long side in pixels.
     """
     _choose(scene, out, skip_existing)
     return _captured_task(scene, "Captured Views", views, size)
@@ -79,8 +72,7 @@ def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | i
         size = karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
     save_edit(scene, out / "edit.json")
     job = requests.pictures(scene, views, str(out / "edit.json"), out, "photo", size)
-    # what is shown stays: it is a preview of these pictures, and follows the swatches
-    return _frames_task(scene, title, job, are_shown=False)
+    return _frames_task(scene, title, job, are_shown=False)  # what is shown previews them, and follows the swatches
 
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_shown: bool) -> Task:
@@ -106,8 +98,7 @@ def render_sequence(
 ) -> Task:
     """Recolor what a camera (default: the scene's) sees in frames (default: the scene's), with the swatches of each.
 
-    `out` and `skip_existing` are as of `render_captured`. The task's result is the folder of the pictures,
-    frame_0001.png and so on, in the `camera_folder`.
+    The other options are as of `render_captured`. The task's result is the folder of frame_0001.png and so on.
     """
     _choose(scene, out, skip_existing)
     folder = camera_folder(scene, camera)
@@ -126,10 +117,8 @@ def farm_bundle(
 ) -> Path:
     """Write a bundle for a farm that renders what `render_sequence` does, and return its folder; see docs/farm.md.
 
-    Args:
-        out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
-        per_task: Frames of a task.
-        python: The Python of the farm's machines that has the engine's packages.
+    The folder is new or empty (default: `farm/<camera>` in the output folder), `per_task` the frames of a task, and
+    `python` that of the farm's machines that has the engine's packages.
     """
     out = Path(out).absolute() if out else _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
     with TemporaryDirectory() as folder:
@@ -212,10 +201,7 @@ def frame_range(scene: bpy.types.Scene) -> range:
 
 # --- frames in Blender ----------------------------------------------------------------------------------------------
 def show_frames(scene: bpy.types.Scene, folder: str | Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
-    """Show rendered frames (default: the last ones) in the Image Editors, as a sequence where their names count up.
-
-    Unless `is_wanted` by the user now, a picture that is being painted on is left alone.
-    """
+    """Show rendered frames (default: the last) in Image Editors; if not `is_wanted`, not over one painted on."""
     files = _frames_in(scene, folder)
     return sequences.show(files, _first_frame(files), is_wanted)
 
@@ -286,7 +272,7 @@ def put_objects_in(scene: bpy.types.Scene) -> bpy.types.Scene:
 
 
 def _take_over(scene: bpy.types.Scene, objects: bpy.types.Scene) -> None:
-    """Give the scene of the objects what the other one has now: all but the capture."""
+    """Give the scene of the objects what the other one has: all but the capture."""
     objects.camera, objects.world = scene.camera, scene.world
     objects.frame_start, objects.frame_end = scene.frame_start, scene.frame_end
     objects.view_settings.view_transform = scene.view_settings.view_transform

@@ -1,7 +1,4 @@
-"""Step 6: swatches that move together, a color that becomes another, a view matched to a picture, edit files, charts.
-
-A swatch is an object's name and a number from 1: swatch 0 is black.
-"""
+"""Step 6: swatches and edits. A swatch is an object's name and a number from 1: swatch 0 is black."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -55,10 +52,7 @@ def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Colo
 
 
 def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: ColorBook, name: str) -> float:
-    """Give one swatch (0: the object's target color) the color of a name, as if it were dragged there.
-
-    Returns CIEDE2000 from what a picture can show to the color of the name; 0 where a picture can show that.
-    """
+    """Give one swatch (0: the target color) a named color; return how far pictures miss it (CIEDE2000), or 0."""
     color = colors.as_photographed(scene, book[name])
     if index:
         edits.set_color(scene, object_name, index, color)
@@ -76,10 +70,7 @@ def set_surface(
     brightness: float = 0.0,
     gloss: float = 1.0,
 ) -> None:
-    """Set the surface of a swatch's paint, and of those linked to it; chosen colors stay.
-
-    Saturation is 0 (gray) to 4, brightness (of the mid-tones) -2 to 2, gloss (of the highlights) 0 (matte) to 4.
-    """
+    """Set the surface of a swatch and of those linked: saturation 0 to 4, brightness -2 to 2, gloss 0 (matte) to 4."""
     with displayed.batched(scene):
         colors.write_surface(edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss))
 
@@ -104,10 +95,7 @@ def unlink_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int | None = None) -> int:
-    """Merge one swatch of an object `into` another, which then moves both paints by the same amount.
-
-    Returns the other's number; default: the one with the nearest learned color.
-    """
+    """Merge a swatch `into` another of its object, default: that with the nearest learned color; return its number."""
     edits.unlocked(scene, object_name, index)
     item, which = edits.object_named(scene, object_name), {"index": index, "name": object_name}
     others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
@@ -143,10 +131,7 @@ def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> np.ndarray:
-    """Return an object's color in the active view, as learned, sRGB [3]: the mean of a few pixels.
-
-    The place is one in the picture: (0, 0) is its lower left corner, (1, 1) its upper right one.
-    """
+    """Return an object's learned color, sRGB [3], at a place of the active view, (0, 0) lower left to (1, 1)."""
     view = displayed.of(scene).prepared_view().planes
     learned = colors.state(edits.object_named(scene, name)).palette.colors
     height, width = view.base.shape[:2]
@@ -172,14 +157,11 @@ def add_color(
     reach: float | None = None,
     protect: float | None = None,
 ) -> int:
-    """Give an object one more swatch, whose number is returned, for the pigment of a color that it shows.
+    """Give an object one more swatch for the pigment of the `picked` color, as the photos show it; return its number.
 
-    Args:
-        picked: The color as the photos show it.
-        color: What it shall be; default: as it is shown now.
-        reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4; see `edit.added`.
-            None: as far as the object's colors propose.
-        protect: Colors under this share of its saturation, 0 to 0.5, are neutral and not of it. None: as they propose.
+    The swatch gets a `color`; default: as it is shown now. The `reach`, 0.05 to 4, is how far around its hue (of a
+    gray: its chroma) colors are of this pigment; see `edit.added`. Colors under the share `protect`, 0 to 0.5, of its
+    saturation are neutral and not of it. Both default to what the object's colors propose.
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(colors.added(item)) >= MAX_ADDED:
@@ -201,8 +183,8 @@ def add_color(
 def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
     """Restrict a swatch to its own pigment (silver, foil, paper and gloss stay), and return the number to change it by.
 
-    An added color gets that option. A learned swatch, which is part of many colors, gets an added color for the pigment
-    that it paints most, as this is shown now; itself and what followed it go back to where they were.
+    A learned swatch, part of many colors, gets an added color for the pigment that it paints most; itself and what
+    followed it go back to where they were.
     """
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if swatch.is_added:
@@ -250,12 +232,10 @@ def becomes(
     rule: str = "becomes",
     from_edited: bool = False,
 ) -> None:
-    """Set an object's swatches so that a color of it becomes another.
+    """Set an object's swatches so that a color, in the photos or `from_edited` in the edited picture, becomes another.
 
-    Args:
-        source: In the photos at their mean exposure, or `from_edited` in the edited picture.
-        rule: `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible).
-        from_edited: Continue from the swatches as they are; else only locked ones stay as they are.
+    The rule is `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible). It
+    starts from the swatches as they are if `from_edited`; else only locked ones stay as they are.
     """
     item = edits.object_named(scene, object_name)
     start = colors.edited(item) if from_edited else colors.learned(item)
@@ -275,8 +255,7 @@ def match_picture(
 ) -> tuple[ObjectMatch, ...]:
     """Set the swatches so that the active view matches a picture of it (None: the scene's own); locked ones stay.
 
-    The picture is the whole view, of any size, without lens distortion. Returns those objects that it changes, with
-    their mean CIEDE2000 to it `before` and `after`.
+    It is the whole view, of any size, undistorted. Returns changed objects with CIEDE2000 `before` and `after`.
     """
     if isinstance(picture, str | Path):
         found = matching.match(scene, Path(picture).name, matching.read(Path(picture)))
@@ -305,13 +284,10 @@ def save_edit(scene: bpy.types.Scene, path: str | Path) -> None:
 
 # --- light of the photos -------------------------------------------------------------------------------------------
 def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence[tuple[float, float]]) -> ChartFit:
-    """Read the light off a color chart of 24 patches (ColorChecker Classic) that a picture shows.
+    """Read the light off a color chart of 24 patches (ColorChecker Classic) in a photo with the capture's exposure.
 
-    Names, numbers and sheets of colorways are then those under daylight, as by a gray card, whose place it takes.
-
-    Args:
-        image: A photo with the light and the exposure of the capture's.
-        corners: Of its block of patches, in order around it; from (0, 0), the picture's lower left corner, to (1, 1).
+    Names, numbers and sheets of colorways are then those under daylight, as by a gray card, whose place it takes. The
+    `corners` of its block of patches go around it, from (0, 0), the picture's lower left corner, to (1, 1).
     """
     if not image.size[0]:
         raise BadRequest("{name} shows no picture.", "Open the photo of the chart.", name=image.name)
