@@ -96,8 +96,6 @@ from ..karf_engine.worker.protocol import (
     folder_line,
 )
 
-# each known kind of capture has one of these files or folders
-CAPTURE_MARKS = tuple(known.marker for known in FORMATS)
-# the folder that the engine's own Python executes
-ENGINE_FOLDER = Path(karf_engine.__file__).parent
+CAPTURE_MARKS = tuple(known.marker for known in FORMATS)  # a file or folder that each known kind of capture has
+ENGINE_FOLDER = Path(karf_engine.__file__).parent  # what the engine's own Python executes
 VERSION = karf_engine.__version__

@@ -10,8 +10,7 @@ import bpy
 from .engine_api import Event, KarfError, Message
 from .host.words import kept, translate
 
-# codes of warnings that stay in the job's record: what was found is used, and there is nothing that an artist could do
-FOR_THE_RECORD = ("convergence",)
+FOR_THE_RECORD = ("convergence",)  # codes of warnings for the job's record alone: an artist could do nothing
 
 
 def state() -> bpy.types.PropertyGroup:
@@ -22,9 +21,7 @@ def state() -> bpy.types.PropertyGroup:
 def begin(label: str) -> None:
     """Show that a task starts, and clear the messages of the last one."""
     progress = state()
-    progress.running = True
-    progress.stage = label
-    progress.fraction = 0.0
+    progress.running, progress.stage, progress.fraction = True, label, 0.0
     dismiss()
     progress.text = "Starting"
 
@@ -71,10 +68,7 @@ def dismiss() -> None:
 
 
 def show_event(label: str, event: Event, whole: tuple[float, float] | None = None) -> None:
-    """Show an engine's event in the panel, under the running task's label.
-
-    whole: For a task of several jobs: the share done, 0 to 1, and the seconds left.
-    """
+    """Show an engine's event; `whole`: the share done of several jobs, 0 to 1, and the seconds left."""
     progress = state()
     progress.running, progress.stage = True, label
     if event.kind == "progress":
@@ -97,7 +91,10 @@ def print_event(stage: str, event: Event) -> None:
 def _line(event: Event) -> str:
     """Describe an event; empty if it is not meant for people."""
     if event.kind == "progress":
-        return f"{event['step']}/{event['total']}{_time_left(event)}{_metrics(event)}"
+        text, left = f"{event['step']}/{event['total']}", event.get("eta_s")
+        if left:
+            text += f", {left / 60:.0f} min left" if left > 90 else f", {left:.0f} s left"
+        return text + _metrics(event)
     if event.kind == "stage":
         return f"{event['name']} {event.get('text', '')}".strip()
     return {"warning": event.get("sentence"), "done": "done"}.get(event.kind) or ""
@@ -111,13 +108,6 @@ def _share_and_time(share: float, left: float | None) -> str:
     if left > 90:
         return translate("{percent}, {count} min left", percent=percent, count=f"{left / 60:.0f}")
     return translate("{percent}, {count} s left", percent=percent, count=f"{left:.0f}")
-
-
-def _time_left(event: Event) -> str:
-    left = event.get("eta_s")
-    if not left:
-        return ""
-    return f", {left / 60:.0f} min left" if left > 90 else f", {left:.0f} s left"
 
 
 def _metrics(event: Event) -> str:

@@ -1,10 +1,7 @@
-"""The steps from capture to picture as plain functions; scripts, buttons and tests call these.
+"""The steps from capture to picture as plain functions of a scene, for scripts, buttons and tests; see docs/blender.md.
 
-    from bl_ext.user_default.karf.karf_blender import steps as karf
-
-The first parameter of a step is the scene. A step that needs the engine for a while returns a `Task`: `wait` for it in
-a script; an operator launches it (`tasks.runner.launch`). All other steps are done when they return. Colors are sRGB
-triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and a hint. See docs/blender.md.
+A step that needs the engine for a while returns a `Task`: `wait` for it in a script; an operator launches it. Colors
+are sRGB triples in [0, 1] or "#rrggbb". Every step raises KarfError, with a sentence and a hint.
 """
 
 from ..engine_api import Edit, KarfError
@@ -13,9 +10,7 @@ from ..swatches.colors import forget_chart as remove_chart
 from ..swatches.looks import choose as choose_look
 from ..swatches.looks import rename as rename_look
 from ..tasks.runner import Task
-from .blender_render import add_strip, put_objects_in, show_frames, use_engine
 from .capture import SPLAT_VIEWS, check_capture, check_unasked, find_poses, import_capture, import_splat, move_project
-from .edit import apply_edit, becomes, find_chart, match_picture, paint_over, pick_chart, save_edit
 from .engine import (
     engine_files,
     engine_status,
@@ -52,26 +47,37 @@ from .masks import (
 )
 from .preview import preview_camera
 from .render import (
+    add_strip,
     camera_folder,
     export_cameras,
     farm_bundle,
     frame_range,
     import_cameras,
+    put_objects_in,
     render_captured,
     render_sequence,
     render_view,
     save_shown,
+    show_frames,
+    use_engine,
 )
 from .scene_nodes import build_compositor, export_scene, place_layers, place_points, show_scene
 from .splats import export_splat, follow_splat, unfollow_splat
 from .swatches import (
     Color,
     add_color,
+    apply_edit,
+    becomes,
     color_at,
+    find_chart,
     link_swatches,
+    match_picture,
     merge_swatch,
+    paint_over,
+    pick_chart,
     protect_neutrals,
     remove_color,
+    save_edit,
     set_surface,
     set_swatch,
     split_swatch,

@@ -29,7 +29,6 @@ SPLAT_VIEWS = 48  # around splats without photos
 MAP_NAME = f"{editors.PREFIX} more photos"
 
 
-# --- import --------------------------------------------------------------------------------------------------------
 def import_capture(
     scene: bpy.types.Scene,
     path: str | Path,
@@ -37,15 +36,11 @@ def import_capture(
     holdout: int | None = None,
     rig: cameras.Options = USUAL_RIG,
 ) -> Capture:
-    """Build the rig of a capture, a folder or a camera file, and make it the scene's.
+    """Build the rig of a capture, a folder or a camera file, and make it the scene's; its warnings say what is missing.
 
     Palettes and masks of another capture leave the scene; they are kept in the project that they were made in. The
-    warnings of the returned capture say what could not be had.
-
-    Args:
-        project: Folder for the results; default: the scene's project of this capture, else one beside the .blend.
-        holdout: N keeps every Nth photo out of learning where the capture declares none; 0: none. Default: as the
-            project was learned, else 0.
+    folder `project` is for the results; default: that of this capture, else one beside the .blend. A `holdout` of N
+    keeps every Nth photo out of learning where the capture declares none; 0: none; default: as the project was learned.
     """
     captures.forget()
     path, project = Path(path).absolute(), Path(project).absolute() if project else None
@@ -75,8 +70,7 @@ def import_capture(
         for each in capture.views:
             item = karf.views.add()
             item.name, item.split = each.name, each.split
-        # a view that learns: masks are mostly painted on it
-        first = next(iter(capture.split("train")), capture.views[0])
+        first = next(iter(capture.split("train")), capture.views[0])  # masks are mostly painted on a view that learns
         karf.active_view = first.name
     try:
         show_camera(scene, capture, first)
@@ -163,7 +157,6 @@ def _task_of_new_capture(
     return Task(title, (request,), import_made, owner, result=partial(captures.of, scene))
 
 
-# --- check ---------------------------------------------------------------------------------------------------------
 def check_capture(scene: bpy.types.Scene, shows_map: bool = True) -> None:
     """Ask the engine how good the scene's capture is; `shows_map`: and show where more photos would help."""
     masks = folders.absolute(scene.karf.masks) if scene.karf.masks else None
@@ -202,7 +195,6 @@ def _take_inspection(shows_map: bool, scene: bpy.types.Scene, values: dict[str, 
     editors.reveal(image, is_wanted=True, is_whole=True)
 
 
-# --- move ----------------------------------------------------------------------------------------------------------
 def move_project(scene: bpy.types.Scene) -> Path:
     """Move the project from the extension's own folder to beside the .blend, which is saved; return its new folder.
 

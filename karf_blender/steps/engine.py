@@ -24,12 +24,9 @@ def plan_engine(
 ) -> Plan:
     """Return what `install_engine` would do, as `sentences` and as `commands(shell)` to do it by hand; changes nothing.
 
-    Args:
-        build: Of torch: `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`.
-        extras: `photos` (pycolmap), or nothing.
-        folder: Where to; default: that of the preferences.
-        wheels: A folder of wheels, instead of the network.
-        starter: A Python, or uv, that makes the environment; default: Blender's own Python, uv, any Python found.
+    The `build` of torch is `auto` (by the drivers that are there), `cpu`, `cuda`, `rocm` or `mps`; `extras` are
+    `photos` (pycolmap), or nothing. A folder of `wheels` takes the place of the network. The `starter` is a Python, or
+    uv, that makes the environment; default: Blender's own Python, uv, any Python found.
     """
     offline = Path(wheels).absolute() if wheels else None
     return installing.plan(Choices(_place(folder), build, _extras(extras), offline, str(starter)))
@@ -42,10 +39,7 @@ def install_engine(
     wheels: str | Path | None = None,
     starter: str | Path = "",
 ) -> Status:
-    """Install the engine, resume an installation that was stopped, or update it; prints the plan and how far it is.
-
-    Arguments are those of `plan_engine`. The network is used only where Blender may (`--online-mode`).
-    """
+    """Install the engine as `plan_engine` says, resume or update it; uses the network only where Blender may."""
     planned = plan_engine(build, extras, folder, wheels, starter)
     for sentence in planned.sentences:
         print(f"KaRF engine: {sentence}", flush=True)
@@ -78,12 +72,8 @@ def engine_files(
 ) -> tuple[str, str]:
     """Return the text of `karf-wheels.txt`, and the command that fetches its files into the folder `wheels`.
 
-    Args:
-        platform: `linux-x86_64`, `linux-aarch64`, `windows-x86_64` or `macos-arm64`; default: this one.
-        python: The version of Blender's own Python, or of the starter.
-        build: Of torch.
-        extras: `photos`, or nothing.
-        shell: Of the other computer: `posix`, `powershell` or `cmd`.
+    The `platform` is `linux-x86_64`, `linux-aarch64`, `windows-x86_64` or `macos-arm64` (default: this one), `python`
+    the version of Blender's own or of the starter, and `shell` the other computer's: `posix`, `powershell` or `cmd`.
     """
     here = computer.Machine(platform) if platform else computer.detect_machine()
     lock = locks.read(here.platform, computer.build_for(build, here), python, _extras(extras))
@@ -91,13 +81,9 @@ def engine_files(
 
 
 def examine_engine(scene: bpy.types.Scene | None = None) -> tuple[Finding, ...]:
-    """Test packages, device, the disk of the scene's project, and each stage on a tiny scene; prints what was found.
-
-    Raises the last finding, which sums up, where the engine cannot work.
-    """
+    """Test packages, device, disk, and each stage on a tiny scene; raise the last finding, the verdict, if an error."""
     folder = folders.likely_project(scene or bpy.context.scene)
-    python, threads = preferences.engine_python(), preferences.current().threads
-    found = probing.wait(python, folder, threads)
+    found = probing.wait(preferences.engine_python(), folder, preferences.current().threads)
     for finding in found:
         print(f"KaRF engine: {finding.to_text()}", flush=True)
     verdict = found[-1]
@@ -118,5 +104,4 @@ def _place(folder: str | Path | None) -> Path:
 
 
 def _extras(names: Sequence[str]) -> tuple[str, ...]:
-    # older scripts name `fast`: numba, which is always there
-    return tuple(name for name in names if name != "fast")
+    return tuple(name for name in names if name != "fast")  # numba, to older scripts: it is always there

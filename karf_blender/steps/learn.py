@@ -17,14 +17,10 @@ from . import requests
 def learn_scene(
     scene: bpy.types.Scene, preset: str = "", overrides: Sequence[str] = (), nerf: str | Path | None = None
 ) -> Task:
-    """Learn the geometry from the photos, or import that of a pretrained NeRF. What is chosen becomes the panel's.
+    """Learn the geometry from the photos, or import that of a `nerf`, a checkpoint of another program.
 
-    Args:
-        preset: Name of the settings; default: the panel's.
-        overrides: Single settings as `stage.field=value`.
-        nerf: Checkpoint of a NeRF of another program; default: the panel's.
-
-    The task's result, as of `segment` and `learn_splats`, is the stage's entry in the project (seconds, metrics).
+    Single settings override those of the `preset`, as `stage.field=value`. What is chosen becomes the panel's. The
+    task's result, as of `segment` and `learn_splats`, is the stage's entry in the project (seconds, metrics).
     """
     if nerf is not None:
         scene.karf.nerf = folders.stored(Path(nerf).absolute())
@@ -87,4 +83,4 @@ def _segmentation(scene: bpy.types.Scene, folder: Path | None) -> requests.Job:
 
 
 def _palettes(scene: bpy.types.Scene) -> tuple[requests.Job, ...]:
-    return ("palette", {}), ("recoloring", {}), requests.planes(scene.karf.active_view)
+    return ("palette", {}), ("recoloring", {}), requests.render(scene.karf.active_view, planes=True)

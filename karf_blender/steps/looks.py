@@ -10,11 +10,10 @@ from ..project import folders
 from ..swatches import colors, looks
 from ..tasks.runner import Task
 from . import requests
-from .edit import save_edit
 from .render import camera_folder, export_cameras
+from .swatches import save_edit
 
 
-# --- looks ---------------------------------------------------------------------------------------------------------
 def keep_look(scene: bpy.types.Scene, name: str = "") -> str:
     """Keep the swatches as a look, new or replaced, and use it; return its name (default: the first free letter)."""
     requests.check_palettes(scene)
@@ -50,10 +49,7 @@ def move_look(scene: bpy.types.Scene, name: str, by: int) -> None:
 def render_looks(
     scene: bpy.types.Scene, views: str = "all", of_camera: bool = False, out: str | Path | None = None
 ) -> Task:
-    """Have the engine write every look in every view, or in every frame of the scene's camera: a folder for each look.
-
-    Arguments and result are as of `colorways`; `of_camera` renders the frames of the scene's camera in place of views.
-    """
+    """Write every look as `colorways` does, a folder each; `of_camera`: in the frames of the scene's camera."""
     if not len(scene.karf.looks):
         raise BadRequest("The scene has no looks.", "Keep one first.")
     out = Path(out).absolute() if out else looks_folder(scene, of_camera)
@@ -72,18 +68,13 @@ def looks_folder(scene: bpy.types.Scene, of_camera: bool = False) -> Path:
     return camera_folder(scene) / "looks" if of_camera else folders.out_folder(scene) / "colorways" / "looks"
 
 
-# --- colorways -----------------------------------------------------------------------------------------------------
 def predict_colorways(scene: bpy.types.Scene, sheet: str | Path) -> tuple[PlannedColorway, ...]:
-    """Predict each color of a sheet without the engine; locked swatches stay.
-
-    With a gray card or a color chart the sheet's colors are those under daylight.
-    """
+    """Predict the colors of a sheet (under daylight with a gray card or chart) without the engine; locks hold."""
     sheet, light = Path(sheet).absolute(), colors.reference_light(scene)
     return plan_colorways(folders.project_of(scene), sheet, _locked(scene), light, colors.edges(scene))
 
 
 def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
-    """Numbers of the locked swatches of each object that has some."""
     locked = {
         item.name: [i for i, swatch in enumerate(item.swatches[: colors.size(item)]) if swatch.locked]
         for item in scene.karf.objects
@@ -92,16 +83,10 @@ def _locked(scene: bpy.types.Scene) -> dict[str, list[int]]:
 
 
 def colorways(scene: bpy.types.Scene, sheet: str | Path, views: str = "all", out: str | Path | None = None) -> Task:
-    """Have the engine write every colorway of a sheet in every view, with a table and a contact sheet.
+    """Have the engine write every colorway of a sheet (docs/files.md) in every view, with a table and a contact sheet.
 
-    Pictures that are there already and would come out the same are kept.
-
-    Args:
-        sheet: CSV or JSON: a colorway, an object and a color a row; see docs/files.md.
-        views: `all`, `train`, `test`, names with commas, or the path of a camera file.
-        out: The folder; default: `colorways_folder`.
-
-    The task's result is the colorways, each with its edit and the predicted colors.
+    The views are `all`, `train`, `test`, names with commas, or the path of a camera file. Pictures that would come out
+    the same are kept. The task's result is the colorways, each with its edit and the predicted colors.
     """
     sheet = Path(sheet).absolute()
     planned = predict_colorways(scene, sheet)  # a wrong sheet is reported now, and not by a job

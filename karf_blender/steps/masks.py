@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import bpy
 
-from ..engine_api import BadRequest, KarfError
+from .. import progress
+from ..engine_api import BadRequest
 from ..host import windows
 from ..host.words import translatable
 from ..marking import mask_layers, objects, photo, proposals, raster, tools
@@ -40,15 +41,12 @@ def begin_marking(window: bpy.types.Window) -> None:
     if not scene.karf.project or disk.read(scene).stages:
         following.show_again()
         return
-    try:
+    with progress.printing_errors():  # nobody has asked for it
         show_photo(scene)
-    except (KarfError, OSError) as error:  # nobody has asked for it
-        print(f"KaRF: {error}")
-        return
-    with bpy.context.temp_override(window=window):
-        for area in _photo_editors(window):
-            tools.take_up(bpy.context, area)
-        bpy.ops.ed.undo_push(message="Mark in Photo")  # else the next undo would take the object away
+        with bpy.context.temp_override(window=window):
+            for area in _photo_editors(window):
+                tools.take_up(bpy.context, area)
+            bpy.ops.ed.undo_push(message="Mark in Photo")  # else the next undo would take the object away
 
 
 def fit_photo(window: bpy.types.Window) -> None:
@@ -62,7 +60,6 @@ def _photo_editors(window: bpy.types.Window) -> list[bpy.types.Area]:
     return [area for area in areas if photo.is_displayed(window.scene, area.spaces.active)]
 
 
-# --- marks ---------------------------------------------------------------------------------------------------------
 def mark_stroke(scene: bpy.types.Scene, places: Sequence[Place], radius: float, does: str = "ADD") -> None:
     """Mark what a round brush of a radius in pixels covers. Marks raise OSError where none can be written."""
     layer = layer_to_mark(scene)
@@ -107,7 +104,6 @@ def erase_mask(scene: bpy.types.Scene) -> None:
     keep(scene, layer)
 
 
-# --- what marks are made of ----------------------------------------------------------------------------------------
 def layer_to_mark(scene: bpy.types.Scene) -> Layer:
     """Return what marks change: the object's mask in the active view, or its correction; `keep` writes it."""
     _choose_folder(scene)
@@ -120,7 +116,6 @@ def value_of(scene: bpy.types.Scene, does: str) -> int:
 
 
 def keep(scene: bpy.types.Scene, layer: Layer) -> None:
-    """Write the marked layer."""
     layer.touch()
     mask_layers.save(scene, _name(scene), scene.karf.marking.correct)
     disk.refresh()
@@ -140,7 +135,6 @@ def _choose_folder(scene: bpy.types.Scene) -> None:
         scene.karf.masks = folders.stored(folders.project_of(scene).masks_folder)
 
 
-# --- objects and views ---------------------------------------------------------------------------------------------
 def add_object(scene: bpy.types.Scene, name: str = objects.FIRST) -> str:
     """Add an object by a name as people type them; returns the name that its folder and its swatches get."""
     return objects.add(scene, name).folder
@@ -178,10 +172,7 @@ def go_to_suggested(scene: bpy.types.Scene) -> str:
 
 
 def set_volume(scene: bpy.types.Scene, shape: bpy.types.Object | None, kind: str) -> int:
-    """Put the active object `inside` or `outside` of a mesh or an Empty's box; without a shape, forget its volumes.
-
-    Returns the number of its volumes. *Segment* uses them.
-    """
+    """Put the active object `inside` or `outside` of a mesh or Empty's box (None: forget them); return their number."""
     count = objects.set_volume(scene, _name(scene), shape, kind)
     photo.correct(scene)
     return count

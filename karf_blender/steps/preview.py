@@ -1,8 +1,7 @@
 """Live Camera: what the scene's camera sees, rendered by the engine while it or the rig moves.
 
-A coarse picture comes first, finer ones while the camera stands still; swatches change each in Blender alone. One timer
-compares the camera, so that anything that moves it counts: keyframes, drivers, parents, constraints. While no editor
-shows the picture, nothing is rendered.
+A coarse picture comes first, finer ones while the camera stands still. One timer compares the camera, so that anything
+that moves it counts. While no editor shows the picture, nothing is rendered.
 """
 
 import json
@@ -55,13 +54,11 @@ class _Live:
     is_displayed: bool = True  # by an editor
 
 
-@dataclass
 class _State:
     live: _Live | None = None  # where a camera is followed
 
 
 def is_live() -> bool:
-    """Return whether a camera is followed."""
     return session.get(_State).live is not None
 
 
@@ -132,7 +129,6 @@ def _taken(answer: dict[str, Any]) -> DisplayedView:
             file.unlink()
 
 
-# --- following -----------------------------------------------------------------------------------------------------
 def _tick() -> float | None:
     """The timer: follows camera and swatches, and ends itself when no camera is followed."""
     live = session.get(_State).live
@@ -142,7 +138,10 @@ def _tick() -> float | None:
         windows.redraw()
         return None
     before = message()
-    live.is_displayed = _is_displayed(live)
+    image = displayed.camera_image()
+    if image is None:  # it is not there yet, or undo took it: it is shown when made
+        live.edit = ()
+    live.is_displayed = image is None or editors.is_shown(image)
     if not rendering.is_over() or runner.is_running():
         live.text = ""  # what a task learns changes the picture, and meanwhile the cores are its own
     elif live.is_displayed:
@@ -155,14 +154,6 @@ def _tick() -> float | None:
     if message() != before:
         windows.redraw()
     return TICK_SECONDS
-
-
-def _is_displayed(live: _Live) -> bool:
-    """Return whether an editor shows the picture; one that undo took, or that is not there yet, is shown when made."""
-    image = displayed.camera_image()
-    if image is None:
-        live.edit = ()
-    return image is None or editors.is_shown(image)
 
 
 def _follow_camera(live: _Live, scene: bpy.types.Scene) -> None:
@@ -201,7 +192,6 @@ def _show(live: _Live, scene: bpy.types.Scene) -> None:
 
 
 def _edit_key(scene: bpy.types.Scene) -> tuple:
-    """Return what the picture of planes depends on."""
     edited = [colors.edited(item).tobytes() for item in scene.karf.objects]
     added = [colors.keys(own) for own in colors.added_by_object(scene).values()]
     return scene.karf.compositing, *views.key(), *edited, added, colors.edges(scene)
@@ -215,5 +205,4 @@ def _say(live: _Live | None, error: KarfError) -> None:
 
 @session.handler("save_pre")
 def _before_save(*_):
-    # pixels that are only in memory are not saved
-    images.pack(displayed.camera_image())
+    images.pack(displayed.camera_image())  # pixels that are only in memory are not saved

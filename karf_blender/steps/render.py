@@ -1,4 +1,4 @@
-"""Step 7: recolored pictures as files, also by a render farm; Blender cameras as files of other programs, and back."""
+"""Step 7: recolored pictures as files, also by a render farm, and in Blender; cameras as files, and back."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -9,24 +9,27 @@ from tempfile import TemporaryDirectory
 import bpy
 
 from .. import progress
+from ..compositor import over_scene
 from ..engine_api import BadRequest, Message, open_capture, render_bundle, write_cameras, write_edit
-from ..pictures import images
-from ..pictures.sequences import files_in
+from ..host import compat
+from ..pictures import images, sequences
 from ..project import folders
+from ..render_engine.engine import NAME
 from ..rig.lens import build_animation, file_name, frames_of
 from ..swatches import displayed, edits
 from ..tasks.runner import Task
 from . import requests
-from .blender_render import show_frames
-from .edit import save_edit
+from .swatches import save_edit
+
+STANDARD = ("Standard", "Raw")  # view transforms that show sRGB colors as they are
+COPIED = "resolution_x resolution_y resolution_percentage pixel_aspect_x pixel_aspect_y fps fps_base".split()
 
 
 # --- captured views ------------------------------------------------------------------------------------------------
 def save_shown(scene: bpy.types.Scene) -> Path:
     """Write the active view as it is shown, a preview of the photo, as PNG without the engine; returns its path."""
     colors = images.upright(displayed.of(scene).edited())
-    # where the engine writes this view too
-    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"
+    path = folders.out_folder(scene) / "recolor" / f"{scene.karf.active_view}.png"  # where the engine writes it too
     images.write_png(path, colors)
     progress.wrote(path.parent)
     return path
@@ -36,7 +39,7 @@ def render_view(scene: bpy.types.Scene, size: str | int | None = None) -> Task:
     """Recolor the active view on its photo; `size` as of `render_captured`. The task's result is the picture's path."""
     view = scene.karf.active_view
     task = _captured_task(scene, "This View", view, size)
-    return replace(task, result=lambda: files_in(task.result(), [view])[0])
+    return replace(task, result=lambda: sequences.files_in(task.result(), [view])[0])
 
 
 def render_captured(
@@ -48,12 +51,9 @@ def render_captured(
 ) -> Task:
     """Recolor captured views on their photos, in the folder that is the task's result. Choices become the panel's.
 
-    Args:
-        views: `all`, `train`, `test` or names with commas.
-        out: Output folder; default: the panel's.
-        skip_existing: Whether to keep pictures that would come out the same; default: the panel's.
-        size: `photo`: all pixels of the photos, in files of their kind (PNG, TIFF or EXR); `learned`: what was learned
-            from; or the long side in pixels. Default: the panel's.
+    The views are `all`, `train`, `test` or names with commas; `skip_existing` keeps pictures that would come out the
+    same. The size `photo` is all pixels of the photos, in files of their kind (PNG, TIFF or EXR), `learned` what was
+    learned from, and a number the long side in pixels.
     """
     _choose(scene, out, skip_existing)
     return _captured_task(scene, "Captured Views", views, size)
@@ -72,8 +72,7 @@ def _captured_task(scene: bpy.types.Scene, title: str, views: str, size: str | i
         size = karf.captured_pixels if karf.captured_size == "PIXELS" else karf.captured_size.lower()
     save_edit(scene, out / "edit.json")
     job = requests.pictures(scene, views, str(out / "edit.json"), out, "photo", size)
-    # what is shown stays: it is a preview of these pictures, and follows the swatches
-    return _frames_task(scene, title, job, are_shown=False)
+    return _frames_task(scene, title, job, are_shown=False)  # what is shown previews them, and follows the swatches
 
 
 def _frames_task(scene: bpy.types.Scene, title: str, job: requests.Job, are_shown: bool) -> Task:
@@ -99,8 +98,7 @@ def render_sequence(
 ) -> Task:
     """Recolor what a camera (default: the scene's) sees in frames (default: the scene's), with the swatches of each.
 
-    `out` and `skip_existing` are as of `render_captured`. The task's result is the folder of the pictures,
-    frame_0001.png and so on, in the `camera_folder`.
+    The other options are as of `render_captured`. The task's result is the folder of frame_0001.png and so on.
     """
     _choose(scene, out, skip_existing)
     folder = camera_folder(scene, camera)
@@ -119,10 +117,8 @@ def farm_bundle(
 ) -> Path:
     """Write a bundle for a farm that renders what `render_sequence` does, and return its folder; see docs/farm.md.
 
-    Args:
-        out: The bundle's folder, new or empty; default: a new one, `farm/<camera>` in the output folder.
-        per_task: Frames of a task.
-        python: The Python of the farm's machines that has the engine's packages.
+    The folder is new or empty (default: `farm/<camera>` in the output folder), `per_task` the frames of a task, and
+    `python` that of the farm's machines that has the engine's packages.
     """
     out = Path(out).absolute() if out else _free(folders.out_folder(scene) / "farm" / camera_folder(scene, camera).name)
     with TemporaryDirectory() as folder:
@@ -201,3 +197,95 @@ def camera_of(scene: bpy.types.Scene, camera: bpy.types.Object | None) -> bpy.ty
 def frame_range(scene: bpy.types.Scene) -> range:
     """The scene's own frames."""
     return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+
+
+# --- frames in Blender ----------------------------------------------------------------------------------------------
+def show_frames(scene: bpy.types.Scene, folder: str | Path | None = None, is_wanted: bool = True) -> bpy.types.Image:
+    """Show rendered frames (default: the last) in Image Editors; if not `is_wanted`, not over one painted on."""
+    files = _frames_in(scene, folder)
+    return sequences.show(files, _first_frame(files), is_wanted)
+
+
+def add_strip(scene: bpy.types.Scene, folder: str | Path | None = None) -> "bpy.types.Strip":
+    """Put rendered frames (default: those rendered last) into the scene's sequencer."""
+    files = _frames_in(scene, folder)
+    warn_of_view_transform(scene)
+    return sequences.add_strip(scene, files, _first_frame(files), f"KaRF {files[0].parent.parent.name}")
+
+
+def warn_of_view_transform(scene: bpy.types.Scene) -> None:
+    """Warn of a view transform that shows other colors in the compositor and the sequencer than the files have."""
+    transform = scene.view_settings.view_transform
+    if transform not in STANDARD:
+        progress.warn(
+            "The view transform {transform} changes colors: choose Standard to show them unchanged.",
+            transform=transform,
+        )
+
+
+def _frames_in(scene: bpy.types.Scene, folder: str | Path | None) -> list[Path]:
+    """Return the pictures of a folder (None: those rendered last); of a camera's frames those of its last job alone."""
+    if folder is None and not scene.karf.frames:
+        raise BadRequest("No frames have been rendered yet.", "Render captured views or a camera's frames first.")
+    folder = Path(folder).absolute() if folder else folders.absolute(scene.karf.frames)
+    cameras = folder.parent / "cameras.json"
+    names = [view.name for view in open_capture(cameras, photos=False).views] if cameras.is_file() else None
+    files = sequences.files_in(folder, names)
+    if not files:
+        raise BadRequest(
+            "There are no frames in {folder}.", "Render captured views or a camera's frames first.", folder=folder
+        )
+    return files
+
+
+def _first_frame(files: list[Path]) -> int:
+    """The scene's frame of the first picture: a camera's frame says it, captured views begin with the first."""
+    return sequences.number_of(files[0]) if files[0].stem.startswith("frame_") else 1
+
+
+# --- render engine -------------------------------------------------------------------------------------------------
+def use_engine(scene: bpy.types.Scene, spaces: Iterable["bpy.types.SpaceView3D"] = ()) -> None:
+    """Let KaRF render the scene; `spaces` are 3D Views that show it rendered from now on."""
+    scene.render.engine = NAME
+    for space in spaces:
+        space.shading.type = "RENDERED"
+    warn_of_view_transform(scene)
+
+
+def put_objects_in(scene: bpy.types.Scene) -> bpy.types.Scene:
+    """Render the scene's own objects within the captured one, each hidden where the other is nearer.
+
+    Returns a scene of the objects, rendered by the scene's former engine, or by EEVEE. A second call updates it.
+    """
+    requests.check_rig(scene)
+    name = f"{scene.name} {over_scene.OBJECTS}"
+    objects = bpy.data.scenes.get(name)
+    if objects is None:
+        objects = bpy.data.scenes.new(name)
+        objects.render.engine = compat.EEVEE if scene.render.engine == NAME else scene.render.engine
+    _take_over(scene, objects)
+    use_engine(scene)
+    for each in (scene, objects):
+        each.view_layers[0].use_pass_z = True
+    over_scene.build(scene, objects)
+    return objects
+
+
+def _take_over(scene: bpy.types.Scene, objects: bpy.types.Scene) -> None:
+    """Give the scene of the objects what the other one has: all but the capture."""
+    objects.camera, objects.world = scene.camera, scene.world
+    objects.frame_start, objects.frame_end = scene.frame_start, scene.frame_end
+    objects.view_settings.view_transform = scene.view_settings.view_transform
+    objects.render.film_transparent = True
+    for name in COPIED:
+        setattr(objects.render, name, getattr(scene.render, name))
+    source, target, rig = scene.collection, objects.collection, scene.karf.rig
+    for held in (target.children, target.objects):
+        for each in list(held):
+            held.unlink(each)
+    for collection in source.children:
+        if rig.name not in collection.objects:
+            target.children.link(collection)
+    for item in source.objects:
+        if item not in (rig, scene.karf.surface.item):
+            target.objects.link(item)

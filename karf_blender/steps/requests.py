@@ -54,13 +54,11 @@ def show_recolored(scene: bpy.types.Scene, is_wanted: bool = False) -> None:
 
 
 def check_palettes(scene: bpy.types.Scene) -> None:
-    """Raise BadRequest where the scene has no palettes."""
     if not scene.karf.objects:
         raise BadRequest("There is no palette yet.", "Extract the palettes first.")
 
 
 def check_rig(scene: bpy.types.Scene) -> None:
-    """Raise BadRequest where the scene has no captured cameras."""
     if scene.karf.rig is None:
         raise BadRequest("The scene {name!r} has no captured cameras.", "Import the capture first.", name=scene.name)
 
@@ -98,12 +96,6 @@ def threads() -> dict[str, int]:
     """Return the option that limits the engine's threads, where the preferences do."""
     chosen = preferences.current().threads
     return {"threads": chosen} if chosen else {}
-
-
-# --- jobs ----------------------------------------------------------------------------------------------------------
-def planes(views: str) -> Job:
-    """The job that makes edit planes of captured views: a view's name, `train`, `test` or `all`."""
-    return render(views, planes=True)
 
 
 def pictures(

@@ -27,13 +27,12 @@ from ..surface import export, scene_object
 from ..swatches import colors
 from ..tasks.runner import Task
 from . import requests
-from .blender_render import warn_of_view_transform
-from .edit import save_edit
+from .render import warn_of_view_transform
+from .swatches import save_edit
 
 _Learned = Palette | ObjectLayers  # what nodes are made of: the name of an object, and its learned palette
 
 
-# --- compositor ----------------------------------------------------------------------------------------------------
 def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = False) -> Task:
     """Recolor a captured view (default: the active one) by compositor nodes, with a color socket for each swatch.
 
@@ -95,7 +94,6 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
     warn_of_view_transform(scene)
 
 
-# --- object --------------------------------------------------------------------------------------------------------
 def show_scene(scene: bpy.types.Scene, count: int | None = None) -> Task:
     """Show the learned scene as an object of about `count` points, the task's result, that follows the swatches."""
     path = folders.project_of(scene).points_file
@@ -132,10 +130,7 @@ def _as_long_as_swatches(scene: bpy.types.Scene, palette: Palette) -> Palette:
 
 
 def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads") -> Path:
-    """Write the scene's object as it is now to a `.ply`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`; return its path.
-
-    The shape is `quads`, as Blender shows it, or `points`, a vertex each.
-    """
+    """Write the scene's object (.ply, .glb, .gltf, .usd, .usda or .usdc) as `quads` or `points`; return its path."""
     item = scene_object.find(scene)
     if item is None:
         raise BadRequest("The scene is not shown in 3D yet.", "Press Show in 3D View first.")
@@ -144,9 +139,7 @@ def export_scene(scene: bpy.types.Scene, path: str | Path, shape: str = "quads")
     return path
 
 
-# --- nodes that follow the swatches --------------------------------------------------------------------------------
 def _with_swatches(scene: bpy.types.Scene, objects: Sequence[_Learned]) -> list[_Learned]:
-    """Those whose palettes are the scene's."""
     return [each for each in objects if _is_ours(scene, each)]
 
 

@@ -21,7 +21,7 @@ from ..swatches import edits
 from ..tasks import queries, runner
 from ..tasks.runner import Task
 from . import requests
-from .edit import save_edit
+from .swatches import save_edit
 
 # from Blender's axes to those of a PLY file by COLMAP: x right, y down, z forward
 FROM_BLENDER = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -34,7 +34,6 @@ class _Requested(dict[int, str]):
     """The `_color_key` of the colors that each scene's object (by `session_uid`) has or will get."""
 
 
-# --- files ---------------------------------------------------------------------------------------------------------
 def export_splat(
     scene: bpy.types.Scene,
     path: str | Path,
@@ -43,13 +42,12 @@ def export_splat(
     solid: bool = False,
     attributes: bool = False,
 ) -> Task:
-    """Write the scene's splats with the swatches as they are; the task's result is the file's path.
+    """Write the scene's splats with the swatches as they are to a file, the task's result.
 
     Args:
         path: `.ply`, `.compressed.ply`, `.spz`, `.glb`, `.gltf`, `.usd`, `.usda` or `.usdc`.
-        axes: `capture`: the capture's own world; `blender`: where the rig is, z up (or what the kind of file defines);
-            `viewers`: the same with y down, as most programs show a .ply; `auto`: `capture` for imported splats, else
-            `blender`.
+        axes: `capture`: its own world; `blender`: at the rig, z up (or as the kind of file defines); `viewers`: y down,
+            as most programs show a .ply; `auto`: `capture` for imported splats, else `blender`.
         objects: Only these are cut out; none: the whole scene.
         solid: Whether to leave out the shell that shows what is behind the scene.
         attributes: Whether to add each Gaussian's object, probability and palette weights; `.ply` only.
@@ -62,23 +60,18 @@ def export_splat(
     if axes == "auto":
         axes = "blender" if captures.of(scene).splats is None else "capture"
     if axes != "capture":
-        options["matrix"] = _matrix_of(karf.rig, path, axes).ravel().tolist()
+        matrix = np.array(karf.rig.matrix_world, np.float64)  # from the capture's world to the file's
+        if path.suffix.lower() != ".ply" or axes != "blender":
+            matrix = FROM_BLENDER @ matrix
+        options["matrix"] = matrix.ravel().tolist()
     if len(karf.objects):
         edit = folders.project_of(scene).path("exported_edit.json")
         save_edit(scene, edit)
         options["edit"] = str(edit)
-
     finish = requests.presenting(lambda _: None, Message("The splats are in {path}.", path=path), path.parent)
     return requests.task(scene, "Export Splat", ("export-splat", options), finish=finish, result=lambda: path)
 
 
-def _matrix_of(rig: bpy.types.Object, path: Path, axes: str) -> np.ndarray:
-    """From the capture's world to that of a file, [4, 4] float64."""
-    matrix = np.array(rig.matrix_world, np.float64)
-    return matrix if path.suffix.lower() == ".ply" and axes == "blender" else FROM_BLENDER @ matrix
-
-
-# --- objects -------------------------------------------------------------------------------------------------------
 def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
     """Give an object of splats the swatches' colors, now and whenever they change; what followed before keeps its own.
 
@@ -128,7 +121,6 @@ def _has_changed(scene: bpy.types.Scene) -> bool:
 
 
 def _color_key(scene: bpy.types.Scene) -> str:
-    """Return what the colors depend on, as a comparable text."""
     karf = scene.karf
     return json.dumps([karf.project, karf.surface.splat.session_uid, edits.edit_option(scene)])
 
@@ -152,8 +144,7 @@ def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
 
 @session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
 def _after_undo(*_):
-    # undo may take colors back that came after a swatch had changed
-    session.get(_Requested).clear()
+    session.get(_Requested).clear()  # undo may take colors back that came after a swatch had changed
     session.start_timer(_tick, persistent=True)
 
 

@@ -1,6 +1,8 @@
-"""Step 6: swatches that move together. A swatch is an object's name and a number from 1: swatch 0 is black."""
+"""Step 6: swatches and edits. A swatch is an object's name and a number from 1: swatch 0 is black."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -10,16 +12,28 @@ from ..engine_api import (
     PROTECT,
     AddedColor,
     BadRequest,
+    ChartFit,
     ColorBook,
+    Edit,
+    ObjectMatch,
     Surface,
     ciede2000,
+    fit_photo,
     hex_to_rgb,
+    linear_to_srgb,
     pigment_of_swatch,
     propose_added_color,
+    read_edit_file,
     rgb_to_hex,
     srgb_to_lab,
+    write_edit_file,
 )
-from ..swatches import colors, displayed, edits, gestures, groups, keyframes
+from ..host import windows
+from ..pictures import editors, images
+from ..project import captures
+from ..swatches import colors, displayed, edits, gestures, groups, keyframes, matching
+from ..swatches.solving import Becoming
+from ..tasks import queries
 
 ROUNDING = 0.1  # CIEDE2000 that colors in float32 and tables with few digits are off
 Swatch = tuple[str, int]
@@ -38,10 +52,7 @@ def set_swatch(scene: bpy.types.Scene, object_name: str, index: int, color: Colo
 
 
 def use_color_name(scene: bpy.types.Scene, object_name: str, index: int, book: ColorBook, name: str) -> float:
-    """Give one swatch (0: the object's target color) the color of a name, as if it were dragged there.
-
-    Returns CIEDE2000 from what a picture can show to the color of the name; 0 where a picture can show that.
-    """
+    """Give one swatch (0: the target color) a named color; return how far pictures miss it (CIEDE2000), or 0."""
     color = colors.as_photographed(scene, book[name])
     if index:
         edits.set_color(scene, object_name, index, color)
@@ -59,10 +70,7 @@ def set_surface(
     brightness: float = 0.0,
     gloss: float = 1.0,
 ) -> None:
-    """Set the surface of a swatch's paint, and of those linked to it; chosen colors stay.
-
-    Saturation is 0 (gray) to 4, brightness (of the mid-tones) -2 to 2, gloss (of the highlights) 0 (matte) to 4.
-    """
+    """Set the surface of a swatch and of those linked: saturation 0 to 4, brightness -2 to 2, gloss 0 (matte) to 4."""
     with displayed.batched(scene):
         colors.write_surface(edits.unlocked(scene, object_name, index), Surface(saturation, brightness, gloss))
 
@@ -87,10 +95,7 @@ def unlink_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def merge_swatch(scene: bpy.types.Scene, object_name: str, index: int, into: int | None = None) -> int:
-    """Merge one swatch of an object `into` another, which then moves both paints by the same amount.
-
-    Returns the other's number; default: the one with the nearest learned color.
-    """
+    """Merge a swatch `into` another of its object, default: that with the nearest learned color; return its number."""
     edits.unlocked(scene, object_name, index)
     item, which = edits.object_named(scene, object_name), {"index": index, "name": object_name}
     others = [each for each in range(1, colors.size(item)) if each != index and not item.swatches[each].merged]
@@ -126,10 +131,7 @@ def split_swatch(scene: bpy.types.Scene, name: str, index: int) -> None:
 
 
 def color_at(scene: bpy.types.Scene, name: str, place: tuple[float, float]) -> np.ndarray:
-    """Return an object's color in the active view, as learned, sRGB [3]: the mean of a few pixels.
-
-    The place is one in the picture: (0, 0) is its lower left corner, (1, 1) its upper right one.
-    """
+    """Return an object's learned color, sRGB [3], at a place of the active view, (0, 0) lower left to (1, 1)."""
     view = displayed.of(scene).prepared_view().planes
     learned = colors.state(edits.object_named(scene, name)).palette.colors
     height, width = view.base.shape[:2]
@@ -155,14 +157,11 @@ def add_color(
     reach: float | None = None,
     protect: float | None = None,
 ) -> int:
-    """Give an object one more swatch, whose number is returned, for the pigment of a color that it shows.
+    """Give an object one more swatch for the pigment of the `picked` color, as the photos show it; return its number.
 
-    Args:
-        picked: The color as the photos show it.
-        color: What it shall be; default: as it is shown now.
-        reach: How far around its hue (of a gray: its chroma) colors are of this pigment, 0.05 to 4; see `edit.added`.
-            None: as far as the object's colors propose.
-        protect: Colors under this share of its saturation, 0 to 0.5, are neutral and not of it. None: as they propose.
+    The swatch gets a `color`; default: as it is shown now. The `reach`, 0.05 to 4, is how far around its hue (of a
+    gray: its chroma) colors are of this pigment; see `edit.added`. Colors under the share `protect`, 0 to 0.5, of its
+    saturation are neutral and not of it. Both default to what the object's colors propose.
     """
     item, picked = edits.object_named(scene, object_name), rgb_of(picked)
     if len(colors.added(item)) >= MAX_ADDED:
@@ -184,8 +183,8 @@ def add_color(
 def protect_neutrals(scene: bpy.types.Scene, object_name: str, index: int) -> int:
     """Restrict a swatch to its own pigment (silver, foil, paper and gloss stay), and return the number to change it by.
 
-    An added color gets that option. A learned swatch, which is part of many colors, gets an added color for the pigment
-    that it paints most, as this is shown now; itself and what followed it go back to where they were.
+    A learned swatch, part of many colors, gets an added color for the pigment that it paints most; itself and what
+    followed it go back to where they were.
     """
     swatch, item = edits.unlocked(scene, object_name, index), edits.object_named(scene, object_name)
     if swatch.is_added:
@@ -222,3 +221,97 @@ def remove_color(scene: bpy.types.Scene, object_name: str, index: int) -> None:
     for curve in curves:
         if curve.object_name == object_name and isinstance(curve.swatch, int) and curve.swatch >= index:
             keyframes.move(curve, numbers, learned if curve.swatch == index else curve.swatch - count)
+
+
+# --- colors and pictures -------------------------------------------------------------------------------------------
+def becomes(
+    scene: bpy.types.Scene,
+    object_name: str,
+    source: Color,
+    target: Color,
+    rule: str = "becomes",
+    from_edited: bool = False,
+) -> None:
+    """Set an object's swatches so that a color, in the photos or `from_edited` in the edited picture, becomes another.
+
+    The rule is `becomes` (the whole object gets a new paint) or `fewest` (as few changed swatches as possible). It
+    starts from the swatches as they are if `from_edited`; else only locked ones stay as they are.
+    """
+    item = edits.object_named(scene, object_name)
+    start = colors.edited(item) if from_edited else colors.learned(item)
+    edits.become(item, Becoming(rgb_of(source), rgb_of(target), rule, start))
+
+
+def paint_over(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Show a copy of the active view in the Image Editors, to be painted on."""
+    image = matching.paint_over(scene)
+    editors.reveal(image, is_wanted=True)
+    editors.set_mode(image, "PAINT")
+    return image
+
+
+def match_picture(
+    scene: bpy.types.Scene, picture: str | Path | bpy.types.Image | None = None
+) -> tuple[ObjectMatch, ...]:
+    """Set the swatches so that the active view matches a picture of it (None: the scene's own); locked ones stay.
+
+    It is the whole view, of any size, undistorted. Returns changed objects with CIEDE2000 `before` and `after`.
+    """
+    if isinstance(picture, str | Path):
+        found = matching.match(scene, Path(picture).name, matching.read(Path(picture)))
+    else:
+        image = picture or matching.chosen(scene)
+        found = matching.match(scene, image.name, matching.pixels_of(image))
+    scene.karf.match.left.clear()
+    for each in found:
+        left = scene.karf.match.left.add()
+        left.name, left.before, left.left = each.name, each.before, each.after
+    return found
+
+
+# --- files ---------------------------------------------------------------------------------------------------------
+def apply_edit(scene: bpy.types.Scene, edit: str | Path | Edit) -> None:
+    """Set the swatches to an edit, or to an edit or palette file; what it does not name becomes as learned."""
+    if not isinstance(edit, Edit):
+        edit = read_edit_file(Path(edit), colors.palettes(scene), scene.karf.compositing)
+    edits.apply_edit(scene, edit)
+
+
+def save_edit(scene: bpy.types.Scene, path: str | Path) -> None:
+    """Write the swatches as an edit file, or as the palette file that the ending says."""
+    write_edit_file(Path(path), edits.current_edit(scene))
+
+
+# --- light of the photos -------------------------------------------------------------------------------------------
+def pick_chart(scene: bpy.types.Scene, image: bpy.types.Image, corners: Sequence[tuple[float, float]]) -> ChartFit:
+    """Read the light off a color chart of 24 patches (ColorChecker Classic) in a photo with the capture's exposure.
+
+    Names, numbers and sheets of colorways are then those under daylight, as by a gray card, whose place it takes. The
+    `corners` of its block of patches go around it, from (0, 0), the picture's lower left corner, to (1, 1).
+    """
+    if not image.size[0]:
+        raise BadRequest("{name} shows no picture.", "Open the photo of the chart.", name=image.name)
+    pixels = images.pixels(image)[..., :3].astype(np.float64)
+    photo = linear_to_srgb(pixels) if image.is_float else pixels
+    across, up = np.transpose(corners)
+    fit = fit_photo(np.clip(photo, 0, 1), np.stack([across * image.size[0], (1 - up) * image.size[1]], axis=-1))
+    colors.set_chart(scene, fit.light.matrix, fit.mean_residual)
+    return fit
+
+
+def find_chart(scene: bpy.types.Scene, image: bpy.types.Image) -> None:
+    """Find a color chart in a picture's file (KaRF's own: the view's photo) with the engine; see `pick_chart`."""
+    if image.name.startswith(editors.PREFIX):
+        photo = captures.view_of(scene).image
+    else:
+        photo = Path(bpy.path.abspath(image.filepath, library=image.library))
+        if not image.filepath or not photo.is_file():
+            raise BadRequest("{name} has no file.", "Save it, or click the corners of the chart.", name=image.name)
+    queries.send(scene, "chart", {"photo": str(photo)}, _take_light)
+
+
+def _take_light(scene: bpy.types.Scene, values: dict[str, Any]) -> None:
+    colors.set_chart(scene, np.reshape(values["light"], (3, 3)), values["left"])
+    if bpy.ops.ed.undo_push.poll():
+        bpy.ops.ed.undo_push(message="Find Color Chart")
+    windows.redraw()

@@ -22,7 +22,6 @@ from . import requests
 RENDERED = re.compile("[0-9a-f]{16}")  # the name of a folder of what was rendered, see `disk.renderings_folder`
 
 
-# --- camera --------------------------------------------------------------------------------------------------------
 def look_through(scene: bpy.types.Scene, name: str = "") -> None:
     """Look through a captured view's camera, with its picture size and undistorted photo, until `leave_view`."""
     show_camera(scene, captures.of(scene), captures.view_of(scene, name))
@@ -48,12 +47,8 @@ def reprojection_error(scene: bpy.types.Scene, view: str = "") -> ErrorSummary:
     return reprojection.check(captures.path_of(scene), captures.of(scene), name).summary
 
 
-# --- recolored -----------------------------------------------------------------------------------------------------
 def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
-    """Make a captured view (default: the active one) active, and show it recolored, with palettes learned meanwhile.
-
-    Returns the task that prepares the view (without jobs where that is done); its result is the image.
-    """
+    """Show a captured view (default: the active one) recolored; return the task that makes it and gives the image."""
     karf = scene.karf
     if view and view not in karf.views:
         raise BadRequest("The capture has no view {view!r}.", "Choose one from the list.", view=view)
@@ -61,20 +56,18 @@ def show_view(scene: bpy.types.Scene, view: str = "") -> Task:
     requests.check_palettes(scene)
     if view:
         karf.active_view = view
-    jobs = ()
-    if disk.is_current(folders.project_of(scene), karf.active_view):
+    is_current = disk.is_current(folders.project_of(scene), karf.active_view)
+    if is_current:
         requests.show_recolored(scene, is_wanted=True)
-    else:
-        jobs = (requests.planes(karf.active_view),)
+    jobs = () if is_current else (requests.render(karf.active_view, planes=True),)
     return requests.task(scene, "Prepare Views", *jobs, result=lambda: scene.karf.result)
 
 
 def prepare_views(scene: bpy.types.Scene, views: str = "all") -> Task:
     """Prepare captured views (a view's name, `train`, `test` or `all`), so that they show without the engine."""
-    return requests.task(scene, "Prepare Views", requests.planes(views))
+    return requests.task(scene, "Prepare Views", requests.render(views, planes=True))
 
 
-# --- learned -------------------------------------------------------------------------------------------------------
 def show_masks(scene: bpy.types.Scene) -> None:
     """Draw the objects' masks over the active view, as soon as the engine has made them."""
     bpy.context.window_manager.karf_seeing.show_masks = True
@@ -88,8 +81,7 @@ def show_masks(scene: bpy.types.Scene) -> None:
 def _take_masks(rendered: str, view: str, scene: bpy.types.Scene, values: dict[str, Any]) -> None:
     project = folders.project_of(scene)
     for name, file in values["masks"].items():
-        # the folder of when they were requested
-        target = project.path("seen", rendered, "masks", name, f"{view}.png")
+        target = project.path("seen", rendered, "masks", name, f"{view}.png")  # of when they were requested
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(file, target)
     displayed.of(scene).load_masks()
