@@ -7,10 +7,9 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import preferences
 from ..engine import failures, installing
-from ..engine_api import VERSION, KarfError, MissingDependency
-from ..host import compat, windows
+from ..engine_api import KarfError
+from ..host import windows
 from ..host.words import translatable, translate_error, translate_report
 from ..project import disk
 from ..tasks import runner
@@ -18,7 +17,6 @@ from ..tasks import runner
 Need = Callable[[bpy.types.Context], str]  # returns why an operator cannot run, "" if it can
 
 
-# --- needs ---------------------------------------------------------------------------------------------------------
 def need(sentence: str, is_met: Callable[[bpy.types.Context], object]) -> Need:
     """Return a need with the sentence that says what is missing."""
     return lambda context: "" if is_met(context) else sentence
@@ -58,7 +56,6 @@ def is_met(cls: type, context: bpy.types.Context, *needs: Need) -> bool:
     return not reason
 
 
-# --- operators -----------------------------------------------------------------------------------------------------
 def reports_errors(method: Callable) -> Callable:
     """Turn a KarfError or OSError of an operator's method into an error report and {'CANCELLED'}; in background mode
     Blender raises it."""
@@ -104,6 +101,12 @@ class StepOperator:
         return type(self).scene_step(context.scene)
 
 
+class Undoable(StepOperator):
+    """Mix-in of operators that undo takes back."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+
 class OpenFileOperator(StepOperator):
     """Mix-in of operators that read a file, dropped, given or chosen in the file browser."""
 
@@ -134,12 +137,3 @@ class SaveFileOperator(OpenFileOperator):
 def file_filter(patterns: str):
     """Return a property that lets the file browser show only files of these patterns."""
     return StringProperty(default=patterns, options={"HIDDEN"})
-
-
-def versions() -> dict[str, str]:
-    """Return the programs and their versions, for reports."""
-    try:
-        python = str(preferences.chosen_python())
-    except MissingDependency as error:
-        python = str(error)
-    return {"KaRF": VERSION, "Blender": compat.BLENDER, "Engine Python": python}

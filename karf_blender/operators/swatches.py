@@ -10,13 +10,12 @@ from .. import steps
 from ..engine_api import EDIT_SUFFIXES
 from ..host.words import translatable, translate_report
 from ..swatches import edits
-from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter
+from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, SaveFileOperator, Undoable, file_filter
 
 
-class OneSwatch(StepOperator):
+class OneSwatch(Undoable):
     """Mix-in of operators on one swatch."""
 
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
 
     object_name: StringProperty(name="Object")
@@ -165,12 +164,11 @@ class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
     preset_values = ["item.palette"]
 
 
-class KARF_OT_apply_palette_preset(StepOperator, bpy.types.Operator):
+class KARF_OT_apply_palette_preset(Undoable, bpy.types.Operator):
     """Set the object's swatches in order to this palette. Locked swatches stay"""
 
     bl_idname = "karf.apply_palette_preset"
     bl_label = "Apply Palette Preset"
-    bl_options = {"REGISTER", "UNDO"}  # which Blender's own operator for presets has not
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     menu_idname: StringProperty(options={"SKIP_SAVE"})
@@ -179,12 +177,11 @@ class KARF_OT_apply_palette_preset(StepOperator, bpy.types.Operator):
         return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=self.menu_idname)
 
 
-class KARF_OT_becomes(StepOperator, bpy.types.Operator):
+class KARF_OT_becomes(Undoable, bpy.types.Operator):
     """Set the object's swatches so that the source color becomes the target color. Locked swatches stay"""
 
     bl_idname = "karf.becomes"
     bl_label = "Becomes"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES)
 
     object_name: StringProperty(name="Object")
@@ -195,12 +192,11 @@ class KARF_OT_becomes(StepOperator, bpy.types.Operator):
             self.report({"WARNING"}, remark)
 
 
-class KARF_OT_paint_over(StepOperator, bpy.types.Operator):
+class KARF_OT_paint_over(Undoable, bpy.types.Operator):
     """Paint on a copy of the active view in the Image Editor, then match the swatches to it"""
 
     bl_idname = "karf.paint_over"
     bl_label = "Paint Over"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES, PREPARED)
 
     def step(self, context):
@@ -208,12 +204,11 @@ class KARF_OT_paint_over(StepOperator, bpy.types.Operator):
         return translatable("Paint on the objects in the Image Editor, then press Match Picture")
 
 
-class KARF_OT_match_picture(StepOperator, bpy.types.Operator):
+class KARF_OT_match_picture(Undoable, bpy.types.Operator):
     """Set the swatches so that the active view matches this edited picture of it. Locked swatches stay"""
 
     bl_idname = "karf.match_picture"
     bl_label = "Match Picture"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES, PREPARED)
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
@@ -257,7 +252,6 @@ class KARF_OT_save_edit(SaveFileOperator, bpy.types.Operator):
 class KARF_FH_edit(bpy.types.FileHandler):
     """Load edit files dropped on the recolored picture"""
 
-    bl_idname = "KARF_FH_edit"
     bl_label = "KaRF edit"
     bl_import_operator = KARF_OT_load_edit.bl_idname
     bl_file_extensions = ";".join(EDIT_SUFFIXES)

@@ -28,7 +28,6 @@ def protected_neutrals(**options):
         name="Protect Neutrals",
         description="Protect silver, foil, paper and gloss: exclude colors with less than this share of the "
         "pigment's saturation. 0: only the hue decides",
-        default=0.0,
         min=0.0,
         max=MAX_PROTECT,
         subtype="FACTOR",
