@@ -57,8 +57,7 @@ def is_met(cls: type, context: bpy.types.Context, *needs: Need) -> bool:
 
 
 def reports_errors(method: Callable) -> Callable:
-    """Turn a KarfError or OSError of an operator's method into an error report and {'CANCELLED'}; in background mode
-    Blender raises it."""
+    """Turn a KarfError or OSError in an operator's method into an error report, raised in background mode."""
 
     def run(self, *args):
         try:
@@ -75,10 +74,7 @@ def reports_errors(method: Callable) -> Callable:
 
 
 class StepOperator:
-    """Mix-in of operators that check what they `need` and then run their `step`.
-
-    A step may return a task, which is launched if it has requests, or a sentence, which is reported.
-    """
+    """Mix-in of operators that check their `needs` and run `step`; it may return a task to launch, or a report."""
 
     needs: tuple[Need, ...] = ()
     scene_step: Callable  # in place of a method `step`: a function of `steps`, called with the scene

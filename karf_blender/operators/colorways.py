@@ -142,8 +142,7 @@ class KARF_OT_render_looks(VariantsOperator, bpy.types.Operator):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.label(text=", ".join(context.scene.karf.looks.keys()), translate=False)
         layout.prop(self, "what")
         if self.what == "CAPTURE":

@@ -70,8 +70,7 @@ class ImportOperator(OpenFileOperator):
 
     def draw_options(self) -> None:
         """The options as a column, in the file browser and in the panel of the last operation."""
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
+        self.layout.use_property_split, self.layout.use_property_decorate = True, False
         for name in ("orientation", "size", "points", "photos", "camera_size"):
             self.layout.prop(self, name)
 

@@ -29,8 +29,7 @@ class RenderDialog(StepOperator):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout.use_property_split, layout.use_property_decorate = True, False
         self.draw_what(layout, context)
         column = layout.column()
         column.prop(context.scene.karf, "out")

@@ -1,5 +1,6 @@
 """Step 6: swatches, palettes and edits."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -20,6 +21,10 @@ class OneSwatch(Undoable):
 
     object_name: StringProperty(name="Object")
     index: IntProperty(name="Swatch", default=1, min=1, description="From 1", options={"SKIP_SAVE"})
+    swatch_step: Callable  # in place of a method `step`: called with the scene, the object and the swatch, None: all
+
+    def step(self, context):
+        return type(self).swatch_step(context.scene, self.object_name, self.index or None)
 
 
 class OneOrAll(OneSwatch):
@@ -40,9 +45,7 @@ class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
 
     bl_idname = "karf.reset_swatch"
     bl_label = "Reset Swatch"
-
-    def step(self, context):
-        edits.reset(context.scene, self.object_name, self.index or None)
+    swatch_step = edits.reset
 
 
 class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
@@ -50,9 +53,7 @@ class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
 
     bl_idname = "karf.reset_surface"
     bl_label = "Reset Surface"
-
-    def step(self, context):
-        edits.reset_surface(context.scene, self.object_name, self.index or None)
+    swatch_step = edits.reset_surface
 
 
 class KARF_OT_copy_swatch(OneOrAll, bpy.types.Operator):
@@ -101,9 +102,7 @@ class KARF_OT_unlink_swatch(OneSwatch, bpy.types.Operator):
 
     bl_idname = "karf.unlink_swatch"
     bl_label = "Unlink"
-
-    def step(self, context):
-        steps.unlink_swatch(context.scene, self.object_name, self.index)
+    swatch_step = steps.unlink_swatch
 
 
 class KARF_OT_merge_swatch(OneSwatch, bpy.types.Operator):
@@ -125,9 +124,7 @@ class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
 
     bl_idname = "karf.split_swatch"
     bl_label = "Split"
-
-    def step(self, context):
-        steps.split_swatch(context.scene, self.object_name, self.index)
+    swatch_step = steps.split_swatch
 
 
 class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
@@ -147,9 +144,7 @@ class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
 
     bl_idname = "karf.remove_color"
     bl_label = "Remove"
-
-    def step(self, context):
-        steps.remove_color(context.scene, self.object_name, self.index)
+    swatch_step = steps.remove_color
 
 
 class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
