@@ -7,10 +7,9 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from .. import preferences
 from ..engine import failures, installing
-from ..engine_api import VERSION, KarfError, MissingDependency
-from ..host import compat, windows
+from ..engine_api import KarfError
+from ..host import windows
 from ..host.words import translatable, translate_error, translate_report
 from ..project import disk
 from ..tasks import runner
@@ -18,7 +17,6 @@ from ..tasks import runner
 Need = Callable[[bpy.types.Context], str]  # returns why an operator cannot run, "" if it can
 
 
-# --- needs ---------------------------------------------------------------------------------------------------------
 def need(sentence: str, is_met: Callable[[bpy.types.Context], object]) -> Need:
     """Return a need with the sentence that says what is missing."""
     return lambda context: "" if is_met(context) else sentence
@@ -58,10 +56,8 @@ def is_met(cls: type, context: bpy.types.Context, *needs: Need) -> bool:
     return not reason
 
 
-# --- operators -----------------------------------------------------------------------------------------------------
 def reports_errors(method: Callable) -> Callable:
-    """Turn a KarfError or OSError of an operator's method into an error report and {'CANCELLED'}; in background mode
-    Blender raises it."""
+    """Turn a KarfError or OSError in an operator's method into an error report, raised in background mode."""
 
     def run(self, *args):
         try:
@@ -78,10 +74,7 @@ def reports_errors(method: Callable) -> Callable:
 
 
 class StepOperator:
-    """Mix-in of operators that check what they `need` and then run their `step`.
-
-    A step may return a task, which is launched if it has requests, or a sentence, which is reported.
-    """
+    """Mix-in of operators that check their `needs` and run `step`; it may return a task to launch, or a report."""
 
     needs: tuple[Need, ...] = ()
     scene_step: Callable  # in place of a method `step`: a function of `steps`, called with the scene
@@ -102,6 +95,12 @@ class StepOperator:
 
     def step(self, context):
         return type(self).scene_step(context.scene)
+
+
+class Undoable(StepOperator):
+    """Mix-in of operators that undo takes back."""
+
+    bl_options = {"REGISTER", "UNDO"}
 
 
 class OpenFileOperator(StepOperator):
@@ -134,12 +133,3 @@ class SaveFileOperator(OpenFileOperator):
 def file_filter(patterns: str):
     """Return a property that lets the file browser show only files of these patterns."""
     return StringProperty(default=patterns, options={"HIDDEN"})
-
-
-def versions() -> dict[str, str]:
-    """Return the programs and their versions, for reports."""
-    try:
-        python = str(preferences.chosen_python())
-    except MissingDependency as error:
-        python = str(error)
-    return {"KaRF": VERSION, "Blender": compat.BLENDER, "Engine Python": python}

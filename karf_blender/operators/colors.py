@@ -16,7 +16,7 @@ from ..pictures import tints
 from ..preferences import color_book
 from ..properties.colors import pigment_reach, protected_neutrals, srgb
 from ..swatches import displayed, overlays
-from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, StepOperator, file_filter, reports_errors
+from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, StepOperator, Undoable, file_filter, reports_errors
 
 CORNERS = (
     translatable("Click the outer corner of the brown patch.  Esc: cancel"),
@@ -28,12 +28,11 @@ CORNERS = (
 )
 
 
-class KARF_OT_add_color(StepOperator, bpy.types.Operator):
+class KARF_OT_add_color(Undoable, bpy.types.Operator):
     """Pick one of the object's colors in the picture as another swatch, which changes only this pigment"""
 
     bl_idname = "karf.add_color"
     bl_label = "Add Color"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES, PREPARED)
 
     object_name: StringProperty(name="Object")
@@ -130,12 +129,11 @@ def _pictures(context: bpy.types.Context) -> Iterator[bpy.types.Region]:
             yield next(region for region in area.regions if region.type == "WINDOW")
 
 
-class KARF_OT_pick_chart(StepOperator, bpy.types.Operator):
+class KARF_OT_pick_chart(Undoable, bpy.types.Operator):
     """Click the corners of a 24-patch color chart, so that color names and numbers refer to daylight"""
 
     bl_idname = "karf.pick_chart"
     bl_label = "Pick Color Chart"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
 
     image: StringProperty(name="Image", options={"SKIP_SAVE", "HIDDEN"})
@@ -197,12 +195,11 @@ class KARF_OT_find_chart(StepOperator, bpy.types.Operator):
         steps.find_chart(context.scene, _photo(context))
 
 
-class KARF_OT_remove_chart(StepOperator, bpy.types.Operator):
+class KARF_OT_remove_chart(Undoable, bpy.types.Operator):
     """Remove the color chart. Color names and numbers refer to the photos again, or to the gray card"""
 
     bl_idname = "karf.remove_chart"
     bl_label = "Remove Color Chart"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
     scene_step = steps.remove_chart
 
@@ -229,10 +226,9 @@ def _clicked(context, mouse):
     return None
 
 
-class NamedColorOperator(StepOperator):
+class NamedColorOperator(Undoable):
     """Mix-in of operators that give a swatch, or an object's target color, the color of a name."""
 
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
 
     object_name: StringProperty(name="Object")

@@ -10,7 +10,7 @@ from ..host.words import translatable, translate, translate_report
 from ..pictures import tints
 from ..swatches import colors, looks, overlays
 from ..tasks import runner
-from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, file_filter, need, reports_errors
+from .base import IDLE, PALETTES, PROJECT, OpenFileOperator, StepOperator, Undoable, file_filter, need, reports_errors
 
 WHAT_ITEMS = [
     ("CAPTURE", "Captured Views", "Recolor each photo with every look"),
@@ -20,10 +20,9 @@ WHAT_ITEMS = [
 WIDTH, ROWS = 720, 14  # of the dialog of colorways: pixels, and colors shown without scrolling
 
 
-class LookOperator(StepOperator):
+class LookOperator(Undoable):
     """Mix-in of operators on one look."""
 
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
 
     name: StringProperty(name="Look", options={"SKIP_SAVE"})
@@ -52,12 +51,11 @@ class KARF_OT_choose_look(LookOperator, bpy.types.Operator):
         return remark
 
 
-class KARF_OT_flip_looks(StepOperator, bpy.types.Operator):
+class KARF_OT_flip_looks(Undoable, bpy.types.Operator):
     """Switch between this look and the one used before"""
 
     bl_idname = "karf.flip_looks"
     bl_label = "Flip Looks"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES, need("Keep two looks to switch between them", lambda context: looks.other(context.scene)))
 
     def invoke(self, context, event):
@@ -144,8 +142,7 @@ class KARF_OT_render_looks(VariantsOperator, bpy.types.Operator):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.label(text=", ".join(context.scene.karf.looks.keys()), translate=False)
         layout.prop(self, "what")
         if self.what == "CAPTURE":

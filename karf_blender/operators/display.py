@@ -1,13 +1,44 @@
-"""Display of the active view: masks, weights, before and after, the split view."""
+"""Display of the active view: prepared views, masks, weights, before and after, the split view."""
 
 import bpy
 from bpy.props import IntProperty, StringProperty
 
 from .. import steps
+from ..pictures import editors
 from ..swatches import displayed, edits, overlays
-from .base import GEOMETRY, IDLE, PALETTES, PREPARED, PROJECT, SEGMENTATION, StepOperator
+from .base import GEOMETRY, IDLE, PALETTES, PREPARED, PROJECT, RECOLORING, SEGMENTATION, StepOperator, Undoable
 
 REACH = 8  # pixels from the line of the split view within which the mouse takes it
+
+
+class KARF_OT_show_view(Undoable, bpy.types.Operator):
+    """Show a captured view with the current swatches. The engine prepares it the first time"""
+
+    bl_idname = "karf.show_view"
+    bl_label = "Show View"
+    needs = (PROJECT, PALETTES)
+
+    view: StringProperty(name="View", description="Empty: the active view", options={"SKIP_SAVE"})
+
+    def step(self, context):
+        task = steps.show_view(context.scene, self.view)
+        result = context.scene.karf.result
+        if context.area and context.area.type == "IMAGE_EDITOR" and result is not None:
+            editors.show(context.area, result)
+        return task
+
+
+class KARF_OT_prepare_views(StepOperator, bpy.types.Operator):
+    """Prepare all captured views, so that each is shown immediately"""
+
+    bl_idname = "karf.prepare_views"
+    bl_label = "Prepare All Views"
+    needs = (IDLE, PROJECT, RECOLORING)
+
+    views: StringProperty(name="Views", default="all", description="all, train, test, or names separated by commas")
+
+    def step(self, context):
+        return steps.prepare_views(context.scene, self.views)
 
 
 class KARF_OT_show_masks(StepOperator, bpy.types.Operator):
@@ -142,8 +173,6 @@ def _share_of_picture(context: bpy.types.Context, event: bpy.types.Event) -> flo
 class KARF_GT_wipe(bpy.types.Gizmo):
     """The line itself; it is drawn with the rest that lies over the picture."""
 
-    bl_idname = "KARF_GT_wipe"
-
     def setup(self):
         self.use_draw_modal = True
 
@@ -173,7 +202,6 @@ class KARF_GT_wipe(bpy.types.Gizmo):
 class KARF_GGT_wipe(bpy.types.GizmoGroup):
     """Split line between the original and the recolored picture"""
 
-    bl_idname = "KARF_GGT_wipe"
     bl_label = "KaRF Wipe"
     bl_space_type = "IMAGE_EDITOR"
     bl_region_type = "WINDOW"
@@ -184,4 +212,4 @@ class KARF_GGT_wipe(bpy.types.GizmoGroup):
         return context.window_manager.karf_seeing.is_wiped and overlays.shows_picture(context)
 
     def setup(self, context):
-        self.gizmos.new(KARF_GT_wipe.bl_idname)
+        self.gizmos.new(KARF_GT_wipe.__name__)

@@ -11,7 +11,7 @@ from ..marking import mask_layers, objects, photo, raster, tools
 from ..pictures import editors
 from ..project import disk
 from ..steps import masks
-from .base import PROJECT, SEGMENTATION, StepOperator, is_met, need, reports_errors
+from .base import PROJECT, SEGMENTATION, Undoable, is_met, need, reports_errors
 
 DOES_ITEMS = [
     ("ADD", "Add", "Mark as part of the object"),
@@ -22,12 +22,11 @@ MIN_DRAG = 3  # pixels on the screen; a shorter drag of a box or lasso is a slip
 OBJECT = need("Add an object first", lambda context: objects.active(context.scene) is not None)
 
 
-class KARF_OT_mark(StepOperator, bpy.types.Operator):
+class KARF_OT_mark(Undoable, bpy.types.Operator):
     """Show the active view's photo in the Image Editors and select a tool to mark it: click, box, lasso or brush"""
 
     bl_idname = "karf.mark"
     bl_label = "Mark in Photo"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT,)
 
     def step(self, context):
@@ -42,12 +41,11 @@ class KARF_OT_mark(StepOperator, bpy.types.Operator):
             tools.take_up(context, area)
 
 
-class KARF_OT_go_to_view(StepOperator, bpy.types.Operator):
+class KARF_OT_go_to_view(Undoable, bpy.types.Operator):
     """Make the next or previous view active"""
 
     bl_idname = "karf.go_to_view"
     bl_label = "Next View"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT,)
 
     by: IntProperty(name="By", default=1, description="1: next view; -1: previous view")
@@ -64,34 +62,31 @@ class KARF_OT_go_to_view(StepOperator, bpy.types.Operator):
             editors.show(context.area, steps.show_photo(context.scene))  # by a key of the tools
 
 
-class KARF_OT_go_to_suggested(StepOperator, bpy.types.Operator):
+class KARF_OT_go_to_suggested(Undoable, bpy.types.Operator):
     """Go to the view where a mark would help most, according to the last segmentation. Press again for the next best"""
 
     bl_idname = "karf.go_to_suggested"
     bl_label = "Suggested View"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, SEGMENTATION)
 
     def step(self, context):
         steps.go_to_suggested(context.scene)
 
 
-class KARF_OT_erase_mask(StepOperator, bpy.types.Operator):
+class KARF_OT_erase_mask(Undoable, bpy.types.Operator):
     """Erase the object's mask, or its corrections, in the active view"""
 
     bl_idname = "karf.erase_mask"
     bl_label = "Erase Mask"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, OBJECT)
     scene_step = steps.erase_mask
 
 
-class KARF_OT_set_volume(StepOperator, bpy.types.Operator):
+class KARF_OT_set_volume(Undoable, bpy.types.Operator):
     """Restrict the object to the inside or the outside of the active mesh or Empty's box, where it is now"""
 
     bl_idname = "karf.set_volume"
     bl_label = "Volume"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, OBJECT)
 
     kind: EnumProperty(
@@ -112,12 +107,11 @@ class KARF_OT_set_volume(StepOperator, bpy.types.Operator):
         return translate_report("Volumes of {name}: {count}. Segment takes them into account", name=name, count=count)
 
 
-class KARF_OT_add_object(StepOperator, bpy.types.Operator):
+class KARF_OT_add_object(Undoable, bpy.types.Operator):
     """Add an object to mark. Double-click its name to rename it"""
 
     bl_idname = "karf.add_object"
     bl_label = "Add Object"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT,)
 
     name: StringProperty(name="Name", default=objects.FIRST)
@@ -127,12 +121,11 @@ class KARF_OT_add_object(StepOperator, bpy.types.Operator):
         windows.redraw()
 
 
-class KARF_OT_remove_object(StepOperator, bpy.types.Operator):
+class KARF_OT_remove_object(Undoable, bpy.types.Operator):
     """Remove the object with all its masks and corrections. Undo restores them"""
 
     bl_idname = "karf.remove_object"
     bl_label = "Remove Object"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, OBJECT)
     scene_step = steps.remove_object
 

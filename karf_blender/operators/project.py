@@ -112,7 +112,6 @@ class KARF_OT_open_workspace(StepOperator, bpy.types.Operator):
         "Go to the KaRF workspace: 3D View, Image Editor and timeline, both sidebars at the KaRF tab. "
         "It is added to the file the first time. An imported capture is ready to mark there"
     )
-
     bl_idname = "karf.open_workspace"
     bl_label = "KaRF Workspace"
 

@@ -9,7 +9,7 @@ from ..host.words import translatable, translate_report
 from ..project import folders
 from ..properties.scene import FORMAT_DEPTHS
 from ..tasks import runner
-from .base import GEOMETRY, IDLE, PALETTES, PROJECT, StepOperator, need
+from .base import GEOMETRY, IDLE, PALETTES, PROJECT, StepOperator, Undoable, need
 
 WIDTH = 420  # width of the dialogs, in pixels at an interface scale of 1
 SPLIT_ITEMS = [
@@ -29,8 +29,7 @@ class RenderDialog(StepOperator):
 
     def draw(self, context):
         layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout.use_property_split, layout.use_property_decorate = True, False
         self.draw_what(layout, context)
         column = layout.column()
         column.prop(context.scene.karf, "out")
@@ -212,12 +211,11 @@ class KARF_OT_show_frames(StepOperator, bpy.types.Operator):
         return translate_report("{name} is open in the Image Editors", name=image.name)
 
 
-class KARF_OT_add_strip(StepOperator, bpy.types.Operator):
+class KARF_OT_add_strip(Undoable, bpy.types.Operator):
     """Add the last rendered frames to the video sequencer as one strip"""
 
     bl_idname = "karf.add_strip"
     bl_label = "Add Strip"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (FRAMES,)
 
     def step(self, context):
@@ -239,12 +237,11 @@ class KARF_OT_rendered_view(StepOperator, bpy.types.Operator):
         steps.use_engine(context.scene, [area.spaces.active for area in areas if area.type == "VIEW_3D"])
 
 
-class KARF_OT_over_scene(StepOperator, bpy.types.Operator):
+class KARF_OT_over_scene(Undoable, bpy.types.Operator):
     """Composite this file's objects into renders of the captured scene, with correct occlusion"""
 
     bl_idname = "karf.over_scene"
     bl_label = "Over Scene"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (GEOMETRY,)
 
     def step(self, context):

@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from .. import progress, steps
 from ..host.words import translate_report
 from ..surface import scene_object, splat_objects
-from .base import IDLE, PALETTES, PROJECT, SPLATS, SaveFileOperator, StepOperator, file_filter, is_met, need
+from .base import IDLE, PALETTES, PROJECT, SPLATS, SaveFileOperator, StepOperator, Undoable, file_filter, is_met, need
 
 SHAPE_ITEMS = [
     ("quads", "Quads", "Small faces, displayed by every mesh viewer"),
@@ -90,15 +90,13 @@ class KARF_OT_export_splat(SaveFileOperator, bpy.types.Operator):
         return steps.export_splat(context.scene, self.path, self.axes, objects, self.solid, self.attributes)
 
 
-class KARF_OT_follow_splat(StepOperator, bpy.types.Operator):
+class KARF_OT_follow_splat(Undoable, bpy.types.Operator):
     bl_description = (
         "Color the active object with the swatches, now and whenever they change. It must be Gaussian "
         "splats imported by Blender or 3DGS Render. Press again to keep its current colors"
     )
-
     bl_idname = "karf.follow_splat"
     bl_label = "Splat Follows Swatches"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context):

@@ -1,5 +1,6 @@
 """Step 6: swatches, palettes and edits."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -10,17 +11,20 @@ from .. import steps
 from ..engine_api import EDIT_SUFFIXES
 from ..host.words import translatable, translate_report
 from ..swatches import edits
-from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, SaveFileOperator, StepOperator, file_filter
+from .base import PALETTES, PREPARED, PROJECT, OpenFileOperator, SaveFileOperator, Undoable, file_filter
 
 
-class OneSwatch(StepOperator):
+class OneSwatch(Undoable):
     """Mix-in of operators on one swatch."""
 
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PALETTES,)
 
     object_name: StringProperty(name="Object")
     index: IntProperty(name="Swatch", default=1, min=1, description="From 1", options={"SKIP_SAVE"})
+    swatch_step: Callable  # in place of a method `step`: called with the scene, the object and the swatch, None: all
+
+    def step(self, context):
+        return type(self).swatch_step(context.scene, self.object_name, self.index or None)
 
 
 class OneOrAll(OneSwatch):
@@ -41,9 +45,7 @@ class KARF_OT_reset_swatch(OneOrAll, bpy.types.Operator):
 
     bl_idname = "karf.reset_swatch"
     bl_label = "Reset Swatch"
-
-    def step(self, context):
-        edits.reset(context.scene, self.object_name, self.index or None)
+    swatch_step = edits.reset
 
 
 class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
@@ -51,9 +53,7 @@ class KARF_OT_reset_surface(OneOrAll, bpy.types.Operator):
 
     bl_idname = "karf.reset_surface"
     bl_label = "Reset Surface"
-
-    def step(self, context):
-        edits.reset_surface(context.scene, self.object_name, self.index or None)
+    swatch_step = edits.reset_surface
 
 
 class KARF_OT_copy_swatch(OneOrAll, bpy.types.Operator):
@@ -102,9 +102,7 @@ class KARF_OT_unlink_swatch(OneSwatch, bpy.types.Operator):
 
     bl_idname = "karf.unlink_swatch"
     bl_label = "Unlink"
-
-    def step(self, context):
-        steps.unlink_swatch(context.scene, self.object_name, self.index)
+    swatch_step = steps.unlink_swatch
 
 
 class KARF_OT_merge_swatch(OneSwatch, bpy.types.Operator):
@@ -126,9 +124,7 @@ class KARF_OT_split_swatch(OneSwatch, bpy.types.Operator):
 
     bl_idname = "karf.split_swatch"
     bl_label = "Split"
-
-    def step(self, context):
-        steps.split_swatch(context.scene, self.object_name, self.index)
+    swatch_step = steps.split_swatch
 
 
 class KARF_OT_protect_neutrals(OneSwatch, bpy.types.Operator):
@@ -148,9 +144,7 @@ class KARF_OT_remove_color(OneSwatch, bpy.types.Operator):
 
     bl_idname = "karf.remove_color"
     bl_label = "Remove"
-
-    def step(self, context):
-        steps.remove_color(context.scene, self.object_name, self.index)
+    swatch_step = steps.remove_color
 
 
 class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
@@ -165,12 +159,11 @@ class KARF_OT_palette_preset(AddPresetBase, bpy.types.Operator):
     preset_values = ["item.palette"]
 
 
-class KARF_OT_apply_palette_preset(StepOperator, bpy.types.Operator):
+class KARF_OT_apply_palette_preset(Undoable, bpy.types.Operator):
     """Set the object's swatches in order to this palette. Locked swatches stay"""
 
     bl_idname = "karf.apply_palette_preset"
     bl_label = "Apply Palette Preset"
-    bl_options = {"REGISTER", "UNDO"}  # which Blender's own operator for presets has not
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
     menu_idname: StringProperty(options={"SKIP_SAVE"})
@@ -179,12 +172,11 @@ class KARF_OT_apply_palette_preset(StepOperator, bpy.types.Operator):
         return bpy.ops.script.execute_preset(filepath=self.filepath, menu_idname=self.menu_idname)
 
 
-class KARF_OT_becomes(StepOperator, bpy.types.Operator):
+class KARF_OT_becomes(Undoable, bpy.types.Operator):
     """Set the object's swatches so that the source color becomes the target color. Locked swatches stay"""
 
     bl_idname = "karf.becomes"
     bl_label = "Becomes"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES)
 
     object_name: StringProperty(name="Object")
@@ -195,12 +187,11 @@ class KARF_OT_becomes(StepOperator, bpy.types.Operator):
             self.report({"WARNING"}, remark)
 
 
-class KARF_OT_paint_over(StepOperator, bpy.types.Operator):
+class KARF_OT_paint_over(Undoable, bpy.types.Operator):
     """Paint on a copy of the active view in the Image Editor, then match the swatches to it"""
 
     bl_idname = "karf.paint_over"
     bl_label = "Paint Over"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES, PREPARED)
 
     def step(self, context):
@@ -208,12 +199,11 @@ class KARF_OT_paint_over(StepOperator, bpy.types.Operator):
         return translatable("Paint on the objects in the Image Editor, then press Match Picture")
 
 
-class KARF_OT_match_picture(StepOperator, bpy.types.Operator):
+class KARF_OT_match_picture(Undoable, bpy.types.Operator):
     """Set the swatches so that the active view matches this edited picture of it. Locked swatches stay"""
 
     bl_idname = "karf.match_picture"
     bl_label = "Match Picture"
-    bl_options = {"REGISTER", "UNDO"}
     needs = (PROJECT, PALETTES, PREPARED)
 
     filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
@@ -257,7 +247,6 @@ class KARF_OT_save_edit(SaveFileOperator, bpy.types.Operator):
 class KARF_FH_edit(bpy.types.FileHandler):
     """Load edit files dropped on the recolored picture"""
 
-    bl_idname = "KARF_FH_edit"
     bl_label = "KaRF edit"
     bl_import_operator = KARF_OT_load_edit.bl_idname
     bl_file_extensions = ";".join(EDIT_SUFFIXES)

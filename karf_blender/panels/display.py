@@ -112,7 +112,6 @@ def how_visible(difference):
 class KARF_MT_seeing_pie(bpy.types.Menu):
     """Contents of the Image Editor"""
 
-    bl_idname = "KARF_MT_seeing_pie"
     bl_label = "KaRF: Show"
 
     def draw(self, context):

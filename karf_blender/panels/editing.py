@@ -11,7 +11,6 @@ from .swatching import draw_fold, draw_object
 
 
 def draw_edit(layout, context):
-    """Draw step 6."""
     karf = context.scene.karf
     if not karf.objects:
         layout.label(text="Swatches appear after step 5", icon="INFO")

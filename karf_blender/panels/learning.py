@@ -75,7 +75,6 @@ def _draw_reprojection(layout, scene):
 
 
 def draw_learn(layout, context):
-    """Draw step 2."""
     if context.scene.karf.is_poor:
         draw_text(layout, context.scene.karf.advice.splitlines()[0], "ERROR")
     layout.prop(context.scene.karf, "preset")
@@ -114,7 +113,6 @@ def _draw_engine(layout):
 
 
 def draw_segment(layout, context):
-    """Draw step 4."""
     layout.operator("karf.segment", icon="MOD_MASK")
     known = disk.contents_of(context.scene)
     if "segmentation" not in known.stages:
@@ -141,7 +139,6 @@ def _draw_unsure(layout, context, known):
 
 
 def draw_palette(layout, context):
-    """Draw step 5."""
     layout.operator("karf.extract_palette", icon="COLOR")
 
 
@@ -157,7 +154,6 @@ class KARF_UL_objects(bpy.types.UIList):
 
 
 def draw_mark(layout, context):
-    """Draw step 3."""
     scene, marking = context.scene, context.scene.karf.marking
     row = layout.row()
     row.template_list("KARF_UL_objects", "", marking, "objects", marking, "active", rows=3)

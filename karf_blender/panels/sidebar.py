@@ -1,9 +1,5 @@
-"""The KaRF tab: the steps from capture to picture, one below the other in one panel.
-
-The Image Editor shows the steps that work on the picture (marks and swatches), the 3D View the status and all others.
-If only one of them has its sidebar open, it shows everything. Steps are panels in a layout, whose state the extension
-knows: finished ones fold themselves (`workspace.states`).
-"""
+"""The KaRF tab. The Image Editor shows the steps on its picture (marks, swatches), the 3D View the status and all
+others; if only one of them has its sidebar open, it shows everything. Finished steps fold (`workspace.states`)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -24,13 +24,11 @@ def pigment_reach(**options):
 
 def protected_neutrals(**options):
     """A property for how neutral colors must be to be left out of an added color's pigment."""
+    limits = {"subtype": "FACTOR", "min": 0.0, "max": MAX_PROTECT}
     return FloatProperty(
         name="Protect Neutrals",
         description="Protect silver, foil, paper and gloss: exclude colors with less than this share of the "
         "pigment's saturation. 0: only the hue decides",
-        default=0.0,
-        min=0.0,
-        max=MAX_PROTECT,
-        subtype="FACTOR",
+        **limits,
         **options,
     )

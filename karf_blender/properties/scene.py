@@ -12,15 +12,14 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..engine_api import PRESETS, PointsOptions, bounds_of
+from ..engine_api import PRESETS, KarfError, PointsOptions, bounds_of
 from ..host import windows
 from ..host.compat import PATH_OPTIONS
-from ..marking import objects, photo
+from ..marking import mask_layers, objects, photo
 from ..project import disk, folders
 from ..rig import cameras, reprojection
 from ..swatches import displayed, palettes
 from .colors import srgb
-from .marking import KARF_PG_marking
 from .swatches import KARF_PG_look, KARF_PG_match, KARF_PG_object, edit_changed
 
 PRESET_HELP = {
@@ -82,9 +81,59 @@ def _project_chosen(self, context):
         disk.refresh()
 
 
+def _renamed(self, context):
+    try:
+        objects.rename(self.id_data, self)
+    except (KarfError, OSError) as error:
+        self["name"] = self.folder
+        print(f"KaRF: the object {self.folder!r} keeps its name: {error}")
+    mask_layers.reread(self.id_data)
+
+
+def _switched(self, context):
+    begin_or_follow = photo.begin_correcting if self.correct else photo.follow
+    begin_or_follow(self.id_data)
+    windows.redraw()
+
+
 def PathProperty(subtype="DIR_PATH", **options):
     """A property of a path, which may be relative to the .blend."""
     return StringProperty(subtype=subtype, options=PATH_OPTIONS, **options)
+
+
+class KARF_PG_marked_object(bpy.types.PropertyGroup):
+    """An object to mark."""
+
+    name: StringProperty(
+        name="Name", description="Name of the object, its swatches and its folder of masks", update=_renamed
+    )
+    folder: StringProperty(description="Name of its folder, which stays when the object is renamed")
+    number: IntProperty(
+        default=-1, description="Index of its color, which stays when the object is renamed. -1: none yet"
+    )
+
+
+class KARF_PG_marking(bpy.types.PropertyGroup):
+    """The objects to mark, and the tools that mark them."""
+
+    objects: CollectionProperty(type=KARF_PG_marked_object)
+    active: IntProperty(name="Object", description="Object to mark", update=lambda self, context: windows.redraw())
+    photo: PointerProperty(name="Photo", type=bpy.types.Image, description="Photo to mark")
+    brush: IntProperty(
+        name="Brush",
+        subtype="PIXEL",
+        default=25,
+        min=1,
+        soft_max=200,
+        max=2000,
+        description="Brush radius on the screen",
+    )
+    correct: BoolProperty(
+        name="Correct",
+        description="Correct the segmentation with strokes in any view, on the object or beside it",
+        update=_switched,
+    )
+    step: IntProperty(description="Number of the last stroke, for undo")
 
 
 class KARF_PG_view(bpy.types.PropertyGroup):

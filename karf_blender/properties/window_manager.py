@@ -16,6 +16,7 @@ MODE_ITEMS = [
     ("DIFFERENCE", "Difference", "Show the change by the edit, in CIEDE2000", "MOD_HUE_SATURATION", 4),
     ("UNSURE", "Unsure", "Show in orange where object borders are uncertain", "QUESTION", 5),
 ]
+SHARE = {"subtype": "FACTOR", "min": 0.0, "max": 1.0}
 
 
 class KARF_PG_color(bpy.types.PropertyGroup):
@@ -94,11 +95,9 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
     wipe: FloatProperty(
         name="Wipe",
         description="Position of the line, from 0 (left edge) to 1 (right edge)",
-        subtype="FACTOR",
         default=0.5,
-        min=0.0,
-        max=1.0,
         update=_picture_changed,
+        **SHARE,
     )
     show_masks: BoolProperty(
         name="Masks", description="Show each object in a separate color over the picture", update=_picture_changed
@@ -106,11 +105,9 @@ class KARF_PG_seeing(bpy.types.PropertyGroup):
     tint: FloatProperty(
         name="Tint",
         description="Opacity of the objects' colors",
-        subtype="FACTOR",
         default=0.4,
-        min=0.0,
-        max=1.0,
         update=lambda self, context: windows.redraw(),
+        **SHARE,
     )
     outlines: BoolProperty(
         name="Outlines",

@@ -1,4 +1,4 @@
-"""Step 1: import a capture: photos with poses, photos alone, or splats."""
+"""Steps 1, 2, 4 and 5: import photos or splats; learn scene, masks, palettes and splats."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +11,10 @@ from ..engine_api import CAPTURE_MARKS
 from ..host.words import translate_report
 from ..rig.cameras import Options
 from ..steps import masks
+from ..swatches import palettes
 from ..tasks.runner import Task
 from ..workspace import estimates, opening
-from .base import IDLE, PROJECT, OpenFileOperator, StepOperator, file_filter
+from .base import GEOMETRY, IDLE, PROJECT, SEGMENTATION, OpenFileOperator, StepOperator, file_filter, need
 from .cameras import view_from_camera
 
 ORIENTATION_ITEMS = [
@@ -27,6 +28,9 @@ UP_ITEMS = [
     *((name, name, f"The file's {name} axis points up") for name in ("X", "Y", "Z", "-X", "-Y", "-Z")),
 ]
 VIDEO_FILES = "*.mp4;*.mov;*.m4v;*.avi;*.mkv;*.webm"
+MASKS = need(
+    "Mark an object first: paint a mask, or choose a folder of masks", lambda context: context.scene.karf.masks
+)
 
 
 def _begin_marking() -> None:
@@ -66,8 +70,7 @@ class ImportOperator(OpenFileOperator):
 
     def draw_options(self) -> None:
         """The options as a column, in the file browser and in the panel of the last operation."""
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
+        self.layout.use_property_split, self.layout.use_property_decorate = True, False
         for name in ("orientation", "size", "points", "photos", "camera_size"):
             self.layout.prop(self, name)
 
@@ -89,7 +92,6 @@ class KARF_OT_import_capture(ImportOperator, bpy.types.Operator):
     )
     holdout: IntProperty(
         name="Keep for Testing",
-        default=0,
         min=0,
         soft_max=16,
         description="Keep every Nth photo out of learning, to measure quality with them. 0: learn from all. Where "
@@ -198,7 +200,6 @@ class KARF_FH_capture(bpy.types.FileHandler):
     """Import camera files dropped on the 3D View. Other files with these extensions are refused with a message"""
 
     # folders cannot: Blender asks no handler about a path without an ending
-    bl_idname = "KARF_FH_capture"
     bl_label = "KaRF capture"
     bl_import_operator = KARF_OT_import_capture.bl_idname
     bl_file_extensions = ".json;.npy;.bin;.txt"
@@ -213,7 +214,6 @@ class KARF_FH_capture(bpy.types.FileHandler):
 class KARF_FH_splat(bpy.types.FileHandler):
     """Import splats dropped on the 3D View. A .ply without splats is refused with a message"""
 
-    bl_idname = "KARF_FH_splat"
     bl_label = "KaRF splat"
     bl_import_operator = KARF_OT_import_splat.bl_idname
     bl_file_extensions = ".ply;.spz;.splat;.sog"
@@ -221,3 +221,63 @@ class KARF_FH_splat(bpy.types.FileHandler):
     @classmethod
     def poll_drop(cls, context):
         return context.area is not None and context.area.type == "VIEW_3D"
+
+
+class KARF_OT_learn_scene(StepOperator, bpy.types.Operator):
+    """Learn the scene's geometry from the photos"""
+
+    bl_idname = "karf.learn_scene"
+    bl_label = "Learn Scene"
+    needs = (IDLE, PROJECT)
+    scene_step = steps.learn_scene
+
+
+class PaletteOperator(StepOperator):
+    """Mix-in of operators that replace the palettes, after a confirmation if there are edits."""
+
+    def invoke(self, context, event):
+        if not palettes.has_edits(context.scene):
+            return self.execute(context)
+        message = "Edits follow their object and color; those that find none are kept in the project"
+        return context.window_manager.invoke_confirm(self, event, title="Extract anew?", message=message)
+
+
+class KARF_OT_learn_all(PaletteOperator, bpy.types.Operator):
+    bl_description = (
+        "Learn the scene, segment the marked objects, extract their palettes, and show the active view: "
+        "steps 2, 4 and 5 in a row. Finished steps are kept"
+    )
+    bl_idname = "karf.learn_all"
+    bl_label = "Learn All"
+    needs = (IDLE, PROJECT, MASKS)
+    scene_step = steps.learn_all
+
+
+class KARF_OT_segment(StepOperator, bpy.types.Operator):
+    """Turn the coarse masks into clean ones in every view"""
+
+    bl_idname = "karf.segment"
+    bl_label = "Segment"
+    needs = (IDLE, PROJECT, GEOMETRY, MASKS)
+    scene_step = steps.segment
+
+
+class KARF_OT_extract_palette(PaletteOperator, bpy.types.Operator):
+    bl_description = (
+        "Find the swatches of every object and their share in each pixel. Edits, locks and keyframes "
+        "stay with their object and color. Edits whose color no longer exists are kept in the project's "
+        "folder edits"
+    )
+    bl_idname = "karf.extract_palette"
+    bl_label = "Extract Palette"
+    needs = (IDLE, PROJECT, SEGMENTATION)
+    scene_step = steps.extract_palette
+
+
+class KARF_OT_learn_splats(StepOperator, bpy.types.Operator):
+    """Also learn the scene as Gaussian splats: new cameras then render it sharper and much faster"""
+
+    bl_idname = "karf.learn_splats"
+    bl_label = "Learn Splats"
+    needs = (IDLE, PROJECT, GEOMETRY)
+    scene_step = steps.learn_splats
