@@ -3,17 +3,14 @@
 import bpy
 
 from ..host import compat
-from ..nodes.building import named
+from ..nodes import named
 
 OBJECTS = "KaRF Objects"  # what the scene of the objects is called after, and its render's node
 CAPTURED, NEARER = "KaRF Scene", "KaRF Over Scene"
 
 
 def build(scene: bpy.types.Scene, objects: bpy.types.Scene) -> bpy.types.Node:
-    """Show in each pixel the nearer of the scene and another one with transparent film; return the node of the result.
-
-    Nodes of an earlier build are used again.
-    """
+    """Show the nearer of the scene and one with transparent film, by new or earlier nodes; return the result's node."""
     tree = compat.compositing_tree(scene)
     front = named(tree, OBJECTS, "CompositorNodeRLayers", (0, 0))
     back = named(tree, CAPTURED, "CompositorNodeRLayers", (0, -450))

@@ -1,7 +1,4 @@
-"""One picture of a render with its passes: depth, masks of objects, weights of swatches.
-
-The render thread waits for the engine's answer, and can cancel it.
-"""
+"""One picture of a render with its passes: depth, masks of objects, weights of swatches."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +12,7 @@ from bpy.props import BoolProperty
 from .. import session
 from ..engine.worker import error_from_event
 from ..engine_api import BadRequest, Camera, Cancelled, KarfError, srgb_to_linear
-from ..nodes.sockets import swatch_socket
+from ..nodes import swatch_socket
 from ..project import folders
 from ..rig import lens
 from ..swatches import colors, displayed
@@ -32,8 +29,6 @@ def _update_passes(_, context):
 
 
 class KARF_PG_layer(bpy.types.PropertyGroup):
-    """The passes of a view layer beside Blender's own."""
-
     use_weights: BoolProperty(
         name="Weights",
         description="Add a pass for each swatch with its share in every pixel, from 0 to 1",
@@ -55,8 +50,6 @@ def _layer_properties():
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass of Blender's render result."""
-
     name: str
     channels: str  # a letter for each
     kind: str  # COLOR or VALUE

@@ -20,7 +20,7 @@ from ..engine_api import (
     read_points,
 )
 from ..host import windows
-from ..nodes import sockets
+from ..nodes import drive
 from ..pictures import images
 from ..project import captures, folders
 from ..surface import export, scene_object
@@ -167,7 +167,7 @@ def _follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[_Learn
     for each in known:
         for index in range(1, len(each.colors)):
             source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}]'
-            sockets.drive(node, each.name, index, scene, source)
+            drive(node, each.name, index, scene, source)
 
 
 def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..engine_api import BadRequest
 from ..host import compat
-from ..nodes.building import unlit_material
+from ..nodes import unlit_material
 from . import scene_object
 
 USD_COLOR = "displayColor"  # the attribute that USD viewers display

@@ -255,5 +255,5 @@ def test_objects_of_long_names_have_sockets_of_their_own(bpy, addon, compositor)
     addon.recoloring.fill(tree, layers)
     node = compositor.nodes.new("CompositorNodeGroup")
     node.node_tree = tree
-    sockets = [node.inputs[addon.sockets.swatch_socket(name, 1)] for name in names]
+    sockets = [node.inputs[addon.nodes.swatch_socket(name, 1)] for name in names]
     assert len({socket.identifier for socket in sockets}) == 2
