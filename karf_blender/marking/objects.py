@@ -159,7 +159,6 @@ def set_volume(scene: bpy.types.Scene, name: str, shape: bpy.types.Object | None
 
 
 def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volume:
-    """Return a shape in the capture's world."""
     if scene.karf.rig is None:
         raise BadRequest("The scene has no captured cameras.", "Import a capture first.")
     to_capture = scene.karf.rig.matrix_world.inverted() @ shape.matrix_world

@@ -51,7 +51,6 @@ def box(layer: np.ndarray, corner: Place, other: Place, value: int) -> None:
 
 
 def _span(low: float, high: float, size: int) -> slice:
-    """Return the pixels that an interval touches."""
     return slice(int(np.clip(np.floor(low), 0, size)), int(np.clip(np.ceil(high), 0, size)))
 
 

@@ -129,8 +129,7 @@ def read_correction(path: Path) -> np.ndarray:
     """Read a correction [H, W] int8 as `opened`: opaque white (part of the object) is 1, opaque black -1, else 0."""
     with opened(path) as image:
         rgba = pixels(image)
-    sign = np.where(rgba[..., 0] > 0.5, 1, -1)
-    return np.where(rgba[..., 3] > 0.5, sign, 0).astype(np.int8)
+    return np.where(rgba[..., 3] > 0.5, np.where(rgba[..., 0] > 0.5, 1, -1), 0).astype(np.int8)
 
 
 def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:

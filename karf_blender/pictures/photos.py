@@ -72,7 +72,6 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
 
 
 def _taken(view: View, picture: np.ndarray) -> np.ndarray:
-    """Convert a photo's stored numbers [H, W, 3] to upright sRGB."""
     header = _header(view)
     if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
         picture = linear_to_srgb(np.clip(picture, 0, 1))

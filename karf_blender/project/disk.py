@@ -133,7 +133,6 @@ def read(scene: bpy.types.Scene) -> Contents:
 
 
 def _state_of(project: Project) -> Mapping[str, Any]:
-    """Return the content of project.json; empty before anything is learned."""
     try:
         return _read_state(project.folder, *_time_and_size(project.state_file))
     except (OSError, KarfError):
@@ -159,7 +158,6 @@ def _learned_with(state: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _report(project: Project) -> Mapping[str, Any]:
-    """Return the report of the last segmentation; empty if there is none."""
     try:
         found = read_json(project.segmentation_report, "report")
     except (OSError, KarfError):  # a damaged report must not stop the panels
@@ -197,7 +195,6 @@ def _outdated(project: Project, marked: list[Path]) -> frozenset[str]:
 
 
 def _folders_in(root: Path) -> list[Path]:
-    """Return the sorted folders in a folder, which need not exist."""
     return sorted(each for each in root.iterdir() if each.is_dir()) if root.is_dir() else []
 
 

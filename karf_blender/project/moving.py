@@ -96,7 +96,6 @@ def _copy(old: Path, new: Path) -> None:
 
 
 def _relocate(old: Path, new: Path) -> None:
-    """Update the paths of scenes, images and strips."""
     folders.rewrite_paths(lambda path: folders.relocated(path, old, new))
     for image in bpy.data.images:
         if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
@@ -107,7 +106,6 @@ def _relocate(old: Path, new: Path) -> None:
 
 
 def _users(project: Path) -> set[str]:
-    """Return the existing .blend files of a project."""
     try:
         lines = (project / USERS).read_text(encoding="utf-8").splitlines()
     except OSError:

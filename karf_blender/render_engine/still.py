@@ -82,8 +82,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     camera = _bordered(scene, lens.pinhole_in(depsgraph, scene, scene.camera))
     passes = list(passes_of(scene, layer))
     names = {each.array for each in passes} | ({"alpha"} if scene.render.film_transparent else set())
-    edited = displayed.of(scene).solved
-    options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | {
+    options = camera_pixels.options_of(depsgraph.scene_eval, camera, displayed.of(scene).solved) | {
         "passes": ["color", *sorted(names)],
         "cryptomatte": f"{layer.name}.CryptoObject",  # the name that Blender's Cryptomatte node expects
     }
@@ -105,7 +104,6 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
 
 
 def _bordered(scene: bpy.types.Scene, camera: Camera) -> Camera:
-    """Return the camera that sees only the rendered part of the picture."""
     render = scene.render
     if not render.use_border:
         return camera

@@ -91,7 +91,6 @@ def _after_load(*_):
 
 
 def _drawn() -> Check | None:
-    """Return the errors to draw in the current 3D View."""
     context = bpy.context
     space, scene = context.space_data, context.scene
     is_wanted = scene.karf.show_reprojection and space.overlay.show_overlays

@@ -79,7 +79,6 @@ def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
 
 
 def _own_tree(item: bpy.types.Object) -> bpy.types.NodeTree:
-    """Return the node tree of the object's KaRF modifier, made if missing."""
     modifier = item.modifiers.get(NAME)
     if modifier is None or modifier.type != "NODES":
         modifier = item.modifiers.new(NAME, "NODES")
@@ -175,7 +174,6 @@ def _resized(tree: bpy.types.NodeTree, geometry: bpy.types.NodeSocket, radius: f
 
 
 def _recoloring(name: str, palettes: Sequence[Palette]) -> bpy.types.NodeTree:
-    """Make the group that computes the color of each face."""
     tree = bpy.data.node_groups.get(name) or bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.nodes.clear()
     tree.interface.clear()

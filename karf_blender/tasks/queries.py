@@ -133,7 +133,6 @@ def _wait(kind: str) -> None:
 
 
 def _take_replies() -> None:
-    """Pass on all answers, and leave a worker that has ended."""
     kept = session.get(QueryWorker)
     worker = kept.worker
     if worker is None:
@@ -173,7 +172,6 @@ def _leave(worker: Worker) -> None:
 
 
 def _fail(error: KarfError) -> None:
-    """Report an error that has no handler."""
     if bpy.app.background:
         raise error
     progress.fail(error)
@@ -181,7 +179,6 @@ def _fail(error: KarfError) -> None:
 
 
 def _poll() -> float | None:
-    """Poll the worker while a query is unanswered. A timer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
     worker = session.get(QueryWorker).worker

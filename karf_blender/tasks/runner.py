@@ -236,7 +236,6 @@ def release() -> None:
 
 
 def _poll() -> float | None:
-    """Show the events of the running task. A timer."""
     runner = session.get(Runner)
     task = runner.task
     if task is None:

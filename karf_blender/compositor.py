@@ -1,4 +1,4 @@
-"""A layered picture recolored in the scene's compositor, by a node group with one color socket for each swatch.
+"""Nodes of the scene's compositor: layers recolored by a group with a socket for each swatch; objects in the scene.
 
 The group computes what the engine does, in display sRGB: base + sum of weight x gains x (color - learned color),
 clipped, with the gains of the photo's exposure. Sockets and the picture are scene-linear, like all colors in the
@@ -11,16 +11,18 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .. import nodes
-from ..engine_api import UNIT_GAINS, DataError, ObjectLayers
-from ..host import compat
-from ..nodes import Place, add, feed, named, put
-from ..pictures import images
+from . import nodes
+from .engine_api import UNIT_GAINS, DataError, ObjectLayers
+from .host import compat
+from .nodes import Place, add, feed, named, put
+from .pictures import images
 
 LINEAR = "Linear Rec.709"  # Blender's name for the space of layers whose space is not named
 COMBINED = "Combined"  # Blender's name for the channels R, G and B
 DISPLAY = "sRGB"
 BASE = "Image"  # the group's socket of the picture
+OBJECTS = "KaRF Objects"  # what the scene of the objects is called after, and its render's node
+CAPTURED, NEARER = "KaRF Scene", "KaRF Over Scene"
 
 
 def build(
@@ -129,3 +131,23 @@ def _math(tree, operation: str, first, second, place: Place, clips: bool = False
     feed(inputs[0], first)
     feed(inputs[1], second)
     return result
+
+
+def build_over_scene(scene: bpy.types.Scene, objects: bpy.types.Scene) -> bpy.types.Node:
+    """Show the nearer of the scene and one with transparent film, by new or earlier nodes; return the result's node."""
+    tree = compat.compositing_tree(scene)
+    front = named(tree, OBJECTS, "CompositorNodeRLayers", (0, 0))
+    back = named(tree, CAPTURED, "CompositorNodeRLayers", (0, -450))
+    front.scene, back.scene = objects, scene
+    node = named(tree, NEARER, "CompositorNodeZcombine", (300, -150))
+    compat.set_option(node, "Use Alpha", "use_alpha", True)
+    compat.set_option(node, "Anti-Alias", "use_antialias_z", True)
+    images = [socket for socket in node.inputs if socket.type == "RGBA"]
+    depths = [socket for socket in node.inputs if socket.type == "VALUE"]
+    for render, image, depth in zip((front, back), images, depths, strict=True):
+        tree.links.new(render.outputs["Image"], image)
+        tree.links.new(render.outputs["Depth"], depth)
+    output = compat.compositing_output(tree)
+    if not output.is_linked or output.links[0].from_node.bl_idname == "CompositorNodeRLayers":
+        tree.links.new(node.outputs[0], output)
+    return node
