@@ -174,8 +174,7 @@ def set_chart(scene: bpy.types.Scene, matrix: np.ndarray, left: float) -> None:
 
 def forget_chart(scene: bpy.types.Scene) -> None:
     """Forget the color chart: names are what photos show, or those of the gray card."""
-    scene.karf.chart = np.zeros(9)
-    scene.karf.chart_left = 0
+    set_chart(scene, np.zeros((3, 3)), 0)
 
 
 def as_named(scene: bpy.types.Scene, color: np.ndarray) -> np.ndarray:

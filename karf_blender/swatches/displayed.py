@@ -1,8 +1,6 @@
 """Displayed pictures: each scene's result image, kept up to date with its swatches, and a followed camera's.
 
-A scene has one `DisplayedScene`, which keeps what was read from disk and what was composed of it. Its picture follows
-swatch edits (property updates), undo and redo, keyframes (frame changes), drivers (dependency graph updates) and loaded
-files; while Blender renders it waits, and follows when that ends.
+It follows swatch edits, undo, keyframes, drivers and loaded files; while Blender renders it waits.
 """
 
 from collections.abc import Iterator
@@ -45,10 +43,7 @@ class DisplayedScene:
 
     # --- the picture -----------------------------------------------------------------------------------------------
     def refresh(self) -> None:
-        """Bring the result image up to date after a change, if there is one; never raises.
-
-        A view that cannot be recolored shows its photo: never another view's picture.
-        """
+        """Bring the result image up to date after a change, if there is one; never raises."""
         if rendering.is_running():
             if not bpy.app.background:  # there timers never fire, and a render's last handler refreshes
                 session.start_timer(_catch_up, RETRY_SECONDS)
@@ -58,17 +53,13 @@ class DisplayedScene:
             return
         try:
             self.recolor()
-        except KarfError:  # the panel says that the view is not prepared
+        except KarfError:  # the panel says that the view is not prepared; its photo is displayed, never another view
             if self.placeholder_key != views.placeholder_key(self.scene):
                 self.show_unedited()
             self.update_left()
 
     def recolor(self) -> bpy.types.Image:
-        """Put the picture of the active view into the scene's result image.
-
-        Raises:
-            KarfError: The view cannot be composited, or Blender renders.
-        """
+        """Put the active view into the result image. Raises KarfError if it cannot be composited, or Blender renders."""
         rendering.refuse()
         self.values = colors.fingerprint(self.scene)
         return self._put(views.picture(self.scene, self.prepared_view(), self.files))
@@ -114,11 +105,7 @@ class DisplayedScene:
 
     # --- what is read from the project -----------------------------------------------------------------------------
     def prepared_view(self) -> DisplayedView:
-        """Return the active view with its planes, read from disk if they changed.
-
-        Raises:
-            KarfError: There are none, or they were made from other palettes, or are damaged.
-        """
+        """Return the active view, read anew if changed. Raises KarfError if its planes are missing, old or damaged."""
         file = disk.planes_file(self.scene)
         if not disk.is_prepared(self.scene):
             raise DataError(
@@ -150,14 +137,11 @@ class DisplayedScene:
             files = {"": disk.planes_file(self.scene)} if is_prepared else disk.rendered_masks(self.scene)
             key = (*self._place(), *((file, file.stat().st_mtime_ns) for file in files.values()))
             if key != self.masks[0]:
-                self.masks = (
-                    key,
-                    (
-                        object_masks.of_planes(self.prepared_view().planes, self.scene)
-                        if is_prepared
-                        else object_masks.of_files(files, self.scene)
-                    ),
-                )
+                if is_prepared:
+                    masks = object_masks.of_planes(self.prepared_view().planes, self.scene)
+                else:
+                    masks = object_masks.of_files(files, self.scene)
+                self.masks = key, masks
         except (KarfError, OSError):
             self.masks = (), None
 
@@ -170,11 +154,7 @@ class DisplayedScene:
         return self.scene.karf.project, self.scene.karf.active_view
 
     def learned_histogram(self, name: str) -> ColorHistogram:
-        """Return an object's colors in the photos, read once.
-
-        Raises:
-            KarfError: The project is missing or damaged, or the object is not in it.
-        """
+        """Return an object's colors in the photos, read once. Raises KarfError if the project lacks them."""
         project = folders.project_of(self.scene)
         file = project.object_colors_file
         key = file, file.stat().st_mtime_ns if file.exists() else 0, name
@@ -296,11 +276,7 @@ def camera_image() -> bpy.types.Image | None:
 
 
 def show_camera(scene: bpy.types.Scene, view: DisplayedView, width: int, height: int) -> None:
-    """Put the picture of a camera's planes into its image, at this size, and follow it.
-
-    Raises:
-        KarfError: The planes belong to other palettes, or Blender renders.
-    """
+    """Put a camera's picture into its image, at this size, and follow it. Raises KarfError if it cannot be composited."""
     known = of(scene)
     picture = views.picture(scene, view, known.files)
     before = camera_image()

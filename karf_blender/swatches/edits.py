@@ -1,8 +1,4 @@
-"""Edits: the swatches of a scene as an edit, and back, and what tools do to them.
-
-Swatch 0 of every object is black, frozen and not shown. Colors are sRGB numbers in float32, as Blender stores them, so
-a swatch never touched equals its learned color exactly.
-"""
+"""Edits: the swatches of a scene as an edit, and back, and what tools do to them."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -73,10 +69,7 @@ def set_color(scene: bpy.types.Scene, name: str, index: int, color: Sequence[flo
 
 
 def reset(scene: bpy.types.Scene, name: str, index: int | None = None) -> None:
-    """Reset one swatch of an object (None: all), and those that move with it, to the learned color and surface.
-
-    Swatches that followed when it was dragged follow it back; locked ones stay.
-    """
+    """Reset one swatch of an object (None: all), and those that moved with it, as learned; locked ones stay."""
     item = object_named(scene, name)
     if index is not None:
         unlocked(scene, name, index)
@@ -104,11 +97,7 @@ def swap(scene: bpy.types.Scene, first: tuple[str, int], second: tuple[str, int]
 
 
 def paste(scene: bpy.types.Scene, name: str, index: int | None, text: str) -> None:
-    """Set one swatch of an object (None: all in order) to the colors in a text.
-
-    Raises:
-        BadRequest: There are none, or the swatch is locked.
-    """
+    """Set one swatch (None: all in order) to the colors in a text. Raises BadRequest without any, or if it is locked."""
     found = colors_of_text(text)
     if not len(found):
         raise BadRequest(
@@ -177,12 +166,7 @@ def swatch_at(scene: bpy.types.Scene, name: str, index: int) -> bpy.types.Proper
 
 # --- one color becomes another -------------------------------------------------------------------------------------
 def become(item: bpy.types.PropertyGroup, pair: Becoming) -> str:
-    """Set an object's swatches so that one color of it becomes another, and return why it does not, if so.
-
-    Raises:
-        BadRequest: The source is black, or the object shows no such color.
-        DataError: The project's histogram of the object's colors is damaged.
-    """
+    """Make one color of an object another; return why not, if so. Raises KarfError without such a color or histogram."""
     scene, state = item.id_data, colors.state(item)
     wanted, missed = solving.become(state, pair, displayed.of(scene).histogram(state))
     edit = Edit({item.name: wanted}, scene.karf.compositing, colors.added_by_object(scene), colors.edges(scene))
@@ -193,8 +177,7 @@ def become(item: bpy.types.PropertyGroup, pair: Becoming) -> str:
 def become_target(item: bpy.types.PropertyGroup) -> str:
     """`become` with the object's own pair of colors, from the swatches as they were when its source was picked.
 
-    So the target can be changed any number of times. Other changes made since are kept as the start, unless they have
-    taken the source itself away.
+    Other changes made since are kept as the start, unless they have taken the source itself away.
     """
     state, pair = colors.state(item), colors.becoming(item)
     if (state.edited != colors.stored(item, "after")).any():
@@ -207,10 +190,7 @@ def become_target(item: bpy.types.PropertyGroup) -> str:
 
 
 def source_picked(item: bpy.types.PropertyGroup) -> None:
-    """Remember the swatches and the exposure of the picture where the source was just picked.
-
-    An applied target is held from now on, so that paint after paint can be changed.
-    """
+    """Remember swatches and exposure where the source was just picked; hold an applied target from now on."""
     before, after, now = colors.stored(item, "before"), colors.stored(item, "after"), colors.edited(item)
     if (before != after).any() and (after == now).all():
         given = [*colors.held(item), np.array(item.target)][-MOST_HELD:]

@@ -1,7 +1,6 @@
 """Swatches that follow a changed one: linked and merged ones, sets of added colors and, with Material, its paint.
 
-Memory has the dragged swatches and the colors before. The object stores its last drag (`dragged`, `began`), so that
-keyframes move a paint after the file is opened again.
+The object stores its last drag (`dragged`, `began`): keyframes move a paint after the file is opened again.
 """
 
 from collections.abc import Iterator, Mapping
@@ -78,10 +77,7 @@ def share_surface(item: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def reset(item: bpy.types.PropertyGroup, index: int, follows: bool) -> Mapping[str, np.ndarray]:
-    """Reset the color of a swatch and those that move with it; return these, [M] bool, of each object that has some.
-
-    follows: Those that followed when it was dragged follow it back.
-    """
+    """Reset a swatch's color, those that move with it and, if it `follows`, its paint; return the former, [M] bool."""
     scene = item.id_data
     start = colors.states(scene)
     moved, masks = solving.reset(start, item.name, index)
@@ -126,24 +122,21 @@ def solve_sets(scene: bpy.types.Scene, states: States, name: str, index: int) ->
 def _move_paints(
     scene: bpy.types.Scene, start: States, moved: States, own: Mapping[str, np.ndarray], begins: bool = True
 ) -> States:
-    """Return the states with the paints of dragged swatches, which are `own` [M] bool of each object.
-
-    `start` are the states before, `moved` those with the new colors of the swatches and those that move with them.
-    Unless `begins`, only drags that continue are solved.
-    """
+    """Return `moved` with the paints of dragged swatches `own`, [M] bool; unless `begins`, of continued drags only."""
     result, known = dict(moved), session.get(_Memory).gestures
     for name, mask in own.items():
         state, key = moved[name], (scene.session_uid, name)
-        paints = tuple(
-            np.flatnonzero(mask & (state.merged == 0) & ~state.is_added & ~_locked_links(state, mask)).tolist()
-        )
+        locked_links = state.locked & (state.link > 0) & (mask.sum() > 1)
+        paints = tuple(np.flatnonzero(mask & (state.merged == 0) & ~state.is_added & ~locked_links).tolist())
         gesture = known.get(key)
         continues = gesture is not None and gesture.continues(paints, start[name].chosen)
         if not paints or not (begins or continues):
             continue
         if not continues:
             gesture = Gesture(paints, start[name].chosen, start[name].chosen)
-            _store(scene.karf.objects[name], gesture)
+            item = scene.karf.objects[name]
+            item.dragged = paints[0] if len(paints) == 1 else 0
+            item.swatches.foreach_set("began", gesture.start.ravel())
         try:
             histogram = displayed.of(scene).histogram(state)
         except (KarfError, OSError):  # nobody has counted the object's colors: the swatches move alone
@@ -151,10 +144,6 @@ def _move_paints(
         result[name] = solving.drag(state, gesture, histogram)
         known[key] = replace(gesture, result=result[name].chosen)
     return result
-
-
-def _locked_links(state: solving.PaletteState, mask: np.ndarray) -> np.ndarray:
-    return state.locked & (state.link > 0) if mask.sum() > 1 else np.zeros(len(mask), bool)
 
 
 def write(scene: bpy.types.Scene, states: States) -> None:
@@ -188,12 +177,6 @@ def _is_dragged(item: bpy.types.PropertyGroup, index: int, states: States) -> bo
 
 
 # --- files, undo, keyframes ----------------------------------------------------------------------------------------
-def _store(item: bpy.types.PropertyGroup, gesture: Gesture) -> None:
-    """Store where a drag began in the object, for keyframes."""
-    item.dragged = gesture.moved[0] if len(gesture.moved) == 1 else 0
-    item.swatches.foreach_set("began", gesture.start.ravel())
-
-
 @session.handler("load_post", "undo_post", "redo_post", phase=session.Phase.SOLVE)
 def _after_replacement(*_):
     """Continue the drags that the replaced colors came of; others have ended."""
@@ -242,8 +225,7 @@ def _follow_keyframes(scene, *_):
         and curve.object_name in objects
         and curve.swatch < len(objects[curve.object_name].swatches)
     ]
-    moved = colors.states(scene)
-    start = moved
+    start = moved = colors.states(scene)
     for name, index, tail in dict.fromkeys(places):
         if tail == "color":
             moved = solve_sets(scene, solving.assign(moved, name, index, moved[name].chosen[index]), name, index)

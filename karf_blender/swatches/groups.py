@@ -1,8 +1,6 @@
 """Links, merges and added colors of a scene's swatches.
 
-A link is a number that any swatches of a scene share: they have one color. A merged swatch names the one of its object
-that moves it (its number, from 1; 0: none): the paint of both then changes by the same amount, so that merging changes no
-picture. An added color moves its set; see `solving`.
+Linked swatches have one color; the paint of a merged one changes as much as that of the swatch that moves it.
 """
 
 from collections.abc import Iterable
@@ -56,14 +54,8 @@ def split(item: bpy.types.PropertyGroup, index: int) -> None:
                 colors.write_surface(each, Surface())  # it has had none while it was merged
 
 
-# --- added colors --------------------------------------------------------------------------------------------------
 def first_set(item: bpy.types.PropertyGroup, color: AddedColor) -> np.ndarray:
-    """Return the set [M, 3] of a new added color; it changes no picture.
-
-    Raises:
-        BadRequest: The color is black, and so has no pigment.
-        KarfError: The project is missing or damaged, or the object is not in it.
-    """
+    """Return the set [M, 3] of a new added color. Raises BadRequest for black, KarfError without histogram."""
     return solving.first_set(colors.state(item), color, displayed.of(item.id_data).learned_histogram(item.name))
 
 
@@ -96,11 +88,7 @@ def remove_color(item: bpy.types.PropertyGroup, index: int) -> None:
 
 
 def replace_added(item: bpy.types.PropertyGroup, wanted: Iterable[AddedColor], even_locked: bool = False) -> None:
-    """Replace the added colors of an object.
-
-    Raises:
-        BadRequest: It has others, and one of them is locked, where locked ones are to stay.
-    """
+    """Replace the added colors of an object. Raises BadRequest if another one is locked, unless `even_locked`."""
     wanted = tuple(wanted)
     if colors.keys(wanted) == colors.keys(colors.added(item)):
         return

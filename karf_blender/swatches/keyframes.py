@@ -1,9 +1,4 @@
-"""Keyframes and drivers of swatches, which follow their swatch to where new palettes have it.
-
-Blender names an animated swatch by numbers, `karf.objects[0].swatches[1].color`. A curve whose swatch is gone is named
-by the object and the learned color, `karf.objects["pot"].swatches["#c0221a"].color`: that moves nothing, and keeps the
-keys until such a swatch is back.
-"""
+"""Keyframes and drivers of swatches, which follow their swatch to where new palettes have it."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,6 +8,8 @@ import bpy
 
 from ..host import compat
 
+# Blender's path is karf.objects[0].swatches[1].color; a curve whose swatch is gone keeps its keys, and moves nothing, at
+# karf.objects["pot"].swatches["#c0221a"].color until such a swatch is back
 PATH = re.compile(r'karf\.objects\[(?:(\d+)|"((?:[^"\\]|\\.)*)")\](?:\.swatches\[(?:(\d+)|"(#[0-9a-f]{6})")\])?(\.\w+)')
 
 

@@ -93,11 +93,7 @@ def rename(scene: bpy.types.Scene, name: str, new: str) -> None:
 
 
 def check_name(scene: bpy.types.Scene, new: str, old: str = "") -> str:
-    """Return a new name for a look, now called `old` if it exists.
-
-    Raises:
-        BadRequest: The name is empty, another look's, or makes the same folder.
-    """
+    """Return a new name for a look, maybe `old`. Raises BadRequest if it is empty, or makes another look's folder."""
     if not new.strip():
         raise BadRequest("A look's name is empty.", "Name it.")
     for taken in scene.karf.looks.keys():

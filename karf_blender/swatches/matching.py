@@ -62,11 +62,8 @@ def match(scene: bpy.types.Scene, name: str, picture: np.ndarray) -> tuple[Objec
     """Set the swatches so that the active view comes closest to a picture of it; locked ones stay.
 
     The picture [h, w, 3] sRGB shows the whole view, at any size, without lens distortion. Return what was found for
-    each object that has other colors there.
-
-    Raises:
-        BadRequest: The picture has another shape or no other colors, or the scene shows palettes only.
-        KarfError: The view is not prepared.
+    each object that has other colors there. Raises BadRequest if the picture does not fit or has no other colors, or
+    the scene shows palettes only; KarfError if the view is not prepared.
     """
     karf = scene.karf
     if karf.compositing != "delta":

@@ -39,11 +39,7 @@ def of_planes(planes: Planes, scene: bpy.types.Scene) -> ObjectMasks:
 
 
 def of_files(files: Mapping[str, Path], scene: bpy.types.Scene) -> ObjectMasks | None:
-    """Return a scene's objects in pictures of their masks, by name; None without pictures.
-
-    Raises:
-        KarfError: One cannot be read.
-    """
+    """Return a scene's objects in pictures of their masks, by name; None without any. Raises KarfError if unreadable."""
     return _paint({name: images.read_picture(file)[..., 0] for name, file in files.items()}, scene) if files else None
 
 
@@ -59,10 +55,8 @@ def _paint(coverages: Mapping[str, np.ndarray], scene: bpy.types.Scene) -> Objec
     fill[..., :3] /= np.maximum(fill[..., 3:], 1e-6)
     fill[..., 3] = fill[..., 3].clip(0, 1)
     lines = [outline(coverages[name] > 0.5) for name in names]
-    line_colors = [
-        np.tile(np.float32((*colors[name], 1)), (len(ends), 1)) for name, ends in zip(names, lines, strict=True)
-    ]
-    return ObjectMasks(colors, np.ascontiguousarray(fill[::-1]), np.concatenate(lines), np.concatenate(line_colors))
+    line_colors = np.float32([(*colors[name], 1) for name in names]).repeat([len(ends) for ends in lines], axis=0)
+    return ObjectMasks(colors, np.ascontiguousarray(fill[::-1]), np.concatenate(lines), line_colors)
 
 
 def outline(mask: np.ndarray) -> np.ndarray:

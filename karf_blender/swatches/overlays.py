@@ -1,8 +1,4 @@
-"""Overlays: what is drawn over pictures, and never into them.
-
-Masks are drawn in Image Editors that show the result image or a followed camera's, and in 3D Views through the active
-view's camera; the split view's line, the scale of differences and the loupe of color pickers in Image Editors.
-"""
+"""Overlays: masks, the split view's line, the scale of differences and the loupe, drawn over pictures."""
 
 import blf
 import bpy
@@ -38,10 +34,7 @@ def picture_in(region: bpy.types.Region) -> Rectangle:
 
 
 def place_under(region: bpy.types.Region, mouse: tuple[int, int]) -> tuple[float, float] | None:
-    """Return the mouse's place in the picture of an Image Editor, (0, 0) at its lower left corner to (1, 1).
-
-    mouse: in pixels of the window; None where it is not in the main region.
-    """
+    """Return the place in an Image Editor's picture, (0, 0) lower left to (1, 1), of a mouse in window pixels."""
     x, y = mouse[0] - region.x, mouse[1] - region.y
     if not (0 <= x < region.width and 0 <= y < region.height):
         return None
@@ -176,10 +169,7 @@ def _draw_colors(kind: str, points: list, colors: list[tuple[float, ...]]) -> No
 
 # --- the loupe -----------------------------------------------------------------------------------------------------
 def pixels_at(picture: np.ndarray, place: tuple[float, float]) -> np.ndarray:
-    """Return the pixels round a place of a picture; its border continues.
-
-    picture: [H, W, 3] uint8, row 0 on top; place: see `place_under`. Returns [LOUPE_SIDE, LOUPE_SIDE, 3] in [0, 1].
-    """
+    """Return the pixels [LOUPE_SIDE, LOUPE_SIDE, 3] in [0, 1] round a `place_under` of a picture [H, W, 3] uint8."""
     height, width = picture.shape[:2]
     column, row, around = int(place[0] * width), int((1 - place[1]) * height), np.arange(LOUPE_SIDE) - LOUPE_SIDE // 2
     rows, columns = np.clip(row + around, 0, height - 1), np.clip(column + around, 0, width - 1)
@@ -189,10 +179,7 @@ def pixels_at(picture: np.ndarray, place: tuple[float, float]) -> np.ndarray:
 def draw_loupe(
     pixels: np.ndarray, picked: np.ndarray | None, mouse: tuple[float, float], region: bpy.types.Region
 ) -> None:
-    """Draw `pixels_at` the mouse beside it, which of them count, and the color that a click would pick, if any.
-
-    mouse: in pixels of the region.
-    """
+    """Draw `pixels_at` the mouse (pixels of the region) beside it, which count, and the color a click picks, if any."""
     cell = LOUPE_CELL * bpy.context.preferences.system.ui_scale
     size, height = LOUPE_SIDE * cell, (LOUPE_SIDE + 2) * cell
     left, bottom = (

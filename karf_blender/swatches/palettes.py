@@ -1,8 +1,4 @@
-"""Learned palettes become a scene's objects and swatches, also where it has others already.
-
-Edits, locks and keyframes go to the swatch of the object whose learned color is nearest; those of other swatches are
-saved to a file.
-"""
+"""Learned palettes become a scene's objects and swatches, also where it has others already."""
 
 import time
 from collections.abc import Sequence
@@ -80,10 +76,8 @@ class _ObjectEdits:
 def load_palettes(scene: bpy.types.Scene, palettes: Sequence[Palette]) -> None:
     """Replace the scene's objects and swatches by these learned palettes. Edits, looks, locks and keyframes go along.
 
-    Those that have no place there are saved to an edit file in the project, and a warning names it.
-
-    Raises:
-        DataError: That file cannot be written; then nothing is replaced.
+    They go to the swatch whose learned color is nearest; others are saved to an edit file, which a warning names.
+    Raises DataError if that file cannot be written; then nothing is replaced.
     """
     before = _edits_of(scene)
     after = {palette.name: palette.colors for palette in palettes}
@@ -251,10 +245,7 @@ def has_edits(scene: bpy.types.Scene) -> bool:
 
 
 def import_learned(scene: bpy.types.Scene) -> None:
-    """Import what the scene's project has learned: masks, and palettes where the scene has others; never raises.
-
-    Edits of the same palettes are kept, for those of others see `load_palettes`.
-    """
+    """Import what the scene's project has learned: masks, and palettes where the scene has others; never raises."""
     if not scene.karf.project:
         return
     project = folders.project_of(scene)

@@ -1,8 +1,7 @@
 """Solving of swatches: functions from palettes to colors, without Blender.
 
-Colors are sRGB in float32. Swatch 0 of an object is black and stays black. Each added color has a set of swatches for its
-pigment (see the engine's `added`) behind the learned ones: first the added color, which is shown and edited like any
-swatch, then a hidden one for each learned swatch but black, which it moves.
+Colors are sRGB in float32; swatch 0 is black and stays so. Behind the learned swatches follows the set of each added
+color: first the color itself, then a hidden swatch for each learned one but black, which it moves.
 """
 
 from collections.abc import Sequence
@@ -176,10 +175,7 @@ def _carry(state: PaletteState, leaders: np.ndarray) -> PaletteState:
 
 # --- added colors --------------------------------------------------------------------------------------------------
 def solve_set(state: PaletteState, index: int, histogram: ColorHistogram) -> PaletteState:
-    """Return the state with the set of an added color as its pigment looks in that color.
-
-    `histogram` has the object's colors with weights of the learned swatches. Raises BadRequest where the color is black.
-    """
+    """Return the state with an added color's set solved by a histogram as learned. Raises BadRequest for black."""
     found = match_added_color(histogram, state.palette.colors, state.added_color(index), state.chosen[index])
     chosen = state.chosen.copy()
     chosen[index : index + len(found)] = found
@@ -189,8 +185,7 @@ def solve_set(state: PaletteState, index: int, histogram: ColorHistogram) -> Pal
 def first_set(state: PaletteState, color: AddedColor, histogram: ColorHistogram) -> np.ndarray:
     """Return the set [M, 3] of a new added color; it changes no picture.
 
-    It is what the color looks like as the swatches stand, and these swatches. Where added colors reach its pigment
-    already, it is solved, as whenever it moves. Raises BadRequest where the color is black.
+    Where added colors reach its pigment already, it is solved, as whenever it moves. Raises BadRequest for black.
     """
     own = mean_weights(*state.spread(histogram), color.picked)
     looks = np.clip(color.picked + own @ (state.edited - state.learned), 0, 1).astype(np.float32)
@@ -218,14 +213,10 @@ class Gesture:
 def drag(state: PaletteState, gesture: Gesture, histogram: ColorHistogram) -> PaletteState:
     """Return the state after a drag: the other swatches of the paint follow those dragged.
 
-    This depends on the gesture's start and the last color alone. Locked swatches and added colors stay. `histogram` has the
-    object's colors with the sets of added colors.
+    Locked swatches and added colors stay. `histogram` has the object's colors with the sets of added colors.
     """
-    weights, colors, numbers = (
-        state.gathered(histogram.palette_weights.T).T,
-        gesture.start,
-        np.arange(len(state.chosen)),
-    )
+    weights, numbers = state.gathered(histogram.palette_weights.T).T, np.arange(len(state.chosen))
+    colors = gesture.start
     for index in gesture.moved:
         stays = [*state.held, *(each for each in gesture.moved if each != index)]
         visible, wanted = state.visible(histogram, colors), state.chosen[index]
@@ -236,12 +227,9 @@ def drag(state: PaletteState, gesture: Gesture, histogram: ColorHistogram) -> Pa
 
 # --- surfaces ------------------------------------------------------------------------------------------------------
 def surface_shifts(state: PaletteState, histogram: ColorHistogram | None) -> np.ndarray:
-    """Return what surfaces add to the chosen colors, [M, 3]: of the learned swatches, and of each set.
-
-    Locked swatches with a neutral surface stay as displayed. `histogram` has the object's colors with the sets
-    of added colors; a neutral state needs none.
-    """
+    """Return what surfaces add to the chosen colors, [M, 3], by a histogram with sets; a neutral state needs none."""
     chosen, numbers = state.chosen, np.arange(len(state.chosen))
+    # locked swatches with a neutral surface stay as displayed
     held = [index for index in numbers[state.locked] if state.surface_of(index).is_neutral]
     kept = np.where(np.isin(numbers, held)[:, None], state.shift, np.float32(0))
     if state.is_neutral:
@@ -253,10 +241,8 @@ def surface_shifts(state: PaletteState, histogram: ColorHistogram | None) -> np.
         is_own = (numbers >= first) & (numbers < first + state.size)
         surfaces = {index: state.surface_of(index) for index in numbers[is_own].tolist()}
         pinned = [*numbers[~is_own], *(index for index in surfaces if index in held)]
-        own = kept * is_own[:, None]
-        shifts += (
-            match_surface(visible, histogram.counts, histogram.palette_weights, chosen, surfaces, pinned, own) - chosen
-        )
+        known = visible, histogram.counts, histogram.palette_weights
+        shifts += match_surface(*known, chosen, surfaces, pinned, kept * is_own[:, None]) - chosen
     return shifts
 
 
@@ -273,11 +259,7 @@ class Becoming:
 
 
 def become(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> tuple[np.ndarray, str]:
-    """Return the palette [M, 3] that makes one color another, and why it misses the target, if it does.
-
-    Raises:
-        BadRequest: The source is black, or the object shows no such color.
-    """
+    """Return the palette [M, 3] that makes one color another, and why it misses. Raises BadRequest if none is like it."""
     held = state.held
     start = np.where(np.isin(np.arange(len(state.chosen)), held)[:, None], state.edited, pair.start)
     visible = state.visible(histogram, start)
@@ -310,8 +292,7 @@ def is_shown(colors: np.ndarray, counts: np.ndarray, color: np.ndarray) -> bool:
 def left_to_target(state: PaletteState, pair: Becoming, histogram: ColorHistogram) -> float:
     """Return the mean CIEDE2000 of the whole object to where the source color has become the target.
 
-    A color alone tells little: it may be met while highlights turn green. By the rule of fewest swatches only the color
-    itself is to be met. Infinity where the object shows no such source color.
+    By the rule of fewest swatches only the color itself is to be met. Infinity where the object shows no such source.
     """
     before, after = (state.visible(histogram, palette) for palette in (pair.start, state.edited))
     if not is_shown(before, histogram.counts, pair.source):

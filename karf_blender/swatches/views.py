@@ -1,10 +1,7 @@
-"""Views: their edit planes, and the picture that these make with the swatches, the edited one or another side of it.
-
-`WindowManager.karf_seeing` (properties/window_manager.py) says which side is displayed, and whether in a split view.
-"""
+"""Views: their edit planes, and the picture that these make with the swatches, the edited one or another side of it."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import ceil, sqrt
 from pathlib import Path
@@ -64,10 +61,8 @@ class DisplayedView:
     def recolored(self, scene: bpy.types.Scene) -> np.ndarray:
         """Recolor the view by a scene's swatches; planes without palettes show their base.
 
-        Return an RGBA buffer [H, W, 4] float32 in Blender's row order, which the next call overwrites.
-
-        Raises:
-            DataError: The planes belong to other palettes.
+        Return an RGBA buffer [H, W, 4] float32 in Blender's row order, which the next call overwrites. Raises DataError
+        if the planes belong to other palettes.
         """
         if not self.planes.palette_weights.shape[1]:
             return self._picture("delta")[1]
@@ -83,11 +78,7 @@ class DisplayedView:
         return buffer
 
     def spread(self, scene: bpy.types.Scene) -> "DisplayedView":
-        """Return the view with its weights spread over the sets of the scene's added colors, if there are such.
-
-        Raises:
-            DataError: The planes belong to other palettes.
-        """
+        """Return the view with weights spread over the sets of added colors. Raises DataError with other palettes."""
         objects, learned = self.planes.objects, {palette.name: palette for palette in colors.palettes(scene)}
         if set(objects) != set(learned):
             raise DataError(
@@ -116,7 +107,12 @@ class DisplayedView:
             return self
         if repr(wanted) not in self.with_edges:
             self.with_edges.clear()
-            planes = _with_edges(scene, self.planes, wanted)
+            planes = self.planes
+            palettes = {palette.name: palette for palette in colors.palettes(scene)}
+            ordered = [palettes[name] for name in planes.objects]
+            learned = to_mean_exposure(planes.base, planes.gains), planes.palette_weights, planes.probabilities
+            weights, shares = apply_edges_to_planes(*learned, ordered, wanted, _scale_of(scene, planes))
+            planes = dataclasses.replace(planes, palette_weights=weights, probabilities=shares)
             self.with_edges[repr(wanted)] = DisplayedView(self.file, self.written, planes)
         return self.with_edges[repr(wanted)]
 
@@ -158,10 +154,7 @@ class _MovableObject:
         self._known: tuple[str, ObjectEdge, ObjectPlanes] | None = None
 
     def shaped(self, item: bpy.types.PropertyGroup, shape: EdgeShape) -> tuple[ObjectPlanes, np.ndarray, np.ndarray]:
-        """Return the part with an edge of this shape, which of its pixels changed [n], and its planes there.
-
-        It is another part where other colors are added.
-        """
+        """Return the part with an edge of this shape (another with other added colors), its changed pixels and planes."""
         key = repr(colors.keys(colors.added(item)))
         if self._known is None or self._known[0] != key:
             edge = self._edge(item)
@@ -177,14 +170,6 @@ class _MovableObject:
         base = to_mean_exposure(planes.base, planes.gains)
         learned = base, planes.palette_weights[k, : len(palette)], probabilities[k]
         return ObjectEdge(*learned, room, palette, self._scale, colors.added(item))
-
-
-def _with_edges(scene: bpy.types.Scene, planes: Planes, edges: Mapping[str, EdgeShape]) -> Planes:
-    palettes = {palette.name: palette for palette in colors.palettes(scene)}
-    ordered = [palettes[name] for name in planes.objects]
-    learned = to_mean_exposure(planes.base, planes.gains), planes.palette_weights, planes.probabilities
-    weights, probabilities = apply_edges_to_planes(*learned, ordered, edges, _scale_of(scene, planes))
-    return dataclasses.replace(planes, palette_weights=weights, probabilities=probabilities)
 
 
 def _scale_of(scene: bpy.types.Scene, planes: Planes) -> float:
@@ -218,16 +203,11 @@ def _seeing() -> bpy.types.PropertyGroup:
 def key() -> tuple:
     """Return the settings that pictures depend on."""
     seeing = _seeing()
-    solo = seeing.solo_object, seeing.solo_swatch
-    return seeing.mode, *solo, seeing.is_wiped, seeing.wipe, seeing.show_masks
+    return seeing.mode, seeing.solo_object, seeing.solo_swatch, seeing.is_wiped, seeing.wipe, seeing.show_masks
 
 
 def picture(scene: bpy.types.Scene, view: DisplayedView, files: PictureFiles) -> np.ndarray:
-    """Return the active view or a free camera's as `karf_seeing` says, as a buffer like `DisplayedView.recolored`.
-
-    Raises:
-        KarfError: The planes belong to other palettes.
-    """
+    """Return a view as `karf_seeing` says, in a buffer like `recolored`. Raises KarfError with other palettes' planes."""
     seeing = _seeing()
     edited = view.recolored(scene)
     mode = seeing.mode if view.planes.palette_weights.shape[1] else "EDITED"

@@ -30,6 +30,16 @@ def picture() -> str:
     return "" if image is None else hashlib.sha1(_bytes(image).tobytes()).hexdigest()[:12]
 
 
+def difference(before: np.ndarray) -> int:
+    """Return by how much the bytes of the result picture differ at most from those that `pixels` returned before."""
+    return int(np.abs(pixels().astype(int) - before).max())
+
+
+def pixels() -> np.ndarray:
+    """Return the bytes of the result picture, [H, W, 4]."""
+    return _bytes(scene().karf.result)
+
+
 def _bytes(image: bpy.types.Image) -> np.ndarray:
     buffer = np.empty(image.size[0] * image.size[1] * 4, np.float32)
     image.pixels.foreach_get(buffer)

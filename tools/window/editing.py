@@ -77,7 +77,7 @@ def before_and_after(story: Story) -> Wait:
 
 @CHAPTER.step("add a color", "mouse: the eyedropper, a click on the pot under the loupe; keys: Ctrl Z")
 def add_color(story: Story) -> Wait:
-    before, picture = desk.swatches(), desk.picture()
+    before, picture = desk.swatches(), desk.pixels()
     yield from hands.press_button(BESIDE_PICTURE, r'karf\.add_color\(object_name="pot"')
     place = acts.on_photo(*desk.middle_of("pot"))
     yield from hands.move(place)
@@ -87,7 +87,8 @@ def add_color(story: Story) -> Wait:
     yield 0.3
     yield from story.shoot("color-added")
     check(len(desk.swatches()["pot"]) == 2 * len(before["pot"]), "no color was added")
-    check(desk.picture() == picture, "a color that is added changes the picture")
+    # its weights are those of the swatches, divided: a byte may be rounded otherwise
+    check(desk.difference(picture) <= 1, "a color that is added changes the picture")
     yield from hands.press("Z", hands.middle_of(VIEW), ctrl=True)
     yield 0.5
     check(desk.swatches() == before, "undo left the added color")
