@@ -18,7 +18,7 @@ ENGINE_PYTHON = os.environ.get("KARF_ENGINE_PYTHON")  # tests of the extension r
 FAKE_ENGINE = Path(__file__).parent / "fake_engine"
 # the modules that tests use, by their room ("" is karf_blender itself); the fixture `addon` has each by its own name
 MODULES = {
-    "": "engine_api preferences progress session steps",
+    "": "compositor engine_api nodes preferences progress session steps",
     "host": "compat rendering windows words",
     "engine": "failures installing probing processes worker",
     "engine.installer": "home",
@@ -31,8 +31,6 @@ MODULES = {
     "render_engine": "camera_pixels still viewport",
     "steps": "masks preview splats",
     "tasks": "queries runner",
-    "compositor": "recoloring",
-    "nodes": "sockets",
     "surface": "scene_object splat_objects",
     "operators": "colorways project render",
     "panels": "editing display learning sidebar swatching",

@@ -70,10 +70,7 @@ def _first(tree: bpy.types.NodeTree, kind: str) -> bpy.types.Node | None:
 
 
 def new_color_math(tree: bpy.types.NodeTree, operation: str, clips: bool = False) -> bpy.types.Node:
-    """Create a node that adds, subtracts or multiplies two colors (`ADD`, `SUBTRACT`, `MULTIPLY`).
-
-    clips: Whether to clip the result to 0..1.
-    """
+    """Create a node for two colors (`ADD`, `SUBTRACT`, `MULTIPLY`) that may clip the result to 0..1."""
     if bpy.app.version < (4, 5, 0):
         node = tree.nodes.new("CompositorNodeMixRGB")
         node.use_clamp = clips

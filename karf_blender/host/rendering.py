@@ -10,8 +10,6 @@ from ..engine_api import BadRequest
 
 @dataclass
 class Render:
-    """The state of Blender's own render."""
-
     per_file = True
     has_begun: bool = False
 

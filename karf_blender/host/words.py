@@ -1,9 +1,6 @@
-"""Translation of texts that Blender does not translate without help, and long texts in panels.
+"""Translation of sentences with values, and long texts in panels; Blender itself translates labels and tooltips.
 
-Blender translates labels, names and tooltips when it draws them. This module translates sentences and then inserts
-their values. Errors and warnings are raised in English, as in logs, reports to developers and the engine; as messages
-they keep their keys and values, so that they can be translated when displayed. `tools/translations.py` collects all of
-them from the sources.
+Errors and warnings are raised in English, as messages that keep key and values until they are translated for display.
 """
 
 import textwrap
@@ -21,9 +18,7 @@ SIDEBAR = 34  # letters that fit the sidebar's usual width
 
 @dataclass
 class KeptMessages:
-    """Messages by their English text, for properties that only store text."""
-
-    by_text: dict[str, Message] = field(default_factory=dict)
+    by_text: dict[str, Message] = field(default_factory=dict)  # English, for properties that only store text
 
 
 def translatable(text: str) -> str:

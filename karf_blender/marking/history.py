@@ -1,8 +1,4 @@
-"""Files of marks that follow Blender's undo.
-
-Each stroke is a step: the scene stores its number, which undo takes back, and the session the contents of all changed
-files after it. Undo and redo restore the files of the current number; before the first stroke, these are the user's own.
-"""
+"""Files of marks that follow Blender's undo: the scene stores its step's number, the session the files after it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,9 +15,7 @@ Files = Mapping[Path, bytes | None]  # contents; None: no such file
 
 @dataclass(frozen=True)
 class Step:
-    """The state after a stroke."""
-
-    files: Files = field(default_factory=dict)  # all that were ever changed
+    files: Files = field(default_factory=dict)  # after a stroke, all that were ever changed
     note: Any = None  # what else must come back with it
 
 
@@ -39,7 +33,6 @@ class _History:
 
     @property
     def step(self) -> Step:
-        """The current step."""
         return self.steps.get(self.number, Step())
 
     def write(self, files: Files) -> None:

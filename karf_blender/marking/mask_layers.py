@@ -20,28 +20,22 @@ from . import history, objects, raster
 
 @dataclass
 class Layer:
-    """One mask or correction."""
-
-    pixels: np.ndarray
+    pixels: np.ndarray  # of one mask or correction
     version: object = field(default_factory=object)  # another one whenever the pixels change
 
     def touch(self) -> None:
-        """Tell that the pixels have changed."""
         self.version = object()
 
 
 @dataclass
 class MaskLayers:
-    """One photo's layers by object."""
-
     view: View
-    masks: dict[str, Layer]
+    masks: dict[str, Layer]  # by object
     corrections: dict[str, Layer]
     solved: dict[str, Layer] = field(default_factory=dict)  # the engine's masks with all corrections, once they come
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the photo."""
         return self.view.camera.width, self.view.camera.height
 
     def layer(self, name: str, is_correction: bool) -> Layer:
@@ -92,11 +86,9 @@ def reread(scene: bpy.types.Scene) -> None:
 
 
 def forget() -> None:
-    """Close the mask layers."""
     session.get(_Opened).layers = None
 
 
-# --- files ---------------------------------------------------------------------------------------------------------
 def save(scene: bpy.types.Scene, name: str, is_correction: bool) -> None:
     """Write an object's open mask or correction as a step that undo takes back. Raises OSError."""
     layers = open_layers(scene)

@@ -46,7 +46,6 @@ def mark_folders(scene: bpy.types.Scene) -> tuple[Path, Path]:
 
 
 def active(scene: bpy.types.Scene) -> bpy.types.PropertyGroup | None:
-    """Return the object to mark."""
     marking = scene.karf.marking
     return marking.objects[marking.active] if 0 <= marking.active < len(marking.objects) else None
 
@@ -142,8 +141,8 @@ def marked_views(scene: bpy.types.Scene) -> list[str]:
 def set_volume(scene: bpy.types.Scene, name: str, shape: bpy.types.Object | None, kind: str) -> int:
     """Require an object to be `inside` or `outside` of a mesh or an Empty's box in its current place.
 
-    Without a shape, the object's volumes are removed. Undo takes this back. Returns the number of the object's volumes.
-    Raises KarfError if the shape is neither mesh nor Empty, or without a rig; OSError if the file cannot be written.
+    Without a shape, its volumes are removed. Returns their number. Raises KarfError if the shape is neither mesh nor
+    Empty, or without a rig; OSError if the file cannot be written.
     """
     project = folders.project_of(scene)
     known = read_volumes(project.volumes_file)
@@ -160,7 +159,6 @@ def set_volume(scene: bpy.types.Scene, name: str, shape: bpy.types.Object | None
 
 
 def _volume(scene: bpy.types.Scene, shape: bpy.types.Object, kind: str) -> Volume:
-    """Return a shape in the capture's world."""
     if scene.karf.rig is None:
         raise BadRequest("The scene has no captured cameras.", "Import a capture first.")
     to_capture = scene.karf.rig.matrix_world.inverted() @ shape.matrix_world

@@ -99,7 +99,6 @@ def _layers(scene, layers):
         yield ("is not", active.folder), layer, -1, IS_NOT, TINT, OTHERS_OUTLINE
 
 
-# --- masks ---------------------------------------------------------------------------------------------------------
 def _draw_layer(region, key, layer: Layer, sign: int, color, opacity: float, width: float):
     """Draw the pixels of a layer that have a sign over the photo of a region; return the key of their texture."""
     shader, view = _shader(), region.view2d
@@ -144,7 +143,6 @@ def _shader() -> gpu.types.GPUShader:
     return state.shader
 
 
-# --- clicks and gestures -------------------------------------------------------------------------------------------
 def _draw_clicks(region, scene, layers) -> None:
     active = objects.active(scene)
     proposal = proposals.current(scene, active.folder) if active is not None else None
@@ -164,7 +162,6 @@ def _draw_clicks(region, scene, layers) -> None:
 
 
 def _draw_click(place, is_object: bool) -> None:
-    """Draw a dot with a plus or a minus."""
     scale = bpy.context.preferences.system.ui_scale
     for radius, color in ((DOT + 1.5, (1, 1, 1)), (DOT, IS if is_object else IS_NOT)):
         rim = np.array(place) + radius * scale * CIRCLE

@@ -24,7 +24,6 @@ NAME = f"{editors.PREFIX} photo"
 VIEW = "karf_view"  # the property of the image with the name of its view
 
 
-# --- the image -----------------------------------------------------------------------------------------------------
 def is_displayed(scene: bpy.types.Scene, space: bpy.types.SpaceImageEditor) -> bool:
     """Return whether an Image Editor displays the active view's photo to mark."""
     image = scene.karf.marking.photo
@@ -84,12 +83,9 @@ def _after_undo(*_):
         follow(scene)
 
 
-# --- the gesture ---------------------------------------------------------------------------------------------------
 @dataclass
 class Gesture:
-    """The box or lasso that the user draws, in pixels of the region; for the overlay."""
-
-    places: list[tuple[int, int]] = field(default_factory=list)
+    places: list[tuple[int, int]] = field(default_factory=list)  # of a box or lasso, in pixels of the region
 
 
 def photo_place(region: bpy.types.Region, size: tuple[int, int], place: tuple[int, int]) -> Place:
@@ -104,7 +100,6 @@ def photo_length(region: bpy.types.Region, size: tuple[int, int], length: float)
     return length * (x1 - x0) / 1000
 
 
-# --- corrected masks -----------------------------------------------------------------------------------------------
 def correct(scene: bpy.types.Scene) -> None:
     """Request the active view's masks with all corrections, if *Correct* is on. Raises KarfError."""
     can_answer = "segmentation" in disk.contents_of(scene).stages and not state.known().problem

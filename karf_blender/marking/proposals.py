@@ -21,8 +21,6 @@ from .raster import Place
 
 @dataclass(frozen=True)
 class Proposal:
-    """The clicks and the box, and the mask that the answer is combined with."""
-
     name: str  # of the object
     view: str
     before: bytes  # the mask before the first click, its bits packed

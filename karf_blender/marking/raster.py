@@ -14,7 +14,6 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_COLOR_TYPES = {1: 0, 2: 4}  # by number of channels: gray; gray and alpha
 
 
-# --- marks ---------------------------------------------------------------------------------------------------------
 def stroke(layer: np.ndarray, start: Place, end: Place, radius: float, value: int) -> None:
     """Set the pixels [H, W] whose centers a round brush covers."""
     (x0, y0), (x1, y1) = start, end
@@ -52,13 +51,11 @@ def box(layer: np.ndarray, corner: Place, other: Place, value: int) -> None:
 
 
 def _span(low: float, high: float, size: int) -> slice:
-    """Return the pixels that an interval touches."""
     return slice(int(np.clip(np.floor(low), 0, size)), int(np.clip(np.ceil(high), 0, size)))
 
 
-# --- PNG (W3C, third edition), gray or gray with alpha: Blender cannot save its images like that -------------------
 def encode_png(pixels: np.ndarray) -> bytes:
-    """Return a PNG of pixels [H, W, 1 or 2] uint8: gray, or gray and alpha."""
+    """Return a PNG of gray (and alpha) [H, W, 1 or 2] uint8, which Blender cannot save."""
     height, width, channels = pixels.shape
     head = struct.pack(">2I5B", width, height, 8, PNG_COLOR_TYPES[channels], 0, 0, 0)
     rows = np.zeros((height, 1 + width * channels), np.uint8)  # each begins with its filter: none

@@ -31,15 +31,12 @@ def _keymap(operator: str) -> tuple:
 
 
 class Tool:
-    """Base of all tools."""
-
     bl_space_type = "IMAGE_EDITOR"
     bl_context_mode = "VIEW"
     bl_cursor = "CROSSHAIR"
 
     @staticmethod
     def draw_settings(context, layout, tool):
-        """Draw the tool's settings in the header."""
         marking = context.scene.karf.marking
         if tool.idname == Brush.bl_idname:
             layout.prop(marking, "brush")
@@ -84,7 +81,6 @@ class Brush(Tool, bpy.types.WorkSpaceTool):
 
     @staticmethod
     def draw_cursor(context, tool, place):
-        """Draw the brush as a circle."""
         radius = context.scene.karf.marking.brush
         gpu.state.blend_set("ALPHA")
         for color, size in (((0, 0, 0, 0.6), radius + 1), ((1, 1, 1, 0.9), radius)):

@@ -1,7 +1,6 @@
-"""Pixels between numpy and Blender's Image datablocks; no other module touches pixels.
+"""Pixels between numpy ([H, W, channels] float32 sRGB in [0, 1], first row at the top) and Blender's images.
 
-numpy: [H, W, channels] float32 sRGB in [0, 1], first row at the top. Blender: rows from the bottom, RGBA. Pictures are
-opaque byte images labelled sRGB: every Blender version keeps and saves their numbers unchanged.
+These are opaque byte images labelled sRGB, whose numbers every Blender version keeps. No other module touches pixels.
 """
 
 import time
@@ -93,10 +92,7 @@ def read_picture(path: Path, long_side: int | None = None) -> np.ndarray:
 
 @contextmanager
 def opened(path: Path) -> Iterator[bpy.types.Image]:
-    """Load a picture file as an image, and remove it after this block.
-
-    Raises DataError if the file is unreadable, BadRequest while Blender renders.
-    """
+    """Load a picture for a `with` block. Raises DataError if it is unreadable, BadRequest while Blender renders."""
     rendering.refuse()
     try:
         image = bpy.data.images.load(str(path))
@@ -133,8 +129,7 @@ def read_correction(path: Path) -> np.ndarray:
     """Read a correction [H, W] int8 as `opened`: opaque white (part of the object) is 1, opaque black -1, else 0."""
     with opened(path) as image:
         rgba = pixels(image)
-    sign = np.where(rgba[..., 0] > 0.5, 1, -1)
-    return np.where(rgba[..., 3] > 0.5, sign, 0).astype(np.int8)
+    return np.where(rgba[..., 3] > 0.5, np.where(rgba[..., 0] > 0.5, 1, -1), 0).astype(np.int8)
 
 
 def resized(colors: np.ndarray, width: int, height: int) -> np.ndarray:
@@ -179,18 +174,12 @@ def _save(image: bpy.types.Image, path: Path) -> None:
 # --- packing -------------------------------------------------------------------------------------------------------
 @dataclass
 class ChangedImages:
-    """Images to pack, and the time of the last change."""
-
     last_change: float = 0.0
     names: set[str] = field(default_factory=set)
 
 
 def note_change(image: bpy.types.Image) -> None:
-    """Pack an image after a change, as soon as it stays the same for a moment.
-
-    When saving and quitting, Blender offers to save modified images, but not packed ones. In background mode saving
-    packs them.
-    """
+    """Pack a changed image as soon as it stays the same for a moment: Blender would ask to save it on quitting."""
     if bpy.app.background:
         return
     changed = session.get(ChangedImages)
@@ -200,7 +189,6 @@ def note_change(image: bpy.types.Image) -> None:
 
 
 def _pack_still_images() -> float | None:
-    """Pack the changed images after the last change. A timer."""
     changed = session.get(ChangedImages)
     if time.monotonic() - changed.last_change < STILL_SECONDS or not rendering.is_over():
         return STILL_SECONDS

@@ -26,10 +26,7 @@ def is_shown_as_stored(view: View) -> bool:
 
 
 def read(view: View, long_side: int | None = None) -> np.ndarray:
-    """Read the photo with its lens distortion, as the user paints masks on it: [H, W, 3] float32, sRGB in [0, 1].
-
-    It is at most `long_side` pixels long. Raises DataError if it cannot be read.
-    """
+    """Read the distorted photo: [H, W, 3] float32, sRGB in [0, 1], at most `long_side` long; may raise DataError."""
     return _taken(view, images.read_picture(view.image, long_side))
 
 
@@ -59,13 +56,11 @@ def straightened(view: View, folder: Path) -> Path:
 
 
 def _copy(view: View, folder: Path, purpose: object) -> Path:
-    """Return the path of a copy of the photo, for a purpose."""
     made_from = repr((str(view.image), view.image.stat().st_mtime_ns, purpose))
     return checked_path(folder, f"{view.name}-{hashlib.sha256(made_from.encode()).hexdigest()[:8]}.png")
 
 
 def _read_small(view: View, camera: Camera) -> np.ndarray:
-    """Read the photo at the size of this camera."""
     is_turned = _orientation(view) >= 5
     with images.opened(view.image) as image:
         width, height = reversed(image.size) if is_turned else image.size
@@ -77,7 +72,6 @@ def _read_small(view: View, camera: Camera) -> np.ndarray:
 
 
 def _taken(view: View, picture: np.ndarray) -> np.ndarray:
-    """Convert a photo's stored numbers [H, W, 3] to upright sRGB."""
     header = _header(view)
     if header is not None and header.kind == "exr":  # linear light, which may be brighter than white
         picture = linear_to_srgb(np.clip(picture, 0, 1))

@@ -15,10 +15,7 @@ SUFFIXES = (".png", ".tif", ".exr", ".jpg")  # suffixes of pictures that the eng
 
 
 def files_in(folder: Path, names: Sequence[str] | None = None) -> list[Path]:
-    """Return the pictures of a folder, which need not exist, sorted by name.
-
-    names: Only these, in their order; of several files with one name the newest.
-    """
+    """Return the newest picture of each name in a folder, which need not exist, sorted or in the order of `names`."""
     found: dict[str, Path] = {}
     for path in sorted(folder.glob("*"), key=lambda path: path.stat().st_mtime_ns):
         if path.suffix.lower() in SUFFIXES and not path.name.startswith("."):

@@ -25,10 +25,8 @@ def tint_of(index: int) -> tuple[float, float, float]:
 
 
 class ColorIcons:
-    """The icons by color; Blender needs the collection until the end."""
-
     def __init__(self) -> None:
-        self.icons = bpy.utils.previews.new()
+        self.icons = bpy.utils.previews.new()  # Blender needs it until the end
 
     def close(self) -> None:
         bpy.utils.previews.remove(self.icons)

@@ -14,10 +14,8 @@ MOST_KEPT = 2
 
 @dataclass
 class ReadCaptures:
-    """The latest captures, by their paths."""
-
     per_file = True
-    by_path: dict[Path, Capture] = field(default_factory=dict)
+    by_path: dict[Path, Capture] = field(default_factory=dict)  # the latest
 
 
 def path_of(scene: bpy.types.Scene) -> Path:

@@ -1,8 +1,6 @@
 """The files of scenes: finished stages, edit planes, renderings and masks.
 
-Drawing and polls, which run at every redraw, use `contents_of`: what was read last. A slow timer refreshes it, and so
-does every change: a job's end, another folder, a new mask, undo, load and save. In background mode nothing is drawn and
-timers never fire: there each call reads the disk. All other functions always read the disk.
+Drawing and polls use `contents_of`, which a timer and each change refresh; in background mode each call reads the disk.
 """
 
 import os
@@ -32,8 +30,6 @@ READ = "disk_read"  # event, where anything is drawn
 
 @dataclass(frozen=True)
 class Contents:
-    """The state of one scene's files."""
-
     missing: Path | None = None  # the scene's project folder where it is gone
     stages: frozenset[str] = frozenset()  # the finished ones
     outdated: frozenset[str] = frozenset()  # stages whose result is of other masks, or of another earlier stage
@@ -50,18 +46,14 @@ class Contents:
 
 @dataclass(frozen=True)
 class MaskFolder:
-    """The PNG files directly in a folder."""
-
     key: tuple[int, int]  # it is listed again when this has changed
-    count: int
+    count: int  # of PNG files directly in it
     written: float  # time of the last change
     folders: tuple[Path, ...]  # in it
 
 
 @dataclass
 class LastRead:
-    """The contents and the folders of masks that were read last."""
-
     scenes: Mapping[tuple[str, ...], Contents] = field(default_factory=dict)
     mask_folders: dict[Path, MaskFolder] = field(default_factory=dict)
 
@@ -75,10 +67,7 @@ def contents_of(scene: bpy.types.Scene) -> Contents:
 
 
 def refresh(lists_again: bool = True) -> bool:
-    """Read the disk for all scenes of the open file; True after a change. Never raises.
-
-    lists_again: Also list folders of masks whose times have not changed.
-    """
+    """Read the disk for all scenes, also unchanged folders if `lists_again`; True after a change. Never raises."""
     last = session.get(LastRead)
     if lists_again:
         last.mask_folders.clear()
@@ -144,7 +133,6 @@ def read(scene: bpy.types.Scene) -> Contents:
 
 
 def _state_of(project: Project) -> Mapping[str, Any]:
-    """Return the content of project.json; empty before anything is learned."""
     try:
         return _read_state(project.folder, *_time_and_size(project.state_file))
     except (OSError, KarfError):
@@ -170,7 +158,6 @@ def _learned_with(state: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _report(project: Project) -> Mapping[str, Any]:
-    """Return the report of the last segmentation; empty if there is none."""
     try:
         found = read_json(project.segmentation_report, "report")
     except (OSError, KarfError):  # a damaged report must not stop the panels
@@ -208,7 +195,6 @@ def _outdated(project: Project, marked: list[Path]) -> frozenset[str]:
 
 
 def _folders_in(root: Path) -> list[Path]:
-    """Return the sorted folders in a folder, which need not exist."""
     return sorted(each for each in root.iterdir() if each.is_dir()) if root.is_dir() else []
 
 
@@ -265,10 +251,7 @@ def _planes_made_from(file: Path, written: int, size: int) -> str:
 
 
 def renderings_folder(scene: bpy.types.Scene) -> Path:
-    """Return the engine's folder of single views: a rendering, the masks of objects, and where these are unsure.
-
-    Its name depends on what is learned, so older renderings are in other folders.
-    """
+    """Return the folder of what was rendered of single views (picture, masks, doubts) from what is learned now."""
     project = folders.project_of(scene)
     return project.path("seen", result_fingerprint(_state_of(project), "segmentation"))
 

@@ -73,8 +73,6 @@ def relocated(path: str, old: Path, new: Path) -> str:
 
 @dataclass
 class PathRewriting:
-    """The state of `rewrite_paths`."""
-
     is_on: bool = False
 
 

@@ -1,7 +1,6 @@
 """Move a project from the extension's folder, where unsaved files have theirs, to the folder of the .blend.
 
-The project is copied, the .blend is saved with its new path, and then the old folder is deleted, unless other files use
-it. The first save of such a file asks the user whether to move it.
+The first save of such a file asks the user whether to move it.
 """
 
 import contextlib
@@ -24,16 +23,12 @@ ASK_SECONDS = 0.1  # after a save, until Blender takes questions again
 
 @dataclass
 class MovedProjects:
-    """The old and new folders of the file's moved projects: undo restores old paths."""
-
     per_file = True
-    places: dict[Path, Path] = field(default_factory=dict)
+    places: dict[Path, Path] = field(default_factory=dict)  # old and new folders: undo restores old paths
 
 
 @dataclass
 class AskedProjects:
-    """The projects of the session's questions."""
-
     paths: set[str] = field(default_factory=set)
 
 
@@ -56,10 +51,8 @@ def place_beside(scene: bpy.types.Scene) -> Path:
 def move(scene: bpy.types.Scene) -> Path:
     """Move the scene's project beside the .blend, save the file, and return the project's new folder.
 
-    Raises:
-        BadRequest: The file was never saved.
-        DataError: The folder cannot be written, and nothing has changed. Or the .blend cannot be saved: then the project is
-            in both places.
+    Raises BadRequest if the file was never saved; DataError if the folder cannot be written, and nothing has changed, or
+    if the .blend cannot be saved: then the project is in both places.
     """
     if not bpy.data.filepath:
         raise BadRequest("This file has not been saved yet.", "Save it first: the project moves to the file's folder.")
@@ -103,7 +96,6 @@ def _copy(old: Path, new: Path) -> None:
 
 
 def _relocate(old: Path, new: Path) -> None:
-    """Update the paths of scenes, images and strips."""
     folders.rewrite_paths(lambda path: folders.relocated(path, old, new))
     for image in bpy.data.images:
         if image.filepath and (place := folders.relocated(image.filepath, old, new)) != image.filepath:
@@ -114,7 +106,6 @@ def _relocate(old: Path, new: Path) -> None:
 
 
 def _users(project: Path) -> set[str]:
-    """Return the existing .blend files of a project."""
     try:
         lines = (project / USERS).read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -122,7 +113,6 @@ def _users(project: Path) -> set[str]:
     return {line for line in lines if Path(line).is_file()}
 
 
-# --- asking --------------------------------------------------------------------------------------------------------
 def window_to_ask() -> bpy.types.Window | None:
     """Return a window whose scene has a hidden project and no answer yet."""
     asked = session.get(AskedProjects).paths

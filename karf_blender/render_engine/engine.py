@@ -29,13 +29,11 @@ class KARF_RE_engine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
 
     def update_render_passes(self, scene, renderlayer):
-        """Tell Blender which passes a render has."""
         self.register_pass(scene, renderlayer, still.COMBINED, 4, "RGBA", "COLOR")
         for each in still.passes_of(scene, renderlayer):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
 
     def render(self, depsgraph):
-        """Render a still, or a frame of an animation."""
         try:
             still.render(self, depsgraph)
         except Cancelled:
@@ -45,11 +43,9 @@ class KARF_RE_engine(bpy.types.RenderEngine):
             self.report({"ERROR"}, translate_error(error))  # to scripts, and at the mouse
 
     def view_update(self, context, depsgraph):
-        """Redraw after a change."""
         self.tag_redraw()
 
     def view_draw(self, context, depsgraph):
-        """Draw a rendered 3D View."""
         if not hasattr(self, "viewport"):
             self.viewport = Viewport()
         self.viewport.draw(self, context, depsgraph)

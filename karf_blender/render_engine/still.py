@@ -1,7 +1,4 @@
-"""One picture of a render with its passes: depth, masks of objects, weights of swatches.
-
-The render thread waits for the engine's answer, and can cancel it.
-"""
+"""One picture of a render with its passes: depth, masks of objects, weights of swatches."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +12,7 @@ from bpy.props import BoolProperty
 from .. import session
 from ..engine.worker import error_from_event
 from ..engine_api import BadRequest, Camera, Cancelled, KarfError, srgb_to_linear
-from ..nodes.sockets import swatch_socket
+from ..nodes import swatch_socket
 from ..project import folders
 from ..rig import lens
 from ..swatches import colors, displayed
@@ -32,8 +29,6 @@ def _update_passes(_, context):
 
 
 class KARF_PG_layer(bpy.types.PropertyGroup):
-    """The passes of a view layer beside Blender's own."""
-
     use_weights: BoolProperty(
         name="Weights",
         description="Add a pass for each swatch with its share in every pixel, from 0 to 1",
@@ -55,8 +50,6 @@ def _layer_properties():
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass of Blender's render result."""
-
     name: str
     channels: str  # a letter for each
     kind: str  # COLOR or VALUE
@@ -89,8 +82,7 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
     camera = _bordered(scene, lens.pinhole_in(depsgraph, scene, scene.camera))
     passes = list(passes_of(scene, layer))
     names = {each.array for each in passes} | ({"alpha"} if scene.render.film_transparent else set())
-    edited = displayed.of(scene).solved
-    options = camera_pixels.options_of(depsgraph.scene_eval, camera, edited) | {
+    options = camera_pixels.options_of(depsgraph.scene_eval, camera, displayed.of(scene).solved) | {
         "passes": ["color", *sorted(names)],
         "cryptomatte": f"{layer.name}.CryptoObject",  # the name that Blender's Cryptomatte node expects
     }
@@ -112,7 +104,6 @@ def render(engine: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> No
 
 
 def _bordered(scene: bpy.types.Scene, camera: Camera) -> Camera:
-    """Return the camera that sees only the rendered part of the picture."""
     render = scene.render
     if not render.use_border:
         return camera

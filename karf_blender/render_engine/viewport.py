@@ -104,7 +104,6 @@ class Viewport:
 
 
 def _pinhole(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> Camera:
-    """Return the pinhole of the region in the capture's world."""
     region, view = context.region, context.region_data
     if not view.is_perspective:
         raise BadRequest("An orthographic view cannot be rendered.", "Switch to perspective: View > Perspective.")

@@ -1,7 +1,4 @@
-"""A capture as Blender cameras and points below one Empty, which is the capture's world.
-
-Poses are always relative to the Empty, so that it may be moved, turned or scaled as a whole.
-"""
+"""A capture as Blender cameras and points below one Empty, which is the capture's world and may be moved as a whole."""
 
 import contextlib
 from dataclasses import dataclass
@@ -12,7 +9,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..engine_api import BadRequest, Capture, DataError, SparsePoints, View
-from ..nodes.building import add, feed, shadeless_material
+from ..nodes import add, feed, shadeless_material
 from ..pictures import photos
 from . import lens
 
@@ -189,7 +186,6 @@ def build_points(points: SparsePoints, parent: bpy.types.Object, radius: float) 
 
 
 def _balls(radius: float) -> bpy.types.NodeTree:
-    """Make a node group that puts an octahedron on every vertex."""
     group = bpy.data.node_groups.new(POINTS_NAME, "GeometryNodeTree")
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")

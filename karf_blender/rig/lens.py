@@ -18,7 +18,6 @@ SENSOR_WIDTH = 36.0
 ASPECT_TOLERANCE = 1e-4
 
 
-# --- to Blender ----------------------------------------------------------------------------------------------------
 def set_lens(data: bpy.types.Camera, camera: Camera) -> None:
     """Make a Blender camera project like this pinhole without distortion, in a scene with its picture."""
     data.sensor_fit = "HORIZONTAL"  # AUTO would take the longer side
@@ -37,7 +36,6 @@ def set_picture(scene: bpy.types.Scene, camera: Camera) -> None:
     render.pixel_aspect_x, render.pixel_aspect_y = (1.0, aspect) if aspect >= 1 else (1 / aspect, 1.0)
 
 
-# --- to the engine -------------------------------------------------------------------------------------------------
 def pinhole(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camera:
     """Return a camera in the capture's world, at the scene's current frame and size. Raises like `pinhole_in`."""
     layer = scene.view_layers[0]  # the context's graph may be another scene's
@@ -95,7 +93,6 @@ def to_capture(depsgraph: bpy.types.Depsgraph, scene: bpy.types.Scene) -> Matrix
     return rig.evaluated_get(depsgraph).matrix_world.inverted() if rig else Matrix.Identity(4)
 
 
-# --- animations ----------------------------------------------------------------------------------------------------
 def frames_of(scene: bpy.types.Scene, camera: bpy.types.Object, numbers: Iterable[int]) -> Iterator[View]:
     """Yield a camera at each frame as a view frame_0001, ... without a photo. Raises BadRequest, also in a render."""
     rendering.refuse()

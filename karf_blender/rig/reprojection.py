@@ -1,7 +1,4 @@
-"""Reprojection errors of the sparse points in a photo: numbers, and an overlay in the 3D View.
-
-They are computed when the user starts to view through a captured camera; drawing only reads them.
-"""
+"""Reprojection errors of the sparse points in the viewed photo: numbers, and an overlay in the 3D View."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,14 +10,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from .. import session
-from ..engine_api import (
-    Capture,
-    ErrorSummary,
-    observed_points,
-    reprojection_errors,
-    summarize,
-    undistort_points_near,
-)
+from ..engine_api import Capture, ErrorSummary, observed_points, reprojection_errors, summarize, undistort_points_near
 from ..host import compat, windows
 from ..host.drawing import draw_text
 from ..progress import printing_errors
@@ -34,8 +24,6 @@ TEXT_SIZE, TEXT_MARGIN = 14, 24
 
 @dataclass(frozen=True)
 class Check:
-    """The errors in one view."""
-
     capture: Path
     view: str
     summary: ErrorSummary
@@ -50,7 +38,6 @@ class _Latest:
     check: Check | None = None
 
 
-# --- numbers -------------------------------------------------------------------------------------------------------
 def remember(scene: bpy.types.Scene, capture: Capture, name: str) -> None:
     """Compute and keep the errors in a view of the scene's capture, if the capture has points."""
     session.get(_Latest).check = check(captures.path_of(scene), capture, name) if capture.points is not None else None
@@ -103,9 +90,7 @@ def _after_load(*_):
             scene.karf.show_reprojection = False  # no camera is viewed through yet
 
 
-# --- the overlay ---------------------------------------------------------------------------------------------------
 def _drawn() -> Check | None:
-    """Return the errors to draw in the current 3D View."""
     context = bpy.context
     space, scene = context.space_data, context.scene
     is_wanted = scene.karf.show_reprojection and space.overlay.show_overlays

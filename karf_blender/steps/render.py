@@ -8,8 +8,7 @@ from tempfile import TemporaryDirectory
 
 import bpy
 
-from .. import progress
-from ..compositor import over_scene
+from .. import compositor, progress
 from ..engine_api import BadRequest, Message, open_capture, render_bundle, write_cameras, write_edit
 from ..host import compat
 from ..pictures import images, sequences
@@ -258,7 +257,7 @@ def put_objects_in(scene: bpy.types.Scene) -> bpy.types.Scene:
     Returns a scene of the objects, rendered by the scene's former engine, or by EEVEE. A second call updates it.
     """
     requests.check_rig(scene)
-    name = f"{scene.name} {over_scene.OBJECTS}"
+    name = f"{scene.name} {compositor.OBJECTS}"
     objects = bpy.data.scenes.get(name)
     if objects is None:
         objects = bpy.data.scenes.new(name)
@@ -267,7 +266,7 @@ def put_objects_in(scene: bpy.types.Scene) -> bpy.types.Scene:
     use_engine(scene)
     for each in (scene, objects):
         each.view_layers[0].use_pass_z = True
-    over_scene.build(scene, objects)
+    compositor.build_over_scene(scene, objects)
     return objects
 
 

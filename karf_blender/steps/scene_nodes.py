@@ -7,8 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .. import progress
-from ..compositor import recoloring
+from .. import compositor, progress
 from ..engine_api import (
     BadRequest,
     Message,
@@ -20,7 +19,7 @@ from ..engine_api import (
     read_points,
 )
 from ..host import windows
-from ..nodes import sockets
+from ..nodes import drive
 from ..pictures import images
 from ..project import captures, folders
 from ..surface import export, scene_object
@@ -52,7 +51,7 @@ def build_compositor(scene: bpy.types.Scene, view: str = "", driven: bool = Fals
     finish = requests.presenting(present, Message("The layers are in {path}.", path=path), path.parent)
     spaces = {"layer_space": scene.karf.layer_space or None, "ocio": folders.absolute_text(scene.karf.ocio) or None}
     job = requests.render(view, out=str(out), layers=True, edit=edit and str(edit), **spaces)
-    return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(recoloring.find, scene, view))
+    return requests.task(scene, "Build Compositor", job, finish=finish, result=partial(compositor.find, scene, view))
 
 
 def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False) -> bpy.types.Node:
@@ -60,7 +59,7 @@ def place_layers(scene: bpy.types.Scene, path: str | Path, driven: bool = False)
     path = Path(path).absolute()
     objects = read_layer_names(path)
     known = _with_swatches(scene, objects)
-    node = recoloring.build(scene, path, folders.stored(path), objects, _edited(scene, known), scene.karf.layer_space)
+    node = compositor.build(scene, path, folders.stored(path), objects, _edited(scene, known), scene.karf.layer_space)
     space = scene.karf.layer_space
     if space and not images.knows_space(space):  # it takes their picture for another one
         progress.warn(
@@ -79,7 +78,7 @@ def _warn_of_differences(scene: bpy.types.Scene, node: bpy.types.Node, size: tup
     """Warn of what makes the rendered picture another than the recolored one, of `size`."""
     render = scene.render
     rendered = tuple(side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y))
-    if not recoloring.is_rendered(node):
+    if not compositor.is_rendered(node):
         progress.warn(
             "The compositor's output is connected to other nodes: link {name} where you want it.", name=node.name
         )
@@ -160,7 +159,7 @@ def _follow(scene: bpy.types.Scene, node: bpy.types.Node, known: Sequence[_Learn
     for each in known:
         for index in range(1, len(each.colors)):
             source = f'karf.objects["{bpy.utils.escape_identifier(each.name)}"].swatches[{index}]'
-            sockets.drive(node, each.name, index, scene, source)
+            drive(node, each.name, index, scene, source)
 
 
 def _warn_of_others(scene: bpy.types.Scene, objects: Sequence[_Learned], what: str) -> None:

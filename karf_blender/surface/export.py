@@ -9,7 +9,7 @@ import numpy as np
 
 from ..engine_api import BadRequest
 from ..host import compat
-from ..nodes.building import unlit_material
+from ..nodes import unlit_material
 from . import scene_object
 
 USD_COLOR = "displayColor"  # the attribute that USD viewers display
@@ -75,14 +75,12 @@ WRITERS = {
 def _quads(displayed: bpy.types.Object) -> bpy.types.Mesh:
     """Return the faces with their colors, without the attributes that recoloring needs."""
     data = bpy.data.meshes.new_from_object(displayed)
-    names = [each.name for each in data.attributes if each.domain == "FACE" and not each.is_required]
-    for name in names:
+    for name in [each.name for each in data.attributes if each.domain == "FACE" and not each.is_required]:
         data.attributes.remove(data.attributes[name])
     return data
 
 
 def _points(displayed: bpy.types.Object) -> bpy.types.Mesh:
-    """Return one colored vertex for each face."""
     source = displayed.data
     n = len(source.polygons)
     positions, colors = np.empty(3 * n, np.float32), np.empty(16 * n, np.float32)

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import bpy
 import numpy as np
 
+from .. import nodes
 from ..engine_api import Palette, ScenePoints
-from ..nodes.building import Place, add, enabled, shadeless_material
-from ..nodes.sockets import remove_drivers, scene_linear, set_colors, short, swatches_of
+from ..nodes import Place, add, enabled, shadeless_material
 
 NAME = "KaRF scene"
 COVER = 0.9  # half a quad's side in distances between points: neighbors overlap and leave no holes
@@ -59,9 +59,9 @@ def build(
     data.materials.append(shadeless_material(NAME, COLOR))
     tree = _own_tree(item)
     if (old := tree.nodes.get(RECOLOR)) is not None:
-        remove_drivers(old)
+        nodes.remove_drivers(old)
     node = _fill(tree, palettes)
-    set_colors(node, palettes, edited)
+    nodes.set_colors(node, palettes, edited)
     return item, node
 
 
@@ -79,7 +79,6 @@ def show_colors(spaces: Iterable["bpy.types.SpaceView3D"]) -> None:
 
 
 def _own_tree(item: bpy.types.Object) -> bpy.types.NodeTree:
-    """Return the node tree of the object's KaRF modifier, made if missing."""
     modifier = item.modifiers.get(NAME)
     if modifier is None or modifier.type != "NODES":
         modifier = item.modifiers.new(NAME, "NODES")
@@ -90,7 +89,6 @@ def _own_tree(item: bpy.types.Object) -> bpy.types.NodeTree:
 
 # --- the mesh ------------------------------------------------------------------------------------------------------
 def _mesh(points: ScenePoints) -> bpy.types.Mesh:
-    """Build the mesh in the capture's world."""
     mesh, n = bpy.data.meshes.new(NAME), len(points)
     mesh.vertices.add(4 * n)
     mesh.loops.add(4 * n)
@@ -139,7 +137,7 @@ def weight_attribute(name: str, index: int) -> str:
 
 def probability_attribute(name: str) -> str:
     """Return the name of the attribute with an object's probability."""
-    return f"karf/{short(name)}"
+    return f"karf/{nodes.short(name)}"
 
 
 def _fill(tree: bpy.types.NodeTree, palettes: Sequence[Palette]) -> bpy.types.Node:
@@ -176,16 +174,15 @@ def _resized(tree: bpy.types.NodeTree, geometry: bpy.types.NodeSocket, radius: f
 
 
 def _recoloring(name: str, palettes: Sequence[Palette]) -> bpy.types.NodeTree:
-    """Make the group that computes the color of each face."""
     tree = bpy.data.node_groups.get(name) or bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.nodes.clear()
     tree.interface.clear()
     tree.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
     source, total = add(tree, "NodeGroupInput", (0, 0)), _attribute(tree, BASE, "FLOAT_VECTOR", (3, 0))
     column = 4
-    for row, (each, index, name) in enumerate(swatches_of(palettes), 1):
+    for row, (each, index, name) in enumerate(nodes.swatches_of(palettes), 1):
         socket = tree.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketColor")
-        socket.default_value = scene_linear(each.colors[index])
+        socket.default_value = nodes.scene_linear(each.colors[index])
         color = _converted(tree, source.outputs[row - 1], TO_DISPLAY, (1, row))
         change = _vector(tree, "SUBTRACT", (color, tuple(map(float, each.colors[index]))), (2, row))
         weight = _attribute(tree, weight_attribute(each.name, index), "FLOAT", (3, row))

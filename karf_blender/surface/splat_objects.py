@@ -1,8 +1,4 @@
-"""Objects of Gaussian splats imported by Blender or KIRI's add-on, and their colors.
-
-Blender (5.3 and later) makes a point cloud, KIRI's 3DGS Render a mesh of vertices. In both each point is a Gaussian, in
-the order of its file.
-"""
+"""Objects of Gaussian splats and their colors: point clouds (of Blender 5.3) or meshes (of KIRI's 3DGS Render)."""
 
 from typing import Any
 

@@ -1,7 +1,4 @@
-"""The progress of a task of several jobs: one bar for all, and the time left. No bpy.
-
-Each job has an expected duration; the durations of the finished jobs correct the expectation for the others.
-"""
+"""The progress of a task of several jobs with expected durations: one bar for all, and the time left. No bpy."""
 
 from collections.abc import Sequence
 from math import sqrt
@@ -16,7 +13,6 @@ class OverallProgress:
     """Follows the events of a task's jobs. All times are in seconds of one clock."""
 
     def __init__(self, expected: Sequence[float], now: float) -> None:
-        """Begin with the first job, whose expected seconds are the first of `expected`."""
         self._expected = tuple(expected)
         self._number = 0
         self._start = self._began = self._last_event = now
@@ -45,10 +41,7 @@ class OverallProgress:
         self._left = trust * (counted or 0.0) + (1 - trust) * expected
 
     def _count(self, event: Event, now: float) -> float | None:
-        """Return the seconds left according to the later half of the steps, or None.
-
-        Steps before the first event count for nothing: kernels are compiled only once.
-        """
+        """Return the seconds left by the later half of the steps since the first event (before it, kernels compile)."""
         self._steps = [each for each in self._steps if 2 * each[1] >= event["step"]] + [(now, event["step"])]
         start, first = self._steps[0]
         passed = event["step"] - first

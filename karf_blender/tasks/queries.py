@@ -1,7 +1,6 @@
-"""Queries to a separate worker: started on demand, polled by a timer, ended when idle or with the extension.
+"""Queries to a separate worker: started on demand, polled by a timer, ended when idle; in background mode they block.
 
-The worker answers beside a running task: it only reads, and reads again what a task has learned. After a crash all
-waiting callers get the error, and the next query starts a new worker. In background mode a query blocks.
+The worker answers beside a running task: it only reads, and reads again what a task has learned.
 """
 
 import shutil
@@ -28,8 +27,6 @@ OnError = Callable[[KarfError], None]
 
 @dataclass(frozen=True)
 class _Query:
-    """An unanswered query."""
-
     owner: Owner
     kind: str
     options: dict
@@ -83,19 +80,11 @@ class QueryWorker(WarmWorker):
 def send(
     scene: bpy.types.Scene, kind: str, options: dict[str, Any], on_answer: OnAnswer, on_error: OnError | None = None
 ) -> None:
-    """Send a query and return at once; in background mode, block until the answer.
+    """Send a query of one of the engine's `queries.QUERIES` and return; in background mode, block until the answer.
 
-    A later query replaces an earlier one of the same kind that has not begun. Answers for a scene that is gone or has
-    another project are dropped.
-
-    Args:
-        scene: A scene with a project, which is the default of the option `project`.
-        kind: One of the engine's `queries.QUERIES`.
-        options: JSON values, paths absolute.
-        on_answer: Called with the scene and the answer's values; the caller deletes files that these name.
-        on_error: By default the panel shows the error; in background mode it is raised.
-
-    Raises KarfError if the worker cannot be started; in background mode also if the query failed.
+    A later query replaces one of its kind that has not begun. `options` are JSON values with absolute paths; `on_answer`
+    deletes the answer's files, and is not called if the scene is gone or has another project. By default, the panel
+    shows errors. Raises KarfError if the worker cannot be started; in background mode also if the query failed.
     """
     _begin(scene, kind, options, on_answer, on_error or _fail)
     if bpy.app.background:
@@ -144,7 +133,6 @@ def _wait(kind: str) -> None:
 
 
 def _take_replies() -> None:
-    """Pass on all answers, and leave a worker that has ended."""
     kept = session.get(QueryWorker)
     worker = kept.worker
     if worker is None:
@@ -184,7 +172,6 @@ def _leave(worker: Worker) -> None:
 
 
 def _fail(error: KarfError) -> None:
-    """Report an error that has no handler."""
     if bpy.app.background:
         raise error
     progress.fail(error)
@@ -192,7 +179,6 @@ def _fail(error: KarfError) -> None:
 
 
 def _poll() -> float | None:
-    """Poll the worker while a query is unanswered. A timer."""
     if rendering.is_over():  # what follows an answer touches pixels and data
         _take_replies()
     worker = session.get(QueryWorker).worker

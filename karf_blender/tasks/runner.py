@@ -1,8 +1,4 @@
-"""Tasks: engine jobs in a row, run alongside the user interface or blocking in a script.
-
-In background mode a task blocks, prints its progress and raises its error. Only one task runs at a time, as the engine
-uses all its cores. Its worker waits for a while for the next job.
-"""
+"""Tasks: engine jobs in a row, one task at a time; in background mode it blocks, prints progress and raises errors."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -36,8 +32,6 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class Owner:
-    """A scene of a file and its project folder, if any."""
-
     file: OpenFile
     scene: int
     project: Path | None
@@ -48,7 +42,6 @@ class Owner:
 
     @property
     def is_file_open(self) -> bool:
-        """Return True while no other file was opened."""
         return self.file is session.get(OpenFile)
 
     def find(self) -> bpy.types.Scene | None:
@@ -71,8 +64,6 @@ def _project_of(scene: bpy.types.Scene) -> Path | None:
 
 @dataclass(frozen=True)
 class Task:
-    """Jobs of one project in a row, and the work in Blender after each."""
-
     title: str
     requests: tuple[Request, ...]  # none: all is done already
     after: Callable[[Request], None]  # called with each job's request when it is done
@@ -171,13 +162,11 @@ class Runner:
             disk.refresh()
 
     def close(self) -> None:
-        """End the task and the worker."""
         self.end_task()
         self.worker.end()
 
 
 def is_running() -> bool:
-    """Return True while a task runs."""
     return session.get(Runner).task is not None
 
 
@@ -198,10 +187,7 @@ def begin_job(worker: Worker, request: Request) -> None:
 
 
 def launch(task: Task) -> None:
-    """Run a task alongside the interface and return at once; in background mode, block until the end.
-
-    Raises KarfError if it cannot start; in background mode also if it fails.
-    """
+    """Start a task, or run it to its end in background mode; raise KarfError if it cannot start, or fails there."""
     if bpy.app.background:
         wait(task)
         return
@@ -250,7 +236,6 @@ def release() -> None:
 
 
 def _poll() -> float | None:
-    """Show the events of the running task. A timer."""
     runner = session.get(Runner)
     task = runner.task
     if task is None:

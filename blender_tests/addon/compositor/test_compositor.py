@@ -252,8 +252,8 @@ def test_objects_of_long_names_have_sockets_of_their_own(bpy, addon, compositor)
     colors, names = np.zeros((2, 3)), ["鍋" * 60 + end for end in "ab"]
     layers = [addon.engine_api.ObjectLayers(n, f"{n[-1]}_all", (f"{n[-1]}_0", f"{n[-1]}_1"), colors) for n in names]
     tree = bpy.data.node_groups.new("long", "CompositorNodeTree")
-    addon.recoloring.fill(tree, layers)
+    addon.compositor.fill(tree, layers)
     node = compositor.nodes.new("CompositorNodeGroup")
     node.node_tree = tree
-    sockets = [node.inputs[addon.sockets.swatch_socket(name, 1)] for name in names]
+    sockets = [node.inputs[addon.nodes.swatch_socket(name, 1)] for name in names]
     assert len({socket.identifier for socket in sockets}) == 2

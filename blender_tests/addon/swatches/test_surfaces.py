@@ -178,7 +178,7 @@ def test_a_driven_socket_follows(bpy, addon, learned, pot, edited):
     group.interface.new_socket("pot 1", in_out="INPUT", socket_type="NodeSocketColor")
     node = tree.nodes.new("ShaderNodeGroup")
     node.node_tree = group
-    addon.sockets.drive(node, "pot", 1, learned, 'karf.objects["pot"].swatches[1]')
+    addon.nodes.drive(node, "pot", 1, learned, 'karf.objects["pot"].swatches[1]')
     material = bpy.data.materials.new("holder")
     material.use_nodes = True
     holder = material.node_tree.nodes.new("ShaderNodeGroup")

@@ -1,4 +1,4 @@
-"""A layered picture recolored in the scene's compositor, by a node group with one color socket for each swatch.
+"""Nodes of the scene's compositor: layers recolored by a group with a socket for each swatch; objects in the scene.
 
 The group computes what the engine does, in display sRGB: base + sum of weight x gains x (color - learned color),
 clipped, with the gains of the photo's exposure. Sockets and the picture are scene-linear, like all colors in the
@@ -11,19 +11,20 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..engine_api import UNIT_GAINS, DataError, ObjectLayers
-from ..host import compat
-from ..nodes import sockets
-from ..nodes.building import Place, add, feed, named, put
-from ..pictures import images
+from . import nodes
+from .engine_api import UNIT_GAINS, DataError, ObjectLayers
+from .host import compat
+from .nodes import Place, add, feed, named, put
+from .pictures import images
 
 LINEAR = "Linear Rec.709"  # Blender's name for the space of layers whose space is not named
 COMBINED = "Combined"  # Blender's name for the channels R, G and B
 DISPLAY = "sRGB"
 BASE = "Image"  # the group's socket of the picture
+OBJECTS = "KaRF Objects"  # what the scene of the objects is called after, and its render's node
+CAPTURED, NEARER = "KaRF Scene", "KaRF Over Scene"
 
 
-# --- the scene's compositor ----------------------------------------------------------------------------------------
 def build(
     scene: bpy.types.Scene,
     path: Path,
@@ -48,7 +49,7 @@ def build(
     node = named(tree, name, "CompositorNodeGroup", (-300, 0))
     node.width = 200
     targets = [link.to_socket for link in node.outputs[0].links] if node.outputs else []
-    sockets.remove_drivers(node)
+    nodes.remove_drivers(node)
     if node.node_tree is None:
         node.node_tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
     fill(node.node_tree, objects)
@@ -56,7 +57,7 @@ def build(
         if layer not in picture.outputs:
             raise DataError("{path} has no layer {layer!r}.", "Render the layers again.", path=path, layer=layer)
         tree.links.new(picture.outputs[layer], node.inputs[socket])
-    sockets.set_colors(node, objects, edited)
+    nodes.set_colors(node, objects, edited)
     for target in targets or _free_targets(tree, node):
         tree.links.new(node.outputs[0], target)
     return node
@@ -74,7 +75,7 @@ def is_rendered(node: bpy.types.Node) -> bool:
 
 
 def _node_name(view: str) -> str:
-    return f"KaRF {sockets.short(view)}"
+    return f"KaRF {nodes.short(view)}"
 
 
 def _free_targets(tree: bpy.types.NodeTree, node: bpy.types.Node) -> list[bpy.types.NodeSocket]:
@@ -86,7 +87,6 @@ def _free_targets(tree: bpy.types.NodeTree, node: bpy.types.Node) -> list[bpy.ty
     return [socket for socket in (compat.compositing_output(tree), viewer.inputs[0]) if not socket.is_linked]
 
 
-# --- the group -----------------------------------------------------------------------------------------------------
 def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
     """Make an empty or older tree the group of these objects, with new sockets."""
     tree.nodes.clear()
@@ -94,7 +94,7 @@ def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
     _add_sockets(tree, objects)
     source = add(tree, "NodeGroupInput", (0, 0))
     total = _convert(tree, source.outputs[BASE], (1, 0), to_color_space=DISPLAY)
-    swatches = list(sockets.swatches_of(objects))
+    swatches = list(nodes.swatches_of(objects))
     for number, (each, index, socket) in enumerate(swatches, 1):
         color = _convert(tree, source.outputs[socket], (1, number), to_color_space=DISPLAY)
         change = _math(tree, "SUBTRACT", color, (*map(float, each.colors[index]), 1.0), (2, number))
@@ -109,9 +109,9 @@ def fill(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
 def _add_sockets(tree: bpy.types.NodeTree, objects: Sequence[ObjectLayers]) -> None:
     new = tree.interface.new_socket
     new("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    for each, index, name in sockets.swatches_of(objects):
+    for each, index, name in nodes.swatches_of(objects):
         socket = new(name, in_out="INPUT", socket_type="NodeSocketColor")
-        socket.default_value = sockets.scene_linear(each.colors[index])
+        socket.default_value = nodes.scene_linear(each.colors[index])
     panel = tree.interface.new_panel("Layers", default_closed=True)
     new(BASE, in_out="INPUT", socket_type="NodeSocketColor", parent=panel)
     for each in objects:
@@ -131,3 +131,23 @@ def _math(tree, operation: str, first, second, place: Place, clips: bool = False
     feed(inputs[0], first)
     feed(inputs[1], second)
     return result
+
+
+def build_over_scene(scene: bpy.types.Scene, objects: bpy.types.Scene) -> bpy.types.Node:
+    """Show the nearer of the scene and one with transparent film, by new or earlier nodes; return the result's node."""
+    tree = compat.compositing_tree(scene)
+    front = named(tree, OBJECTS, "CompositorNodeRLayers", (0, 0))
+    back = named(tree, CAPTURED, "CompositorNodeRLayers", (0, -450))
+    front.scene, back.scene = objects, scene
+    node = named(tree, NEARER, "CompositorNodeZcombine", (300, -150))
+    compat.set_option(node, "Use Alpha", "use_alpha", True)
+    compat.set_option(node, "Anti-Alias", "use_antialias_z", True)
+    images = [socket for socket in node.inputs if socket.type == "RGBA"]
+    depths = [socket for socket in node.inputs if socket.type == "VALUE"]
+    for render, image, depth in zip((front, back), images, depths, strict=True):
+        tree.links.new(render.outputs["Image"], image)
+        tree.links.new(render.outputs["Depth"], depth)
+    output = compat.compositing_output(tree)
+    if not output.is_linked or output.links[0].from_node.bl_idname == "CompositorNodeRLayers":
+        tree.links.new(node.outputs[0], output)
+    return node

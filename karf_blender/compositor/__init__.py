@@ -1,1 +1,0 @@
-"""Recoloring in Blender's own compositor: node groups that need neither the extension nor the engine once built."""

@@ -1,1 +1,0 @@
-"""Tools for all node trees of KaRF: building nodes, and color sockets that follow swatches."""
