@@ -88,12 +88,17 @@ def follow_splat(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
         raise BadRequest("{name} is in Edit Mode.", "Leave Edit Mode first.", name=item.name)
     scene.karf.surface.splat = item
     _ask(scene)
-    session.start_timer(_tick, persistent=True)
+    _start()
 
 
 def unfollow_splat(scene: bpy.types.Scene) -> None:
     """Stop following the swatches; the object keeps its colors."""
     scene.karf.surface.splat = None
+
+
+def _start() -> None:
+    if not bpy.app.background:  # a timer that is left at the exit crashes or hangs some Blender versions
+        session.start_timer(_tick, persistent=True)
 
 
 def _tick() -> float | None:
@@ -145,7 +150,7 @@ def _take(scene: bpy.types.Scene, answer: dict[str, Any]) -> None:
 @session.handler("undo_post", "redo_post", phase=session.Phase.REPORT)
 def _after_undo(*_):
     session.get(_Requested).clear()  # undo may take colors back that came after a swatch had changed
-    session.start_timer(_tick, persistent=True)
+    _start()
 
 
 @session.handler("load_post", phase=session.Phase.REPORT)
@@ -153,4 +158,4 @@ def _after_load(*_):
     # a saved object has the colors of the saved swatches: the engine starts when one changes
     session.get(_Requested).clear()
     session.get(_Requested).update({scene.session_uid: _color_key(scene) for scene in _followed_scenes()})
-    session.start_timer(_tick, persistent=True)
+    _start()

@@ -238,3 +238,9 @@ def test_other_objects_are_refused(bpy, addon, scene_of_splats):
         addon.steps.follow_splat(scene_of_splats, item)
     bpy.ops.object.mode_set(mode="OBJECT")
     assert scene_of_splats.karf.surface.splat is None
+
+
+def test_in_background_mode_no_timer_is_left_after_a_file_is_opened(bpy, addon, learned, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    assert not bpy.app.timers.is_registered(addon.splats._tick)
