@@ -27,6 +27,11 @@ def expected(saved):
     return json.loads((saved / "expected.json").read_text())
 
 
+def levels(text):
+    """The channels of the colors of a text like "#rrggbb #rrggbb", 0 to 255."""
+    return [float(each) for color in text.split() for each in bytes.fromhex(color.removeprefix("#"))]
+
+
 def compare(found, wanted, place="", tolerance=TOLERANCE):
     """Everything that was told must be told still; numbers may be rounded otherwise, and there may be more."""
     if isinstance(wanted, dict):
@@ -38,6 +43,10 @@ def compare(found, wanted, place="", tolerance=TOLERANCE):
         assert len(found) == len(wanted), place
         for number, value in enumerate(wanted):
             compare(found[number], value, f"{place}[{number}]", tolerance)
+    elif isinstance(wanted, str) and wanted.startswith(
+        "#"
+    ):  # colors as #rrggbb, of numbers that may be rounded otherwise
+        compare(levels(found), levels(wanted), place, tolerance=1.0)
     elif isinstance(wanted, float):
         assert found == pytest.approx(wanted, abs=tolerance), place
     else:
