@@ -67,7 +67,7 @@ def detect_machine(system: str = "", processor: str = "", root: Path | None = No
 
 def _has_amd(root: Path) -> bool:
     nodes = (root / AMD_NODES).glob("*/properties") if (root / AMD).exists() else ()
-    return any("gfx_target_version 0\n" not in path.read_text("ascii", "replace") for path in nodes)
+    return any("gfx_target_version 0\n" not in path.read_text(encoding="ascii", errors="replace") for path in nodes)
 
 
 def build_for(choice: str, machine: Machine) -> str:
