@@ -21,6 +21,8 @@ Key = tuple[int, str]  # of an object: its scene's `session_uid` and its name
 
 @dataclass
 class _Memory:
+    per_file = True
+
     gestures: dict[Key, Gesture] = field(default_factory=dict)
     last_colors: dict[Key, np.ndarray] = field(default_factory=dict)  # chosen ones as of the last change or event
     is_suspended: bool = False

@@ -78,7 +78,7 @@ def capture_of(poses, format_name="colmap", splats=None):
 
 
 def arc(degrees, world):
-    """Cameras on part of a circle, all tilted down, in a world that is turned by the rotation `world`."""
+    """Cameras on part of a circle, all tilted down, in a world turned by the rotation `world`."""
     angles = np.radians(np.linspace(0, degrees, 20))
     level = np.stack([3 * np.cos(angles), 3 * np.sin(angles), np.full(20, 2.0)], -1)
     return [pose_of(world @ place, np.zeros(3), world @ (0, 0, 1)) for place in level]
