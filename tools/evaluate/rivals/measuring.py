@@ -36,7 +36,6 @@ RULES = (
     "a photo's true recolor, carried over by depth",
     "no edit",
     "SA3D's inverse rendering, further views prompted by GrabCut",
-    "LUDVIG's graph diffusion",
     "plain cross-entropy on the rough masks (Eq. 12)",
 )
 SAMPLES = 8  # a ray, as F_w has in new views
@@ -101,7 +100,6 @@ def segmentation_ways(recoloring: Recoloring, scratch: Path, threads: int | None
 
     return {
         "SA3D's inverse rendering, further views prompted by GrabCut": by(lambda segmenting: segmenting.sa3d()),
-        "LUDVIG's graph diffusion": by(lambda segmenting: segmenting.ludvig()),
         "plain cross-entropy on the rough masks (Eq. 12)": by(lambda segmenting: segmenting.plain(scratch, threads)),
     }
 
