@@ -6,7 +6,7 @@
     python3 tools/dev.py evaluate [PART ...] every published table and figure: docs/benchmark.md
     python3 tools/dev.py faults [-k NAME]    kills, full disks, damage thrown at the engine: docs/reliability.md
     python3 tools/dev.py fuzz [-k READER]    nearly right files for every reader: docs/reliability.md
-    python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
+    python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/reliability.md
     python3 tools/dev.py build               the extension's zip, repository and checksums in dist/; sets nothing up
     python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
     python3 tools/dev.py docs                the documentation site in docs_out/; a warning is an error
