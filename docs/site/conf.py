@@ -46,6 +46,7 @@ autodoc_typehints = "signature"
 autodoc_default_options = {"ignore-module-all": True}  # what a package exports is described where it is defined
 suppress_warnings = ["ref.python"]  # a type in a docstring may be the name of several attributes
 default_role = "code"  # docstrings write `name`, as Markdown does
+smartquotes = False  # examples in docstrings keep their quotation marks
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True  # attributes of a dataclass are described once
 myst_heading_anchors = 3
