@@ -14,10 +14,10 @@ import karf_engine as karf
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.io.files import write_json
 
-from ..judging.recolors import contact_sheet, score_edits, score_new_cameras, score_scene
-from ..judging.scores import print_common, rounded, score_objects, stage_summary
-from ..judging.truth import DEMO, Truth
-from ..judging.views import learn_again, render_test_views, with_model
+from ..evaluate.judged_edits import contact_sheet, score_edits, score_new_cameras, score_scene
+from ..evaluate.scores import print_common, rounded, score_objects, stage_summary
+from ..evaluate.views import learn_again, render_test_views, with_model
+from ..metrics.truth import DEMO, Truth
 
 
 def main() -> None:

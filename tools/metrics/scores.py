@@ -5,7 +5,7 @@ All scores are means over views; colors are sRGB in [0, 1]; masks bool [H, W].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -36,6 +36,12 @@ def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskSco
     accuracies = [accuracy(p, t) for p, t in pairs]
     pooled = iou(*(np.concatenate([mask.ravel() for mask in side]) for side in zip(*pairs, strict=True)))
     return MaskScore(*map(float, (np.mean(values), np.mean(inner), np.min(values), np.mean(accuracies), pooled)))
+
+
+def mean_mask_scores(predicted: dict[str, list[np.ndarray]], truth: dict[str, list[np.ndarray]]) -> MaskScore:
+    """Return the means over objects of `score_masks`; both are masks by object, view by view."""
+    scores = [astuple(score_masks(masks, truth[name])) for name, masks in predicted.items()]
+    return MaskScore(*np.mean(scores, 0).tolist())
 
 
 def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, palettes: np.ndarray) -> np.ndarray:

@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from karf_engine.capture.splat_cameras import cameras_beside, read_splat_cameras
-from karf_engine.errors import DataError
 
 ENTRY = {
     "id": 0, "img_name": "IMG_1", "width": 640, "height": 480, "fx": 500.0, "fy": 510.0,
@@ -44,30 +43,3 @@ def test_the_nearest_is_the_first(tmp_path, path):
     for place in (path, near):
         place.write_text("[]")
     assert cameras_beside(near.with_name("point_cloud.ply")) == [near, path]
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"rotation": [[1, 0], [0, 1]]}, "camera 1"),
-        ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, float("nan")]]}, "camera 1"),
-        ({"rotation": [[1, 0, 0], [0, 3, 0], [0, 0, 1]]}, "rotation"),
-        ({"position": "here"}, "camera 1"),
-        ({"width": None}, "camera 1"),
-        ({"width": -5}, "camera 1"),
-        ({"fx": 0}, "camera 1"),
-    ],
-    ids=str,
-)
-def test_what_is_no_camera_is_refused_with_its_number(path, change, says):
-    path.write_text(json.dumps([ENTRY, ENTRY | change]))
-    with pytest.raises(DataError, match=says) as caught:
-        read_splat_cameras(path)
-    assert str(path) in caught.value.sentence and caught.value.hint
-
-
-@pytest.mark.parametrize("content", ["{}", "[]", "[", '"x"', "[1]"])
-def test_what_is_no_list_of_cameras_is_refused(path, content):
-    path.write_text(content)
-    with pytest.raises(DataError, match=r"cameras\.json"):
-        read_splat_cameras(path)
