@@ -8,6 +8,7 @@ from tools.evaluate import pages, sources, table
 from tools.evaluate.jobs import JOBS, TABLES, with_needed
 from tools.evaluate.store import Store
 from tools.metrics import METRICS
+from tools.metrics.truth import Truth
 
 MEASURED = [name for name in TABLES if table.read(name)]
 
@@ -76,9 +77,9 @@ def test_comments_docstrings_and_formatting_make_no_table_stale(tmp_path):
 def test_a_module_counts_where_its_functions_ran_or_its_constants_are_used():
     trace = sources.Trace()
     trace.start()
-    table.Table("way", {"a": {"iou": 1.0}}).content()
+    Truth()
     trace.stop()
-    assert "tools/evaluate/table.py" in trace.modules()
+    assert "tools/metrics/truth.py" in trace.modules()
     assert "tools/evaluate/edits.py" not in trace.modules()
     assert "karf_engine/fields/voxels/fused/arrays.py" in sources.constants_of(
         "karf_engine/fields/voxels/fused/frozen.py"
