@@ -1,12 +1,15 @@
 """The gated block against Equation 6 written out, its switches, its size; encoding and standardizer."""
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
 
+from blender_tests.engine.conftest import ROOT
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.kan.gated_block import VARIANTS, GatedBlock
 from karf_engine.kan.inputs import Standardizer, positional_encoding
@@ -141,3 +144,10 @@ def test_standardizer_is_saved_and_never_trained():
 def test_standardizer_refuses_values_that_are_not_finite():
     with pytest.raises(DataError):
         Standardizer(1).fit(torch.tensor([[1.0], [float("nan")]]))
+
+
+def test_layers_and_block_load_no_room_that_knows_a_scene():
+    code = "import sys; from karf_engine.kan import GRBFLayer, GatedBlock; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    rooms = {name.split(".")[1] for name in loaded.split() if name.startswith("karf_engine.")}
+    assert "kan" in rooms and rooms <= {"kan", "compute", "errors", "io", "project", "version"}
