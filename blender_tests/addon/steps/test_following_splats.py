@@ -13,13 +13,7 @@ LEARNED, BLUE, RED = (0.8, 0.2, 0.1), (0.1, 0.2, 0.9), (0.9, 0.2, 0.1)
 
 
 @pytest.fixture
-def scene_of_splats(addon, learned):
-    addon.steps.learn_splats(learned).wait()
-    return learned
-
-
-@pytest.fixture
-def beside(bpy, addon, scene_of_splats, monkeypatch):
+def beside(bpy, addon, with_splats, monkeypatch):
     """The scene as beside the interface. `settle()` is Blender's timer, until nothing is to be done any more."""
     pretend_window(bpy, monkeypatch, addon.splats, addon.queries, addon.session)
     asked = []
@@ -37,7 +31,7 @@ def beside(bpy, addon, scene_of_splats, monkeypatch):
             time.sleep(0.01)
         return len(asked) - before
 
-    return SimpleNamespace(settle=settle, asked=asked, karf=scene_of_splats.karf)
+    return SimpleNamespace(settle=settle, asked=asked, karf=with_splats.karf)
 
 
 @pytest.fixture
@@ -70,12 +64,12 @@ def assert_shows(item, color):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_script_gives_an_object_the_colors_of_now_and_the_button_goes_on_and_off(
-    bpy, addon, scene_of_splats, kind, set_pot
+    bpy, addon, with_splats, kind, set_pot
 ):
-    item, surface = make(bpy, kind, 4), scene_of_splats.karf.surface
+    item, surface = make(bpy, kind, 4), with_splats.karf.surface
     for color in (BLUE, RED):
         set_pot(color)
-        addon.steps.follow_splat(scene_of_splats, item)
+        addon.steps.follow_splat(with_splats, item)
         assert_shows(item, color)
     assert bpy.ops.karf.follow_splat() == {"FINISHED"} and surface.splat is None
     set_pot(BLUE)
@@ -204,12 +198,12 @@ def test_the_button_needs_splats_takes_another_object_and_lets_go_of_one_that_is
     assert surface.splat is None and not bpy.ops.karf.follow_splat.poll()
 
 
-def test_other_objects_are_refused(bpy, addon, scene_of_splats):
+def test_other_objects_are_refused(bpy, addon, with_splats):
     with pytest.raises(addon.steps.KarfError, match="is not a splat object"):
-        addon.steps.follow_splat(scene_of_splats, scene_of_splats.karf.rig)
+        addon.steps.follow_splat(with_splats, with_splats.karf.rig)
     item = make(bpy, "kiri", 4)
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(addon.steps.KarfError, match="is in Edit Mode"):
-        addon.steps.follow_splat(scene_of_splats, item)
+        addon.steps.follow_splat(with_splats, item)
     bpy.ops.object.mode_set(mode="OBJECT")
-    assert scene_of_splats.karf.surface.splat is None
+    assert with_splats.karf.surface.splat is None

@@ -24,12 +24,6 @@ def imported(bpy, scene, splat, tmp_path):
 
 
 @pytest.fixture
-def with_splats(addon, learned):
-    addon.steps.learn_splats(learned).wait()
-    return learned
-
-
-@pytest.fixture
 def exported(addon, tmp_path):
     """What the engine was asked for when a scene's splats go into a file."""
 
@@ -55,20 +49,21 @@ def test_a_splat_becomes_an_upright_capture_beside_the_blend_and_goes_out_where_
     assert "matrix" not in exported(imported)
 
 
+CAMERAS = {"views": 7, "up": "-y", "antialiased": True}
+
+
 @pytest.mark.parametrize(
-    "given",
+    ("given", "wanted"),
     [
-        {"cameras": "cameras.json", "views": 7, "up": "-y", "antialiased": True},
-        {"photos": "photos", "views": 7, "up": "-y"},  # the dialog remembers what was chosen for another file
+        (CAMERAS | {"cameras_file": "/nowhere/c.json"}, CAMERAS | {"cameras": "/nowhere/c.json"}),
+        # the dialog remembers what was chosen for another file
+        (CAMERAS | {"photos": "/nowhere"}, {"photos": "/nowhere", "views": None, "up": None}),
     ],
 )
-def test_what_is_chosen_reaches_the_engine_but_no_views_with_photos(addon, scene, splat, tmp_path, given):
-    given = {name: tmp_path / value if name in ("cameras", "photos") else value for name, value in given.items()}
+def test_what_is_chosen_reaches_the_engine_but_no_views_with_photos(addon, scene, splat, given, wanted):
     (request,) = addon.steps.import_splat(scene, splat, **given).requests
-    wanted = {name: str(value) if isinstance(value, Path) else value for name, value in given.items()}
-    refused = {"views", "up"} if "photos" in given else set()
     assert request.stage == "import-splat" and request.options["splat"] == str(splat)
-    assert {name: request.options.get(name) for name in wanted} == wanted | dict.fromkeys(refused)
+    assert {name: request.options.get(name) for name in wanted} == wanted
 
 
 def test_blenders_menus_lead_there(bpy, addon):
