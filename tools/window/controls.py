@@ -5,7 +5,7 @@ Copy Data Path), so nothing depends on how panels look. Runs inside Blender.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 
 import bpy
 
@@ -93,11 +93,14 @@ def find_swatch(index: int) -> Generator[float, None, Place]:
     return (yield from find(BESIDE_PICTURE, _swatch(index), 0.2))
 
 
-def drag_swatch(index: int, way: tuple[int, int], seen: Callable[[], None] = lambda: None) -> Wait:
-    """Open a swatch's picker, drag from the middle of its wheel by some pixels, and close it; seen: called on the way.
+def drag_swatch(index: int, way: tuple[int, int]) -> Generator[float, None, int]:
+    """Open a swatch's picker, drag from the middle of its wheel by some pixels, and close it.
 
     The picker lies above the swatch, both left edges in line, or the right ones where the window ends before; within
     some pixels of that only Blender knows, so the other is tried where the first changes nothing.
+
+    Returns:
+        How many pictures were seen on the way.
     """
     before = desk.swatches()
     field = yield from find_swatch(index)
@@ -106,15 +109,18 @@ def drag_swatch(index: int, way: tuple[int, int], seen: Callable[[], None] = lam
     _, top = yield from _edge(field, _swatch(index), (0, 4))
     starts = [left, right - PICKER]
     for start in starts if right + PICKER < hands.window().width else reversed(starts):
-        middle = start + WHEEL_X, top + WHEEL_Y
+        x, y, seen = start + WHEEL_X, top + WHEEL_Y, set()
         yield from hands.click(field)
-        yield from hands.move(middle)
-        yield from _drag(middle, way, seen)
+        yield from hands.move((x, y))
+        places = [(x + way[0] * step // STEPS, y + way[1] * step // STEPS) for step in range(STEPS + 1)]
+        for pause in hands.drag(places, DRAG_PAUSE):
+            yield pause
+            seen.add(desk.picture())
         outside = hands.window().width // 2, STATUS_BAR
         yield from hands.move(outside)
         yield from hands.click(outside)
         if desk.swatches() != before:
-            return
+            return len(seen)
     raise NotFound(f"the picker of swatch {index} is neither above its left nor above its right edge")
 
 
@@ -132,10 +138,3 @@ def _edge(place: Place, pattern: str, step: Place) -> Generator[float, None, Pla
             return place
         place = following
     raise NotFound(f"{pattern} has no edge: a popup is open, which answers for every place")
-
-
-def _drag(start: Place, way: tuple[int, int], seen: Callable[[], None]) -> Wait:
-    places = [(start[0] + way[0] * step // STEPS, start[1] + way[1] * step // STEPS) for step in range(STEPS + 1)]
-    for pause in hands.drag(places, DRAG_PAUSE):
-        yield pause
-        seen()
