@@ -22,7 +22,7 @@ FILM_FRAMES = 60
 def drag_undo_redo(story: Story) -> Wait:
     """The picture follows a dragged swatch; undo and redo bring the very pixels back."""
     colors, learned = desk.swatches(), desk.picture()
-    n_pictures = yield from controls.drag_swatch(1, (-45, 25))
+    n_pictures = yield from controls.drag_swatch((-45, 25))
     dragged = desk.picture()
     yield from story.shoot()
     story.note(f"{colors[1]} became {desk.swatches()[1]}; {n_pictures} pictures on the way")
@@ -58,7 +58,7 @@ def keep_and_flip_looks(story: Story) -> Wait:
     """A kept look brings its very picture back; V flips to the other, and undo flips back."""
     first = desk.picture()
     yield from controls.press_button(BESIDE_PICTURE, r"karf\.keep_look\(")
-    yield from controls.drag_swatch(1, (40, -35))
+    yield from controls.drag_swatch((40, -35))
     second = desk.picture()
     yield from controls.press_button(BESIDE_PICTURE, r"karf\.keep_look\(\)")
     names = desk.scene().karf.looks.keys()
@@ -78,11 +78,11 @@ def keyframe(story: Story) -> Wait:
     scene = desk.scene()
     scene.frame_start, scene.frame_end = 1, FILM_FRAMES
     scene.frame_set(1)
-    yield from hands.press("I", (yield from controls.find_swatch(1)))
+    yield from hands.press("I", (yield from controls.find_swatch()))
     yield from hands.press("RIGHT_ARROW", hands.middle_of(VIEW), shift=True)
     check(scene.frame_current == FILM_FRAMES, f"Shift Right went to frame {scene.frame_current}")
-    yield from controls.drag_swatch(1, (50, -10))
-    yield from hands.press("I", (yield from controls.find_swatch(1)))
+    yield from controls.drag_swatch((50, -10))
+    yield from hands.press("I", (yield from controls.find_swatch()))
     frames = {frame for _, frame, _ in desk.keyframes()}
     check(frames == {1, FILM_FRAMES}, f"keyframes are {desk.keyframes()}")
     last = desk.picture()
@@ -206,6 +206,6 @@ def disable_and_enable(story: Story) -> Wait:
     check(not left, f"a disabled extension leaves {left}")
     check(desk.swatches() == colors, "the swatches are others than before")
     before = desk.picture()
-    yield from controls.drag_swatch(1, (-30, -30))
+    yield from controls.drag_swatch((-30, -30))
     yield from story.shoot("enabled")
     check(desk.picture() != before and desk.is_in_step(), "the picture does not follow a swatch any more")
