@@ -77,12 +77,6 @@ def fit_picture() -> Wait:
     yield 0.5
 
 
-def open_step(name: str) -> Wait:
-    """Open a step that did not open by itself."""
-    setattr(bpy.data.window_managers[0].karf_folding, f"show_{name}", True)
-    yield from show_tab()
-
-
 def save_file() -> Wait:
     """Press Ctrl S."""
     yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)

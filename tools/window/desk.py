@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -107,25 +106,9 @@ def middle_of_object() -> tuple[float, float]:
 
 def keyframes() -> set[tuple[str, float, float]]:
     """The keyframes of the scene: what they animate, the frame and the value."""
-    return {
-        (re.sub(r"\[[^\]]+\]", "", curve.data_path), point.co.x, round(point.co.y, 4))
-        for curve in _curves()
-        for point in curve.keyframe_points
-    }
-
-
-def _curves() -> Iterator[bpy.types.FCurve]:
     data = scene().animation_data
-    action = data.action if data else None
-    if action is None:
-        return
-    if hasattr(action, "fcurves"):
-        yield from action.fcurves
-        return
-    for layer in action.layers:  # Blender 5
-        for strip in layer.strips:
-            for bag in strip.channelbags:
-                yield from bag.fcurves
+    curves = module("host.compat").curves_of(data) if data else []
+    return {(curve.data_path, point.co.x, round(point.co.y, 4)) for curve in curves for point in curve.keyframe_points}
 
 
 # --- the project ---------------------------------------------------------------------------------------------------
