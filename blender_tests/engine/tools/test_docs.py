@@ -158,6 +158,21 @@ def test_controls_that_a_page_names_are_those_of_the_panels():
     assert [(page, name) for page, name in names if not name.endswith(":") and name not in labels] == []
 
 
+COMMAND = re.compile(r"(?:^|`)(?:karf|python -m karf_engine) ([a-z-]+)([^`\n]*)", re.MULTILINE)
+
+
+def test_commands_that_a_page_shows_have_their_options():
+    from tools import reference
+
+    helps = dict(re.findall(r"^## ([a-z-]+)\n```text\n(.*?)```", reference.command_line(), re.MULTILINE | re.DOTALL))
+    shown = [(page, *found) for page, text in PAGES.items() for found in COMMAND.findall(text)]
+    assert len(shown) > 30
+    for page, verb, rest in shown:
+        assert verb in helps, (page, verb)
+        flags = set(re.findall(r"--[a-z-]+", rest.partition("#")[0])) - {"--help"}
+        assert flags <= set(re.findall(r"--[a-z-]+", helps[verb])), (page, verb)
+
+
 SAID_BY_THE_SYSTEM = {"...: No space left on device", "...: Permission denied"}
 
 
