@@ -47,7 +47,6 @@ def main() -> int:
     demo = verbs.add_parser("demo", help="the main job on the demo capture, through real Blender")
     demo.add_argument("--out", default="demo_out", help="where everything is written (default: %(default)s)")
     demo.add_argument("--threads", type=int, help="processor threads of the engine")
-    demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
     for name, text in (
         ("test", "lint and all tests"),
         ("matrix", "the tests on other versions of Blender, Python and packages"),
@@ -128,8 +127,7 @@ def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
     code = _run("blender", "-m", "tools.demo.run", "--out", str(out), *threads)
     if code:
         return code
-    quick = ["--quick"] if options.quick else []
-    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads, *quick)
+    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads)
 
 
 def run_tests(options: argparse.Namespace, rest: list[str]) -> int:

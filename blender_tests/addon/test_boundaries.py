@@ -136,6 +136,8 @@ def test_only_compat_asks_for_blenders_version():
         ),
         "engine/processes",
         "engine/worker",
+        "engine_api",
+        "swatches/solving",
     ],
 )
 def test_files_that_claim_to_need_no_blender_import_none(name):
