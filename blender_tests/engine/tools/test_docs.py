@@ -118,6 +118,9 @@ def test_files_that_a_page_names_exist(page):
     for path in {match[1] for match in found if match}:
         places = TEST_PLACES if path.rpartition("/")[2].startswith("test_") else CODE_PLACES
         assert path in SOURCES or any((place / path).exists() for place in (*places, ROOT)), path
+    for module in re.findall(r"-m (tools[a-z_.]*[a-z])\b", PAGES[page]):
+        path = ROOT / module.replace(".", "/")
+        assert path.is_dir() or path.with_suffix(".py").exists(), module
 
 
 def test_what_a_page_says_a_file_defines_is_there():
