@@ -131,22 +131,28 @@ def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
-    """Format, lint, engine tests, then the tests that need Blender; the first failure ends it."""
+    """Format, lint and types, then the tests of both environments side by side, a process each."""
     if rest:  # single tests while working: pytest's own arguments
         return _run("engine", "-m", "pytest", "blender_tests/engine", *rest)
     steps = [
         ("engine", "-m", "ruff", "format", "--check", "."),
         ("engine", "-m", "ruff", "check", "."),
         ("engine", "-m", "basedpyright", "--pythonpath", str(python_of("engine"))),
-        ("engine", "-m", "pytest", "blender_tests/engine"),
-        ("blender", "-m", "pytest", "blender_tests/addon"),
     ]
     for environment, *arguments in steps:
         print(f"--- {environment}: {' '.join(arguments)}", flush=True)
         code = _run(environment, *arguments)
         if code:
             return code
-    return 0
+    with tempfile.TemporaryFile("w+") as printed:  # of the extension's tests, shown when the engine's are done
+        command = [str(python_of("blender")), "-m", "pytest", "blender_tests/addon"]
+        extension = subprocess.Popen(command, cwd=ROOT, env=_variables(), stdout=printed, stderr=printed)
+        print("--- engine: -m pytest blender_tests/engine", flush=True)
+        code = _run("engine", "-m", "pytest", "blender_tests/engine")
+        code = extension.wait() or code
+        printed.seek(0)
+        print(f"--- blender: -m pytest blender_tests/addon\n{printed.read()}", flush=True)
+    return code
 
 
 def run_matrix(options: argparse.Namespace, rest: list[str]) -> int:
@@ -240,8 +246,12 @@ def lock(options: argparse.Namespace, rest: list[str]) -> int:
 
 def _run(environment: str, *arguments: str, **variables: str) -> int:
     """Run one of the environments' Python at the root, with the engine's Python known to Blender."""
-    variables = os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))} | variables
-    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=variables).returncode
+    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=_variables() | variables).returncode
+
+
+def _variables() -> dict[str, str]:
+    """The environment of all that is run: Blender's tests start the engine's Python."""
+    return os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))}
 
 
 if __name__ == "__main__":
