@@ -111,15 +111,6 @@ def test_looks_are_renamed_moved_and_removed_but_never_share_a_folder(bpy, addon
     assert not bpy.ops.karf.keep_look.poll() and not bpy.ops.karf.render_looks.poll()
 
 
-def test_looks_are_in_the_file(bpy, addon, two, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
-    scene = bpy.context.scene
-    assert names(scene) == (["A", "B"], "B") and not addon.looks.is_changed(scene)
-    bpy.ops.karf.flip_looks()
-    assert scene.karf.look == "A"
-
-
 @pytest.mark.parametrize("text", ["{", "[" * 100_000])
 def test_a_spoiled_look_says_so_and_changes_nothing(bpy, addon, two, text):
     before = addon.edits.edit_option(two)
