@@ -3,8 +3,7 @@
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
     python3 tools/dev.py matrix [CELL ...]   the tests on other versions of Blender, Python, packages: docs/versions.md
-    python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
-    python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
+    python3 tools/dev.py evaluate [PART ...] every published table and figure: docs/benchmark.md
     python3 tools/dev.py faults [-k NAME]    kills, full disks, damage thrown at the engine: docs/reliability.md
     python3 tools/dev.py fuzz [-k READER]    nearly right files for every reader: docs/reliability.md
     python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/reliability.md
@@ -33,7 +32,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PASSING_ON = ("test", "matrix", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
+PASSING_ON = ("test", "matrix", "build", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
 BARE = ("build", "matrix", "lock")  # verbs that need no environment, or make their own
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
@@ -48,19 +47,18 @@ def main() -> int:
     demo = verbs.add_parser("demo", help="the main job on the demo capture, through real Blender")
     demo.add_argument("--out", default="demo_out", help="where everything is written (default: %(default)s)")
     demo.add_argument("--threads", type=int, help="processor threads of the engine")
-    demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
     for name, text in (
         ("test", "lint and all tests"),
         ("matrix", "the tests on other versions of Blender, Python and packages"),
-        ("bench", "measured ratios and seconds"),
-        ("evaluate", "the paper's tables on the demo capture"),
+        ("evaluate", "every published table and figure"),
         ("faults", "kills, full disks and damage thrown at the engine"),
         ("fuzz", "nearly right files for every reader"),
         ("window", "the extension used by mouse and keys in a real Blender window"),
     ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
-    verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
+    building = verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
+    building.add_argument("rest", nargs=argparse.REMAINDER, help="--draft: even where published tables are stale")
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")
@@ -75,7 +73,6 @@ def main() -> int:
         "demo": run_demo,
         "test": run_tests,
         "matrix": run_matrix,
-        "bench": run_bench,
         "evaluate": run_evaluate,
         "faults": run_faults,
         "fuzz": run_fuzz,
@@ -130,8 +127,7 @@ def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
     code = _run("blender", "-m", "tools.demo.run", "--out", str(out), *threads)
     if code:
         return code
-    quick = ["--quick"] if options.quick else []
-    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads, *quick)
+    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads)
 
 
 def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
@@ -187,12 +183,8 @@ def parse_matrix(rest: list[str]) -> argparse.Namespace:
     return parser.parse_args(rest)
 
 
-def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.benchmark", *rest)
-
-
 def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.experiments.evaluate", *rest)
+    return _run("engine", "-m", "tools.evaluate", *rest)
 
 
 def run_faults(options: argparse.Namespace, rest: list[str]) -> int:
@@ -209,12 +201,12 @@ def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
 
 def run_window(options: argparse.Namespace, rest: list[str]) -> int:
     """Build the extension, then use it in a real window."""
-    return build(options, []) or _run("engine", "-m", "tools.window", *rest)
+    return build(options, ["--draft"]) or _run("engine", "-m", "tools.window", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:
-    """Pack the extension by this Python alone."""
-    return subprocess.run([sys.executable, "-m", "tools.release"], cwd=ROOT).returncode
+    """Pack the extension by this Python alone; `--draft` packs it even where published tables are stale."""
+    return subprocess.run([sys.executable, "-m", "tools.release", *rest], cwd=ROOT).returncode
 
 
 def wheel(options: argparse.Namespace, rest: list[str]) -> int:

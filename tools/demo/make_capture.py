@@ -5,7 +5,7 @@
 
 The second form copies the capture that --out has to DIR, with a few test views at a larger size and their coverage.
 
-Needs the bpy wheel, numpy and imageio. Everything is procedural and seeded: the same arguments give the same files.
+Needs the bpy wheel, numpy and imageio. Everything is seeded: the same arguments give the same files.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from ..procedural import full_size, things
-from ..procedural.cameras import dome_views
-from ..procedural.recipe import STEPS, Extent, Recipe, TrueEdit, make_capture
+from ..scenes import full_size, things
+from ..scenes.cameras import dome_views
+from ..scenes.recipe import STEPS, Extent, Recipe, TrueEdit, make_capture
 
 MAGENTA = (0.62, 0.035, 0.17)
 NAMES = {"pot": 1, "mug": 2, "apple": 3}

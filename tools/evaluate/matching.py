@@ -19,7 +19,7 @@ from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
 from ..metrics.truth import Truth
-from .judged_edits import edit_to_judge
+from .judging import edit_to_judge
 
 
 @dataclass(frozen=True)

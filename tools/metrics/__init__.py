@@ -22,7 +22,7 @@ METRICS = {
     "psnr": Metric("PSNR", ".1f", "of learned views against held-out photos, dB; mean over views"),
     "psnr_worst": Metric("PSNR worst", ".1f", "the same, of the worst view"),
     "psnr_splats": Metric("PSNR splats", ".1f", "the same, of the splats"),
-    "psnr_splats_exposed": Metric("exposed", ".1f", "the same, in the exposure of the neighboring photos"),
+    "psnr_splats_worst": Metric("splats worst", ".1f", "the same, of the splats' worst view"),
     "iou": Metric("IoU", ".1f", _IOU),
     "iou_border": Metric("border left out", ".1f", "IoU without the pixels that touch the true border"),
     "iou_worst": Metric("worst view", ".1f", "IoU of the worst view, mean over objects"),

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tools.evaluate.pages import stale_tables
 from tools.release.manifest import read_manifest
 from tools.release.packing import packed_files, write_zip
 
@@ -23,7 +24,15 @@ NOT_LISTED = ("build", "wheels")  # parts of a manifest
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder (default: dist)")
-    return build(ROOT, parser.parse_args().out)
+    parser.add_argument("--draft", action="store_true", help="build even where published tables are stale")
+    options = parser.parse_args()
+    stale = {} if options.draft else stale_tables()
+    for name, modules in stale.items():
+        print(f"error: the table {name} is stale: {', '.join(modules) or 'never measured'}", file=sys.stderr)
+    if stale:
+        print("Measure them by tools/dev.py evaluate, or build a draft: tools/dev.py build --draft.", file=sys.stderr)
+        return 1
+    return build(ROOT, options.out)
 
 
 def build(root: Path, out: Path) -> int:
