@@ -2,7 +2,7 @@
 
 The window opens on a virtual screen (Xvfb). Blender is an installed one, or one in a chroot (a debootstrap of another
 Debian, say), which needs root and leaves no mounts behind. Written to OUT: transcript.md, record.json, shots/,
-blender.log, and the desk that was worked on. The exit code is 0 where every step holds.
+blender.log, and the desk with the files. The exit code is 0 only if every step holds.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def lay_out(out: Path, is_new: bool) -> None:
 
 
 def found_in_logs(out: Path, log: Path) -> list[str]:
-    """The tracebacks in what Blender and the engine have written."""
+    """Return the tracebacks in the logs of Blender and the engine."""
     return [
         f"{file.relative_to(out)}: {line}"
         for file in [log, *sorted((out / "desk").rglob("engine.log"))]

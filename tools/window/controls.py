@@ -1,5 +1,5 @@
-"""Controls in panels, found by hovering: Blender itself says what the button under the mouse does (Copy Python Command,
-Copy Data Path), so nothing depends on how panels look. Runs inside Blender.
+"""Controls in panels, found by hovering: Blender tells what the button under the mouse does (Copy Python Command, Copy Data
+Path), so nothing depends on the layout of panels. Runs inside Blender.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ STATUS_BAR = 8  # pixels from the window's lower edge
 
 
 def meaning(where: Where) -> str:
-    """What the button under the mouse does: `bpy.ops...` of an operator, `bpy.data...` of a property, else nothing."""
+    """Return the button under the mouse: `bpy.ops...` of an operator, `bpy.data...` of a property, else nothing."""
     manager = bpy.data.window_managers[0]
     with hands.inside(where):
         for copy, options in (
@@ -46,8 +46,10 @@ def meaning(where: Where) -> str:
 
 
 def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[float, None, Place]:
-    """The place of the first button whose meaning matches a regular expression; first: the column to begin with, a share
-    of the region's width. Raises Broken."""
+    """Return the place of the first button whose meaning matches a regular expression, or raise Broken.
+
+    The search begins in the column `first`, a share of the region's width.
+    """
     region, seen = hands.region_of(where), set()
     top = region.y + region.height - ROW
     for share in dict.fromkeys([first, *COLUMNS]):
@@ -69,7 +71,7 @@ def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[flo
 
 
 def _settled(where: Where, pattern: str, place: Place) -> Generator[float, None, Place | None]:
-    """The place itself or one just above: a busy machine may have answered for where the mouse was before."""
+    """Return the place or one just above: a busy machine may have answered for where the mouse was before."""
     for above in (0, ROW, 2 * ROW):
         x, y = place[0], place[1] + above
         yield from hands.move((x, y))
@@ -87,18 +89,18 @@ def press_button(where: Where, pattern: str, first: float = COLUMNS[0]) -> Wait:
 
 # --- swatches --------------------------------------------------------------------------------------------------------
 def find_swatch() -> Generator[float, None, Place]:
-    """The place of the swatch."""
+    """Return the place of the swatch."""
     return (yield from find(BESIDE_PICTURE, SWATCH, 0.2))
 
 
 def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
     """Open the swatch's picker, drag from the middle of its wheel by some pixels, and close it.
 
-    The picker lies above the swatch, both left edges in line, or the right ones where the window ends before; within
-    some pixels of that only Blender knows, so the other is tried where the first changes nothing.
+    The picker opens above the swatch, aligned with its left edge, or with its right one near the window's edge. If
+    the first guess changes nothing, the other is tried.
 
     Returns:
-        How many pictures were seen on the way.
+        The number of different pictures on the way.
     """
     before = desk.swatches()
     field = yield from find_swatch()
@@ -123,7 +125,7 @@ def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
 
 
 def _edge(place: Place, step: Place) -> Generator[float, None, Place]:
-    """The last place along a direction that is still the swatch's."""
+    """Return the last place of the swatch along a direction."""
     for _ in range(EDGE_STEPS):
         following = place[0] + step[0], place[1] + step[1]
         yield from hands.move(following)

@@ -18,7 +18,7 @@ IDLE_SECONDS = 0.005  # that Blender sleeps between two looks for events, where 
 
 
 def tell(job: dict) -> hands.Wait:
-    """The steps that the job names, or all; a step that fails does not end the story."""
+    """Do the steps that the job names, or all; a failing step does not end the story."""
     file = Path(job["out"]) / "record.json"
     told = [*learning.CHAPTER.steps, *recoloring.CHAPTER.steps]
     told = [(step, run) for step, run in told if not job["only"] or step.name in job["only"]]

@@ -114,7 +114,7 @@ def save_and_reload(story: Story) -> Wait:
 
 
 def state() -> dict[str, object]:
-    """What must outlast a session."""
+    """Return everything that must outlast a session."""
     scene = desk.scene()
     return {
         "swatches": desk.swatches(),
@@ -127,7 +127,7 @@ def state() -> dict[str, object]:
 
 
 def compare(before: dict[str, object], event: str) -> None:
-    """Broken where the state is not as before."""
+    """Raise Broken if the state has changed."""
     after = state()
     for what, value in before.items():
         check(after[what] == value, f"{event} changed the {what}: {value} became {after[what]}")
@@ -156,7 +156,7 @@ def recolor_photos(story: Story) -> Wait:
 
 
 def recolored(name: str) -> Path:
-    """A recolored picture's file."""
+    """Return a recolored picture's file."""
     return desk.module("project.folders").out_folder(desk.scene()) / "recolor" / name
 
 
@@ -182,7 +182,7 @@ def render_new_camera(story: Story) -> Wait:
 
 
 def new_camera(scene: bpy.types.Scene) -> bpy.types.Object:
-    """A camera a step beside that of the marked view."""
+    """Return a new camera beside that of the marked view."""
     beside = desk.module("rig.cameras").camera_of(scene, MARKED_VIEW)
     camera = bpy.data.objects.new("new", bpy.data.cameras.new("new"))
     camera.data.angle = beside.data.angle

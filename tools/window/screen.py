@@ -27,7 +27,7 @@ class System:
     folders: tuple[Path, ...]
 
     def command(self, *command: str) -> list[str]:
-        """The command as it is started from here. Mounts are the process's own and end with it."""
+        """Return the command to start it from here. Mounts belong to the process and end with it."""
         if self.chroot is None:
             return list(command)
         mounts = [f"mount -t proc proc {self.chroot}/proc", f"mount --rbind /dev {self.chroot}/dev"]
@@ -40,7 +40,7 @@ class System:
 
 @contextmanager
 def virtual_screen(system: System, folder: Path) -> Iterator[str]:
-    """A screen of our own; yields its display. Xvfb keeps its pixels up to date in a file of the folder."""
+    """Open a virtual screen and yield its display. Xvfb keeps its pixels up to date in a file of the folder."""
     reading, writing = os.pipe()
     width, height = SIZE
     # Xvfb itself chooses a number that is free
@@ -61,7 +61,7 @@ def virtual_screen(system: System, folder: Path) -> Iterator[str]:
 
 
 def pixels_of(dump: bytes) -> np.ndarray:
-    """The pixels [H, W, 3] of a window dump, as Xvfb keeps it of a screen of 24 bits."""
+    """Return the pixels, [H, W, 3], of a window dump by Xvfb with 24 bits."""
     header = struct.unpack(">25I", dump[:100])
     size, width, height, line, n_colors = (header[number] for number in (0, 4, 5, 12, 19))
     rows = np.frombuffer(dump, np.uint8, line * height, size + 12 * n_colors).reshape(height, line // 4, 4)
@@ -69,7 +69,7 @@ def pixels_of(dump: bytes) -> np.ndarray:
 
 
 def run_blender(system: System, display: str, user: Path, arguments: list[str], log: Path) -> str:
-    """Run Blender with arguments to its end; returns what went wrong, or nothing."""
+    """Run Blender to its end; return what went wrong, or nothing."""
     window = ["--gpu-backend", "opengl", "--window-geometry", "0", "0", *map(str, SIZE)]
     variables = {"DISPLAY": display, "HOME": str(user), "BLENDER_USER_RESOURCES": str(user), "TMPDIR": str(user)}
     with log.open("ab") as output:
