@@ -48,7 +48,6 @@ JOBS: dict[str, Job] = {
     "segmentation": Job(6, "segmentation.segmentation_table", needs=("demo",)),
     "outside": Job(1, "edits.outside_table", needs=("demo",)),
     "edits": Job(4, "edits.edits_table", needs=("demo",)),
-    "matches": Job(1, "edits.matches_table", needs=("demo",)),
     "consistency": Job(3, "consistency.consistency_table", needs=("demo",)),
     "ablations": Job(4, "ablations.ablations_table", needs=("demo",)),
     "differences": Job(3, "ablations.differences_table", needs=("demo",)),
