@@ -13,10 +13,9 @@ from karf_engine.kan.gated_block import count_parameters
 from ..metrics.scores import PaletteScore, score_palettes
 from . import printed  # noqa: F401  registers the layer and the head that two rows name
 from .demo import Demo
-from .scores import score_palettes_of
 from .store import Store
 from .table import Figures, Table
-from .views import TestViews
+from .views import TestViews, score_palettes_of
 from .ways import true_masks_of, with_masks
 
 EQUAL = "recoloring.match=parameters"

@@ -94,7 +94,8 @@ class Truth:
 
     def coarse_mask(self, edit: str, object_name: str) -> np.ndarray:
         """The rough mask of an object in the edit's reference view, bool [H, W]."""
-        return self.rough_mask(object_name, self.edits[edit]["reference_view"])
+        view = self.edits[edit]["reference_view"]
+        return iio.imread(self.folder / "coarse_masks" / "one" / object_name / f"{view}.png") > 127
 
     def write_training_masks(self, folder: Path, count: int | None = None) -> Path:
         """The true masks of `count` training views, evenly chosen (default: all), as MASKS/<object>/<photo stem>.png;

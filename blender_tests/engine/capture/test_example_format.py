@@ -13,6 +13,7 @@ from karf_engine.capture import open_capture, register_format
 from karf_engine.errors import BadRequest, DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
+CAMERAS = [centered(camera) for camera in random_rig(3)]
 
 
 @pytest.fixture(autouse=True)
@@ -21,45 +22,34 @@ def registered(monkeypatch):
     register_format(CSV)
 
 
-@pytest.fixture
-def rig():
-    return [centered(camera) for camera in random_rig(3)]
-
-
-def write_csv(folder, cameras, **changes):
-    put_photos(folder / "images", NAMES, (cameras[0].width, cameras[0].height))
+def write_csv(folder, **changes):
+    put_photos(folder / "images", NAMES, CAMERAS)
     with (folder / "cameras.csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["photo", "width", "height", "focal", "camera_to_world"])
-        for name, camera in zip(NAMES, cameras, strict=True):
+        for name, camera in zip(NAMES, CAMERAS, strict=True):
             pose = " ".join(map(repr, camera.camera_to_world.ravel().tolist()))
             row = {"photo": f"images/{name}", "width": camera.width, "height": camera.height, "focal": camera.fx}
             writer.writerow((row | {"pose": pose} | changes).values())
 
 
 @pytest.mark.parametrize("place", [".", "cameras.csv"])
-def test_a_registered_format_is_opened_by_its_folder_or_its_file(tmp_path, rig, place):
-    write_csv(tmp_path, rig)
+def test_a_registered_format_is_opened_by_its_folder_or_its_file(tmp_path, place):
+    write_csv(tmp_path)
     capture = open_capture(tmp_path / place)
     assert (capture.format, capture.warnings) == ("csv", ())
     held_out = open_capture(tmp_path / place, holdout=8).split("test")
     assert [view.name for view in held_out] == [capture.views[0].name, capture.views[8].name]
-    for view, camera, name in zip(capture.views, rig, NAMES, strict=True):
+    assert [view.image for view in open_capture(tmp_path, photos=False).views] == [None] * 9
+    for view, camera, name in zip(capture.views, CAMERAS, NAMES, strict=True):
         assert view.image == (tmp_path / "images" / name).absolute()
         assert (view.camera.width, view.camera.height, view.camera.fx) == (camera.width, camera.height, camera.fx)
         assert_allclose(view.camera.camera_to_world, camera.camera_to_world, rtol=1e-12)
 
 
-def test_bare_cameras_need_no_photos(tmp_path, rig):
-    write_csv(tmp_path, rig)
-    for photo in (tmp_path / "images").iterdir():
-        photo.unlink()
-    assert [view.image for view in open_capture(tmp_path, photos=False).views] == [None] * 9
-
-
-def test_it_is_read_before_the_formats_that_were_known(tmp_path, rig):
-    write_llff(tmp_path, rig, NAMES)
-    write_csv(tmp_path, rig)
+def test_it_is_read_before_the_formats_that_were_known(tmp_path):
+    write_llff(tmp_path, CAMERAS, NAMES)
+    write_csv(tmp_path)
     assert open_capture(tmp_path).warnings == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
 
 
@@ -78,8 +68,8 @@ def test_its_marker_is_named_where_no_format_is_found(tmp_path):
         ({"photo": "images/none.png"}, "none.png does not exist"),
     ],
 )
-def test_what_is_wrong_in_its_file_is_named(tmp_path, rig, changes, words):
-    write_csv(tmp_path, rig, **changes)
+def test_what_is_wrong_in_its_file_is_named(tmp_path, changes, words):
+    write_csv(tmp_path, **changes)
     with pytest.raises(DataError, match=words):
         open_capture(tmp_path)
 

@@ -9,116 +9,140 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-import karf_engine.recolor.render_cache
 from blender_tests.engine.conftest import finish_again
 from karf_engine.cli import main
 from karf_engine.fields.scene import Scene
 from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.io.images import write_png
 from karf_engine.palettes.palette import Edit
-from karf_engine.project import Project
+from karf_engine.recolor import render_cache
 from karf_engine.recolor.model import Model
 
 
 @pytest.fixture
-def copy(learned, tmp_path):
+def unseen(copy):
     """A project of one's own, in which nothing has been looked at."""
-    project = Project(shutil.copytree(learned.project, tmp_path / "project"))
-    shutil.rmtree(project.render_cache_folder, ignore_errors=True)
-    return project
+    shutil.rmtree(copy.render_cache_folder, ignore_errors=True)
+    return copy
+
+
+def noting(monkeypatch, owner, name):
+    """A list that gets an entry whenever this function of a class or module is called."""
+    calls, function = [], getattr(owner, name)
+
+    def note(*arguments):
+        calls.append(arguments)
+        return function(*arguments)
+
+    monkeypatch.setattr(owner, name, note)
+    return calls
 
 
 @pytest.fixture
 def renders(monkeypatch):
-    """The cameras that the field was rendered for."""
-    cameras, render = [], Scene.render
-
-    def note(scene, camera, n_quantiles):
-        cameras.append(camera)
-        return render(scene, camera, n_quantiles)
-
-    monkeypatch.setattr(Scene, "render", note)
-    return cameras
-
-
-def first_test_view(model):
-    return model.capture.split("test")[0]
-
-
-def seen(frame):
-    return [frame.color, frame.depth, frame.opacity, frame.probabilities]
-
-
-def test_another_model_of_the_project_renders_no_field_again_and_sees_the_same_bits(copy, renders):
-    model = Model(copy)
-    camera = model.working_camera(first_test_view(model))
-    first, again = model.render_field(camera), Model(copy).render_field(camera)
-    assert len(renders) == 1
-    assert all(np.array_equal(a, b) for a, b in zip(seen(first), seen(again), strict=True))
-
-
-def test_frames_of_a_second_edit_are_those_of_a_project_that_was_never_looked_at(copy, renders, tmp_path):
-    def frames(name):
-        out = tmp_path / name
-        assert (
-            main(["render", str(copy.folder), "--views", "test", "--depth", "--out", str(out), "--threads", "1"]) == 0
-        )
-        files = [path for path in sorted(out.rglob("*")) if path.is_file() and path.suffix != ".jsonl"]
-        return {path.relative_to(out): path.read_bytes() for path in files}
-
-    first = frames("first")
-    rendered = len(renders)
-    assert frames("second") == first
-    assert len(renders) == rendered
-
-
-def test_a_look_of_another_camera_is_not_taken(copy, renders):
-    model = Model(copy)
-    camera = model.working_camera(first_test_view(model))
-    model.render_field(camera)
-    Model(copy).render_field(replace(camera, cx=camera.cx + 1e-6))
-    assert len(renders) == 2
-
-
-def test_what_was_learned_anew_is_looked_at_anew_and_old_looks_go(copy, renders):
-    model = Model(copy)
-    camera = model.working_camera(first_test_view(model))
-    model.render_field(camera)
-    finish_again(copy.folder, "segmentation")
-    Model(copy).render_field(camera)
-    assert len(renders) == 2
-    assert len(list(copy.render_cache_folder.rglob("*.safetensors"))) == 1
+    """The renderings of the field."""
+    return noting(monkeypatch, Scene, "render")
 
 
 @pytest.fixture
 def refined(monkeypatch):
-    """The edges that mattes were asked for."""
-    edges, mattes_of = [], karf_engine.recolor.render_cache.make_mattes
-
-    def note(wanted, *arrays):
-        edges.append(wanted)
-        return mattes_of(wanted, *arrays)
-
-    monkeypatch.setattr(karf_engine.recolor.render_cache, "make_mattes", note)
-    return edges
+    """The mattes that were made."""
+    return noting(monkeypatch, render_cache, "make_mattes")
 
 
-def recolored(project, view):
-    """The pixels of a photo, all of its first object made green, by a model that is loaded anew."""
+def first_test_view(project):
+    return Model(project).capture.split("test")[0]
+
+
+def rendered(project):
+    """A rendering of a test view by a model that is loaded anew."""
+    model = Model(project)
+    frame = model.render_field(model.working_camera(model.capture.split("test")[0]))
+    return np.concatenate([np.ravel(part) for part in (frame.color, frame.depth, frame.opacity, frame.probabilities)])
+
+
+def recolored(project):
+    """The photo of a test view, all of its first object made green, by a model that is loaded anew."""
     model = Model(project)
     colors = {palette.name: palette.colors.copy() for palette in model.palettes}
     colors[model.objects[0]][1:] = [0.1, 0.9, 0.2]
-    return model.photo_view(view).recolor(Edit(colors)).pixels
+    return model.photo_view(model.capture.split("test")[0]).recolor(Edit(colors)).pixels
 
 
-def test_a_second_edit_of_a_photo_refines_no_edge_again_and_comes_out_in_the_same_bits(copy, refined):
-    view = first_test_view(Model(copy))
-    first, again = recolored(copy, view), recolored(copy, view)
-    assert refined == ["photo"] and np.array_equal(first, again)
+def cached(project, schema):
+    """The cache's files of a schema."""
+    files = project.render_cache_folder.rglob("*.safetensors")
+    return [path for path in files if schema.encode() in path.read_bytes()[:4096]]
 
 
-def test_mattes_of_another_photo_or_another_size_are_not_taken(copy, refined):
-    model = Model(copy)
+def test_a_rendering_is_taken_again_for_the_same_camera_and_scene_alone(unseen, renders):
+    first = rendered(unseen)
+    assert np.array_equal(rendered(unseen), first) and len(renders) == 1
+    model = Model(unseen)
+    camera = model.working_camera(first_test_view(unseen))
+    model.render_field(replace(camera, cx=camera.cx + 1e-6))
+    assert len(renders) == 2
+    finish_again(unseen.folder, "segmentation")
+    rendered(unseen)
+    assert len(renders) == 3 and len(cached(unseen, render_cache.SCHEMA)) == 1  # those of the scene before are gone
+
+
+def test_frames_of_a_second_render_are_those_of_a_project_that_was_never_looked_at(unseen, renders, tmp_path):
+    def frames(name):
+        out = tmp_path / name
+        options = ["--views", "test", "--depth", "--out", str(out), "--threads", "1"]
+        assert main(["render", str(unseen.folder), *options]) == 0
+        files = [path for path in sorted(out.rglob("*")) if path.is_file() and path.suffix != ".jsonl"]
+        return {path.relative_to(out): path.read_bytes() for path in files}
+
+    first = frames("first")
+    count = len(renders)
+    assert frames("second") == first and len(renders) == count
+
+
+def changed(path, schema, is_noted, tensors, **facts):
+    """Change a file of the cache; is_noted: its checksum fits."""
+    known, noted = load_tensors(path, schema)
+    known |= tensors
+    checksum = {"checksum": render_cache._checksum(known)} if is_noted else {}
+    save_tensors(path, known, schema, noted | checksum | facts)
+
+
+def changed_mattes(path, tensors=(), **facts):
+    changed(path, render_cache.MATTES, True, dict(tensors), **facts)
+
+
+FAR = {"0.mixed": torch.tensor([10**9]), "0.mixed_colors": torch.zeros(1, 3, dtype=torch.uint8)}
+DAMAGE = {
+    "empty": lambda path: path.write_bytes(b""),
+    "no tensors": lambda path: path.write_bytes(b"no tensors at all"),
+    "altered": lambda path: changed(path, render_cache.SCHEMA, False, {"color": torch.full((32, 32, 3), 0.5)}),
+}
+DAMAGE_OF_MATTES = {
+    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-1]),
+    "of another box": lambda path: changed_mattes(path, {"0.coverage": torch.zeros(1, 1)}),
+    "mixed outside": lambda path: changed_mattes(path, FAR),
+    "of other objects": lambda path: changed_mattes(path, places=[]),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
+def test_a_damaged_rendering_is_made_again(unseen, renders, damage):
+    first = rendered(unseen)
+    damage(*cached(unseen, render_cache.SCHEMA))
+    assert np.array_equal(rendered(unseen), first) and len(renders) == 2
+
+
+@pytest.mark.parametrize("damage", DAMAGE_OF_MATTES.values(), ids=DAMAGE_OF_MATTES)
+def test_mattes_are_taken_again_for_another_edit_and_made_again_where_damaged(unseen, refined, damage):
+    first = recolored(unseen)
+    assert np.array_equal(recolored(unseen), first) and [edges for edges, *_ in refined] == ["photo"]
+    damage(*cached(unseen, "karf-mattes"))
+    assert np.array_equal(recolored(unseen), first) and len(refined) == 2
+
+
+def test_mattes_of_another_photo_or_another_size_are_not_taken(unseen, refined):
+    model = Model(unseen)
     view, other = model.capture.split("train")[:2]
     model.photo_view(view)
     model.photo_view(view, 24)
@@ -126,85 +150,44 @@ def test_mattes_of_another_photo_or_another_size_are_not_taken(copy, refined):
     assert len(refined) == 3
 
 
-def test_mattes_of_a_photo_that_is_marked_otherwise_by_now_are_not_taken(copy, refined):
-    model = Model(copy)
-    view = first_test_view(model)
-    model.photo_view(view)
-    mask = copy.masks_folder / model.objects[0] / f"{view.name}.png"
-    for inside in (1, 2, 2):
-        drawn = np.zeros((view.camera.height, view.camera.width), np.uint8)
-        drawn[:inside] = 255
-        write_png(mask, drawn)
-        Model(copy).photo_view(view)
+def test_mattes_of_a_photo_that_is_marked_otherwise_by_now_are_not_taken(unseen, refined):
+    view = first_test_view(unseen)
+    mask = unseen.masks_folder / "ball" / f"{view.name}.png"
+    for inside in (0, 1, 2, 2):
+        if inside:
+            drawn = np.zeros((view.camera.height, view.camera.width), np.uint8)
+            drawn[:inside] = 255
+            write_png(mask, drawn)
+        Model(unseen).photo_view(view)
     assert len(refined) == 3
 
 
-@pytest.mark.parametrize("damage", ["cut off", "of another box", "of other objects"])
-def test_damaged_mattes_are_refined_again(copy, refined, damage):
-    view = first_test_view(Model(copy))
-    first = recolored(copy, view)
-    (path,) = (path for path in copy.render_cache_folder.glob("*/*") if b"karf-mattes" in path.read_bytes()[:4096])
-    tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.MATTES)
-    if damage == "cut off":
-        path.write_bytes(path.read_bytes()[:-1])
-    elif damage == "of another box":
-        save_tensors(path, tensors | {"0.coverage": torch.zeros(1, 1)}, karf_engine.recolor.render_cache.MATTES, facts)
-    else:
-        save_tensors(path, tensors, karf_engine.recolor.render_cache.MATTES, {"places": facts["places"][:-1]})
-    assert np.array_equal(recolored(copy, view), first) and len(refined) == 2
-
-
-@pytest.mark.parametrize("damage", [b"", b"no tensors at all"])
-def test_a_damaged_look_is_rendered_again(copy, renders, damage):
-    model = Model(copy)
-    camera = model.working_camera(first_test_view(model))
-    first = model.render_field(camera)
-    (path,) = copy.render_cache_folder.rglob("*.safetensors")
-    path.write_bytes(damage)
-    assert np.array_equal(Model(copy).render_field(camera).color, first.color)
-    assert len(renders) == 2
-
-
-def test_a_look_whose_numbers_were_altered_is_rendered_again(copy, renders):
-    model = Model(copy)
-    camera = model.working_camera(first_test_view(model))
-    first = model.render_field(camera)
-    (path,) = copy.render_cache_folder.rglob("*.safetensors")
-    tensors, facts = load_tensors(path, karf_engine.recolor.render_cache.SCHEMA)
-    tensors["color"][:10, :10] = 0.5
-    save_tensors(path, tensors, karf_engine.recolor.render_cache.SCHEMA, facts)
-    assert np.array_equal(Model(copy).render_field(camera).color, first.color)
-    assert len(renders) == 2
-
-
-def test_of_earlier_looks_only_what_was_written_here_is_removed(copy, tmp_path):
-    earlier, elsewhere = copy.render_cache_folder / ("0" * 16), tmp_path / "models"
-    for folder in (earlier, elsewhere, copy.render_cache_folder / "mine"):
+def test_of_earlier_renderings_only_what_was_written_here_is_removed(unseen, tmp_path):
+    earlier, elsewhere = unseen.render_cache_folder / ("0" * 16), tmp_path / "models"
+    for folder in (earlier, elsewhere, unseen.render_cache_folder / "mine"):
         folder.mkdir(parents=True)
         for name in ("1" * 16, "lora"):
             (folder / f"{name}.safetensors").write_bytes(b"")
-    (copy.render_cache_folder / ("2" * 16)).symlink_to(elsewhere)
-    model = Model(copy)
-    model.render_field(model.working_camera(first_test_view(model)))
+    (unseen.render_cache_folder / ("2" * 16)).symlink_to(elsewhere)
+    rendered(unseen)
     assert [path.name for path in earlier.iterdir()] == ["lora.safetensors"]
-    assert len(list(elsewhere.iterdir())) == 2 and len(list((copy.render_cache_folder / "mine").iterdir())) == 2
+    assert len(list(elsewhere.iterdir())) == 2 and len(list((unseen.render_cache_folder / "mine").iterdir())) == 2
 
 
-def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(copy, monkeypatch):
+def test_a_project_that_cannot_be_written_to_is_rendered_all_the_same(unseen, monkeypatch):
     def refuse(*_, **__):
         raise PermissionError("read only")
 
-    monkeypatch.setattr(karf_engine.recolor.render_cache, "save_tensors", refuse)
-    model = Model(copy)
-    assert model.render_field(model.working_camera(first_test_view(model))).color.any()
+    monkeypatch.setattr(render_cache, "save_tensors", refuse)
+    assert rendered(unseen).any()
 
 
-def test_no_more_is_kept_than_may_be(copy, monkeypatch):
-    model = Model(copy)
+def test_no_more_is_kept_than_may_be(unseen, monkeypatch):
+    model = Model(unseen)
     views = model.capture.split("train")[:3]
     model.render_field(model.working_camera(views[0]))
-    (one,) = copy.render_cache_folder.rglob("*.safetensors")
-    monkeypatch.setattr(karf_engine.recolor.render_cache, "MOST_BYTES", int(2.5 * one.stat().st_size))
+    (one,) = cached(unseen, render_cache.SCHEMA)
+    monkeypatch.setattr(render_cache, "MOST_BYTES", int(2.5 * one.stat().st_size))
     for view in views:
         model.render_field(model.working_camera(view))
-    assert len(list(copy.render_cache_folder.rglob("*.safetensors"))) == 2
+    assert len(cached(unseen, render_cache.SCHEMA)) == 2

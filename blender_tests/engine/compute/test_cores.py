@@ -9,21 +9,15 @@ torch = pytest.importorskip("torch")
 from karf_engine.compute import cores
 
 
-@pytest.fixture(autouse=True)
-def one_core_afterwards():
+@pytest.fixture
+def two_cores():
+    cores.set_core_count(2)
     yield
     cores.set_core_count(1)
 
 
-def test_torch_has_all_cores_until_they_are_taken_from_it():
-    cores.set_core_count(2)
-    assert (cores.core_count(), torch.get_num_threads()) == (2, 2)
-    cores.limit_torch_threads()
-    assert (cores.core_count(), torch.get_num_threads()) == (2, 1)
-
-
 @pytest.mark.parametrize("taken", [False, True])
-def test_every_number_is_visited_once_and_by_other_threads_only_where_torch_has_let_go(taken):
+def test_every_number_is_visited_once_and_by_other_threads_only_where_torch_has_let_go(two_cores, taken):
     visits, threads = [0] * 37, set()
 
     def visit(first, last):
@@ -31,41 +25,23 @@ def test_every_number_is_visited_once_and_by_other_threads_only_where_torch_has_
         for number in range(first, last):
             visits[number] += 1
 
-    cores.set_core_count(2)
     if taken:
         cores.limit_torch_threads()
+    assert (cores.core_count(), torch.get_num_threads()) == (2, 1 if taken else 2)
     cores.parallel_for(visit, len(visits))
     assert visits == [1] * 37
     assert (threads != {threading.current_thread()}) == taken
 
 
-def test_a_part_that_shares_out_itself_does_not_wait_for_ever():
-    found = []
+def test_parts_share_out_themselves_compute_as_a_stage_does_and_raise_what_they_raise(two_cores):
+    found, states = [], set()
 
     def part(first, last):
         cores.parallel_for(lambda a, b: found.extend(range(a, b)), last - first)
+        states.add((torch.get_num_threads(), torch.is_grad_enabled(), float(torch.tensor([1e-40]) * 1.0)))
 
-    cores.set_core_count(2)
     cores.limit_torch_threads()
     cores.parallel_for(part, 16)
-    assert len(found) == 16
-
-
-def test_the_threads_compute_as_a_stage_does():
-    states = []
-
-    def look(first, last):
-        tiny = torch.tensor([1e-40]) * 1.0
-        states.append((torch.get_num_threads(), torch.is_grad_enabled(), float(tiny)))
-
-    cores.set_core_count(2)
-    cores.limit_torch_threads()
-    cores.parallel_for(look, 8)
-    assert set(states) == {(1, False, 0.0)}
-
-
-def test_an_error_of_a_part_is_raised():
-    cores.set_core_count(2)
-    cores.limit_torch_threads()
+    assert len(found) == 16 and states == {(1, False, 0.0)}
     with pytest.raises(ZeroDivisionError):
         cores.parallel_for(lambda first, last: 1 // 0, 8)

@@ -25,13 +25,17 @@ def double(x):
 
 print(double(21), double._cache_hits.total())
 """
+
+
+def flipped(data, at):
+    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
 DAMAGE = {
     "emptied": lambda data: b"",
     "cut in half": lambda data: data[: len(data) // 2],
-    "one bit flipped": lambda data: (
-        data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1 :]
-    ),
-    "one bit of its digest flipped": lambda data: bytes([data[0] ^ 1]) + data[1:],
+    "one bit flipped": lambda data: flipped(data, len(data) // 2),
+    "one bit of its digest flipped": lambda data: flipped(data, 0),
 }
 
 

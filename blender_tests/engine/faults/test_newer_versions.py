@@ -7,8 +7,8 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.faults.bench import digest
-from blender_tests.engine.faults.checksums import renew_checksum
 from blender_tests.engine.faults.engine import run
+from blender_tests.engine.readers.samples import renew_checksum
 
 
 def next_version(content):

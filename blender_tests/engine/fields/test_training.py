@@ -40,19 +40,19 @@ class Recorder:
         train(training_state, iterations, step or self.step, schedule, self.progress)
 
 
-def test_the_cosine_warms_up_and_falls_to_its_floor_by_hand():
-    factor = cosine_with_warmup(4, 0.1)
-    assert factor(0, 100) == pytest.approx(0.25)
-    assert factor(1, 100) == pytest.approx(0.5 * (0.1 + 0.9 * 0.5 * (1 + math.cos(math.pi / 100))))
-    assert factor(50, 100) == pytest.approx(0.55)
-    assert factor(100, 100) == pytest.approx(0.1)
+WARM, COSINE = cosine_with_warmup(4, 0.1), 0.5 * (1 + math.cos(math.pi / 100))
+HELD = exponential_with_warmup(10, 0.5, 0.01)
 
 
-def test_the_exponential_holds_and_then_decays_to_its_floor_by_hand():
-    factor = exponential_with_warmup(10, 0.5, 0.01)
-    assert [factor(i, 100) for i in (0, 4, 9, 50)] == pytest.approx([0.1, 0.5, 1, 1])
-    assert factor(75, 100) == pytest.approx(0.1)
-    assert factor(100, 100) == pytest.approx(0.01)
+@pytest.mark.parametrize(
+    ("factor", "iteration", "expected"),
+    [
+        *((WARM, i, expected) for i, expected in ((0, 0.25), (1, 0.5 * (0.1 + 0.9 * COSINE)), (50, 0.55), (100, 0.1))),
+        *((HELD, i, expected) for i, expected in ((0, 0.1), (4, 0.5), (9, 1), (50, 1), (75, 0.1), (100, 0.01))),
+    ],
+)
+def test_schedules_warm_up_and_fall_to_their_floor_by_hand(factor, iteration, expected):
+    assert factor(iteration, 100) == pytest.approx(expected)
 
 
 def test_steps_run_in_order_at_the_scheduled_rates_which_are_given_back_afterwards():
@@ -86,7 +86,7 @@ def test_cancelling_stops_at_once():
 
 
 def test_an_iteration_that_runs_out_of_memory_is_done_again_with_the_whole_batch_in_parts():
-    record, seen = Recorder(total=6), []
+    record, whole, seen = Recorder(total=6), Recorder(), []
 
     def step(iteration, scale):
         result = record.step(iteration, scale)
@@ -98,9 +98,7 @@ def test_an_iteration_that_runs_out_of_memory_is_done_again_with_the_whole_batch
     record.train(6, step)
     assert record.calls[:2] == [(0, 1.0), (0, 0.5)]
     assert seen == [(iteration, 0.25) for iteration in range(6) for _ in range(4)]
-    # as many steps of the same gradient as with memory enough, each counted
-    whole = Recorder()
-    whole.train(6)
+    whole.train(6)  # as many steps of the same gradient as with memory enough, each counted
     assert record.value.item() == pytest.approx(whole.value.item())
     assert record.events[-1]["step"] == 6
 
@@ -129,22 +127,21 @@ def test_progress_counts_reports_the_last_step_and_estimates_the_rest():
     assert record.events[-1]["step"] == 10 and record.events[-1]["metrics"] == {"loss": 0.1235}
 
 
-def learn_by(optimizer_of):
-    torch.manual_seed(0)
-    network = torch.nn.Linear(5, 3)
-    groups = [{"params": [network.weight], "lr": 0.1}, {"params": [network.bias]}]
-    optimizer, again = (optimizer_of(groups, lr=0.01, betas=(0.9, 0.99)) for _ in range(2))
-    for _ in range(4):
-        optimizer.zero_grad()
-        (network(torch.ones(2, 5)) ** 2).sum().backward()
-        optimizer.step()
-        again.load_state_dict(optimizer.state_dict())  # as a training that is resumed
-        optimizer, again = again, optimizer
-    return network
-
-
 def test_adam_learns_the_bits_that_torch_does():
-    ours, theirs = learn_by(Adam), learn_by(torch.optim.Adam)
+    learned = []
+    for kind in (Adam, torch.optim.Adam):
+        torch.manual_seed(0)
+        network = torch.nn.Linear(5, 3)
+        groups = [{"params": [network.weight], "lr": 0.1}, {"params": [network.bias]}]
+        optimizer, again = (kind(groups, lr=0.01, betas=(0.9, 0.99)) for _ in range(2))
+        for _ in range(4):
+            optimizer.zero_grad()
+            (network(torch.ones(2, 5)) ** 2).sum().backward()
+            optimizer.step()
+            again.load_state_dict(optimizer.state_dict())  # as a training that is resumed
+            optimizer, again = again, optimizer
+        learned.append(network)
+    ours, theirs = learned
     assert torch.equal(ours.weight, theirs.weight) and torch.equal(ours.bias, theirs.bias)
 
 

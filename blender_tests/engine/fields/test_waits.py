@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from blender_tests.engine.fields.fitting import learn_head
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.compute.progress import Progress
@@ -17,14 +18,10 @@ from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
-from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.heads.fields import RecoloringField, SegmentationField
-from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
 from karf_engine.project.settings import NerfSettings, RecoloringSettings, SegmentationSettings
 
-CORNERS = [[-1.0] * 3, [1.0] * 3]
-ITERATIONS, RAYS = 4, 64
+ITERATIONS = 4
 aten = torch.ops.aten
 WAITING = {  # operations whose result, or its shape, must be read before the next one can be queued
     aten._local_scalar_dense.default,
@@ -41,11 +38,7 @@ INDEXING = {aten.index.Tensor, aten.index_put.default, aten.index_put_.default}
 
 
 class Waits(TorchDispatchMode):
-    """Notes every operation within it, forward and backward, that an accelerator would be waited for.
-
-    Attributes:
-        found: Their names.
-    """
+    """Notes the names of operations within it, forward and backward, that an accelerator would be waited for."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -62,19 +55,13 @@ def _by_mask(indices) -> bool:
 
 
 def _comes_back(args, kwargs) -> bool:
-    """Whether a tensor is copied from an accelerator to the processor."""
-    to = kwargs.get("device")
-    return (
-        to is not None
-        and torch.device(to).type == "cpu"
-        and isinstance(args[0], torch.Tensor)
-        and args[0].device.type != "cpu"
-    )
+    to, given = kwargs.get("device"), args[0] if args else None
+    is_away = isinstance(given, torch.Tensor) and given.device.type != "cpu"
+    return to is not None and torch.device(to).type == "cpu" and is_away
 
 
 @pytest.fixture
 def waits(monkeypatch):
-    """What is waited for in the forward and backward passes of each iteration."""
     found, gradients = [], training._gradients
 
     def counted(*arguments):
@@ -114,18 +101,8 @@ def tools(request):
 
 @pytest.fixture
 def field(tools):
-    device = tools[0].device
-    occupied = torch.ones(4, 4, 4, dtype=torch.bool, device=device)
-    return VoxelField(torch.tensor(CORNERS[0], device=device), 0.5, occupied, 4).requires_grad_(False)
-
-
-@pytest.fixture
-def cache(tools):
-    device = tools[0].device
-    positions = torch.rand(RAYS, 3, 3, device=device) - 0.5
-    viewdirs = torch.nn.functional.normalize(positions[:, 0], dim=1)
-    distances, index = torch.rand(RAYS, 3, device=device).sort(1).values, torch.arange(RAYS, device=device)
-    return SurfaceCache(positions, distances, viewdirs, torch.ones(RAYS, device=device), index)
+    occupied = torch.ones(4, 4, 4, dtype=torch.bool, device=tools[0].device)
+    return VoxelField(-torch.ones(3, device=tools[0].device), 0.5, occupied, 4).requires_grad_(False)
 
 
 def test_the_count_sees_what_waits():
@@ -138,38 +115,10 @@ def test_the_count_sees_what_waits():
     assert len(waits.found) == 3
 
 
-@pytest.mark.parametrize("learn_from", ["points", "rays"])
-def test_learning_the_objects_waits_for_nothing(waits, tools, field, cache, learn_from):
-    device = tools[0].device
-    settings = SegmentationSettings(iterations=ITERATIONS, batch=32, width=8)
-    karf = SegmentationField(torch.tensor([CORNERS], device=device), 4, settings).to(device)
-    if learn_from == "points":
-        classes = torch.arange(RAYS, device=device) % 2
-        every, certain = torch.ones(RAYS, dtype=torch.bool, device=device), torch.ones(RAYS, device=device)
-        fit_on_points(karf, field, cache.positions[:, 0], classes, certain, every, every, settings, *tools)
-    else:
-        targets = torch.eye(2, device=device)[torch.arange(RAYS, device=device) % 2]
-        fit_on_rays(karf, field, cache, targets, settings, *tools)
-    assert waits == [[]] * ITERATIONS
-
-
-def test_learning_the_weights_waits_for_nothing(waits, tools, field, cache):
-    device = tools[0].device
-    settings = RecoloringSettings(iterations=ITERATIONS, batch=32, width=8)
-    karf = RecoloringField(torch.tensor(CORNERS, device=device), 4, [3, 3], settings).to(device)
-    number = torch.arange(RAYS, device=device)
-    colors, weights = torch.rand(RAYS, 3, device=device), torch.rand(RAYS, 3, device=device)
-    rays = ObjectRays(
-        cache.positions,
-        cache.viewdirs,
-        colors,
-        number,
-        number % 2,
-        weights,
-        number % 3 > 0,
-        torch.ones(RAYS, device=device),
-    )
-    fit_recoloring(karf, field, rays, torch.rand(2, 3, 3, device=device), settings, *tools)
+@pytest.mark.parametrize("kind", ["points", "rays", "recoloring"])
+def test_learning_a_head_waits_for_nothing(waits, tools, field, kind):
+    settings = RecoloringSettings if kind == "recoloring" else SegmentationSettings
+    learn_head(kind, field, settings(iterations=ITERATIONS, batch=32, width=8), *tools)
     assert waits == [[]] * ITERATIONS
 
 

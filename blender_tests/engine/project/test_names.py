@@ -1,4 +1,4 @@
-"""Names that become files: the same on Windows, macOS and Linux, and no two that one of them takes for one."""
+"""Names that become files: the same on Windows, macOS and Linux, and none that leads out of its folder."""
 
 from pathlib import Path
 
@@ -6,44 +6,51 @@ import pytest
 
 from karf_engine.capture.reader_utils import unique_names
 from karf_engine.errors import DataError
-from karf_engine.io.names import check_names, file_name, find_normalized, first_case_collision, is_file_name
+from karf_engine.io.names import LONGEST, check_names, file_name, find_normalized, first_case_collision, is_file_name
 
-RESERVED = ["CON", "nul", "aux.png", "Com1", "lpt9.tar.gz", "COM¹", "conin$", "CONOUT$", "prn .txt"]
+COMPOSED, DECOMPOSED = "caf\u00e9", "cafe\u0301"
+LEADS_ELSEWHERE = ["../x", "..", ".", "", "a/b", "a\\b", "/etc/x", "C:x", "a:b", "a\0b", "a\nb", "tab\there", "\udcff"]
+OF_DEVICES = ["con", "CON", "nul", "NUL.png", "aux.png", "Com1", "lpt9.tar.gz", "COM¹", "conin$", "CONOUT$", "prn .txt"]
+DROPPED_BY_WINDOWS = ["pot.", "pot ", "pot. .", ".. ", "x" * 250, "x" * 300]
+USUAL = [
+    *("r_0", "IMG 0001 (2)", "mein Fóto 🏺", "a.b.c", ".hidden", "#1 + 2 = 3", "Töpfe 1", "壺"),
+    *("console", "com10", "auxiliary.png", "null", "lpt"),
+]
 
 
-@pytest.mark.parametrize("name", RESERVED)
-def test_what_windows_keeps_for_devices_is_no_name(name):
+@pytest.mark.parametrize("name", [*LEADS_ELSEWHERE, *OF_DEVICES, *DROPPED_BY_WINDOWS])
+def test_what_is_no_file_name_everywhere_is_made_one(name):
+    made = file_name(name)
     assert not is_file_name(name)
-    assert is_file_name(file_name(name))
+    assert is_file_name(made) and file_name(made) == made and is_file_name(f"train_{made}_1000000")
 
 
-@pytest.mark.parametrize("name", ["console", "com10", "auxiliary.png", "null", "lpt", "Töpfe 1", "壺"])
-def test_names_that_only_look_like_these_stay(name):
+@pytest.mark.parametrize("name", USUAL)
+def test_usual_names_stay(name):
     assert is_file_name(name) and file_name(name) == name
 
 
-@pytest.mark.parametrize("name", ["pot.", "pot ", "pot. .", "a:b", "a\\b", "tab\there", "", "x" * 250])
-def test_what_windows_drops_or_refuses_is_changed(name):
-    assert not is_file_name(name)
-    assert is_file_name(file_name(name))
-
-
-def test_letters_with_accents_are_the_same_however_a_system_writes_them():
-    composed, decomposed = "caf\u00e9", "cafe\u0301"
-    assert file_name(decomposed) == file_name(composed) == composed
+def test_a_name_is_a_text_with_room_for_endings():
+    assert not any(is_file_name(value) for value in (None, 5, []))
+    assert is_file_name("n" * LONGEST) and not is_file_name("n" * (LONGEST + 1))
+    assert LONGEST + len("-01234567.safetensors.tmp") < 255
 
 
 def test_names_in_two_unicode_forms_are_one():
-    composed, decomposed = "caf\u00e9", "CAFE\u0301"
-    assert first_case_collision([composed, decomposed]) == (composed, decomposed)
-    assert find_normalized(decomposed.lower(), ["pot", composed]) == composed
+    assert file_name(DECOMPOSED) == file_name(COMPOSED) == COMPOSED
+    assert first_case_collision([COMPOSED, DECOMPOSED.upper()]) == (COMPOSED, DECOMPOSED.upper())
+    assert find_normalized(DECOMPOSED, ["pot", COMPOSED]) == COMPOSED
     with pytest.raises(DataError, match="twice by one name"):
-        check_names([composed, decomposed.lower()], Path("palette.json"), "an object")
-    names = unique_names([("train", composed), ("train", decomposed)])
-    assert first_case_collision(names) is None
+        check_names([COMPOSED, DECOMPOSED], Path("palette.json"), "an object")
+    assert first_case_collision(unique_names([("train", COMPOSED), ("train", DECOMPOSED)])) is None
 
 
 def test_photos_whose_names_differ_by_case_alone_become_views_that_any_disk_keeps_apart():
     names = unique_names([("train", "IMG_1"), ("train", "img_1"), ("test", "Img_1"), ("train", "IMG_2")])
     assert len({name.casefold() for name in names}) == 4
     assert names[-1] == "IMG_2"
+
+
+def test_many_photos_of_one_name_are_numbered_without_delay():
+    names = unique_names([("train", "0001")] * 20_000)
+    assert len(set(names)) == 20_000 and names[:3] == ["train_0001", "train_0001_2", "train_0001_3"]

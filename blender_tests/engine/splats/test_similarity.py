@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("numba")
 
-from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, camera_ahead, cloud
+from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, camera_ahead, cloud
 from karf_engine.errors import BadRequest
+from karf_engine.splats.formats.splat_file import upright
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.rasterizer import rasterize
 from karf_engine.splats.similarity import transform_gaussians
@@ -48,14 +49,20 @@ def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
     assert_allclose(there.depths[seen], scale * here.depths[seen], rtol=1e-4)
 
 
-def test_staying_keeps_every_bit():
+def test_staying_keeps_every_bit_and_a_shift_those_of_all_but_the_centers():
     gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
     assert transform_gaussians(gaussians, np.eye(4)) is gaussians
-
-
-def test_a_shift_keeps_the_bits_of_all_but_the_centers():
-    gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
     assert_array_equal(transform_gaussians(gaussians, MOVES["shifted"]).table[:, 3:], gaussians.table[:, 3:])
+
+
+def test_half_a_turn_is_exact():
+    table = cloud(40)
+    there = upright(table)
+    assert_array_equal(there[:, :3], table[:, :3] * [1, -1, -1])
+    assert_array_equal(np.abs(there[:, 11:]), np.abs(table[:, 11:]))
+    back = upright(there)
+    back[:, GROUPS["rotation"]] *= -1  # the same rotation
+    assert_array_equal(back, table)
 
 
 @pytest.mark.parametrize(

@@ -96,26 +96,25 @@ def test_where_the_target_surrounds_them_cameras_look_around_from_its_middle():
     assert np.linalg.norm(sum(camera.camera_to_world[:3, 2] for camera in cameras)) < 2, "they do not look all round"
 
 
-def test_up_may_be_given():
-    target = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
-    assert_allclose(target.up, (0, -1, 0))
-
-
-def test_colmap_decides_where_no_floor_does():
+def test_up_may_be_given_and_is_colmaps_where_no_floor_decides():
+    given = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
+    assert_allclose(given.up, (0, -1, 0))
     table = heap(3000)
     table[:, ROTATION:LOGIT] = np.random.default_rng(6).normal(size=(3000, 4))
     table[:, LOG_SCALE] -= 2
     assert_allclose(estimate_target(scene(table)).up, (0, -1, 0))
 
 
-def test_a_file_of_haze_is_refused():
-    with pytest.raises(DataError, match="almost all are transparent"):
-        estimate_target(scene(balls(np.random.default_rng(7).normal(size=(50, 3)), 0.1, 0.05)))
-
-
-def test_a_file_whose_gaussians_all_lie_in_one_place_is_refused():
-    with pytest.raises(DataError, match="almost all lie in one place"):
-        estimate_target(scene(balls(np.full((200, 3), 1.0), 0.1)))
+@pytest.mark.parametrize(
+    ("centers", "opacity", "words"),
+    [
+        (np.random.default_rng(7).normal(size=(50, 3)), 0.05, "almost all are transparent"),
+        (np.full((200, 3), 1.0), 0.9, "almost all lie in one place"),
+    ],
+)
+def test_a_file_of_haze_or_of_one_place_is_refused(centers, opacity, words):
+    with pytest.raises(DataError, match=words):
+        estimate_target(scene(balls(centers, 0.1, opacity)))
 
 
 def test_choosing_can_be_cancelled():

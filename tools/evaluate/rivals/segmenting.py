@@ -8,16 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
-from karf_engine.compute.neighbors import build_kd_tree
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.segmentation.coarse_masks import find_masks
-from karf_engine.segmentation.surface_points import SurfacePoints, surface_points
 from karf_engine.segmentation.views import CachedViews, cache_views, load_masked_views
 
 from ..views import TestViews, learn_again, terminal_progress, with_model
-from .ludvig import diffused, uplifted
 from .sa3d import MaskGrid, RayView, self_prompted
 
 Masks = list[np.ndarray]
@@ -51,17 +47,6 @@ class Segmenting:
         grids = [self._grid(number) for number in range(1, self.n_objects + 1)]
         rendered = [[view.picture(grid.render(view.cache)) for grid in grids] for view in self._test_rays()]
         return [_highest(np.stack(masks)) for masks in rendered]
-
-    def ludvig(self) -> Masks:
-        """LUDVIG's diffusion on the surface points; a pixel takes the points nearest to its samples."""
-        model, points = self.test.model, surface_points(self.cached, self.test.model.scene.field.voxel)
-        prior = model.scene.field.features(torch.from_numpy(points.positions).float()).numpy()
-        features = np.concatenate([_standardized(prior), _standardized(points.lab)], 1)
-        owned = [
-            diffused(points.positions, features, self._seeds(number, points)) for number in range(1, self.n_objects + 1)
-        ]
-        tree = build_kd_tree(points.positions, balanced_tree=False, compact_nodes=False)
-        return [_of_points(view, tree, np.stack(owned, 1)) for view in self._test_rays()]
 
     def plain(self, folder: Path, threads: int | None) -> Masks:
         """F_s by the paper's Eq. 12, cross-entropy on the masks as they are; learned in a scratch project."""
@@ -99,31 +84,7 @@ class Segmenting:
     def _test_rays(self) -> list[RayView]:
         return [RayView(frame.base, frame.picture.cache) for frame in self.test.frames]
 
-    def _seeds(self, number: int, points: SurfacePoints) -> np.ndarray:
-        """An object's masks uplifted onto points, [p]; NaN where no ray of a view that marks it ends."""
-        views, cache = self.cached.views, self.cached.cache
-        inside, is_marked = np.zeros((2, views.n_pixels))
-        for masks, start, end in zip(views.masks, views.offsets[:-1], views.offsets[1:], strict=True):
-            if number in masks:
-                inside[start:end], is_marked[start:end] = masks[number].ravel(), 1
-        rays = cache.index.numpy()
-        weights = is_marked[rays] * cache.opacity.numpy()
-        return uplifted(inside[rays], weights, points.point_of_sample, len(points))
-
 
 def _highest(rendered: np.ndarray) -> np.ndarray:
     """Of rendered masks [K, H, W] the highest in each pixel as probability 1, where it is above 0."""
     return ((rendered == rendered.max(0)) & (rendered > 0)).astype(np.float32)
-
-
-def _of_points(view: RayView, tree: cKDTree, owned: np.ndarray) -> np.ndarray:
-    """Probabilities [K, H, W] of the rays whose samples lie nearest to points of the objects, bool [p, K]."""
-    _, nearest = tree.query(view.cache.positions.numpy())
-    shares = owned[nearest].mean(1) * view.cache.opacity.numpy()[:, None]
-    return np.stack([view.picture(torch.from_numpy(share)) for share in shares.T])
-
-
-def _standardized(features: np.ndarray) -> np.ndarray:
-    """Of zero mean and unit deviation, divided by the root of their number: kinds of features count alike."""
-    deviation = np.maximum(features.std(0), 1e-9)
-    return (features - features.mean(0)) / deviation / np.sqrt(features.shape[1])

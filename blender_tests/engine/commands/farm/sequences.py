@@ -1,6 +1,5 @@
 """A sequence of new cameras round the still life, with an edit."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import karf_engine as karf
@@ -9,27 +8,37 @@ from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.palettes.palette import Edit, write_edit
 
+BLUE = (0.1, 0.2, 0.8)
 
-@dataclass(frozen=True)
+
 class Sequence:
     """A learned project, a file of cameras, and an edit."""
 
-    project: Path
-    cameras: Path
-    edit: Path
+    def __init__(self, project: Path, folder: Path, count: int, size: int = 12):
+        self.project, self.cameras, self.edit = project, folder / "cameras.json", folder / "edit.json"
+        self.angles, self.size = [0.05 * number for number in range(count)], size
+        self.paint(BLUE)
+        self.move()
+
+    def paint(self, color, path=None):
+        """Write an edit in which the ball's first swatch has this color."""
+        palettes = karf.load(self.project, device="cpu").palettes
+        colors = {palette.name: palette.colors.copy() for palette in palettes}
+        colors["ball"][1] = color
+        write_edit(path or self.edit, Edit(colors))
+
+    def move(self, number=0, angle=0.0):
+        """Write the cameras, one of them at another angle."""
+        self.angles[number] = angle
+        names = [f"frame_{place:04d}" for place in range(1, len(self.angles) + 1)]
+        cameras = [camera_at(angle, 0.5, size=self.size) for angle in self.angles]
+        views = [View(name, name, camera, None, "train") for name, camera in zip(names, cameras, strict=True)]
+        write_cameras(self.cameras, views)
 
     def render(self, out, **options):
         chosen = {"views": str(self.cameras), "edit": self.edit} | options
         karf.render(self.project, out, threads=1, device="cpu", **chosen)
 
 
-def write_sequence(project, folder, count, size=12):
-    names = [f"frame_{number:04d}" for number in range(1, count + 1)]
-    cameras = [camera_at(0.05 * number, 0.5, size=size) for number in range(count)]
-    views = [View(name, name, camera, None, "train") for name, camera in zip(names, cameras, strict=True)]
-    write_cameras(folder / "cameras.json", views)
-    palettes = karf.load(project, device="cpu").palettes
-    colors = {palette.name: palette.colors.copy() for palette in palettes}
-    colors["ball"][1] = [0.1, 0.2, 0.8]
-    write_edit(folder / "edit.json", Edit(colors))
-    return Sequence(project, folder / "cameras.json", folder / "edit.json")
+def write_sequence(project: Path, folder: Path, count: int) -> Sequence:
+    return Sequence(project, folder, count)

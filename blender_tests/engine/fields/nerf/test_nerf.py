@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.reference.nerf import composited, encoded, fine_t, vanilla
+from blender_tests.engine.reference.nerf import composited, fine_t, vanilla
 from karf_engine.errors import DataError
 from karf_engine.fields.files import SCHEMA, load_scene, save_scene
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
@@ -16,7 +16,6 @@ from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.space import Box, Similarity
 from karf_engine.fields.scene import Scene
 from karf_engine.io.checkpoints import load_tensors, save_tensors
-from karf_engine.kan.inputs import positional_encoding
 
 SMALL = NerfShape(width=16, view_width=8, position_frequencies=4, direction_frequencies=2)
 
@@ -55,14 +54,6 @@ def reference_color(module, ray, ground):
     t = fine_t(t, weights, module.sampling.fine)
     fine = [vanilla(in_float64(module.fine), origin + v * direction, direction, (4, 2)) for v in t]
     return composited([f[0] for f in fine], [f[2] for f in fine], t, 1.0, ground)[0]
-
-
-def test_the_encoding_is_the_position_then_sine_and_cosine_of_every_octave():
-    x = torch.tensor([[0.3, -1.2, 2.0], [0.0, 0.5, 1.0]])
-    for row in range(2):
-        expected = encoded(x[row].double().numpy(), 10)
-        assert_allclose(positional_encoding(x.double(), 10)[row], expected, atol=1e-12)
-    assert positional_encoding(x, 10).shape == (2, 63) and positional_encoding(x, 4).shape == (2, 27)
 
 
 def test_the_network_of_the_paper_has_its_layers_and_parameters():

@@ -1,4 +1,4 @@
-"""Marching: the samples are exactly those that a loop over all equal steps finds in occupied cells."""
+"""Samples of rays: marched in occupied cells as a loop over all steps finds them; coarse and fine as the weights say."""
 
 import numpy as np
 import pytest
@@ -7,13 +7,26 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import march_one
-from karf_engine.fields.rendering.sampling import Polylines, cell_indices, coarse_occupancy, march
+from karf_engine.fields.rendering.sampling import (
+    Polylines,
+    cell_indices,
+    coarse_occupancy,
+    dense_ray_weights,
+    interval_lengths,
+    march,
+    refine,
+    sample_pdf,
+    stratified_samples,
+)
 from karf_engine.fields.rendering.space import clipped_paths
+from karf_engine.fields.rendering.volume import ray_weights_from_sigmas
 
 MINIMUM, VOXEL = np.array([-1.0, 0.5, -0.3]), 0.17
 N_RAYS = 300
+FULL = torch.ones(4, 4, 4, dtype=torch.bool)
 
 
+# ---------------------------------------------------------------------------------------------------------------- marching
 def rays_through(random, shape, n_rays):
     """Rays from all around to random points of the box; some start inside, some run along an axis, some miss."""
     size = VOXEL * np.array(shape)
@@ -66,16 +79,17 @@ def test_marched_samples_are_exactly_the_steps_inside_occupied_cells(shape, shar
     assert_allclose(samples.positions, origins[ray_indices] + distances[:, None] * viewdirs[ray_indices], atol=1e-5)
 
 
-def test_samples_of_a_bent_path_are_equally_far_apart_along_it_and_stay_in_the_grid():
-    path = torch.tensor([[[-0.5, 0.5, 0.5], [1.75, 0.5, 0.5], [1.75, 3.5, 0.5], [1.75, 3.5, 9.0]]])
-    occupied = torch.ones(4, 4, 4, dtype=torch.bool)
-    samples = march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
+def test_samples_of_a_path_are_equally_far_apart_along_it_and_stay_in_the_grid():
+    bent = torch.tensor([[[-0.5, 0.5, 0.5], [1.75, 0.5, 0.5], [1.75, 3.5, 0.5], [1.75, 3.5, 9.0]]])
+    samples = march(bent, torch.zeros(3), 1.0, FULL, coarse_occupancy(FULL), 0.5)
     assert_allclose(samples.distances, np.arange(0.75, 8.75, 0.5))  # 0.5 before the grid; z = 4 after 8.75
-    corner = 2.25
     along, across = samples.positions[:4], samples.positions[4:10]
     assert_allclose(along[:, 0], samples.distances[:4] - 0.5)
-    assert_allclose(across[:, 1], samples.distances[4:10] - corner + 0.5)
+    assert_allclose(across[:, 1], samples.distances[4:10] - 1.75)
     assert_allclose(across[:, 0], 1.75)
+    straight = torch.tensor([[[0.0, 2.0, 2.0], [4.0, 2.0, 2.0]]])
+    samples = march(straight, torch.zeros(3), 1.0, FULL, coarse_occupancy(FULL), 1.0)
+    assert_allclose(samples.distances, [0.5, 1.5, 2.5, 3.5])
 
 
 @pytest.mark.parametrize("n_knots", [2, 3, 9])
@@ -93,13 +107,6 @@ def test_the_nearest_place_of_a_path_is_the_nearest_of_many_tried(n_knots):
     )
 
 
-def test_without_jitter_samples_lie_in_the_middle_of_their_steps():
-    occupied = torch.ones(4, 4, 4, dtype=torch.bool)
-    path = torch.tensor([[[0.0, 2.0, 2.0], [4.0, 2.0, 2.0]]])
-    samples = march(path, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 1.0)
-    assert_allclose(samples.distances, [0.5, 1.5, 2.5, 3.5])
-
-
 def test_a_ray_inside_the_box_starts_at_its_origin_and_one_that_misses_has_nothing():
     origins = torch.tensor([[0.5, 0.5, 0.5], [0.5, 0.5, 3.0], [0.5, 0.5, -2.0], [5.0, 0.5, 0.5]])
     viewdirs = torch.tensor([[0.0, 0.0, 1.0]] * 3 + [[0.0, 1.0, 0.0]])
@@ -109,14 +116,67 @@ def test_a_ray_inside_the_box_starts_at_its_origin_and_one_that_misses_has_nothi
     assert_allclose((last - first)[[1, 3]], 0)
 
 
-@pytest.mark.parametrize("occupied", [torch.zeros(5, 5, 5, dtype=torch.bool), torch.ones(5, 5, 5, dtype=torch.bool)])
+@pytest.mark.parametrize("occupied", [~FULL, FULL])
 def test_nothing_to_march_gives_no_samples(occupied):
-    paths = torch.full((1, 2, 3), 9.0)
-    for some in (paths, paths[:0]):
-        samples = march(some, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
+    for paths in (torch.full((1, 2, 3), 9.0), torch.zeros(0, 2, 3)):
+        samples = march(paths, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
         assert len(samples) == 0 and samples.positions.shape == (0, 3)
 
 
 def test_positions_outside_take_the_nearest_border_cell():
     positions = torch.tensor([[-9.0, 0.5, 0.5], [1.5, 2.5, 3.5], [9.0, 9.0, 9.0]])
     assert cell_indices(positions, torch.zeros(3), 1.0, (2, 3, 4)).tolist() == [0, 12 + 2 * 4 + 3, 23]
+
+
+# --------------------------------------------------------------------------------------------------------- coarse and fine
+def random(*shape, seed=0):
+    return torch.rand(*shape, generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize("in_disparity", [False, True])
+def test_coarse_samples_are_even_and_jitter_fills_the_range_with_one_a_stretch(in_disparity):
+    even = stratified_samples(2, 6, 16, in_disparity, torch.zeros(1, 0))[0]
+    expected = 1 / np.linspace(1 / 2, 1 / 6, 16) if in_disparity else np.linspace(2, 6, 16)
+    assert_allclose(even, expected, rtol=1e-6)
+    t = stratified_samples(2, 6, 16, in_disparity, random(4000, 16))
+    assert t.shape == (4000, 16) and t.min() >= 2 and t.max() <= 6
+    middles = (even[1:] + even[:-1]) / 2
+    assert (t[:, :-1] <= middles).all() and (t[:, 1:] >= middles).all()
+    assert_allclose(t[:, 1:-1].mean(0), (middles[1:] + middles[:-1]) / 2, atol=0.02)
+
+
+def test_the_inverse_distribution_function_is_that_of_numpy():
+    edges, weights, u = random(7, 20).sort(1).values, random(7, 19, seed=1), random(7, 33, seed=2)
+    weights[0] = 0  # a ray that meets nothing is sampled evenly
+    weights[1, 3:9] = 0
+    for row in range(7):
+        density = weights[row].double().numpy() + 1e-5
+        cdf = np.concatenate([[0], np.cumsum(density / density.sum())])
+        expected = np.interp(u[row].numpy(), cdf, edges[row].numpy())
+        assert_allclose(sample_pdf(edges, weights, u)[row], expected, atol=1e-4)
+
+
+def test_the_union_is_sorted_holds_the_coarse_samples_and_gathers_where_the_weight_is():
+    t = stratified_samples(2, 6, 32, False, torch.zeros(3, 0))
+    weights = torch.zeros(3, 32)
+    weights[:, 20] = 1
+    union = refine(t, weights, torch.linspace(0, 1, 64).expand(3, -1))
+    assert union.shape == (3, 96) and (union.diff(dim=1) >= 0).all()
+    assert all(torch.isin(t[row], union[row]).all() for row in range(3))
+    assert (((union - t[:, 20:21]).abs() < 0.13).sum(1) > 60).all()
+
+
+def test_dense_weights_are_those_of_packed_samples_and_the_last_interval_has_no_end():
+    sigmas, t = 3 * random(5, 12), random(5, 12, seed=1).sort(1).values
+    deltas = interval_lengths(t)
+    assert (deltas[:, -1] == 1e10).all()
+    weights = dense_ray_weights(sigmas, deltas)
+    rays = torch.arange(5).repeat_interleave(12)
+    assert_allclose(weights.view(-1), ray_weights_from_sigmas(sigmas.view(-1), deltas.view(-1), rays), atol=1e-6)
+    assert_allclose(weights.sum(1), np.ones(5), atol=1e-6)
+
+
+def test_gradients_stay_finite_behind_what_is_opaque():
+    sigmas = torch.tensor([[0.0, 50.0, 1e6, 2.0]], requires_grad=True)
+    dense_ray_weights(sigmas, interval_lengths(torch.tensor([[1.0, 2.0, 3.0, 4.0]])))[0, 1].backward()
+    assert torch.isfinite(sigmas.grad).all()

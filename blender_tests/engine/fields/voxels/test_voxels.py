@@ -7,8 +7,6 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 ndimage = pytest.importorskip("scipy.ndimage")
 
-from karf_engine.fields.files import load_scene, save_scene
-from karf_engine.fields.scene import Background, Scene
 from karf_engine.fields.voxels.field import VoxelField, WeightedGather, dilate, rescaled_raw
 
 MINIMUM, VOXEL = torch.tensor([-1.0, 0.5, 2.0]), 0.25
@@ -144,18 +142,3 @@ def test_normals_point_out_of_a_ball():
     directions = torch.nn.functional.normalize(torch.randn(100, 3, generator=torch.Generator().manual_seed(0)), dim=1)
     normals = field.normals(MINIMUM + VOXEL * (8 + 5 * directions))
     assert ((normals * directions).sum(1) > 0.9).all()
-
-
-@pytest.mark.parametrize("kind", ["alpha", "opaque"])
-def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, kind):
-    field = random_field(random_occupancy((6, 5, 7), 0.3))
-    scene = Scene(field, Background() if kind == "opaque" else None, kind, 0.6)
-    save_scene(scene, tmp_path / "scene.safetensors")
-    loaded = load_scene(tmp_path / "scene.safetensors")
-    assert (loaded.background_kind, loaded.step, loaded.field.voxel) == (kind, 0.6, VOXEL)
-    for name, value in field.state_dict().items():
-        assert torch.equal(loaded.field.state_dict()[name], value)
-    points = random_points((6, 5, 7), 300)
-    viewdirs = torch.nn.functional.normalize(points, dim=1)
-    assert torch.equal(loaded.field.density(points), field.density(points))
-    assert torch.equal(loaded.background_color(viewdirs), scene.background_color(viewdirs))

@@ -1,0 +1,45 @@
+"""A project of one's own, and jobs whose events are kept, for the tests of commands."""
+
+import shutil
+
+import pytest
+
+from blender_tests.engine.reference.still_life import camera_at
+from karf_engine.capture import write_cameras
+from karf_engine.capture.capture import View
+from karf_engine.project import Project
+
+
+@pytest.fixture
+def copy(learned, tmp_path):
+    """The learned still life, copied."""
+    return Project(shutil.copytree(learned.project, tmp_path / "project"))
+
+
+class Events:
+    """The events of a job as (kind, values), when it is given as the job's `emit`."""
+
+    def __init__(self):
+        self.told = []
+
+    def __call__(self, kind, /, **values):
+        self.told.append((kind, values))
+
+    def values(self, kind, name):
+        """What events of a kind say of a name."""
+        return [values.get(name) for own, values in self.told if own == kind]
+
+    def is_done_already(self, stage):
+        return ("stage", {"name": stage, "text": "already done"}) in self.told
+
+
+@pytest.fixture
+def events():
+    return Events()
+
+
+def cameras_file(path, count=1, size=16, angle=1.0):
+    """A file of new cameras that are called frame_0, frame_1 .."""
+    camera = camera_at(angle, 0.5, size=size)
+    write_cameras(path, [View(f"frame_{n}", f"frame_{n}", camera, None, "train") for n in range(count)])
+    return path
