@@ -17,7 +17,7 @@ def two_cores():
 
 
 @pytest.mark.parametrize("taken", [False, True])
-def test_every_number_is_visited_once_and_by_other_threads_only_where_torch_has_let_go(two_cores, taken):
+def test_every_number_is_visited_once(two_cores, taken):
     visits, threads = [0] * 37, set()
 
     def visit(first, last):
@@ -33,7 +33,7 @@ def test_every_number_is_visited_once_and_by_other_threads_only_where_torch_has_
     assert (threads != {threading.current_thread()}) == taken
 
 
-def test_parts_share_out_themselves_compute_as_a_stage_does_and_raise_what_they_raise(two_cores):
+def test_nested_parts_finish_and_errors_are_raised(two_cores):
     found, states = [], set()
 
     def part(first, last):

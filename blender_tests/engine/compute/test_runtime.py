@@ -26,7 +26,7 @@ def have_cards(count, monkeypatch):
         ("mps:0", 0, "64-bit", "can be used: cpu."),
     ],
 )
-def test_a_device_that_is_not_there_is_refused_with_those_that_are(name, cards, sentence, known, monkeypatch):
+def test_a_missing_device_is_refused_with_the_available_ones(name, cards, sentence, known, monkeypatch):
     have_cards(cards, monkeypatch)
     with pytest.raises(BadRequest) as raised:
         find_device(name)
@@ -35,7 +35,7 @@ def test_a_device_that_is_not_there_is_refused_with_those_that_are(name, cards, 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="the card answers")
 @pytest.mark.parametrize("name", ["cuda:1", None])
-def test_a_card_that_does_not_answer_is_refused_in_a_sentence(name, monkeypatch):
+def test_an_unresponsive_card_is_refused_in_a_sentence(name, monkeypatch):
     have_cards(2, monkeypatch)
     with pytest.raises(BadRequest, match="does not answer"):
         start_runtime(device=name)

@@ -62,7 +62,7 @@ def solve_points(iterations, monkeypatch):
     label_propagation.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
 
 
-def test_a_system_that_is_not_solved_in_its_iterations_warns_with_residual_and_iterations(monkeypatch):
+def test_an_unsolved_system_warns_with_residual_and_iterations(monkeypatch):
     with pytest.warns(NotConverged, match=r"after 5 iterations a relative residual of [0-9.]+e"):
         solve_photo(5)
     with pytest.warns(NotConverged, match="after 5 iterations"):
@@ -73,7 +73,7 @@ def test_a_system_that_is_not_solved_in_its_iterations_warns_with_residual_and_i
         solve_points(2 * N, monkeypatch)
 
 
-def test_a_stage_emits_the_worst_of_them_and_leaves_other_warnings_as_they_are():
+def test_a_stage_emits_the_worst_residual_and_keeps_other_warnings():
     events = []
     with (
         pytest.warns(UserWarning, match="something else"),

@@ -95,7 +95,7 @@ def test_the_header_says_what_the_numbers_are(path):
     assert matte == {"name", "hash", "conversion", "manifest"}
 
 
-def test_the_header_alone_gives_names_learned_colors_and_the_exposure_of_a_photo_that_has_another(layers, path):
+def test_the_header_gives_names_colors_and_exposure(layers, path):
     pot, mug = read_layer_names(path)
     assert (pot.name, mug.name, pot.gains) == ("pot", "my mug.2", (1.0, 1.0, 1.0))
     assert b'"gains"' not in path.read_bytes()
@@ -166,7 +166,7 @@ def test_layers_of_a_photo_are_upright_keep_its_look_and_recompose_its_edit(kind
     np.testing.assert_allclose(recomposed(layers), view.over_white(view.recolor(EDIT)), atol=1 / 255)
 
 
-def test_planes_sum_to_the_coverage_and_depth_is_never_between_two_surfaces():
+def test_planes_sum_to_the_coverage_and_depth_keeps_its_edges():
     layers = photo_view().layers(np.array([[1.0, 5.0]], np.float32))
     np.testing.assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=1e-3)
     assert set(np.unique(layers.depth)) == {1.0, 5.0}
@@ -198,7 +198,7 @@ def test_every_id_is_a_normal_number():
     assert 0 < changed.sum() < 60 and set((ids ^ hashes)[changed].tolist()) == {1 << 23}
 
 
-def test_pairs_are_ranked_by_coverage_and_nothing_stands_where_nothing_is():
+def test_pairs_are_ranked_by_coverage():
     coverage = np.zeros((3, 300, 2), np.float16)  # several bands of rows
     coverage[:, 299, 1] = 0.25, 0.125, 0.625
     planes = cryptomatte.channels(["a", "b", "ä"], coverage)

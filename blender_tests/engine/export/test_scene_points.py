@@ -46,7 +46,7 @@ def projected(points, camera):
     return np.flatnonzero(inside), row[inside], column[inside], depth[inside]
 
 
-def test_about_as_many_points_as_are_wanted_lie_where_a_new_view_ends(points, camera, frame):
+def test_points_cover_the_surface_in_about_the_number_requested(points, camera, frame):
     assert 0.6 * COUNT < len(points) < 1.2 * COUNT
     np.testing.assert_allclose(np.linalg.norm(points.normals, axis=1), 1, atol=1e-3)
     _, row, column, depth = projected(points, camera)
@@ -54,7 +54,7 @@ def test_about_as_many_points_as_are_wanted_lie_where_a_new_view_ends(points, ca
     assert ((there > 1.1 * depth) | (there == 0)).mean() < 0.05  # these would be looked through
 
 
-def test_points_have_the_colors_and_objects_of_the_pixels_that_show_them_and_face_these(model, points, camera, frame):
+def test_points_match_the_pixels_that_show_them(model, points, camera, frame):
     index, row, column, depth = projected(points, camera)
     there = frame.depth[row, column]
     shown = (there > 0) & (np.abs(there - depth) < 0.03 * there)
@@ -89,12 +89,12 @@ def test_a_ply_has_the_colors_of_the_edit(learned, model, points, tmp_path):
         ("scene.ply", {"count": 10}, "10 points cannot be made"),
     ],
 )
-def test_what_cannot_be_written_is_said(learned, tmp_path, out, more, words):
+def test_impossible_outputs_are_refused(learned, tmp_path, out, more, words):
     with pytest.raises(BadRequest, match=words):
         karf.write_points(learned.project, tmp_path / out, threads=1, **more)
 
 
-def test_a_file_whose_arrays_contradict_each_other_is_refused(points, tmp_path):
+def test_a_file_of_contradictory_arrays_is_refused(points, tmp_path):
     write_points(tmp_path / "cut.npz", replace(points, sizes=points.sizes[:-1]))
     with pytest.raises(DataError, match="contradict each other"):
         read_points(tmp_path / "cut.npz")
@@ -115,7 +115,7 @@ def test_points_end_where_an_edits_edges_do(points, model):
     assert points.with_edges(model.palettes, {}) is points
 
 
-def test_points_of_older_versions_are_read_and_say_that_they_know_no_borders(points, model, tmp_path):
+def test_points_of_older_versions_are_read_without_borders(points, model, tmp_path):
     write_points(tmp_path / "old.npz", replace(points, borders=None))
     old = read_points(tmp_path / "old.npz")
     assert old.borders is None

@@ -65,7 +65,7 @@ def test_the_typical_voxel_lies_where_photos_look():
     assert typical_pixels_per_voxel(Box(), 0.1, views, near) > 1.05 * at_focus
 
 
-def test_a_photo_loses_the_detail_that_is_smaller_than_a_voxel():
+def test_detail_finer_than_a_voxel_is_removed():
     stripes = np.zeros((64, 64, 3))
     stripes[:, ::2] = 1
     np.testing.assert_allclose(remove_detail(stripes, 2.0), 0.5)
@@ -90,7 +90,7 @@ def ball_of_points(n=400, radius=1.0):
     return radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def test_what_a_camera_looks_through_is_free():
+def test_space_in_view_before_the_nearest_depth_is_free():
     camera = camera_at(0.0, 0.0)  # at x = 3.6, looks at the origin
     ahead, beside, behind, beyond = [2.0, 0, 0], [2.0, 1.5, 0], [4.5, 0, 0], [0.5, 0, 0]
     places = [ahead, beside, behind, beyond]
@@ -101,7 +101,7 @@ def test_what_a_camera_looks_through_is_free():
     assert holds([bounded(camera, 0.5), bounded(opposite, 4.2)], places) == [False, False, False, True]
 
 
-def test_half_the_way_to_the_nearest_point_nothing_stands_round_a_camera_in_any_direction():
+def test_space_round_a_camera_is_free_up_to_half_the_nearest_distance():
     views = views_of(cameras(6))
     points = observed_by_all(ball_of_points(), 6)
     position = views[0].camera.position
@@ -113,7 +113,7 @@ def test_half_the_way_to_the_nearest_point_nothing_stands_round_a_camera_in_any_
     assert clear_radii([views[0].camera], observed_by_all(ball_of_points(40), 6)) == [0.0]
 
 
-def test_a_view_is_free_up_to_its_own_nearest_depth():
+def test_free_depth_is_that_of_the_nearest_point_or_the_depth_bounds():
     views = views_of(cameras(3))
     views[1] = replace(views[1], depth_bounds=(2.0, 9.0))
     views[2] = replace(views[2], depth_bounds=(3.0, 9.0))
@@ -124,7 +124,7 @@ def test_a_view_is_free_up_to_its_own_nearest_depth():
     assert free_depths(views, observed_by_all(ball_of_points(40), 3))[0] == 0.0
 
 
-def test_what_is_near_but_has_its_features_in_other_views_is_not_free():
+def test_points_of_other_views_limit_free_space_too():
     views = views_of(cameras(6))
     points = observed_by_all(np.concatenate([ball_of_points(100, 0.5), ball_of_points(900, 8.0)]), 6)
     kept = (points.view != 0) | (points.point >= 100)
@@ -132,7 +132,7 @@ def test_what_is_near_but_has_its_features_in_other_views_is_not_free():
     assert free_depths(views, blind)[0] == free_depths(views, points)[0] < 3.2
 
 
-def test_a_mistaken_point_does_not_tell_what_is_free():
+def test_an_outlier_point_does_not_limit_free_space():
     views = views_of(cameras(6))
     positions = np.concatenate([0.5 * views[0].camera.position[None], ball_of_points(300)])
     points = observed_by_all(positions, 6)
@@ -182,7 +182,7 @@ def test_the_sky_begins_above_the_horizontal_and_what_stands_far_away(points, az
     assert horizon(*points).is_sky(toward(azimuth, elevation)).tolist() == [is_sky]
 
 
-def test_a_sky_is_learned_though_things_stand_before_it():
+def test_a_partly_hidden_sky_is_learned():
     random = torch.Generator().manual_seed(0)
 
     def partly_hidden(rays):
@@ -195,7 +195,7 @@ def test_a_sky_is_learned_though_things_stand_before_it():
     assert (sky(rays.viewdirs) - gradient(rays))[above].abs().mean() < 0.05
 
 
-def test_what_differs_from_camera_to_camera_is_no_sky():
+def test_a_near_wall_is_not_learned_as_sky():
     near_wall = photographed(lambda rays: 0.5 + 0.5 * torch.sin(6 * rays.origins))
     assert fit_sky(near_wall, horizon(), start_runtime(0, 1, "cpu")) is None
 
@@ -211,11 +211,11 @@ def test_what_differs_from_camera_to_camera_is_no_sky():
     ],
     ids=["all round", "many", "along a short path", "a pair"],
 )
-def test_few_cameras_all_round_stand_far_apart(rig, is_wide):
+def test_few_cameras_all_round_have_wide_baselines(rig, is_wide):
     assert is_wide_baseline(rig, ORIGIN) == is_wide
 
 
-def test_only_what_photos_agree_on_could_be_solid():
+def test_photo_consistent_places_could_be_solid():
     dataset = bank_of([take_photo(camera, sky=True) for camera in cameras(12)], "opaque")
     up = np.random.default_rng(0).normal(size=(300, 3)) * (0.6, 0.6, 0.2) + (-0.5, 0, 1.5)
     top = BALL_CENTER + BALL_RADIUS * up / np.linalg.norm(up, axis=1, keepdims=True)  # which nothing hides
@@ -234,7 +234,7 @@ def test_turned_directions_keep_their_elevation_whatever_is_up():
     assert (result - viewdirs).norm(dim=1).max() > 1
 
 
-def test_photos_that_agree_nowhere_leave_everything_possible():
+def test_inconsistent_photos_leave_every_cell_occupied():
     colors = [np.full((32, 32, 3), number / 5) for number in range(6)]  # each of another gray
     dataset, settings = PixelDataset(cameras(6), colors, None, None), GeometrySettings()
     assert start_box_fit(dataset, "opaque", settings, start_runtime(0, 1, "cpu")).field.occupied.all()

@@ -42,7 +42,7 @@ def test_tensors_and_generators_of_both_devices_do_not_mix(x, mixture):
         x.numpy()
 
 
-def test_what_may_cross_does(x):
+def test_values_can_be_copied_between_devices(x):
     x = torch.zeros_like(x[0])
     assert x.device.type == NAME and (x + torch.tensor(2.0)).sum() == 6  # one number of the CPU, as on a real device
     x.copy_(torch.ones(3))

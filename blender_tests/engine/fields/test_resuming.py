@@ -118,9 +118,7 @@ def interrupted(learn, checkpoint, after=3):
 
 
 @pytest.mark.parametrize("name", LEARNERS)
-def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(
-    name, checkpoint, events, monkeypatch
-):
+def test_a_resumed_fit_ends_bit_by_bit_where_an_uninterrupted_one_does(name, checkpoint, events, monkeypatch):
     learn, stops = LEARNERS[name]
     whole = learn(Stopwatch(), checkpoint("uninterrupted"))
     stood = 0
@@ -148,7 +146,6 @@ def rewrite(change):
 OLDER = ({}, "karf-unfinished-nerf/1", {"fingerprint": "of these inputs"})
 DAMAGES = {
     "cut off": lambda path: path.write_bytes(path.read_bytes()[:-100]),
-    "no such format": lambda path: path.write_bytes(b"nothing"),
     "an older format": lambda path: save_tensors(path, *OLDER),
     "one bit": lambda path: path.write_bytes(path.read_bytes()[:-9] + bytes([path.read_bytes()[-9] ^ 4]) + b"\0" * 8),
     "no facts": lambda path: save_tensors(path, {}, CHECKPOINT_SCHEMA, {}),
@@ -167,7 +164,7 @@ CASES += [(name, change) for name in ("box, sky", "nerf", "recoloring") for chan
 
 
 @pytest.mark.parametrize(("name", "damage"), CASES)
-def test_what_is_damaged_is_removed_with_a_warning_and_learning_begins_anew(name, damage, checkpoint, path, events):
+def test_a_damaged_checkpoint_gives_a_warning_and_a_new_start(name, damage, checkpoint, path, events):
     learn, _ = LEARNERS[name]
     interrupted(learn, checkpoint)
     (DAMAGES | CHANGES)[damage](path)
@@ -177,7 +174,7 @@ def test_what_is_damaged_is_removed_with_a_warning_and_learning_begins_anew(name
     assert interrupted(learn, checkpoint, after=1) == 2, "what is saved from then on is sound"
 
 
-def test_nothing_of_a_damaged_state_is_taken_over(checkpoint, path):
+def test_a_damaged_state_changes_nothing(checkpoint, path):
     learn, _ = LEARNERS["box, sky"]
     whole = learn(Stopwatch(), checkpoint("uninterrupted"))
     interrupted(learn, checkpoint, after=65)
@@ -185,7 +182,7 @@ def test_nothing_of_a_damaged_state_is_taken_over(checkpoint, path):
     assert same(learn(Stopwatch(), checkpoint()), whole)
 
 
-def test_what_other_inputs_left_is_not_resumed(checkpoint, events):
+def test_a_checkpoint_of_other_inputs_is_ignored(checkpoint, events):
     interrupted(POINTS, checkpoint)
     progress = Stopwatch()
     POINTS(progress, checkpoint("another fingerprint"))
@@ -200,7 +197,7 @@ def test_notes_are_kept_beside_the_fit(checkpoint):
     assert second.notes == {"held_out": [[20.5, 19.0]]}
 
 
-def test_random_numbers_of_another_kind_of_device_do_not_cost_what_was_learned(checkpoint, path):
+def test_a_fit_of_another_device_resumes_with_new_random_numbers(checkpoint, path):
     interrupted(POINTS, checkpoint)
     rewrite(lambda s: s.update(random=torch.zeros(16, dtype=torch.uint8)))(path)
     progress = Stopwatch()
@@ -208,7 +205,7 @@ def test_random_numbers_of_another_kind_of_device_do_not_cost_what_was_learned(c
     assert progress.begun_at == 3
 
 
-def test_a_disk_that_takes_nothing_is_a_warning_said_once(checkpoint, events, monkeypatch):
+def test_a_full_disk_gives_one_warning(checkpoint, events, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 

@@ -55,7 +55,7 @@ def test_schedules_warm_up_and_fall_to_their_floor_by_hand(factor, iteration, ex
     assert factor(iteration, 100) == pytest.approx(expected)
 
 
-def test_steps_run_in_order_at_the_scheduled_rates_which_are_given_back_afterwards():
+def test_steps_run_in_order_at_the_scheduled_rates():
     record = Recorder()
     record.train(5, schedule=lambda i, n: (i + 1) / n)
     assert record.calls == [(i, 1.0) for i in range(5)]
@@ -66,7 +66,7 @@ def test_steps_run_in_order_at_the_scheduled_rates_which_are_given_back_afterwar
 
 @pytest.mark.parametrize(("first_bad", "noticed"), [(0, 0), (3, 10), (17, 19)])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_a_loss_that_is_not_finite_stops_soon_and_at_the_latest_in_the_last_iteration(first_bad, noticed, bad):
+def test_a_loss_that_is_not_finite_stops_training_soon(first_bad, noticed, bad):
     record = Recorder()
 
     def step(iteration, scale):
@@ -85,7 +85,7 @@ def test_cancelling_stops_at_once():
     assert len(record.calls) == 3
 
 
-def test_an_iteration_that_runs_out_of_memory_is_done_again_with_the_whole_batch_in_parts():
+def test_an_iteration_out_of_memory_is_repeated_in_parts():
     record, whole, seen = Recorder(total=6), Recorder(), []
 
     def step(iteration, scale):
@@ -103,7 +103,7 @@ def test_an_iteration_that_runs_out_of_memory_is_done_again_with_the_whole_batch
     assert record.events[-1]["step"] == 6
 
 
-def test_too_little_memory_for_any_batch_is_said():
+def test_too_little_memory_for_any_batch_is_an_error():
     record = Recorder()
 
     def step(iteration, scale):

@@ -105,7 +105,7 @@ def field(tools):
     return VoxelField(-torch.ones(3, device=tools[0].device), 0.5, occupied, 4).requires_grad_(False)
 
 
-def test_the_count_sees_what_waits():
+def test_the_counter_sees_operations_that_wait():
     numbers = torch.arange(4.0)
     with Waits() as waits:
         float(numbers.sum())
@@ -135,7 +135,7 @@ def test_learning_a_nerf_waits_for_nothing(waits, tools):
 
 
 @pytest.mark.parametrize(("device", "precision"), [("cuda", "high"), ("cpu", "highest")])
-def test_a_nerf_is_learned_with_tf32_matmul_where_a_card_has_them_and_with_no_others(device, precision):
+def test_tf32_matmul_is_on_for_cuda_alone(device, precision):
     with contextlib.suppress(ZeroDivisionError), tf32_matmul(torch.device(device)):
         assert torch.get_float32_matmul_precision() == precision
         raise ZeroDivisionError

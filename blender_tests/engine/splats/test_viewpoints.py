@@ -45,7 +45,7 @@ def away_from(target, cameras):
     return np.array([np.linalg.norm(camera.position - target.middle) for camera in cameras])
 
 
-def test_what_lies_together_is_framed_whole_from_all_sides():
+def test_an_object_is_framed_from_all_sides():
     gaussians = scene(disk(), heap())
     target = estimate_target(gaussians)
     cameras = cameras_around(gaussians, target, 12, 64)
@@ -60,14 +60,14 @@ def test_what_lies_together_is_framed_whole_from_all_sides():
         assert (camera.width, camera.height) == (64, 64)
 
 
-def test_a_shell_far_behind_changes_neither_the_middle_nor_the_distance():
+def test_a_distant_shell_does_not_move_the_target():
     alone = estimate_target(scene(disk(), heap()))
     within = estimate_target(scene(disk(), heap(), sphere(60, 400)))
     assert np.linalg.norm(alone.middle - within.middle) < 0.1
     assert within.distance == pytest.approx(alone.distance, rel=0.2)
 
 
-def test_sizes_tell_from_where_photos_looked_round_in_a_room():
+def test_sizes_of_gaussians_locate_the_cameras_of_a_room():
     """Of each Gaussian the size grows with the distance from cameras that stood two units around (1, 2, 0)."""
     random = np.random.default_rng(4)
     middle, places = np.array([1.0, 2, 0]), random.uniform(-8, 8, (6000, 3))
@@ -78,7 +78,7 @@ def test_sizes_tell_from_where_photos_looked_round_in_a_room():
     assert np.linalg.norm(target.middle - middle) < 0.3 and 1.8 < target.distance < 3.2
 
 
-def test_no_camera_stands_amid_something():
+def test_no_camera_stands_inside_an_object():
     wall = balls(np.random.default_rng(5).uniform((1.2, -4, -1), (9, 4, 4), (6000, 3)), 0.15, 0.98)
     gaussians = scene(disk(count=4000, size=0.03), heap(2000), wall)
     target = Target(np.array([0, 0, 0.2]), np.array([0.0, 0, 1]), 3.0)
@@ -88,7 +88,7 @@ def test_no_camera_stands_amid_something():
         assert (nearest > 0.5).mean() < 0.1
 
 
-def test_where_the_target_surrounds_them_cameras_look_around_from_its_middle():
+def test_cameras_inside_the_target_look_outward():
     hollow = scene(*(sphere(radius, 2000, 0.3) for radius in np.arange(1.2, 7, 0.4)))
     target = Target(np.zeros(3), np.array([0.0, 0, 1]), 5.0)
     cameras = cameras_around(hollow, target, 9, 64)

@@ -32,13 +32,13 @@ def points_of(*tables, cameras=CAMERAS, check=lambda: None):
 
 
 @pytest.mark.parametrize(("is_antialiased", "expected"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
-def test_they_are_shown_as_they_were_learned_over_black(is_antialiased, expected):
+def test_imported_gaussians_keep_their_screen_filter(is_antialiased, expected):
     gaussians = imported_gaussians(wall(), is_antialiased, CAMERAS)
     assert gaussians.screen_filter == expected and gaussians.background == (0, 0, 0) and gaussians.n_background == 0
     assert 0.01 < gaussians.near < 0.2
 
 
-def test_points_lie_on_what_cameras_see_with_all_cameras_that_see_them():
+def test_points_lie_on_visible_surfaces_and_name_their_cameras():
     points = points_of(wall())
     assert len(points) > 1000
     assert_allclose(points.positions[:, 2], 0, atol=0.02)
@@ -49,7 +49,7 @@ def test_points_lie_on_what_cameras_see_with_all_cameras_that_see_them():
         assert_allclose(points.pixels[points.view == number], pixels, atol=1e-3)
 
 
-def test_what_is_hidden_from_a_camera_is_not_its_observation():
+def test_hidden_points_are_not_observed():
     """A small wall near the first camera hides the far one from it; the second camera stands behind the small one."""
     behind = camera_ahead(80, 60, 80.0)
     behind.camera_to_world[2, 3] = 1
@@ -59,7 +59,7 @@ def test_what_is_hidden_from_a_camera_is_not_its_observation():
     assert far.sum() > 50 and not np.isin(points.point[points.view == 0], np.flatnonzero(far)).any()
 
 
-def test_neither_haze_nor_the_sky_gives_points():
+def test_haze_and_sky_give_no_points():
     haze = wall()
     haze[:, 10] = -4.0
     assert len(points_of(haze)) == 0
@@ -90,7 +90,7 @@ def looked_at(rows, degrees):
     return replace(found, visibility=visibility_in_photos(found, [camera_turned(each) for each in degrees]))
 
 
-def test_a_surface_is_known_from_where_photos_look_and_not_from_behind():
+def test_confidence_falls_away_from_the_photos_directions():
     found = looked_at([ball()], (-20, 0, 20))
     from_degrees = [float(confidence_from(found, camera_turned(each).position)[0]) for each in (0, 20, 29, 45, 61, 180)]
     assert from_degrees[:3] == [1, 1, 1] and from_degrees[4:] == [0, 0]
@@ -98,7 +98,7 @@ def test_a_surface_is_known_from_where_photos_look_and_not_from_behind():
     assert confidence_from(looked_at([ball()], (0,)), ABOVE)[0] == 0.5, "one photo alone tells half"
 
 
-def test_what_no_photo_shows_is_unknown_from_everywhere():
+def test_gaussians_that_no_photo_shows_have_no_confidence():
     hidden, beside = ball((0, 0, -1), size=0.02), ball((9, 0, 0))
     found = looked_at([ball(opacity=0.999, size=0.5), ball((0, 0, 0.1), 0.5, 0.999), hidden, beside], (-3, 3))
     for eye in (ABOVE, -ABOVE):

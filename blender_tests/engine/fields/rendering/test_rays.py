@@ -31,7 +31,7 @@ def random_camera(seed, width, height):
 CAMERAS = [random_camera(0, 7, 5), random_camera(1, 4, 9), random_camera(2, 6, 6)]
 
 
-def test_the_rays_and_pixels_of_a_dataset_are_those_of_its_cameras_and_photos_of_mixed_sizes():
+def test_rays_and_pixels_of_a_dataset_are_those_of_its_photos():
     random = np.random.default_rng(3)
     colors = [random.random((c.height, c.width, 3)) for c in CAMERAS]
     alphas = [random.random((c.height, c.width)) for c in CAMERAS]
@@ -52,7 +52,7 @@ def test_the_rays_and_pixels_of_a_dataset_are_those_of_its_cameras_and_photos_of
 
 
 @pytest.mark.parametrize("distortion", [(), (-0.2, 0.05, 0.01, -0.01)])
-def test_rays_and_depths_of_a_lens_are_those_of_the_photo_as_stored(distortion):
+def test_rays_and_depths_follow_the_lens(distortion):
     camera = Camera(16, 12, 13.0, 12.0, 8.3, 5.7, CAMERAS[1].camera_to_world, distortion)
     rays, factors = camera_rays(camera), depth_per_distance(camera)
     points = rays.origins.numpy() + rays.viewdirs.numpy() * (3 / factors)[:, None]
@@ -103,7 +103,7 @@ def test_a_contraction_keeps_its_ball_and_brings_all_else_within_reach(room):
 
 
 @pytest.mark.parametrize("space", [Box(), similarity(), contraction(), contraction(0.5), frustum()], ids=str)
-def test_grid_coordinates_lead_back_to_the_world_also_of_a_space_that_was_stored(space):
+def test_spaces_are_invertible_and_survive_json(space):
     points = random_points(300, 2.5) + torch.tensor([1.0, 14.0, 3.0])
     assert_allclose(space.to_world(space.to_grid(points)), points, rtol=2e-4, atol=2e-3)
     back = space_from_json(json.loads(json.dumps(space_to_json(space))))
@@ -135,7 +135,7 @@ def test_the_knots_of_a_contracted_path_are_close_together():
     assert torch.linalg.norm(paths[:, 1:] - paths[:, :-1], dim=2).max() < 0.12
 
 
-def test_a_ray_that_looks_back_has_no_path_in_a_frustum():
+def test_a_backward_ray_has_no_path_in_a_frustum():
     rays = Rays(torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([[0.0, -1.0, 0.0]]))
     assert Polylines(frustum().paths(rays, torch.full((3,), -1.0), torch.full((3,), 1.0))).lengths.item() == 0
 

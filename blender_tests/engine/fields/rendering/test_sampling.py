@@ -79,7 +79,7 @@ def test_marched_samples_are_exactly_the_steps_inside_occupied_cells(shape, shar
     assert_allclose(samples.positions, origins[ray_indices] + distances[:, None] * viewdirs[ray_indices], atol=1e-5)
 
 
-def test_samples_of_a_path_are_equally_far_apart_along_it_and_stay_in_the_grid():
+def test_samples_are_evenly_spaced_along_a_bent_path():
     bent = torch.tensor([[[-0.5, 0.5, 0.5], [1.75, 0.5, 0.5], [1.75, 3.5, 0.5], [1.75, 3.5, 9.0]]])
     samples = march(bent, torch.zeros(3), 1.0, FULL, coarse_occupancy(FULL), 0.5)
     assert_allclose(samples.distances, np.arange(0.75, 8.75, 0.5))  # 0.5 before the grid; z = 4 after 8.75
@@ -93,7 +93,7 @@ def test_samples_of_a_path_are_equally_far_apart_along_it_and_stay_in_the_grid()
 
 
 @pytest.mark.parametrize("n_knots", [2, 3, 9])
-def test_the_nearest_place_of_a_path_is_the_nearest_of_many_tried(n_knots):
+def test_the_nearest_place_of_a_path_is_that_of_brute_force(n_knots):
     random = torch.Generator().manual_seed(n_knots)
     paths = torch.rand(40, n_knots, 3, generator=random)
     points = torch.rand(40, 3, generator=random)
@@ -107,7 +107,7 @@ def test_the_nearest_place_of_a_path_is_the_nearest_of_many_tried(n_knots):
     )
 
 
-def test_a_ray_inside_the_box_starts_at_its_origin_and_one_that_misses_has_nothing():
+def test_a_ray_is_clipped_to_the_box():
     origins = torch.tensor([[0.5, 0.5, 0.5], [0.5, 0.5, 3.0], [0.5, 0.5, -2.0], [5.0, 0.5, 0.5]])
     viewdirs = torch.tensor([[0.0, 0.0, 1.0]] * 3 + [[0.0, 1.0, 0.0]])
     first, last = clipped_paths(origins, viewdirs, torch.zeros(3), torch.ones(3)).unbind(1)
@@ -156,7 +156,7 @@ def test_the_inverse_distribution_function_is_that_of_numpy():
         assert_allclose(sample_pdf(edges, weights, u)[row], expected, atol=1e-4)
 
 
-def test_the_union_is_sorted_holds_the_coarse_samples_and_gathers_where_the_weight_is():
+def test_fine_samples_gather_where_the_weight_is():
     t = stratified_samples(2, 6, 32, False, torch.zeros(3, 0))
     weights = torch.zeros(3, 32)
     weights[:, 20] = 1
@@ -166,7 +166,7 @@ def test_the_union_is_sorted_holds_the_coarse_samples_and_gathers_where_the_weig
     assert (((union - t[:, 20:21]).abs() < 0.13).sum(1) > 60).all()
 
 
-def test_dense_weights_are_those_of_packed_samples_and_the_last_interval_has_no_end():
+def test_dense_weights_are_those_of_packed_samples():
     sigmas, t = 3 * random(5, 12), random(5, 12, seed=1).sort(1).values
     deltas = interval_lengths(t)
     assert (deltas[:, -1] == 1e10).all()

@@ -264,7 +264,7 @@ def test_an_unusual_file_is_read(end, change, count, tmp_path):
     assert len(read_splats(changed(tmp_path, end, change))) == count
 
 
-def test_nodes_of_gltf_move_what_is_in_them(tmp_path):
+def test_transforms_of_gltf_nodes_are_applied(tmp_path):
     nodes = [{"children": [1], "translation": [1, 2, 3], "scale": [2, 2, 2]}, {"mesh": 0}]
     found = read_splats(changed(tmp_path, ".gltf", in_json(lambda content: content.update(nodes=nodes)))).table
     np.testing.assert_allclose(found[:, :3], (2 * TABLE[:, :3] + (1, 2, 3)) * (1, -1, -1), atol=1e-6)
@@ -306,7 +306,7 @@ def test_a_bomb_takes_no_more_memory_than_its_limit(end, tmp_path, monkeypatch):
     ],
     ids=["children", "roots", "doubled"],
 )
-def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(content, tmp_path):
+def test_too_many_nodes_are_refused_before_they_take_memory(content, tmp_path):
     path = changed(tmp_path, ".gltf", in_json(lambda whole: whole.update(content)))
     tracemalloc.start()
     refused(path, "places more than 10,000 nodes")
@@ -315,7 +315,7 @@ def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(cont
 
 
 @pytest.mark.parametrize("arc", ["references", "instanceable = true\nreferences"])
-def test_usd_references_that_double_are_not_followed(arc, tmp_path, monkeypatch):
+def test_exponential_usd_references_are_refused(arc, tmp_path, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_BYTES", 1 << 30)
     path = written(tmp_path, ".usda")
     doubling = (
@@ -343,7 +343,7 @@ def test_a_packed_array_of_usd_that_claims_a_billion_numbers_is_refused(tmp_path
 
 @LIMITED
 @pytest.mark.parametrize(("opening", "closing", "count"), [("(", ")", 40_000), ("[", "]", 400_000), ("(", ")", 10**6)])
-def test_text_without_end_takes_no_more_memory_than_its_limit(opening, closing, count, tmp_path):
+def test_nested_text_takes_no_more_memory_than_its_limit(opening, closing, count, tmp_path):
     packaged(".usda")
     path = tmp_path / "cloud.usda"
     path.write_text('#usda 1.0\ndef "a" { float3[] p = [' + count * opening + count * closing + "]}")
