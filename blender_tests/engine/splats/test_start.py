@@ -103,22 +103,17 @@ def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(mo
     assert_allclose(seen[..., :3].reshape(-1, 3), sky(directions), atol=0.06)
 
 
-@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0, -0.8), (1e-4, 0, -1)])
-def test_a_disk_turns_to_its_normal(normal):
-    normal = np.array([normal], np.float32) / np.linalg.norm(normal)
-    table = np.zeros((1, COLOR), np.float32)
-    table[:, ROTATION : ROTATION + 4] = start._rotations_to(normal)
-    assert_allclose(axes_of(table)[0, :, 2], normal[0], atol=0.02)
+def test_a_disk_turns_to_its_normal():
+    normals = np.float32([(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0, -0.8), (1e-4, 0, -1)])
+    table = np.zeros((len(normals), COLOR), np.float32)
+    table[:, ROTATION : ROTATION + 4] = start._rotations_to(normals)
+    assert_allclose(axes_of(table)[:, :, 2], normals, atol=0.02)
 
 
-@pytest.mark.parametrize(("count", "found"), [(1, 1), (3, 3), (64, 64), (65, 64), (1000, 64)])
-def test_surface_views_are_spread_evenly(count, found):
-    views = [SimpleNamespace(number=number) for number in range(count)]
-    chosen = [view.number for view in surface_views(views)]
-    assert len(set(chosen)) == len(chosen) == found and (chosen[0], chosen[-1]) == (0, count - 1)
-
-
-def test_the_start_is_cancelled_between_views(model):
+def test_the_surface_is_sampled_by_evenly_spread_views_and_can_be_cancelled_after_each(model):
+    for count, found in ((1, 1), (3, 3), (64, 64), (65, 64), (1000, 64)):
+        chosen = surface_views(range(count))
+        assert len(set(chosen)) == len(chosen) == found and (chosen[0], chosen[-1]) == (0, count - 1)
     steps = []
 
     def cancel():
@@ -158,12 +153,9 @@ def scene(kind="opaque"):
     return SimpleNamespace(background_kind=kind, render=render, looks=looks)
 
 
-@pytest.mark.parametrize(
-    ("kind", "photos", "per_photo"),
-    [("opaque", 10, PSEUDO_VIEWS_PER_PHOTO), ("opaque", 60, 0), ("opaque", 2, 0), ("alpha", 10, 0)],
-)
-def test_pseudo_cameras_need_wide_baselines_and_opaque_photos(kind, photos, per_photo):
-    assert len(pseudo_cameras(scene(kind), ring(photos), 0)) == photos * per_photo
+def test_pseudo_cameras_need_wide_baselines_and_opaque_photos():
+    counts = {("opaque", 10): 10 * PSEUDO_VIEWS_PER_PHOTO, ("opaque", 60): 0, ("opaque", 2): 0, ("alpha", 10): 0}
+    assert {(kind, n): len(pseudo_cameras(scene(kind), ring(n), 0)) for kind, n in counts} == counts
 
 
 @pytest.mark.parametrize(

@@ -22,20 +22,9 @@ from karf_engine.fields.rendering.space import Box, Frustum
 from karf_engine.metrics.images import psnr
 from karf_engine.project.settings import GeometrySettings, NerfSettings, preset
 
-TINY = NerfSettings(
-    depth=3,
-    width=32,
-    position_frequencies=6,
-    direction_frequencies=2,
-    coarse_samples=16,
-    fine_samples=16,
-    iterations=600,
-    rays=64,
-    rate=5e-3,
-    decay_steps=1000,
-    crop_iterations=20,
-    look_every=600,
-)
+TINY = NerfSettings(depth=3, width=32, position_frequencies=6, direction_frequencies=2, coarse_samples=16,
+                    fine_samples=16, iterations=600, rays=64, rate=5e-3, decay_steps=1000, crop_iterations=20,
+                    look_every=600)  # fmt: skip
 
 
 def start(kind, settings=TINY, space="box", device="cpu", views=None):
@@ -84,32 +73,24 @@ def test_the_field_has_the_normals_and_features_of_later_stages(learned):
     assert field.features(middle).shape == (len(middle), 32)
 
 
-def test_scenes_come_every_look_every_iterations_and_at_the_end():
-    fit = start("black", replace(TINY, iterations=7, look_every=3))
-    assert fit.iterations == 7
-    steps = [0]
-    progress = silent()
-    progress.step = lambda *_, **__: steps.__setitem__(-1, steps[-1] + 1)
-    for _ in fit.scenes(progress):
-        steps.append(0)
-    assert steps == [3, 3, 1, 0]
-
-
 @pytest.mark.parametrize(
     ("iterations", "decay_steps", "expected"),
     [(101, 100, 1e-3 * 0.1 ** (np.arange(101) / 100)), (10, 0, np.full(10, 1e-3))],
 )
-def test_the_rate_falls_to_a_tenth_in_the_steps_given_across_scenes(iterations, decay_steps, expected, monkeypatch):
-    rates = []
+def test_scenes_come_as_often_as_set_and_the_rate_falls_across_them(iterations, decay_steps, expected, monkeypatch):
+    rates, ends = [], []
 
     def note(training_state, until, step, schedule, progress, checkpoint):
         rate = training_state.optimizer.param_groups[0]["lr"]
         rates.extend(rate * schedule(i, training_state.iterations) for i in range(training_state.done, until))
+        ends.append(until)
         training_state.done = until
 
     monkeypatch.setattr("karf_engine.fields.nerf.fit.train", note)
-    settings = replace(TINY, iterations=iterations, look_every=iterations // 3, rate=1e-3, decay_steps=decay_steps)
-    list(start("black", settings).scenes(silent()))
+    fit = start("black", replace(TINY, iterations=iterations, look_every=40, rate=1e-3, decay_steps=decay_steps))
+    assert fit.iterations == iterations
+    assert len(list(fit.scenes(silent()))) == len(ends)
+    assert ends == [end for end in (40, 80) if end < iterations] + [iterations]
     assert_allclose(rates, expected)
 
 

@@ -64,6 +64,8 @@ def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path
     assert not found.is_antialiased
     with pytest.raises(BadRequest, match=rf"cloud\{end} has none of the ends \.compressed\.ply, \.ply"):
         write_splats(path, SplatFile(table))
+    with pytest.raises(BadRequest, match=r"cloud\.obj has none of the ends"):
+        read_splats(tmp_path / "cloud.obj")
 
 
 @pytest.mark.parametrize("end", [".ply", ".spz"])
