@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -38,9 +39,15 @@ class Demo:
         shutil.rmtree(self.scratch, ignore_errors=True)
 
         def learn(folder: Path) -> dict[str, float]:
-            model = karf.learn(DEMO, ONE, project=folder / "project", overrides=[F_W], threads=store.threads)
-            stages = model.project.state()["stages"]
-            return {name: entry["seconds"] for name, entry in stages.items()}
+            project, run = folder / "project", {"threads": store.threads}
+            stages: dict[str, Callable[[], object]] = {
+                "geometry": lambda: karf.learn_geometry(DEMO, project=project, overrides=[F_W], **run),
+                "segmentation": lambda: karf.segment(project, ONE, **run),
+                "palette": lambda: karf.extract_palettes(project, **run),
+                "recoloring": lambda: karf.learn_recoloring(project, **run),
+                "splats": lambda: karf.learn_splats(project, **run),
+            }
+            return {name: processor_seconds(stage) for name, stage in stages.items()}
 
         self.seconds: dict[str, float] = store.take("demo", learn)
         self.model = karf.load(store.path("demo") / "project")
@@ -93,6 +100,13 @@ class Demo:
                 pair = self.truth.color_pair(edit, palette.name)
                 colors[palette.name] = solve(model.project, palette, *pair, "becomes")
         return stack_palettes(model.objects, colors)
+
+
+def processor_seconds(work: Callable[[], object]) -> float:
+    """Return the processor seconds that some work takes."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
 
 
 def samples_of(test: TestViews) -> list[ObjectSamples]:

@@ -9,10 +9,9 @@ import numpy as np
 
 import karf_engine as karf
 
-from ..metrics.scores import hue_shifted, mean_mask_scores, score_pictures, score_recolor
+from ..metrics.scores import mean_mask_scores, score_pictures
 from ..metrics.truth import Truth
-from .judged_edits import edit_to_judge, hue_shift_of_paints
-from .rivals.measuring import RULES, measure
+from .judging import baselines, ciede2000_of, outside_of, recolored
 from .store import Store
 from .table import Figures, Table
 from .views import TestViews, learn_again, matted, render_test_views, with_model
@@ -44,37 +43,26 @@ def judge_scene(store: Store, seed: int) -> Figures:
     return store.take(f"{scene_name(seed)}/learned", judge)
 
 
-def measure_rivals(store: Store, seed: int) -> dict[str, Figures]:
-    """Return the figures of each rule on a scene, measured unless they are there."""
-
-    def rival(folder: Path) -> dict[str, Figures]:
-        judge_scene(store, seed)
-        model = karf.load(store.path(f"{scene_name(seed)}/learned") / "project")
-        return dict(measure(model, Truth(draw_scene(store, seed)), folder / "scratch", store.threads))
-
-    return store.take(f"{scene_name(seed)}/rivals", rival)
-
-
 def judged(capture: Path, folder: Path, threads: int) -> Figures:
     """Learn a capture into `folder` and return its figures, means over objects, edits and test views."""
     masks = capture / "coarse_masks" / "one"
-    model = karf.learn(capture, masks, project=folder / "project", threads=threads)
+    model = karf.learn(capture, masks, project=folder / "project", overrides=["splats.iterations=0"], threads=threads)
     test, truth = render_test_views(model), Truth(capture)
     shipped, true_masks = matted(test), truth.masks("test")
     photos = [frame.base for frame in test.frames]
     ceiling = ceiling_of(test, truth, folder, threads)
+    per_paint = recolored(shipped, truth, per_paint=True)
     iou = {
         name: 100 * mean_mask_scores({each: views.masks(each) for each in model.objects}, true_masks).iou
         for name, views in {"iou": test, "iou_photo": shipped, "iou_ceiling": ceiling}.items()
     }
     return {
-        "psnr": score_pictures([frame.color for frame in test.frames], photos)["psnr"],
+        "psnr": score_pictures([frame.color for frame in test.frames], photos)[0],
         **iou,
-        "ciede2000_per_paint": ciede2000_of(shipped, truth, per_paint=True),
-        "ciede2000_per_object": ciede2000_of(shipped, truth, per_paint=False),
-        **hue_shifts(photos, truth),
-        "ciede2000_no_edit": mean_over_edits(truth, photos, dict.fromkeys(truth.edits, photos)),
-        "mse_outside_photo": outside_of(shipped, truth),
+        "ciede2000_per_paint": ciede2000_of(per_paint, truth),
+        "ciede2000_per_object": ciede2000_of(recolored(shipped, truth, per_paint=False), truth),
+        **baselines(photos, truth),
+        "mse_outside_photo": outside_of(per_paint, photos, truth),
     }
 
 
@@ -87,52 +75,6 @@ def ceiling_of(test: TestViews, truth: Truth, folder: Path, threads: int) -> Tes
     )
 
 
-def recolored(views: TestViews, truth: Truth, edit: str, per_paint: bool) -> list[np.ndarray]:
-    """Return the views recolored by one who knows a color pair an object, or one for each of its paints."""
-    known = edit_to_judge(views.model, truth, edit, per_paint)
-    return [views.model.composite(frame, known) for frame in views.frames]
-
-
-def ciede2000_of(views: TestViews, truth: Truth, per_paint: bool) -> float:
-    """Return the mean CIEDE2000 of our recolors."""
-    photos = [frame.base for frame in views.frames]
-    return mean_over_edits(truth, photos, {edit: recolored(views, truth, edit, per_paint) for edit in truth.edits})
-
-
-def outside_of(views: TestViews, truth: Truth) -> float:
-    """Return the mean squared error to the photos outside the edited objects, of recolors by a pair for each paint."""
-    photos = [frame.base for frame in views.frames]
-    scores = [
-        score_recolor(recolored(views, truth, edit, True), truth.recolored(edit), photos, truth.inside(edit))
-        for edit in truth.edits
-    ]
-    return float(np.mean([score.mse_outside for score in scores]))
-
-
-def hue_shifts(photos: list[np.ndarray], truth: Truth) -> Figures:
-    """Return the figures of hue shifts in the true masks: by a pair for each paint, and by one for each object."""
-    by_paint, by_object = {}, {}
-    for edit, entry in truth.edits.items():
-        masks = [{name: labels == truth.names[name] for name in entry["objects"]} for labels in truth.labels("test")]
-        paints = {name: truth.paint_pairs(edit, name) for name in entry["objects"]}
-        pairs = {name: truth.color_pair(edit, name) for name in entry["objects"]}
-        by_paint[edit] = [hue_shift_of_paints(p, own, paints) for p, own in zip(photos, masks, strict=True)]
-        by_object[edit] = [hue_shifted(photo, own, pairs) for photo, own in zip(photos, masks, strict=True)]
-    return {
-        "ciede2000_hue_per_paint": mean_over_edits(truth, photos, by_paint),
-        "ciede2000_hue": mean_over_edits(truth, photos, by_object),
-    }
-
-
-def mean_over_edits(truth: Truth, photos: list[np.ndarray], pictures: dict[str, list[np.ndarray]]) -> float:
-    """Return the mean CIEDE2000 of pictures of each edit, inside its objects."""
-    scores = [
-        score_recolor(views, truth.recolored(edit), photos, truth.inside(edit)).ciede2000
-        for edit, views in pictures.items()
-    ]
-    return float(np.mean(scores))
-
-
 def drawn_table(store: Store, seeds: Sequence[int]) -> Table:
     """Measure all scenes: a row each, then their mean and median."""
     rows = {scene_name(seed): judge_scene(store, seed) for seed in seeds}
@@ -140,15 +82,3 @@ def drawn_table(store: Store, seeds: Sequence[int]) -> Table:
     means = {name: float(np.mean(column)) for name, column in columns.items()}
     medians = {name: float(np.median(column)) for name, column in columns.items()}
     return Table("scene", rows | {"**mean**": means, "**median**": medians})
-
-
-def rivals_table(store: Store, seeds: Sequence[int]) -> Table:
-    """Measure the rules of others on all scenes: means over the scenes."""
-    scenes = [measure_rivals(store, seed) for seed in seeds]
-    rows: dict[str, Figures] = {}
-    for rule in RULES:
-        columns = {name: [scene[rule][name] for scene in scenes] for name in scenes[0][rule]}
-        means = {name: float(np.mean(column)) for name, column in columns.items()}
-        rows[rule] = {"ciede2000": means.pop("ciede2000"), "ciede2000_median": float(np.median(columns["ciede2000"]))}
-        rows[rule] = {**rows[rule], **means}
-    return Table("rule", rows)

@@ -14,10 +14,9 @@ from ..metrics.truth import DEMO
 from .ablations import ABLATIONS, FULL
 from .demo import F_W, THREE, Demo, ablation, samples_of
 from .drawn import judge_scene, scene_name
-from .scores import score_palettes_of
 from .store import Store
 from .table import Figures, Table
-from .views import TestViews, render_test_views
+from .views import TestViews, render_test_views, score_palettes_of
 
 WAYS = (FULL, "w/o Res", "w/ Gate", "w/o All", "MLP layers, equal parameters")
 TRAININGS = 3  # seeds of each way

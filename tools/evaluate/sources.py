@@ -1,6 +1,7 @@
 """The source modules that a measurement depends on, and whether they have changed since (standard library only).
 
-A module counts when one of its functions ran, or when one that ran takes a constant or a compiled kernel from it. Its
+A module counts when one of its functions ran, or when one that ran takes a constant, a dataclass or a compiled kernel
+from it. Its
 digest is that of its syntax tree without docstrings, so that comments, formatting and documentation change nothing.
 """
 
@@ -19,6 +20,7 @@ from types import FrameType
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("karf_engine", "tools")
+IMPORTING = "<frozen importlib._bootstrap>"
 # these move files, report progress, read options: no figure depends on them
 NEUTRAL = (
     "karf_engine/api.py",
@@ -46,6 +48,7 @@ NEUTRAL = (
     "tools/evaluate/pages.py",
     "tools/evaluate/sources.py",
     "tools/evaluate/store.py",
+    "tools/evaluate/table.py",
 )
 
 
@@ -56,8 +59,11 @@ class Trace:
         self.files: set[str] = set()
 
     def _called(self, frame: FrameType, event: str, _: object) -> None:
-        if event == "call" and frame.f_code.co_flags & inspect.CO_OPTIMIZED:  # not the body of a module or a class
-            self.files.add(frame.f_code.co_filename)
+        if event != "call" or not frame.f_code.co_flags & inspect.CO_OPTIMIZED:  # the body of a module or a class
+            return
+        file = frame.f_code.co_filename
+        if file not in self.files and not _is_importing(frame):
+            self.files.add(file)
 
     def start(self) -> None:
         """Trace from here on."""
@@ -79,6 +85,13 @@ class Trace:
     def modules(self) -> set[str]:
         """Return the traced modules of this repository, and those whose constants or kernels they take."""
         return with_constants(name for file in self.files if (name := module_of(file)))
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    """Test whether a function was called while a module was imported: what decorators and registries do counts as nothing."""
+    while frame and frame.f_code.co_filename != IMPORTING:
+        frame = frame.f_back
+    return frame is not None
 
 
 def module_of(file: str) -> str | None:
@@ -104,7 +117,7 @@ def with_constants(modules: Iterator[str]) -> set[str]:
 
 @cache
 def constants_of(module: str) -> tuple[str, ...]:
-    """Return the modules of this repository from which a module imports a constant or a compiled kernel."""
+    """Return the modules of this repository from which a module imports a constant, a dataclass or a compiled kernel."""
     found = []
     for node in ast.walk(ast.parse((ROOT / module).read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom):
@@ -133,11 +146,13 @@ def _file_of(path: Path) -> str | None:
 
 @cache
 def _constants_in(module: str) -> frozenset[str]:
-    """Names of the constants and compiled kernels that a module defines."""
+    """Names of the constants, dataclasses and compiled kernels that a module defines."""
     names = set()
     for node in ast.parse((ROOT / module).read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.FunctionDef) and any("kernel" in ast.unparse(each) for each in node.decorator_list):
-            names.add(node.name)
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            decorators = " ".join(map(ast.unparse, node.decorator_list))
+            if "kernel" in decorators or "dataclass" in decorators:
+                names.add(node.name)
         elif isinstance(node, (ast.Assign, ast.AnnAssign)):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             bound = (each.id for target in targets for each in ast.walk(target) if isinstance(each, ast.Name))

@@ -20,6 +20,8 @@ from karf_engine.recolor.field_rendering import frame_of, photo_frame
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
 
+from ..metrics.scores import PaletteScore, score_palettes
+
 STAGE_FILES = {  # what is read of each
     "geometry": ("geometry_file", "capture_file"),
     "segmentation": ("segmentation_file", "surface_file", "segmentation_report", "masks_folder"),
@@ -97,8 +99,7 @@ def learn_again(
     changed = settings_module.with_overrides(model.settings, list(overrides))
     own = "files", "folder"  # of the other project; a kept palette may be as recoloring has learned it
     done = {name: {key: value for key, value in state["stages"][name].items() if key not in own} for name in kept}
-    state |= {"stages": done, "settings": settings_module.to_dict(changed)}
-    write_json(scratch.state_file, state)
+    write_json(scratch.state_file, state | {"stages": done, "settings": settings_module.to_dict(changed)})
     run = {"threads": threads, "emit": TerminalEmit()}
     learn = {
         "segmentation": lambda: karf.segment(folder, masks, **run),
@@ -119,3 +120,11 @@ def with_model(test: TestViews, model: Model, weights_from: str = "field") -> Te
     from_field = weights_from == "field"
     frames = [frame_of(model, each.picture, each.base, from_field, gains=each.gains) for each in test.frames]
     return TestViews(model, test.training_images, frames)
+
+
+def score_palettes_of(test: TestViews, truth: dict[str, list[np.ndarray]]) -> PaletteScore:
+    """Return how well the learned palettes with the frames' weights show the objects; truth: masks by object."""
+    masks = [np.stack(views) for views in zip(*(truth[name] for name in test.model.objects), strict=True)]
+    weights = [frame.palette_weights for frame in test.frames]
+    probabilities = [frame.probabilities for frame in test.frames]
+    return score_palettes(weights, probabilities, test.model.learned_colors, [f.base for f in test.frames], masks)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-MADE_BY = "made_by.json"
 LABEL_COLORS = (0, 0, 0, 220, 50, 40, 40, 90, 220, 90, 190, 50)
 
 
@@ -37,17 +34,3 @@ def write_json(path: Path, content) -> None:
     """Write ``content`` as indented JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def unless_there(folder: Path, arguments: dict, make: Callable[[Path], None]) -> None:
-    """Make a capture, unless ``folder`` has one of the same arguments; it appears there when it is complete."""
-    made_by = folder / MADE_BY
-    if made_by.exists() and json.loads(made_by.read_text(encoding="utf-8")) == arguments:
-        print(f"{folder}: there already")
-        return
-    checkpoint = folder.with_name(f"{folder.name}.unfinished")
-    shutil.rmtree(checkpoint, ignore_errors=True)
-    make(checkpoint)
-    write_json(checkpoint / MADE_BY, arguments)
-    shutil.rmtree(folder, ignore_errors=True)
-    checkpoint.rename(folder)

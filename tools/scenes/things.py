@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .materials import bands, checks, clouds, material, math_node, position_socket, rise
+from .materials import bands, clouds, material, math_node, position_socket, rise
 from .shapes import box, grid_object, lathe, place, tube
 
 
@@ -151,27 +151,6 @@ def add_studio() -> None:
     add_light("key", (2.6, -2.4, 4.2), 3.2, 255.0, (1.0, 0.96, 0.9))
     add_light("fill", (-3.6, 1.2, 2.6), 3.0, 60.0, (0.9, 0.95, 1.0))
     add_world()
-
-
-def add_jug(x: float, y: float, color, object_id: int = 0) -> None:
-    """Add a plain jug with a wide belly, a lip and a handle; material ``jug``."""
-    paint = material("jug", color, 0.4)
-    profile = [(0.0, 0.0), (0.24, 0.0), (0.28, 0.02), (0.40, 0.20), (0.43, 0.38), (0.36, 0.58), (0.24, 0.74)]
-    profile += [(0.22, 0.86), (0.28, 0.98), (0.27, 1.0), (0.25, 0.98), (0.19, 0.86), (0.20, 0.74), (0.0, 0.55)]
-    handle = [(0.22, 0.90), (0.36, 0.95), (0.50, 0.84), (0.54, 0.64), (0.48, 0.46), (0.40, 0.40)]
-    parts = [
-        grid_object("jug", lathe(profile), paint, object_id),
-        grid_object("jug handle", tube(handle, 0.05, math.radians(35.0)), paint, object_id),
-    ]
-    place(parts, x, y)
-
-
-def add_vase(x: float, y: float, colors, object_id: int = 0) -> None:
-    """Add a vase of mirroring glaze with large checks; material ``checks``."""
-    glaze = material("checks", colors[0], 0.08, second=colors[1], pattern=checks(5, 0.36), refraction=1.9)
-    profile = [(0.0, 0.0), (0.22, 0.0), (0.26, 0.02), (0.42, 0.26), (0.46, 0.48), (0.38, 0.74), (0.24, 0.90)]
-    profile += [(0.22, 0.98), (0.27, 1.06), (0.26, 1.08), (0.23, 1.05), (0.18, 0.96), (0.19, 0.90), (0.0, 0.75)]
-    place([grid_object("vase", lathe(profile), glaze, object_id)], x, y)
 
 
 def add_room() -> None:

@@ -17,7 +17,7 @@ from karf_engine.recolor.frames import Frame
 
 from ...metrics.scores import hue_shifted
 from ...metrics.truth import Truth
-from ..judged_edits import edit_to_judge
+from ..judging import edit_to_judge
 from ..views import TestViews
 from .decomposition import Layers, Training, edited_palette, hull_palette, learn, recolored
 from .points import ObjectPoints, points_of_objects

@@ -29,17 +29,12 @@ README = """\
 Drawn scene of seed {scene.seed}: {scene.place}, {scene.light}, {scene.cameras.way} of {scene.cameras.train} photos
 ================================================================================================
 
-Rendered with Cycles from a procedural scene; public domain (CC0 1.0). Made by
+Rendered with Cycles from a drawn scene; public domain (CC0 1.0). Made by
     {command}
-(bpy {blender}, {size} x {size} pixels, up to {samples} samples per pixel, denoised, view transform Standard).
-
-Laid out as the benchmark's captures. Beside the first object: {scene.relation}. Background: {scene.background}.
+(bpy {blender}). Laid out as the demo. Beside the first object: {scene.relation}. Background: {scene.background}.
 Training photos have noise of {flaws.noise:.3f}, blur of {flaws.blur:.2f} pixels, and exposures that differ by
-{flaws.drift:.3f} (deviation, deviation, at most); test photos are clean. Edits: "first" changes the main color of the
-first object, "all" all colors of all marked objects.
-
-Things: name, form, size, position, pattern, roughness, translucency, number
-{things}
+{flaws.drift:.3f}; test photos are clean. Edits: "first" changes the main color of the first object, "all" all colors
+of all marked objects.
 
 Rough masks, drawn by a hasty hand
 {masks}
@@ -50,23 +45,11 @@ def make_drawn_capture(seed: int, size: int, samples: int, out: Path, *, command
     """Render the scene of a seed as a capture into ``out``, ``size`` pixels square."""
     scene = visible_scene(seed)
     recipe, extent = _recipe(scene), Extent(size, scene.cameras.train, TEST_VIEWS, samples)
-    _make(scene, recipe, extent, out, command, threads)
-    masks = draw_hasty_masks(out, recipe.views(extent.train, extent.test), recipe.names, seed)
-    _write_readme(README, scene, extent, out, command, masks)
-
-
-def _make(scene: Scene, recipe: Recipe, extent: Extent, out: Path, command: str, threads: int) -> None:
     make_capture(recipe, extent, out, command, threads, ("photos", "truth", "recolors"))
     spoil_photos(out, scene.flaws, scene.seed)
-
-
-def _write_readme(readme: str, scene: Scene, extent: Extent, out: Path, command: str, masks: str) -> None:
+    masks = draw_hasty_masks(out, recipe.views(extent.train, extent.test), recipe.names, seed)
     facts = {"scene": scene, "flaws": scene.flaws, "command": command, "blender": bpy.app.version_string}
-    things = "\n".join(_line(thing) for thing in scene.things)
-    text = readme.format(
-        **facts, size=extent.size, samples=extent.samples, train=extent.train, things=things, masks=masks
-    )
-    (out / "README.txt").write_text(text, encoding="utf-8")
+    (out / "README.txt").write_text(README.format(**facts, masks=masks), encoding="utf-8")
 
 
 def visible_scene(seed: int) -> Scene:
@@ -132,9 +115,3 @@ def _shares(view: View, scene: Scene) -> list[float]:
             hit = bpy.context.scene.ray_cast(graph, origin, rotation @ Vector((x, y, -1.0)))
             hits.append(hit[4].pass_index if hit[0] else 0)
     return [hits.count(thing.object_id) / len(hits) for thing in scene.marked]
-
-
-def _line(thing) -> str:
-    position = " ".join(f"{x:.2f}" for x in thing.position)
-    paint = f"{thing.paint.pattern} {thing.paint.roughness} {thing.paint.translucency}"
-    return f"  {thing.name}  {thing.form}  {thing.size:.2f}  ({position})  {paint}  {thing.object_id}"

@@ -15,107 +15,62 @@ RELATIONS = ("none", "same hue", "twin", "part", "touching", "behind wires", "be
 
 @dataclass(frozen=True)
 class Paint:
-    """One color, or two that a pattern mixes.
+    """One color, or two that a pattern mixes."""
 
-    Attributes:
-        colors: The main color, and maybe the second.
-        pattern: `plain`, `bands`, `checks`, `clouds` or `rise`.
-        roughness: 0 mirrors, 1 is matte.
-        translucency: Share of the light that enters and leaves elsewhere, in [0, 1].
-    """
-
-    colors: tuple[Color, ...]
-    pattern: str
-    roughness: float
-    translucency: float = 0.0
+    colors: tuple[Color, ...]  # the main color, and maybe the second
+    pattern: str  # plain, bands, checks, clouds or rise
+    roughness: float  # 0 mirrors, 1 is matte
+    translucency: float = 0.0  # share of the light that enters and leaves elsewhere, in [0, 1]
 
 
 @dataclass(frozen=True)
 class Thing:
-    """A thing that stands somewhere.
+    """A thing that stands somewhere."""
 
-    Attributes:
-        name: Of it and of its material.
-        form: Which of the forms it has.
-        proportions: Seed of its own proportions: things of one form and seed have the same shape.
-        size: About its height or width, whichever is more.
-        position: Where its foot is.
-        azimuth: How it is turned about z, radians.
-        paint: Its color.
-        object_id: Its number among the marked things, from 1; 0 for one without a mask.
-    """
-
-    name: str
+    name: str  # of it and of its material
     form: str
-    proportions: int
-    size: float
-    position: Point
-    azimuth: float
+    proportions: int  # seed: things of one form and seed have the same shape
+    size: float  # about its height or width, whichever is more
+    position: Point  # of its foot
+    azimuth: float  # radians about z
     paint: Paint
-    object_id: int = 0
+    object_id: int = 0  # number among the marked things, from 1; 0 for one without a mask
 
 
 @dataclass(frozen=True)
 class Cameras:
-    """Where the photos are taken from.
+    """Where the photos are taken from."""
 
-    Attributes:
-        way: `dome` (all round), `patch` (one way) or `path` (a hand-held walk round a part of it).
-        train: Training photos.
-        distance: From the target.
-        target: What they look at.
-        field_of_view: Radians.
-        seed: Of their jitter.
-    """
-
-    way: str
-    train: int
+    way: str  # dome (all round), patch (one way) or path (a hand-held walk round a part)
+    train: int  # training photos
     distance: float
     target: Point
-    field_of_view: float
-    seed: int
+    field_of_view: float  # radians
+    seed: int  # of their jitter
 
 
 @dataclass(frozen=True)
 class PhotoFlaws:
-    """What is wrong with the training photos; test photos are clean.
+    """What is wrong with the training photos; test photos are clean."""
 
-    Attributes:
-        noise: Deviation of each channel of each pixel, sRGB in [0, 1].
-        blur: Deviation of a Gaussian, pixels.
-        drift: Largest change of exposure between photos, as a factor's distance from 1.
-    """
-
-    noise: float
-    blur: float
-    drift: float
+    noise: float  # deviation of each channel of each pixel, sRGB in [0, 1]
+    blur: float  # deviation of a Gaussian, pixels
+    drift: float  # largest change of exposure between photos, as a factor's distance from 1
 
 
 @dataclass(frozen=True)
 class Scene:
-    """All that a seed says.
-
-    Attributes:
-        seed: The seed.
-        place: One of PLACES.
-        light: One of LIGHTS.
-        background: One of BACKGROUNDS; a place other than a table has always its own surroundings.
-        relation: What stands beside the first marked thing to mislead: one of RELATIONS.
-        things: All of them; the marked ones first.
-        cameras: The cameras.
-        flaws: Of the training photos.
-        repaints: Edit -> thing -> its new colors.
-    """
+    """All that a seed draws."""
 
     seed: int
-    place: str
-    light: str
-    background: str
-    relation: str
-    things: tuple[Thing, ...]
+    place: str  # one of PLACES
+    light: str  # one of LIGHTS
+    background: str  # one of BACKGROUNDS, of a table; other places have their own surroundings
+    relation: str  # what stands beside the first marked thing to mislead: one of RELATIONS
+    things: tuple[Thing, ...]  # the marked ones first
     cameras: Cameras
     flaws: PhotoFlaws
-    repaints: dict[str, dict[str, tuple[Color, ...]]]
+    repaints: dict[str, dict[str, tuple[Color, ...]]]  # edit -> thing -> its new colors
 
     @property
     def marked(self) -> tuple[Thing, ...]:
