@@ -5,8 +5,6 @@ import pytest
 
 from .scenes import BLUE, GREEN, LID, RED, color, pixels
 
-ORANGE = (0.9, 0.6, 0.1)
-
 
 @pytest.fixture
 def item(learned):
@@ -49,46 +47,12 @@ def test_a_live_target_moves_the_swatches_at_once_and_from_where_it_began(item):
     assert_shows(item, blue, None, atol=1e-5)
 
 
-def test_a_color_of_the_edited_picture_becomes_another(addon, learned, item, press):
-    addon.steps.becomes(learned, "pot", RED, BLUE)
-    other = color(learned, "pot", 2)
-    press(BLUE, GREEN)
-    assert_shows(item, GREEN, None, atol=0.02)
-    addon.edits.reset(learned, "pot")
-    addon.steps.becomes(learned, "pot", RED, BLUE)
-    addon.steps.becomes(learned, "pot", BLUE, GREEN, from_edited=True)
-    assert_shows(item, GREEN, None, atol=0.02)
-    assert_shows(item, None, other, atol=0.2)
-
-
-def test_it_goes_on_from_what_was_changed_since_the_color_was_picked(addon, learned, item, press):
-    item.source, item.target, item.rule = RED, BLUE, "fewest"
-    addon.steps.set_swatch(learned, "pot", 2, (0.3, 0.9, 0.9))
-    press()
-    assert_shows(item, None, (0.3, 0.9, 0.9), atol=1e-6)
-
-
-def test_paint_after_paint_what_a_paint_became_is_kept(item, press):
-    yellow = tuple(item.swatches[2].learned)
-    press(RED, ORANGE)
-    press(yellow, BLUE)
-    assert_shows(item, ORANGE, BLUE, atol=0.06)
-    press(ORANGE, GREEN)  # what was held is another's paint no more
-    assert_shows(item, GREEN, BLUE, atol=0.06)
-
-
 def test_a_color_that_the_object_does_not_show_changes_nothing(addon, item, press):
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
     with pytest.raises(RuntimeError, match="pot shows no color like #00ff00"):
         press()
     item.live = True
     np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
-
-
-def test_a_picture_with_paint_brighter_than_white_becomes_another(addon, learned, item, press):
-    addon.steps.set_swatch(learned, "pot", 2, (1.3, 1.2, 0.7))
-    press(RED, BLUE)
-    assert_shows(item, BLUE, None, atol=0.05)
 
 
 def test_what_was_dragged_before_does_not_hide_the_color_that_it_begins_with(addon, learned, item, press):

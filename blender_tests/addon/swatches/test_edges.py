@@ -1,4 +1,4 @@
-"""Edges of an object that are moved and faded, and photos that are exposed otherwise than the mean of all."""
+"""Moved and faded edges of objects, and photos with another exposure than the average."""
 
 import json
 
@@ -9,7 +9,7 @@ from karf_engine.palettes.compositing import delta_composite, paper_composite, s
 from karf_engine.palettes.edge_planes import apply_edges_to_planes
 from karf_engine.palettes.edge_shape import EdgeShape
 
-from .scenes import BLUE, GRAY, GREEN, HEIGHT, RED, WIDTH, YELLOW, let_see, palettes, pixels, show_block
+from .scenes import BLUE, GRAY, GREEN, HEIGHT, RED, WIDTH, YELLOW, palettes, pixels, set_histogram, show_block
 
 GAINS = 0.75, 1.0, 1.1
 
@@ -73,18 +73,14 @@ def test_an_added_color_keeps_its_pigment_up_to_the_new_edge(addon, block, blue)
     np.testing.assert_allclose(row(addon, blue)[[7, 9]], [RED, BLUE], atol=0.02)
 
 
-def test_edit_files_give_edges_and_take_them(addon, block, blue, tmp_path):
-    blue.choke, blue.feather = -1.5, 4
-    assert addon.edits.edit_option(block)["objects"]["pot"]["edges"] == {"choke": -1.5, "feather": 4}
-    addon.steps.save_edit(block, tmp_path / "edit.json")
-    content = json.loads((tmp_path / "edit.json").read_text())
-    del content["objects"]["pot"]["edges"]
+def test_edit_files_of_earlier_versions_have_no_edges(addon, block, blue, tmp_path):
+    blue.choke, blue.feather, block.karf.objects["lid"].choke = -1.5, 4, 3
+    content = addon.edits.edit_option(block)
+    assert content["objects"]["pot"].pop("edges") == {"choke": -1.5, "feather": 4}
+    assert content["objects"]["lid"].pop("edges") == {"choke": 3, "feather": 0}
     (tmp_path / "older.json").write_text(json.dumps(content))
-    lid = block.karf.objects["lid"]
-    blue.choke, blue.feather, lid.choke = 0, 0, 3
-    for name, edges in (("edit", (-1.5, 4, 0)), ("older", (0, 0, 0))):
-        addon.steps.apply_edit(block, tmp_path / f"{name}.json")
-        assert (blue.choke, blue.feather, lid.choke) == edges
+    addon.steps.apply_edit(block, tmp_path / "older.json")
+    assert [(item.choke, item.feather) for item in block.karf.objects] == [(0, 0), (0, 0)]
 
 
 def test_other_tools_leave_it(addon, block, blue):
@@ -117,7 +113,7 @@ def test_frames_whose_edges_differ_have_edits_of_their_own(bpy, addon, block, bl
 def dark(addon, learned):
     """The scene with a photo that is a bit dark and cold."""
     show_block(addon, learned, GAINS)
-    let_see(addon, learned, np.array([(0, 0, 0), RED, np.multiply(RED, 0.6)]), np.eye(3)[1:])
+    set_histogram(addon, learned, np.array([(0, 0, 0), RED, np.multiply(RED, 0.6)]), np.eye(3)[1:])
     return learned
 
 

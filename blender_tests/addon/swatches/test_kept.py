@@ -27,6 +27,8 @@ def edited(addon, pots, tmp_path):
 
 def test_a_saved_file_keeps_everything_and_its_picture_without_the_project(bpy, addon, edited, tmp_path):
     addon.steps.link_swatches(edited, ("lid", 1), ("pot", 1))
+    for name in ("A", "B"):
+        addon.steps.keep_look(edited, name)
     addon.steps.show_view(edited, "photo_2").wait()
     stored, shown = everything_stored(edited.karf), pixels(addon, edited)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
@@ -36,6 +38,7 @@ def test_a_saved_file_keeps_everything_and_its_picture_without_the_project(bpy, 
         scene = bpy.context.scene
         assert everything_stored(scene.karf) == stored
         np.testing.assert_array_equal(pixels(addon, scene), shown)
+        assert scene.karf.looks.keys() == ["A", "B"] and not addon.looks.is_changed(scene)
         if not is_gone:
             addon.steps.apply_edit(scene, tmp_path / "learned.json")
             assert np.abs(pixels(addon, scene) - shown).max() > 0.1  # it goes on

@@ -81,15 +81,13 @@ def test_flipping_goes_back_and_forth_between_the_last_two_and_all_sidebars_show
     assert two.karf.look == "B"  # the other one is gone: the next of the list
 
 
-def test_the_key_flips_over_the_recolored_picture_alone(bpy, two):
+def test_the_key_flips_over_the_recolored_picture_alone(bpy, two, image_editor):
     window = bpy.context.window_manager.windows[0]
-    area = window.screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    region = next(each for each in area.regions if each.type == "WINDOW")
+    region = next(each for each in image_editor.regions if each.type == "WINDOW")
     button = SimpleNamespace(execute=lambda context: "flipped")
     for image, result in ((bpy.data.images.new("other", 8, 8), {"PASS_THROUGH"}), (two.karf.result, "flipped")):
-        area.spaces.active.image = image
-        with bpy.context.temp_override(window=window, area=area, region=region):
+        image_editor.spaces.active.image = image
+        with bpy.context.temp_override(window=window, area=image_editor, region=region):
             assert bpy.types.KARF_OT_flip_looks.invoke(button, bpy.context, None) == result
 
 
@@ -109,15 +107,6 @@ def test_looks_are_renamed_moved_and_removed_but_never_share_a_folder(bpy, addon
     assert not bpy.ops.karf.flip_looks.poll() or two.karf.look != "A"
     two.karf.objects.clear()
     assert not bpy.ops.karf.keep_look.poll() and not bpy.ops.karf.render_looks.poll()
-
-
-def test_looks_are_in_the_file(bpy, addon, two, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
-    scene = bpy.context.scene
-    assert names(scene) == (["A", "B"], "B") and not addon.looks.is_changed(scene)
-    bpy.ops.karf.flip_looks()
-    assert scene.karf.look == "A"
 
 
 @pytest.mark.parametrize("text", ["{", "[" * 100_000])

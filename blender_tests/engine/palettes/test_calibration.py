@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from blender_tests.engine.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.commands.calibration import find_corners
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import lab_to_srgb, linear_to_srgb, srgb_to_linear
@@ -18,7 +19,6 @@ from karf_engine.palettes.calibration import (
 )
 from karf_engine.worker.queries import QUERIES
 from karf_engine.worker.queries.session import Session
-from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 
 LAMP = np.diag([1.3, 0.9, 0.5])  # a warm light, and an exposure
 PAINTS = lab_to_srgb(np.array([[50.0, 40, 20], [30, -10, -30], [60, -20, 40], [70, 5, 60]]))

@@ -118,6 +118,9 @@ def test_files_that_a_page_names_exist(page):
     for path in {match[1] for match in found if match}:
         places = TEST_PLACES if path.rpartition("/")[2].startswith("test_") else CODE_PLACES
         assert path in SOURCES or any((place / path).exists() for place in (*places, ROOT)), path
+    for module in re.findall(r"-m (tools[a-z_.]*[a-z])\b", PAGES[page]):
+        path = ROOT / module.replace(".", "/")
+        assert path.is_dir() or path.with_suffix(".py").exists(), module
 
 
 def test_what_a_page_says_a_file_defines_is_there():
@@ -156,6 +159,21 @@ def test_controls_that_a_page_names_are_those_of_the_panels():
     names = [(page, name) for page, name in bold if re.fullmatch(r"[A-Z][\w':]*( (in|[A-Z0-9][\w']*))*", name)]
     assert len(names) > 100
     assert [(page, name) for page, name in names if not name.endswith(":") and name not in labels] == []
+
+
+COMMAND = re.compile(r"(?:^|`)(?:karf|python -m karf_engine) ([a-z-]+)([^`\n]*)", re.MULTILINE)
+
+
+def test_commands_that_a_page_shows_have_their_options():
+    from tools import reference
+
+    helps = dict(re.findall(r"^## ([a-z-]+)\n```text\n(.*?)```", reference.command_line(), re.MULTILINE | re.DOTALL))
+    shown = [(page, *found) for page, text in PAGES.items() for found in COMMAND.findall(text)]
+    assert len(shown) > 30
+    for page, verb, rest in shown:
+        assert verb in helps, (page, verb)
+        flags = set(re.findall(r"--[a-z-]+", rest.partition("#")[0])) - {"--help"}
+        assert flags <= set(re.findall(r"--[a-z-]+", helps[verb])), (page, verb)
 
 
 SAID_BY_THE_SYSTEM = {"...: No space left on device", "...: Permission denied"}

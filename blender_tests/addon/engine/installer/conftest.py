@@ -66,18 +66,16 @@ class Kitchen:
         self.lists[part][name] = making.locked(path, name, version)
 
     def write(self):
-        local = {"cuda": None, "cpu": "+cpu"}
-        for build, mark in local.items():
-            packages = dict(self.lists["packages"])
-            if mark:
-                packages["torch"] = f"# torch-2.0{mark}-*.whl 1000\ntorch==2.0\n"
-            self._write(f"{self.here.platform}-{build}", packages)
-        self._write(f"{self.here.platform}-photos", self.lists["photos"])
-        self._write("uv", self.lists["uv"])
+        without_hash = "# torch-2.0+cpu-*.whl 1000\ntorch==2.0\n"
+        lists = {
+            f"{self.here.platform}-cuda": self.lists["packages"],
+            f"{self.here.platform}-cpu": self.lists["packages"] | {"torch": without_hash},
+            f"{self.here.platform}-photos": self.lists["photos"],
+            "uv": self.lists["uv"],
+        }
+        for name, packages in lists.items():
+            (self.requirements / f"{name}.txt").write_text("".join(packages.values()))
         self.locks.read.cache_clear()
-
-    def _write(self, name, packages):
-        (self.requirements / f"{name}.txt").write_text("".join(packages.values()))
 
 
 @pytest.fixture
