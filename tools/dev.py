@@ -58,7 +58,9 @@ def main() -> int:
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     building = verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
-    building.add_argument("rest", nargs=argparse.REMAINDER, help="--draft: even where published tables are stale")
+    building.add_argument(
+        "rest", nargs=argparse.REMAINDER, help="--release: for publishing, refuse while a published table is stale"
+    )
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")
@@ -207,11 +209,11 @@ def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
 
 def run_window(options: argparse.Namespace, rest: list[str]) -> int:
     """Build the extension, then use it in a real window."""
-    return build(options, ["--draft"]) or _run("engine", "-m", "tools.window", *rest)
+    return build(options, []) or _run("engine", "-m", "tools.window", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:
-    """Pack the extension by this Python alone; `--draft` packs it even where published tables are stale."""
+    """Pack the extension by this Python alone; `--release` refuses while a published table is stale."""
     return subprocess.run([sys.executable, "-m", "tools.release", *rest], cwd=ROOT).returncode
 
 

@@ -11,45 +11,8 @@ import pytest
 from ..layering import violations
 
 ROOT = Path(__file__).resolve().parents[2]
-# modules of the engine that Blender's Python imports: whole rooms, and single files of others
-SHARED = [
-    "errors",
-    "version",
-    "api",
-    "io/color",
-    "io/failures",
-    "io/files",
-    "io/image_size",
-    "io/names",
-    "io/npz",
-    "io/options",
-    "compute/progress",
-    "capture/*",
-    "project/*",
-    "project/settings/*",
-    "palettes/*",
-    "palettes/matching/*",
-    "export/frame_options",
-    "export/layer_names",
-    "export/scene_points",
-    "commands/dispatch",
-    "commands/options",
-    "commands/farm/*",
-    "worker/protocol",
-    "worker/findings",
-]
-# files of those rooms that the engine alone imports
-ENGINE_ALONE = {
-    "training_images",
-    "inspection",
-    "advice",
-    "child_process",
-    "triangulation",
-    "structure_from_motion",
-    "locking",
-    "extraction",
-    "palette_weights",
-}
+# files of the extension that run without Blender
+PURE = ("engine_api", "swatches/solving", "engine/failures", "engine/processes", "engine/worker", "engine/installer/*")
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("session",),
@@ -127,26 +90,21 @@ def test_only_compat_asks_for_blenders_version():
     assert asking == ["compat.py"]
 
 
-def test_files_that_claim_to_need_no_blender_import_none():
+def test_what_blender_shares_with_the_engine_imports_where_there_is_only_numpy():
     folder = ROOT / "karf_blender"
-    names = ("engine/failures", "engine/processes", "engine/worker", "engine_api", "swatches/solving")
-    files = [*(folder / f"{name}.py" for name in names), *(folder / "engine" / "installer").glob("*.py")]
-    assert [file.name for file in files if "bpy" in [module for _, module in imports(file)]] == []
-
-
-def test_shared_rooms_import_where_there_is_only_numpy():
-    files = [file for room in SHARED for file in (ROOT / "karf_engine").glob(f"{room}.py")]
-    files = [file for file in files if file.stem not in ENGINE_ALONE]
-    modules = [".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for file in files]
-    assert len(modules) >= 60
-    blocked = sorted(ENGINE_PACKAGES | {"bpy", "mathutils"})
+    files = [file for name in PURE for file in sorted(folder.glob(f"{name}.py"))]
+    modules = [".".join(("shared.karf_blender", *file.relative_to(folder).with_suffix("").parts)) for file in files]
+    assert len(modules) > 8
     code = f"""
-import sys
-sys.modules.update(dict.fromkeys({blocked}))
-sys.path.insert(0, {str(ROOT)!r})
-import importlib
+import importlib, sys, types
+sys.modules.update(dict.fromkeys({sorted(ENGINE_PACKAGES | {"bpy", "mathutils"})}))
+for name, folder in (("shared", {str(ROOT)!r}), ("shared.karf_blender", {str(folder)!r})):
+    sys.modules[name] = types.ModuleType(name)
+    sys.modules[name].__path__ = [folder]  # without their own __init__, which needs Blender
 for name in {modules}:
     importlib.import_module(name)
+engine = [name for name in sys.modules if name.startswith("shared.karf_engine.")]
+assert len(engine) > 60, engine
 """
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

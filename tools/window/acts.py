@@ -12,7 +12,7 @@ from .hands import BESIDE_PICTURE, PICTURE, SIDEBAR, VIEW, Wait, Where
 from .record import Story
 
 TAB = "KaRF"
-JOB_SECONDS = 900.0  # a machine may be busy with other things
+JOB_SECONDS = 1800.0  # a machine may be busy with other things
 
 
 def choose_engine(job: dict) -> None:

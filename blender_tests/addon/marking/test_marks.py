@@ -161,11 +161,9 @@ def test_after_undo_another_stroke_is_a_way_of_its_own(bpy, addon, marked):
         assert mask(addon, bpy.context.scene) is None
 
 
-def test_another_file_forgets_the_strokes_and_leaves_the_masks(bpy, addon, marked, tmp_path):
+def test_another_file_forgets_the_strokes_and_leaves_the_masks(addon, marked, reopen):
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
-    scene = bpy.context.scene
+    scene = reopen()
     assert scene.karf.marking.step == 0 and scene.karf.marking.objects.keys() == ["pot"]
     addon.steps.mark_stroke(scene, [(15, 8)], 2)
     np.testing.assert_array_equal(mask(addon, scene), disc(5, 5, 3) | disc(15, 8, 2))
@@ -217,17 +215,14 @@ def correcting(addon, marked):
     return marked
 
 
-def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy, addon, correcting):
-    window = bpy.context.window_manager.windows[0]
-    area = window.screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    area.spaces.active.image = addon.images.new_image("KaRF", 24, 16)
+def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy, addon, correcting, image_editor):
+    image_editor.spaces.active.image = addon.images.new_image("KaRF", 24, 16)
     correcting.karf.marking.correct = False
     addon.tools.lay_down()
     assert not addon.photo.areas(correcting)
     correcting.karf.marking.correct = True
-    assert addon.photo.areas(correcting) == [area]
-    assert window.workspace.tools.from_space_image_mode("VIEW").idname == "karf.mark_box"
+    assert addon.photo.areas(correcting) == [image_editor]
+    assert bpy.context.window_manager.windows[0].workspace.tools.from_space_image_mode("VIEW").idname == "karf.mark_box"
     addon.tools.lay_down()
 
 

@@ -35,7 +35,7 @@ class Desk:
         return self.karf.objects["pot"]
 
     def draw(self, editor=VIEW, *others):
-        """What the sidebar of an editor draws, beside others on the screen whose sidebars are open."""
+        """Return what the sidebar of an editor draws, beside other editors with open sidebars."""
         drawn, areas, context = [], [area(each) for each in (editor, *others)], self.bpy.context
         places = {"area": areas[0], "screen": SimpleNamespace(areas=areas)}
         context = SimpleNamespace(scene=context.scene, window_manager=context.window_manager, **places)
@@ -79,11 +79,8 @@ class Desk:
 
 
 @pytest.fixture
-def desk(bpy, addon, scene, monkeypatch, tmp_path):
-    yield Desk(bpy, addon, monkeypatch, tmp_path)
-    seeing = bpy.context.window_manager.karf_seeing
-    for name in seeing.bl_rna.properties.keys():
-        seeing.property_unset(name)
+def desk(bpy, addon, scene, seeing, monkeypatch, tmp_path):
+    return Desk(bpy, addon, monkeypatch, tmp_path)
 
 
 RUNNING = {"running": True, "stage": "Learn Scene", "fraction": 0.5, "text": "50%"}

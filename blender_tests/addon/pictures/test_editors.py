@@ -5,16 +5,9 @@ import pytest
 
 
 @pytest.fixture
-def area(bpy):
-    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    return area
-
-
-@pytest.fixture
-def editor(addon, learned, area, monkeypatch):
+def editor(addon, learned, image_editor, monkeypatch):
     """An Image Editor; `fitted` are the names of the pictures that it was fitted to."""
-    space, fitted = area.spaces.active, []
+    space, fitted = image_editor.spaces.active, []
     monkeypatch.setattr(addon.editors, "fit", lambda area: fitted.append(area.spaces.active.image.name))
     yield space, fitted
     space.image = None
@@ -35,12 +28,12 @@ def test_the_picture_that_a_job_brings_is_shown_whole_once_and_a_picture_of_the_
             assert space.image == learned.karf.result and fitted == ["KaRF"]
 
 
-def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, learned, editor, area):
+def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, learned, editor, image_editor):
     space, _ = editor
     window = bpy.data.window_managers[0].windows[0]
     bpy.ops.karf.mark()
     with bpy.context.temp_override(window=window):
-        addon.tools.take_up(bpy.context, area)
+        addon.tools.take_up(bpy.context, image_editor)
     assert space.image == learned.karf.marking.photo
     addon.steps.extract_palette(learned).wait()
     assert space.image == learned.karf.result
@@ -48,9 +41,9 @@ def test_where_the_picture_comes_the_marking_tools_are_laid_down(bpy, addon, lea
     assert not learned.karf.marking.correct
 
 
-def test_an_editor_with_a_picture_that_cannot_be_read_is_left_alone(bpy, addon, area, tmp_path):
+def test_an_editor_with_a_picture_that_cannot_be_read_is_left_alone(bpy, addon, image_editor, tmp_path):
     file = tmp_path / "damaged.png"
     addon.images.write_png(file, np.zeros((4, 4, 3)))
     file.write_bytes(file.read_bytes()[:20])
-    area.spaces.active.image = bpy.data.images.load(str(file))
-    addon.editors.fit(area)
+    image_editor.spaces.active.image = bpy.data.images.load(str(file))
+    addon.editors.fit(image_editor)

@@ -107,15 +107,13 @@ def test_the_overlay_puts_marks_where_the_pinhole_shows_them(addon, imported):
     assert (known.colors[:, 0] > known.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
 
 
-def test_another_camera_has_no_errors_until_it_is_looked_through_and_a_loaded_file_none(bpy, addon, imported, tmp_path):
+def test_another_camera_has_no_errors_until_it_is_looked_through_and_a_loaded_file_none(bpy, addon, imported, reopen):
     addon.steps.look_through(imported, "p1")
     imported.camera = addon.cameras.camera_of(imported, "p2")
     assert addon.reprojection.of_camera(imported, imported.camera) is None
     imported.karf.show_reprojection = True
     assert addon.reprojection.of_camera(imported, imported.camera).view == "p2"
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
-    scene = bpy.context.scene
+    scene = reopen()
     assert not scene.karf.show_reprojection
     assert addon.reprojection.of_camera(scene, scene.camera) is None
     scene.karf.show_reprojection = True

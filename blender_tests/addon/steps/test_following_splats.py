@@ -167,20 +167,16 @@ def test_an_engine_that_cannot_start_is_said(addon, followed, set_pot, monkeypat
     assert addon.progress.state().error == "There is no engine yet."
 
 
-def test_a_saved_object_goes_on_following_and_starts_no_engine_before_a_change(
-    bpy, beside, followed, set_pot, tmp_path
-):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+def test_a_saved_object_goes_on_following_and_starts_no_engine_before_a_change(beside, followed, set_pot, reopen):
+    scene = reopen()
     assert beside.settle() == 0
     set_pot(BLUE)
     assert beside.settle() == 1
-    assert_shows(bpy.context.scene.karf.surface.splat, BLUE)
+    assert_shows(scene.karf.surface.splat, BLUE)
 
 
-def test_in_background_mode_no_timer_is_left_after_a_file_is_opened(bpy, addon, learned, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+def test_in_background_mode_no_timer_is_left_after_a_file_is_opened(bpy, addon, learned, reopen):
+    reopen()
     assert not bpy.app.timers.is_registered(addon.splats._tick)
 
 

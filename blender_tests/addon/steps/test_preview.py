@@ -21,8 +21,8 @@ def filmed(bpy, learned):
 
 
 @pytest.fixture
-def live(bpy, addon, filmed, monkeypatch):
-    """Live Camera on, as beside the interface, looked at as at the start of a session.
+def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
+    """Live Camera on, as beside the interface.
 
     `look(n)` is its timer and the engine's, until n pictures came; `tick()` its timer alone.
     """
@@ -49,13 +49,9 @@ def live(bpy, addon, filmed, monkeypatch):
         return not addon.queries.is_waiting("preview")
 
     monkeypatch.setattr(addon.preview, "_take", taking)
-    area, seeing = bpy.data.window_managers[0].windows[0].screen.areas[0], bpy.context.window_manager.karf_seeing
-    area.type = "IMAGE_EDITOR"
     addon.preview.start(filmed)
-    pot = filmed.karf.objects["pot"].swatches[1]
-    yield SimpleNamespace(look=look, tick=tick, scene=filmed, pot=pot, editor=area.spaces.active, seeing=seeing)
-    for name in seeing.bl_rna.properties.keys():
-        seeing.property_unset(name)
+    pot, editor = filmed.karf.objects["pot"].swatches[1], image_editor.spaces.active
+    return SimpleNamespace(look=look, tick=tick, scene=filmed, pot=pot, editor=editor, seeing=seeing)
 
 
 def picture(bpy, addon):

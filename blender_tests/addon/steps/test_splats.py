@@ -25,7 +25,7 @@ def imported(bpy, scene, splat, tmp_path):
 
 @pytest.fixture
 def exported(addon, tmp_path):
-    """What the engine was asked for when a scene's splats go into a file."""
+    """Export the splats of a scene; return the options that the engine got."""
 
     def export(scene, name="out.ply", **options):
         addon.steps.export_splat(scene, tmp_path / name, **options).wait()
@@ -92,7 +92,7 @@ def test_it_lies_in_the_file_where_the_rig_stands(bpy, with_splats, exported):
 
 @pytest.mark.parametrize(("name", "axes"), [("here.glb", "blender"), ("here.spz", "blender"), ("here.ply", "viewers")])
 def test_blenders_up_is_up_for_other_programs(with_splats, exported, name, axes):
-    """A PLY file has y down, from which other kinds are written with y up."""
+    """PLY files have y down; other kinds are written from them with y up."""
     matrix = np.reshape(exported(with_splats, name, axes=axes)["matrix"], (4, 4))
     expected = COLMAP_TO_BLENDER.T @ np.array(with_splats.karf.rig.matrix_world)[:3, :3]
     np.testing.assert_allclose(matrix[:3, :3], expected, atol=1e-6)

@@ -42,7 +42,7 @@ def palettes(addon, **objects):
 
 
 def show(addon, scene, weights, base, objects=("lid", "pot"), gains=(1.0, 1.0, 1.0)):
-    """Let the active view be a picture [H, W, 3] in which objects have these weights [K, M, H, W]."""
+    """Make the active view a picture [H, W, 3] with these weights [K, M, H, W] of the objects."""
     planes = Planes(objects, weights.astype(np.float16), weights.sum(1), np.rint(255 * base).astype(np.uint8), gains)
     write_current_planes(addon, scene, planes)
     addon.displayed.forget(scene)
@@ -50,7 +50,7 @@ def show(addon, scene, weights, base, objects=("lid", "pot"), gains=(1.0, 1.0, 1
 
 
 def show_halves(addon, scene):
-    """A pot that is red on the left and yellow on the right, and a lid that is nowhere."""
+    """Show a pot, red on the left and yellow on the right, and no lid."""
     weights, base = np.zeros((2, 3, HEIGHT, WIDTH)), np.empty((HEIGHT, WIDTH, 3))
     weights[1, 1, :, :12] = weights[1, 2, :, 12:] = 1
     base[:, :12], base[:, 12:] = RED, YELLOW
@@ -58,14 +58,14 @@ def show_halves(addon, scene):
 
 
 def show_block(addon, scene, gains=(1.0, 1.0, 1.0)):
-    """A red pot in the middle of a gray ground, exposed by these gains, and a lid that is nowhere."""
+    """Show a red pot in the middle of a gray ground, exposed by these gains, and no lid."""
     weights = np.zeros((2, 3, HEIGHT, WIDTH))
     weights[1, 1, 4:12, 6:18] = 1
     show(addon, scene, weights, np.where(weights[1, 1, ..., None] > 0, RED, GRAY) * gains, gains=gains)
 
 
-def let_see(addon, scene, palette, weights):
-    """Let the photos show an object in colors that mix its palette [M, 3] by these weights [N, M]."""
+def set_histogram(addon, scene, palette, weights):
+    """Set the colors of an object in the photos: its palette [M, 3] mixed by weights [N, M]."""
     seen = addon.engine_api.ColorHistogram(weights @ palette, np.ones(len(weights)), weights)
     addon.displayed.of(scene).learned_histogram = lambda name: seen
     return seen

@@ -1,4 +1,4 @@
-"""Edges of an object that are moved and faded, and photos that are exposed otherwise than the mean of all."""
+"""Moved and faded edges of objects, and photos with another exposure than the average."""
 
 import json
 
@@ -9,7 +9,7 @@ from karf_engine.palettes.compositing import delta_composite, paper_composite, s
 from karf_engine.palettes.edge_planes import apply_edges_to_planes
 from karf_engine.palettes.edge_shape import EdgeShape
 
-from .scenes import BLUE, GRAY, GREEN, HEIGHT, RED, WIDTH, YELLOW, let_see, palettes, pixels, show_block
+from .scenes import BLUE, GRAY, GREEN, HEIGHT, RED, WIDTH, YELLOW, palettes, pixels, set_histogram, show_block
 
 GAINS = 0.75, 1.0, 1.1
 
@@ -113,7 +113,7 @@ def test_frames_whose_edges_differ_have_edits_of_their_own(bpy, addon, block, bl
 def dark(addon, learned):
     """The scene with a photo that is a bit dark and cold."""
     show_block(addon, learned, GAINS)
-    let_see(addon, learned, np.array([(0, 0, 0), RED, np.multiply(RED, 0.6)]), np.eye(3)[1:])
+    set_histogram(addon, learned, np.array([(0, 0, 0), RED, np.multiply(RED, 0.6)]), np.eye(3)[1:])
     return learned
 
 

@@ -1,4 +1,4 @@
-"""What each gesture at a swatch changes, that undo takes it back, and what is refused."""
+"""Gestures at swatches: the colors that they give, undo, and refusals."""
 
 import random
 from functools import partial

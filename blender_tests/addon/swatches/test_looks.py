@@ -81,15 +81,13 @@ def test_flipping_goes_back_and_forth_between_the_last_two_and_all_sidebars_show
     assert two.karf.look == "B"  # the other one is gone: the next of the list
 
 
-def test_the_key_flips_over_the_recolored_picture_alone(bpy, two):
+def test_the_key_flips_over_the_recolored_picture_alone(bpy, two, image_editor):
     window = bpy.context.window_manager.windows[0]
-    area = window.screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    region = next(each for each in area.regions if each.type == "WINDOW")
+    region = next(each for each in image_editor.regions if each.type == "WINDOW")
     button = SimpleNamespace(execute=lambda context: "flipped")
     for image, result in ((bpy.data.images.new("other", 8, 8), {"PASS_THROUGH"}), (two.karf.result, "flipped")):
-        area.spaces.active.image = image
-        with bpy.context.temp_override(window=window, area=area, region=region):
+        image_editor.spaces.active.image = image
+        with bpy.context.temp_override(window=window, area=image_editor, region=region):
             assert bpy.types.KARF_OT_flip_looks.invoke(button, bpy.context, None) == result
 
 

@@ -6,7 +6,7 @@ import pytest
 from karf_engine.palettes.color_histogram import write_object_colors
 from karf_engine.palettes.palette import write_palettes
 
-from .scenes import BLUE, GREEN, YELLOW, colors, let_see, palettes
+from .scenes import BLUE, GREEN, YELLOW, colors, palettes, set_histogram
 
 
 @pytest.fixture
@@ -79,8 +79,9 @@ def test_a_linked_swatch_takes_its_own_paint_along(addon, learned, pot):
 
 
 def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
+    pot.swatches[1].color = BLUE  # a drag that ends with the palette
     (gold,) = palettes(addon, pot=[(0.85, 0.65, 0.35), (1, 0.95, 0.75)])
-    let_see(addon, learned, gold.colors, np.repeat(np.eye(3)[1:], 20, axis=0))
+    set_histogram(addon, learned, gold.colors, np.repeat(np.eye(3)[1:], 20, axis=0))
     addon.palettes.load_palettes(learned, [gold])
     item = learned.karf.objects["pot"]
     item.swatches[1].color = BLUE
@@ -93,7 +94,7 @@ def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
     np.testing.assert_array_equal(colors(item), varnish)
 
 
-def test_keyframes_of_a_drag_move_its_paint_in_a_file_that_is_opened_again(bpy, addon, learned, pot, tmp_path):
+def test_keyframes_of_a_drag_move_its_paint_in_a_file_that_is_opened_again(addon, learned, pot, reopen):
     project, seen = addon.folders.project_of(learned), addon.displayed.of(learned).learned_histogram("pot")
     write_palettes(project.palette_file, addon.colors.palettes(learned), shared=False)
     write_object_colors(project.object_colors_file, {"pot": seen})
@@ -104,9 +105,7 @@ def test_keyframes_of_a_drag_move_its_paint_in_a_file_that_is_opened_again(bpy, 
     learned.frame_set(11)
     blue = colors(pot)
     assert np.abs(blue[2] - before[2]).max() > 0.1
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    scene = bpy.context.scene
+    scene = reopen()
     for frame, wanted in ((1, before), (11, blue)):
         scene.frame_set(frame)
         np.testing.assert_allclose(colors(scene.karf.objects["pot"]), wanted, atol=1e-4)
@@ -195,14 +194,6 @@ def test_reset_gives_the_learned_colors_back(bpy, addon, pot, edited, operator):
     pot.swatches[1].gloss, pot.swatches[1].saturation = 0.5, 0.2
     getattr(bpy.ops.karf, operator)(object_name="pot", index=1)
     assert edited().tobytes() == addon.colors.learned(pot).tobytes()
-
-
-def test_new_palettes_keep_it(addon, learned, pot):
-    pot.swatches[1].saturation = 0.25
-    (found,) = palettes(addon, pot=[(0.1, 0.6, 0.1), (0.79, 0.1, 0.1)])
-    let_see(addon, learned, found.colors, np.eye(3))
-    addon.palettes.load_palettes(learned, [found])
-    assert [swatch.saturation for swatch in learned.karf.objects["pot"].swatches] == [1, 1, 0.25]
 
 
 def test_without_counted_colors_what_was_shown_stays(addon, learned, pot, edited):

@@ -185,7 +185,7 @@ def test_a_chart_goes_before_a_gray_card_and_can_be_removed(bpy, addon, learned,
     card, (image, corners) = light_of(addon, learned), chart
     assert bpy.ops.karf.pick_chart(image=image.name, corners=np.ravel(corners)) == {"FINISHED"}
     np.testing.assert_allclose(light_of(addon, learned), np.diag(WARM), atol=0.02)
-    # what is no chart is said and forgets nothing
+    # a refused chart leaves the light as it was
     before = list(learned.karf.chart)
     with pytest.raises(RuntimeError, match=r"does not look like a color chart|not those of a color chart"):
         bpy.ops.karf.pick_chart(image=image.name, corners=[0, 0.1, 0.1, 0.1, 0.1, 0, 0, 0])

@@ -52,10 +52,11 @@ def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, blue
 def test_edits_and_looks_follow_their_object_and_color_in_another_order(addon, blue):
     addon.steps.keep_look(blue, "blue")
     addon.steps.set_swatch(blue, "pot", 1, GREEN)  # of no look
-    blue.karf.objects["pot"].swatches[2].locked = True
+    blue.karf.objects["pot"].swatches[2].locked, blue.karf.objects["pot"].swatches[2].saturation = True, 0.25
     load(addon, blue, new=[(0, 0, 1)], pot=[POT[1], GREEN, (0.82, 0.19, 0.12)], lid=LID)
     np.testing.assert_allclose(color(blue, "pot", 3), GREEN)
     assert [swatch.locked for swatch in blue.karf.objects["pot"].swatches] == [True, True, False, False]
+    assert [swatch.saturation for swatch in blue.karf.objects["pot"].swatches] == [1, 0.25, 1, 1]
     assert not kept_files(addon, blue)
     assert blue.karf.look == "blue" and addon.looks.is_changed(blue)
     addon.steps.choose_look(blue, "blue")

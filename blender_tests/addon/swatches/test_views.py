@@ -7,17 +7,6 @@ from .scenes import levels
 
 
 @pytest.fixture
-def seeing(bpy, addon):
-    """How the picture is looked at, as at the start of a session."""
-    seeing = bpy.context.window_manager.karf_seeing
-    for name in seeing.bl_rna.properties.keys():
-        seeing.property_unset(name)
-    yield seeing
-    for name in seeing.bl_rna.properties.keys():
-        seeing.property_unset(name)
-
-
-@pytest.fixture
 def pictures(addon, learned):
     """The photo, and the picture after an edit, which is left."""
     photo = levels(addon, learned)

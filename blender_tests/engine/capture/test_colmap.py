@@ -1,7 +1,6 @@
 """COLMAP's sparse models: the same as pycolmap reads, wherever models and photos lie."""
 
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -103,17 +102,6 @@ def test_our_own_writer_agrees_with_colmap(tmp_path, suffix):
 
 
 # ------------------------------------------------------------------------------------------------------------ the model
-def test_binary_and_text_say_the_same(tmp_path):
-    for suffix in (".bin", ".txt"):
-        write_colmap(tmp_path / suffix, CAMERAS, NAMES, suffix)
-    binary, text = open_capture(tmp_path / ".bin"), open_capture(tmp_path / ".txt")
-    for one, other in zip(binary.views, text.views, strict=True):
-        assert_allclose(one.camera.camera_to_world, other.camera.camera_to_world, atol=1e-12)
-        assert replace(one.camera, camera_to_world=np.eye(4)) == replace(other.camera, camera_to_world=np.eye(4))
-    for key in ("positions", "colors", "errors", "view", "point", "pixels"):
-        assert_allclose(getattr(binary.points, key), getattr(text.points, key), rtol=1e-6)
-
-
 @pytest.mark.parametrize("place", [".", "sparse", "sparse/0", "colmap/sparse/0", "dense/sparse"])
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
 def test_models_are_found_where_tools_put_them(tmp_path, place, suffix):
@@ -248,20 +236,3 @@ def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_
     assert_array_equal(capture.points.view, complete.points.view[kept] - 1)
     assert_array_equal(capture.points.pixels, complete.points.pixels[kept])
     assert_array_equal(capture.points.point, complete.points.point[kept])
-
-
-def test_intrinsics_and_observations_follow_the_real_size(tmp_path):
-    write_colmap(tmp_path, CAMERAS, NAMES)
-    declared = open_capture(tmp_path)
-    put_photos(tmp_path / "images", NAMES, (2 * CAMERAS[0].width, 3 * CAMERAS[0].height))
-    capture = open_capture(tmp_path)
-    before, after = ([c.fx, c.fy, c.cx, c.cy] for c in (declared.views[4].camera, capture.views[4].camera))
-    assert_allclose(after, np.multiply([2, 3, 2, 3], before))
-    assert_allclose(capture.points.pixels, declared.points.pixels * (2, 3), rtol=1e-6)
-    assert "scaled" in capture.warnings[0]
-
-
-def test_bare_cameras_need_no_photos(tmp_path):
-    ColmapModel(CAMERAS, NAMES).write(tmp_path)
-    views = open_capture(tmp_path, photos=False).views
-    assert [(view.name, view.image) for view in views] == [(f"{number:03d}", None) for number in range(9)]

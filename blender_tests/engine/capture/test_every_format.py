@@ -1,5 +1,6 @@
 """One rig, written in every format, is the same rig; and which format a folder is read as."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -64,6 +65,38 @@ def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens)
     for view, camera in zip(capture.views, ordered, strict=True):
         assert_same_camera(view.camera, camera)
         assert view.image.is_file()
+
+
+WITH_SIZES = [name for name in FORMATS if name != "nerf-synthetic"]  # whose cameras say how large their photos are
+
+
+@pytest.mark.parametrize("name", WITH_SIZES)
+def test_intrinsics_and_observations_follow_the_real_size_of_photos(tmp_path, name):
+    write, expressible = FORMATS[name]
+    write(tmp_path, [expressible(camera) for camera in random_rig(2)])
+    before = open_capture(tmp_path)
+    width, height = before.views[0].camera.width, before.views[0].camera.height
+    put_photos(tmp_path / "images", NAMES, (2 * width, 3 * height))
+    after = open_capture(tmp_path)
+    for one, other in zip(before.views, after.views, strict=True):
+        declared, scaled = ([c.width, c.height, c.fx, c.fy, c.cx, c.cy] for c in (one.camera, other.camera))
+        assert_allclose(scaled, np.multiply([2, 3] * 3, declared))
+        assert other.camera.distortion == one.camera.distortion
+    assert f"{2 * width}x{3 * height} where" in after.warnings[0] and "scaled" in after.warnings[0]
+    if after.points is not None:
+        assert_allclose(after.points.pixels, before.points.pixels * (2, 3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", WITH_SIZES)
+def test_bare_cameras_need_no_photos(tmp_path, name):
+    write, expressible = FORMATS[name]
+    cameras = [expressible(camera) for camera in random_rig(2)]
+    write(tmp_path, cameras)
+    shutil.rmtree(tmp_path / "images")
+    views = open_capture(tmp_path, photos=False).views
+    assert [(view.name, view.image) for view in views] == [(f"{number:03d}", None) for number in range(9)]
+    for view, camera in zip(views, cameras, strict=True):
+        assert_same_camera(view.camera, camera)
 
 
 # -------------------------------------------------------------------------------------------------------- canonical JSON

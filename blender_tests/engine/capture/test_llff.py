@@ -44,32 +44,6 @@ def test_the_largest_photos_that_are_complete_are_taken(folder):
     assert {view.image.parent.name for view in open_capture(folder).views} == {"images_2"}
 
 
-def test_intrinsics_follow_the_real_size_along_each_axis(folder):
-    first = CAMERAS[0]
-    put_photos(folder / "images", NAMES, (2 * first.width, 3 * first.height))
-    capture = open_capture(folder)
-    camera = capture.views[0].camera
-    assert_allclose([camera.fx, camera.fy], [2 * first.fx, 3 * first.fx])
-    assert_allclose([camera.cx, camera.cy], [first.width, 1.5 * first.height])
-    assert "scaled" in capture.warnings[0]
-
-
-def test_nex_poses_have_their_lens_in_a_second_file(tmp_path):
-    cameras = random_rig(5)
-    write_llff(tmp_path, cameras, NAMES, columns=14)
-    lenses = [
-        [camera.fx, camera.fy, camera.cx, camera.cy] for camera in (open_capture(tmp_path).views[2].camera, cameras[2])
-    ]
-    assert_allclose(*lenses)
-    assert_allclose(open_capture(tmp_path).views[2].camera.camera_to_world, cameras[2].camera_to_world, atol=1e-9)
-
-
-def test_bare_cameras_are_named_by_their_row(tmp_path):
-    np.save(tmp_path / "poses_bounds.npy", llff_table(CAMERAS))
-    views = open_capture(tmp_path, photos=False).views
-    assert [(view.name, view.image) for view in views] == [(f"{number:03d}", None) for number in range(9)]
-
-
 def test_impossible_depth_bounds_are_left_out_with_a_remark(folder):
     np.save(folder / "poses_bounds.npy", llff_table(CAMERAS, bounds=(-1.0, 5.0)))
     capture = open_capture(folder)

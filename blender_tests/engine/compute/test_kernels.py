@@ -39,7 +39,7 @@ DAMAGE = {
 }
 
 
-def test_a_kernel_compiles_where_no_folder_can_be_written(monkeypatch):
+def test_a_kernel_compiles_without_a_writable_folder(monkeypatch):
     monkeypatch.setattr(FunctionCache._impl_class, "_locator_classes", [])  # numba finds no place for its files
 
     @kernel
@@ -65,7 +65,7 @@ def doubled(tmp_path):
     return run
 
 
-def test_damaged_machine_code_is_compiled_and_kept_anew(doubled, subtests):
+def test_damaged_machine_code_is_compiled_and_stored_again(doubled, subtests):
     first, kept = doubled()
     whole = kept.read_bytes()
     assert (first, doubled()[0]) == ("42 0", "42 1")
@@ -76,7 +76,7 @@ def test_damaged_machine_code_is_compiled_and_kept_anew(doubled, subtests):
             assert doubled()[0] == "42 1"
 
 
-def test_machine_code_that_can_be_neither_read_nor_replaced_is_compiled_each_time(doubled):
+def test_unreadable_machine_code_is_compiled_each_time(doubled):
     _, kept = doubled()
     kept.unlink()
     kept.mkdir()

@@ -45,7 +45,7 @@ def test_exr_holds_light_with_alpha_multiplied_in(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------- the note of a folder
-def test_lines_that_are_none_are_passed_over(tmp_path):
+def test_invalid_lines_are_skipped(tmp_path):
     good = '{"frame": "a", "made_from": "x", "files": {}}'
     lines = ["[" * 100_000, "{", "3", '{"frame": "b"}', good]
     (tmp_path / RECORD_NAME).write_text("\n".join(lines))
@@ -54,7 +54,7 @@ def test_lines_that_are_none_are_passed_over(tmp_path):
 
 @pytest.mark.parametrize("make", NO_FILES)
 @pytest.mark.parametrize("read", [lambda path: FinishedFrames.read(path.parent), file_digest])
-def test_what_lies_in_its_place_is_named(make, read, tmp_path):
+def test_a_note_that_is_not_a_file_is_named(make, read, tmp_path):
     make(tmp_path / RECORD_NAME)
     with pytest.raises(DataError, match="not a file"):
         read(tmp_path / RECORD_NAME)
@@ -84,7 +84,7 @@ def test_frames_come_back_in_order(tmp_path, suffix, size):
         ("turn.mp4", [np.zeros((8, 8, 3)), np.zeros((8, 9, 3))], "frames is"),
     ],
 )
-def test_what_is_no_video_is_refused_and_leaves_no_file(tmp_path, name, given, words):
+def test_an_impossible_video_is_refused_and_leaves_no_file(tmp_path, name, given, words):
     with pytest.raises(BadRequest, match=words):
         write_video(tmp_path / name, given)
     assert not list(tmp_path.iterdir())

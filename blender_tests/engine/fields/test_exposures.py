@@ -54,7 +54,7 @@ def test_gains_are_found_and_their_geometric_mean_is_1():
     assert np.abs(found - LOGS).mean() < 0.01
 
 
-def test_a_photo_that_was_not_learned_from_is_compared_with_the_scene_itself():
+def test_gains_of_an_unlearned_photo_come_from_the_rendered_scene():
     colors, gains = photographed(ALIKE).image(3), (0.8, 1.0, 1.3)
     shown = Floor().render(CAMERAS[3], 1)
     scene = SimpleNamespace(render=lambda camera, _: SimpleNamespace(color=torch.from_numpy(colors), **vars(shown)))
@@ -86,14 +86,14 @@ SHINE = np.array([[0.1 * camera.position[0] / 3.6] * 3 for camera in CAMERAS])
     ],
     ids=["exposed alike", "gloss that follows the direction", "half of the world", "few photos", "no surface"],
 )
-def test_gains_are_exactly_1_where_nothing_tells_of_exposures(gains, count, has_surface):
+def test_gains_are_exactly_1_without_evidence(gains, count, has_surface):
     dataset, nothing = photographed(gains), torch.zeros(48, 48)
     dataset = PixelDataset(CAMERAS[:count], [dataset.image(n) for n in range(count)], None)
     empty = SimpleNamespace(render=lambda camera, _: SimpleNamespace(depth=nothing, opacity=nothing))
     assert (estimate_photo_gains(Floor() if has_surface else empty, dataset) == 1).all()
 
 
-def test_pixels_are_exposed_alike_bit_by_bit_where_gains_are_1():
+def test_gains_of_1_keep_every_bit_of_a_pixel():
     dataset = photographed(ALIKE)
     pixels = torch.tensor([0, int(dataset.offsets[1])])
     as_photographed = dataset.color[pixels].float() / 255
@@ -102,7 +102,7 @@ def test_pixels_are_exposed_alike_bit_by_bit_where_gains_are_1():
     assert torch.equal(dataset.normalized_colors(pixels)[1], as_photographed[1] / torch.tensor([2.0, 1.0, 0.5]))
 
 
-def test_a_fit_learns_what_follows_from_photos_in_one_exposure_and_resumes_so(monkeypatch):
+def test_later_levels_learn_from_photos_of_one_exposure(monkeypatch):
     photos = [take_photo(camera, sky=True) for camera in cameras(12)]
     settings = replace(box.SETTINGS, levels=(*box.SETTINGS.levels, Level(36, 60, 0.75)))
     told = np.full((12, 3), 1.25, np.float32)

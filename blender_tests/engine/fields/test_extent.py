@@ -35,37 +35,32 @@ def zoomed(camera, factor):
     return replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)
 
 
-def test_the_contraction_keeps_as_much_as_the_lens_sees():
-    wide, tele = (contraction_around_focus([zoomed(c, f) for c in cameras(12)], OpenSettings()) for f in (1, 4))
-    assert wide.radius == pytest.approx(4 * tele.radius)
-    camera = cameras(12)[0]
-    middle = np.zeros((1, 3))
-    of_wide = pixels_per_voxel(wide, 0.02, middle, camera)
-    of_tele = pixels_per_voxel(tele, 0.02, middle, zoomed(camera, 4))
-    np.testing.assert_allclose(of_wide, of_tele, rtol=1e-4)
-
-
-def test_a_voxel_spans_as_many_pixels_as_it_projects_to():
-    camera = camera_at(0.0, 0.3)
-    place = np.array([[0.2, -0.1, 0.1]])
+def test_a_voxel_spans_as_many_pixels_as_it_projects_to_whatever_the_lens():
+    camera, place = camera_at(0.0, 0.3), np.array([[0.2, -0.1, 0.1]])
     _, depth = camera.project(place)
     np.testing.assert_allclose(pixels_per_voxel(Box(), 0.1, place, camera), 0.1 * camera.fx / depth, rtol=1e-3)
     ball = Contraction(torch.zeros(3), 0.5, 1.0, 0.1)
     np.testing.assert_allclose(pixels_per_voxel(ball, 0.1, place, camera), 0.05 * camera.fx / depth, rtol=1e-3)
     assert np.isnan(pixels_per_voxel(Box(), 0.1, 2 * camera.position[None], camera)).all()
+    wide, tele = (contraction_around_focus([zoomed(c, f) for c in cameras(12)], OpenSettings()) for f in (1, 4))
+    assert wide.radius == pytest.approx(4 * tele.radius)
+    of_wide, of_tele = (
+        pixels_per_voxel(space, 0.02, np.zeros((1, 3)), zoomed(camera, f)) for space, f in ((wide, 1), (tele, 4))
+    )
+    np.testing.assert_allclose(of_wide, of_tele, rtol=1e-4)
 
 
 def test_the_typical_voxel_lies_where_photos_look():
     views = views_of(cameras(6))
-    near = observed_by_all(np.array([[0.0, 0.0, 0.5]]), 6)
-    none = observed_by_all(np.zeros((0, 3)), 6)
-    at_focus = typical_pixels_per_voxel(Box(), 0.1, views, None)
-    assert at_focus == pytest.approx(0.1 * views[0].camera.fx / 3.6, rel=1e-3)
-    assert typical_pixels_per_voxel(Box(), 0.1, views, none) == at_focus
-    assert typical_pixels_per_voxel(Box(), 0.1, views, near) > 1.05 * at_focus
+    at_focus, of_none, of_near = (
+        typical_pixels_per_voxel(Box(), 0.1, views, points)
+        for points in (None, observed_by_all(np.zeros((0, 3)), 6), observed_by_all(np.array([[0.0, 0.0, 0.5]]), 6))
+    )
+    assert at_focus == of_none == pytest.approx(0.1 * views[0].camera.fx / 3.6, rel=1e-3)
+    assert of_near > 1.05 * at_focus
 
 
-def test_a_photo_loses_the_detail_that_is_smaller_than_a_voxel():
+def test_detail_finer_than_a_voxel_is_removed():
     stripes = np.zeros((64, 64, 3))
     stripes[:, ::2] = 1
     np.testing.assert_allclose(remove_detail(stripes, 2.0), 0.5)
@@ -90,7 +85,7 @@ def ball_of_points(n=400, radius=1.0):
     return radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def test_what_a_camera_looks_through_is_free():
+def test_space_in_view_before_the_nearest_depth_is_free():
     camera = camera_at(0.0, 0.0)  # at x = 3.6, looks at the origin
     ahead, beside, behind, beyond = [2.0, 0, 0], [2.0, 1.5, 0], [4.5, 0, 0], [0.5, 0, 0]
     places = [ahead, beside, behind, beyond]
@@ -101,7 +96,7 @@ def test_what_a_camera_looks_through_is_free():
     assert holds([bounded(camera, 0.5), bounded(opposite, 4.2)], places) == [False, False, False, True]
 
 
-def test_half_the_way_to_the_nearest_point_nothing_stands_round_a_camera_in_any_direction():
+def test_space_round_a_camera_is_free_up_to_half_the_nearest_distance():
     views = views_of(cameras(6))
     points = observed_by_all(ball_of_points(), 6)
     position = views[0].camera.position
@@ -113,31 +108,19 @@ def test_half_the_way_to_the_nearest_point_nothing_stands_round_a_camera_in_any_
     assert clear_radii([views[0].camera], observed_by_all(ball_of_points(40), 6)) == [0.0]
 
 
-def test_a_view_is_free_up_to_its_own_nearest_depth():
-    views = views_of(cameras(3))
-    views[1] = replace(views[1], depth_bounds=(2.0, 9.0))
-    views[2] = replace(views[2], depth_bounds=(3.0, 9.0))
-    assert free_depths(views, None) == [0.0, FREE_SHARE * 2.0, FREE_SHARE * 3.0]
-    depths = free_depths(views, observed_by_all(ball_of_points(), 3))
-    of_points = pytest.approx(FREE_SHARE * 2.6, abs=0.1)
-    assert depths == [of_points, FREE_SHARE * 2.0, of_points]
-    assert free_depths(views, observed_by_all(ball_of_points(40), 3))[0] == 0.0
-
-
-def test_what_is_near_but_has_its_features_in_other_views_is_not_free():
+def test_free_depth_is_that_of_the_nearest_point_or_the_depth_bounds():
     views = views_of(cameras(6))
+    bounds = [replace(view, depth_bounds=(nearest, 9.0)) for view, nearest in zip(views[:2], (2.0, 3.0), strict=True)]
+    assert free_depths([views[0], *bounds], None) == [0.0, FREE_SHARE * 2.0, FREE_SHARE * 3.0]
+    of_points = pytest.approx(FREE_SHARE * 2.6, abs=0.1)
+    assert free_depths([views[0], bounds[0]], observed_by_all(ball_of_points(), 2)) == [of_points, FREE_SHARE * 2.0]
+    assert free_depths(views, observed_by_all(ball_of_points(40), 6))[0] == 0.0
     points = observed_by_all(np.concatenate([ball_of_points(100, 0.5), ball_of_points(900, 8.0)]), 6)
     kept = (points.view != 0) | (points.point >= 100)
-    blind = replace(points, view=points.view[kept], point=points.point[kept])
+    blind = replace(points, view=points.view[kept], point=points.point[kept])  # others see what is near
     assert free_depths(views, blind)[0] == free_depths(views, points)[0] < 3.2
-
-
-def test_a_mistaken_point_does_not_tell_what_is_free():
-    views = views_of(cameras(6))
-    positions = np.concatenate([0.5 * views[0].camera.position[None], ball_of_points(300)])
-    points = observed_by_all(positions, 6)
-    depth = free_depths(views, points)[0]
-    assert depth > FREE_SHARE * 2.4
+    points = observed_by_all(np.concatenate([0.5 * views[0].camera.position[None], ball_of_points(300)]), 6)
+    assert free_depths(views, points)[0] > FREE_SHARE * 2.4, "one mistaken point counts"
     inexact = replace(points, errors=np.where(np.arange(301) < 250, 9.0, 0.2).astype(np.float32))
     assert free_depths(views, inexact)[0] > 0
     assert free_depths(views, points.seen_by([0, 1])) == [0.0] * 6
@@ -152,9 +135,10 @@ def horizon(*positions):
     return priors.estimate_horizon(LOW, points, ORIGIN, 2.0)
 
 
-def toward(azimuth, elevation):
-    """A unit direction, angles in degrees."""
-    return torch.from_numpy(camera_at(*np.radians([azimuth, elevation])).camera_to_world[None, :3, 2]).float()
+def is_sky(points, *angles):
+    """Whether there is sky in these directions, azimuths and elevations in degrees."""
+    backs = np.stack([camera_at(*np.radians(each)).camera_to_world[:3, 2] for each in angles])
+    return horizon(*points).is_sky(torch.from_numpy(backs).float()).tolist()
 
 
 def photographed(color_of):
@@ -167,22 +151,14 @@ def gradient(rays):
     return 0.5 + 0.4 * rays.viewdirs
 
 
-@pytest.mark.parametrize(
-    ("points", "azimuth", "elevation", "is_sky"),
-    [
-        ([], 50, 3, True),
-        ([], 50, -3, False),
-        ([(60.0, 0.0, 15.0)], 0, 10, False),  # a hill, 14 degrees above the horizontal
-        ([(60.0, 0.0, 15.0)], 0, 20, True),
-        ([(60.0, 0.0, 15.0)], 180, 10, True),
-        ([(0.0, 0.0, 1.8)], 0, 10, True),  # what the cameras stand round
-    ],
-)
-def test_the_sky_begins_above_the_horizontal_and_what_stands_far_away(points, azimuth, elevation, is_sky):
-    assert horizon(*points).is_sky(toward(azimuth, elevation)).tolist() == [is_sky]
+def test_the_sky_begins_above_the_horizontal_and_distant_points():
+    hill, middle = (60.0, 0.0, 15.0), (0.0, 0.0, 1.8)  # 14 degrees above the horizontal; where the cameras look
+    assert is_sky([], (50, 3), (50, -3)) == [True, False]
+    assert is_sky([hill], (0, 10), (0, 20), (180, 10)) == [False, True, True]
+    assert is_sky([middle], (0, 10)) == [True]
 
 
-def test_a_sky_is_learned_though_things_stand_before_it():
+def test_a_partly_hidden_sky_is_learned():
     random = torch.Generator().manual_seed(0)
 
     def partly_hidden(rays):
@@ -195,27 +171,20 @@ def test_a_sky_is_learned_though_things_stand_before_it():
     assert (sky(rays.viewdirs) - gradient(rays))[above].abs().mean() < 0.05
 
 
-def test_what_differs_from_camera_to_camera_is_no_sky():
+def test_a_near_wall_is_not_learned_as_sky():
     near_wall = photographed(lambda rays: 0.5 + 0.5 * torch.sin(6 * rays.origins))
     assert fit_sky(near_wall, horizon(), start_runtime(0, 1, "cpu")) is None
 
 
 # --------------------------------------------------------------------------------------------- few photos from far apart
-@pytest.mark.parametrize(
-    ("rig", "is_wide"),
-    [
-        (cameras(12), True),
-        (cameras(40), False),
-        ([camera_at(0.1 * number, 0.5) for number in range(14)], False),
-        (cameras(2), False),
-    ],
-    ids=["all round", "many", "along a short path", "a pair"],
-)
-def test_few_cameras_all_round_stand_far_apart(rig, is_wide):
-    assert is_wide_baseline(rig, ORIGIN) == is_wide
 
 
-def test_only_what_photos_agree_on_could_be_solid():
+def test_few_cameras_all_round_have_wide_baselines():
+    rigs = (cameras(12), cameras(40), [camera_at(0.1 * number, 0.5) for number in range(14)], cameras(2))
+    assert [is_wide_baseline(rig, ORIGIN) for rig in rigs] == [True, False, False, False]
+
+
+def test_photo_consistent_places_could_be_solid():
     dataset = bank_of([take_photo(camera, sky=True) for camera in cameras(12)], "opaque")
     up = np.random.default_rng(0).normal(size=(300, 3)) * (0.6, 0.6, 0.2) + (-0.5, 0, 1.5)
     top = BALL_CENTER + BALL_RADIUS * up / np.linalg.norm(up, axis=1, keepdims=True)  # which nothing hides
@@ -234,7 +203,7 @@ def test_turned_directions_keep_their_elevation_whatever_is_up():
     assert (result - viewdirs).norm(dim=1).max() > 1
 
 
-def test_photos_that_agree_nowhere_leave_everything_possible():
+def test_inconsistent_photos_leave_every_cell_occupied():
     colors = [np.full((32, 32, 3), number / 5) for number in range(6)]  # each of another gray
     dataset, settings = PixelDataset(cameras(6), colors, None, None), GeometrySettings()
     assert start_box_fit(dataset, "opaque", settings, start_runtime(0, 1, "cpu")).field.occupied.all()

@@ -29,7 +29,7 @@ def project(still_life, tmp_path_factory):
     return Project(folder)
 
 
-def test_later_stages_run_on_the_example_which_is_short(project, still_life, tmp_path):
+def test_later_stages_run_on_the_example(project, still_life, tmp_path):
     assert len(Path(example_field.__file__).read_text(encoding="utf-8").splitlines()) <= 100
     assert project.finished("geometry")["balls"] == example_field.BALLS
     command = ["render", str(project.folder), "--views", "test", "--out", str(tmp_path), "--threads", "1"]
@@ -48,9 +48,7 @@ def test_later_stages_run_on_the_example_which_is_short(project, still_life, tmp
         ("pass", "", "a field of the unknown kind 'balls'"),
     ],
 )
-def test_a_fresh_process_reads_it_once_the_kind_is_registered_and_else_says_which_it_is(
-    project, register, printed, raised
-):
+def test_a_fresh_process_reads_the_scene_once_its_kind_is_registered(project, register, printed, raised):
     load = "print(type(load_scene(Path(sys.argv[1])).field).__name__)"
     program = (
         f"import sys; from pathlib import Path; {register}; from karf_engine.fields.files import load_scene; {load}"
@@ -61,7 +59,7 @@ def test_a_fresh_process_reads_it_once_the_kind_is_registered_and_else_says_whic
 
 
 @pytest.mark.parametrize("kind", ["gaussians", ["voxels"], {}, None])
-def test_a_kind_that_no_field_has_is_refused(project, tmp_path, kind):
+def test_an_unknown_kind_in_a_scene_file_is_refused(project, tmp_path, kind):
     tensors, config = load_tensors(project.geometry_file, SCHEMA)
     save_tensors(tmp_path / "scene.safetensors", tensors, SCHEMA, config | {"kind": kind})
     with pytest.raises(DataError):

@@ -54,19 +54,21 @@ def test_a_source_that_is_missing_is_the_one_that_is_named(tmp_path):
     assert caught.value.filename == str(tmp_path / "gone.png")
 
 
+@pytest.fixture
+def path(tmp_path):
+    write_json(tmp_path / "edit.json", {"old": True})
+    return tmp_path / "edit.json"
+
+
 @pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
-def test_a_linked_file_stays_a_link_and_what_it_leads_to_is_written(tmp_path):
-    (tmp_path / "edits").mkdir()
-    write_json(tmp_path / "edits" / "blue.json", {"old": True})
-    (tmp_path / "edit.json").symlink_to("edits/blue.json")
-    write_json(tmp_path / "edit.json", {"new": True})
-    assert (tmp_path / "edit.json").is_symlink()
-    assert "new" in (tmp_path / "edits" / "blue.json").read_text()
+def test_a_linked_file_stays_a_link_and_what_it_leads_to_is_written(path):
+    link = path.with_name("blue.json")
+    link.symlink_to("edit.json")
+    write_json(link, {"new": True})
+    assert link.is_symlink() and "new" in path.read_text()
 
 
-def test_a_read_only_file_is_refused_and_stays_as_it_is(tmp_path):
-    path = tmp_path / "edit.json"
-    write_json(path, {"old": True})
+def test_a_read_only_file_is_refused_and_stays_as_it_is(path):
     path.chmod(0o444)
     with pytest.raises(PermissionError) as caught:
         write_json(path, {"new": True})
@@ -75,9 +77,7 @@ def test_a_read_only_file_is_refused_and_stays_as_it_is(tmp_path):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights of POSIX")
-def test_a_file_keeps_its_rights(tmp_path):
-    path = tmp_path / "edit.json"
-    write_json(path, {"old": True})
+def test_a_file_keeps_its_rights(path):
     path.chmod(0o640)
     write_json(path, {"new": True})
     assert path.stat().st_mode & 0o777 == 0o640

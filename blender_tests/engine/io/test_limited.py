@@ -17,6 +17,7 @@ from karf_engine.io.limited import run_limited
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere memory has no limit, and /proc is not there")
 
 
+# works of the child
 def two_arrays(path):
     return {"one": np.arange(3), "two": np.array(path.read_text())}
 

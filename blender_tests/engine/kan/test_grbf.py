@@ -35,9 +35,11 @@ def test_gradients_match_finite_differences(n_centers, spacings):
     assert torch.autograd.gradcheck(lambda *tensors: grbf(*tensors, n_centers), inputs, atol=1e-6)
 
 
+@pytest.mark.parametrize("kernels", ["on", "off"])
 @pytest.mark.parametrize("n_centers", [2, 5, 8])
 @pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
-def test_float32_equals_the_plain_float64_form(n_centers, spacings, device):
+def test_float32_equals_the_plain_float64_form(kernels, n_centers, spacings, device, monkeypatch):
+    monkeypatch.setenv("KARF_KERNELS", kernels)
     inputs = make_inputs(n_centers, spacings, torch.float32, n=1200, device=device)
     exact_inputs = [tensor.detach().double().requires_grad_() for tensor in inputs]
     fast = value_and_gradients(grbf, inputs, n_centers)
@@ -91,17 +93,6 @@ def test_result_does_not_depend_on_the_chunk_size(rows, monkeypatch):
     monkeypatch.setattr(grbf_module, "_CPU_ROWS_PER_CHUNK", 7)
     for chunked, expected in zip(value_and_gradients(grbf, inputs, 8), whole, strict=True):
         torch.testing.assert_close(chunked, expected)
-
-
-@pytest.mark.parametrize("n_centers", [2, 5, 8])
-@pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
-def test_kernels_and_torch_give_the_same_values_and_gradients(n_centers, spacings, monkeypatch):
-    pytest.importorskip("numba")
-    inputs = make_inputs(n_centers, spacings, torch.float32, n=600)
-    in_kernels = value_and_gradients(grbf, inputs, n_centers)
-    monkeypatch.setenv("KARF_KERNELS", "off")
-    for ours, of_torch in zip(in_kernels, value_and_gradients(grbf, inputs, n_centers), strict=True):
-        torch.testing.assert_close(ours, of_torch, rtol=1e-5, atol=1e-5 * float(of_torch.detach().abs().max()))
 
 
 def derivatives_of_gradients(layer, function, x):
@@ -212,19 +203,6 @@ def test_learned_bandwidth_stays_between_its_limits(start, limit):
         layer.log_bandwidth.fill_(start)
     assert layer.bandwidth().item() == pytest.approx(limit, rel=1e-6)
     assert torch.isfinite(layer(torch.randn(4, 2))).all()
-
-
-def test_learning_moves_the_bandwidth_toward_the_better_fit():
-    torch.manual_seed(0)
-    x = torch.randn(256, 6)
-    teacher, student = GRBFLayer(6, 4, bandwidth=0.9), GRBFLayer(6, 4, bandwidth=0.6)
-    student.load_state_dict({**teacher.state_dict(), "log_bandwidth": student.log_bandwidth.detach()})
-    optimizer = torch.optim.Adam([student.log_bandwidth], lr=0.02)
-    for _ in range(80):
-        optimizer.zero_grad()
-        (student(x) - teacher(x).detach()).square().mean().backward()
-        optimizer.step()
-    assert student.bandwidth().item() == pytest.approx(0.9, abs=0.02)
 
 
 @pytest.mark.parametrize("arguments", [{"n_centers": 1}, {"n_centers": 9}, {"bandwidth": "wide"}, {"bandwidth": 9.0}])

@@ -48,11 +48,6 @@ def test_model_repaints_the_sphere_and_leaves_its_stripes(first, second, stripes
         assert mean_ciede2000(result, before, ~is_paint) < 0.5
 
 
-def test_same_source_and_target_change_nothing():
-    sphere = glossy_sphere(RED, stripes=CREAM)
-    np.testing.assert_allclose(reflection_target(sphere, RED, RED), sphere, atol=1e-7)
-
-
 @pytest.mark.parametrize(
     ("source", "target"), [(RED, BLUE), (CREAM, GREEN), (np.full(3, 0.6), RED), (YELLOW, np.ones(3))]
 )

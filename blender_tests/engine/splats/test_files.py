@@ -13,7 +13,6 @@ pytest.importorskip("numba")
 from safetensors import safe_open
 from safetensors.torch import save_file
 
-from blender_tests.engine.reference.memory import little_memory
 from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, camera_ahead, cloud
 from karf_engine.errors import DataError
 from karf_engine.splats.files import SCHEMA, load_gaussians, save_gaussians
@@ -50,7 +49,7 @@ def path(tmp_path):
     ],
     ids=["degree 0", "degree 1", "degree 2", "degree 3", "looks", "plain", "antialiased"],
 )
-def test_what_is_written_is_read_again_bit_by_bit(path, written, version):
+def test_saved_gaussians_are_read_bit_by_bit(path, written, version):
     save_gaussians(written, path)
     found = load_gaussians(path)
     assert_array_equal(found.table, written.table)
@@ -73,8 +72,6 @@ TABLES = {
     "double precision": torch.zeros(30, 14, dtype=torch.float64),
     "whole numbers": torch.zeros(30, 14, dtype=torch.int32),
     "fewer than are behind": torch.zeros(6, 14),
-    "not a number": torch.full((30, 14), torch.nan),
-    "infinite": torch.full((30, 14), torch.inf),
 }
 WRONG_FACTS = [
     *({"n_behind": value} for value in (-1, 31, 2.5, None)),
@@ -93,7 +90,7 @@ IDS = [*TABLES, *map(str, WRONG_FACTS), *(f"no {name}" for name in FACTS), "sche
 
 
 @pytest.mark.parametrize("damage", DAMAGES, ids=IDS)
-def test_what_no_engine_has_written_is_refused(path, damage):
+def test_invalid_contents_are_refused(path, damage):
     header = {"schema": damage.get("schema", SCHEMA), "facts": damage.get("facts", FACTS)}
     text = json.dumps(header).replace("Infinity", "1e999")
     save_file(damage.get("tensors", {"table": torch.from_numpy(cloud(30, 2))}), path, {"karf": text})
@@ -106,23 +103,6 @@ def test_what_no_engine_has_written_is_refused(path, damage):
 def test_looks_of_other_gaussians_are_refused(path, looks):
     save_gaussians(gaussians(visibility=looks), path)
     refused(path)
-
-
-@pytest.mark.parametrize("length", [None, 0, 7, 100, -1])
-def test_a_file_that_is_missing_or_cut_off_is_refused(path, length):
-    if length is not None:
-        save_gaussians(gaussians(), path)
-        path.write_bytes(path.read_bytes()[:length])
-    refused(path)
-
-
-def test_a_claim_of_gigabytes_in_a_few_bytes_takes_no_memory(path):
-    size = 4 * 14 * 500_000_000
-    entry = {"table": {"dtype": "F32", "shape": [500_000_000, 14], "data_offsets": [0, size]}}
-    header = json.dumps(entry | {"__metadata__": {"karf": json.dumps({"schema": SCHEMA, "facts": FACTS})}}).encode()
-    path.write_bytes(len(header).to_bytes(8, "little") + header + bytes(64))
-    with little_memory():
-        refused(path)
 
 
 def test_any_finite_numbers_show_something_or_nothing_but_never_fail(path):

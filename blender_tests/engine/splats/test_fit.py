@@ -112,7 +112,7 @@ def test_gaussians_become_what_the_photos_show(photos, iterations, window, share
         assert error_of(learned, held_out) < 0.2 * error_of(start, held_out)
 
 
-def test_the_seed_decides_and_the_cores_do_not():
+def test_the_seed_decides_the_result_and_the_cores_do_not():
     found, counted = [], cores.core_count()
     try:
         for count in (1, 2):
@@ -125,7 +125,7 @@ def test_the_seed_decides_and_the_cores_do_not():
     assert (learn(PHOTOS, 12, seed=1).table != found[0]).any()
 
 
-def test_every_photo_is_shown_once_before_one_is_shown_again_at_first_at_half_its_size(monkeypatch):
+def test_photos_are_shown_in_epochs_first_at_half_size(monkeypatch):
     shown = photos_shown(monkeypatch, PHOTOS, 18)
     rounds = [[place(photo.camera) for photo in shown[first : first + 6]] for first in (0, 6, 12)]
     assert all(sorted(each) == sorted(map(place, CAMERAS)) for each in rounds)
@@ -143,7 +143,7 @@ def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
         assert set(of_pictures[first : first + 3]) == set(map(place, CAMERAS[2:5]))
 
 
-def test_parts_of_a_photo_are_cut_out_and_known_where_the_whole_is(monkeypatch):
+def test_half_and_window_of_a_photo_match_the_whole(monkeypatch):
     valid = np.ones((36, 40), bool)
     valid[5, 7] = False
     photo = replace(CUT_OUTS[1], valid=valid)
@@ -160,7 +160,7 @@ def test_parts_of_a_photo_are_cut_out_and_known_where_the_whole_is(monkeypatch):
     assert_allclose(rasterize(TRUTH, part.camera).image, whole, atol=1e-4)
 
 
-def test_pixels_of_which_nothing_is_known_teach_nothing():
+def test_invalid_pixels_teach_nothing():
     valid = np.ones((36, 40), bool)
     valid[:, 20:] = False
     blotted = PHOTOS[0].color.copy()
@@ -176,7 +176,7 @@ def test_no_gaussian_becomes_finer_than_the_photos_show():
     assert np.exp(learn(PHOTOS, 6, start).table[:, GROUPS["scales"]]).min() > 0.05 * pixel
 
 
-def test_the_background_of_a_cut_out_is_another_each_time_and_that_of_a_photo_its_own(monkeypatch):
+def test_cut_outs_are_shown_on_random_backgrounds(monkeypatch):
     seen, view_of = [], fit_module.RasterizedView
     monkeypatch.setattr(fit_module, "RasterizedView", lambda *given: seen.append(given[2]) or view_of(*given))
     learn(CUT_OUTS[:1], 4)
@@ -185,7 +185,7 @@ def test_the_background_of_a_cut_out_is_another_each_time_and_that_of_a_photo_it
     assert seen[4:] == [BACKGROUND, BACKGROUND]
 
 
-def test_what_lies_behind_keeps_its_place_and_shape_and_looks_the_same_from_everywhere():
+def test_only_the_colors_of_the_background_are_learned():
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
     start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_background=len(shell))
     before, after = (np.split(each.table, [start.n_foreground]) for each in (start, learn(PHOTOS, 30, start)))
@@ -216,7 +216,7 @@ def test_the_gains_are_found_and_the_scene_has_the_mean_exposure():
     assert error_of(fit.gaussians, in_mean) < 3 * error_of(among_alike.gaussians, PHOTOS)
 
 
-def test_neither_cut_outs_nor_pictures_between_photos_tell_of_exposures(monkeypatch):
+def test_cut_outs_and_pseudo_photos_keep_gains_of_1(monkeypatch):
     cut_outs = [exposed(photo, gains) for photo, gains in zip(CUT_OUTS, GAINS, strict=True)]
     assert_array_equal(fitted(cut_outs, 20).gains, ALIKE)
     monkeypatch.setattr(fit_module, "RATES", {0: 0.0})
@@ -236,7 +236,7 @@ def test_clipped_pixels_tell_nothing():
     assert_allclose(black.measured, 1)
 
 
-def test_gains_are_believed_as_far_as_photos_differ_more_than_they_would_by_chance():
+def test_gains_within_the_noise_shrink_to_1():
     shown = np.full((10, 3), 0.5, np.float32)
     believed = {}
     for spread in (0.002, 0.2):
@@ -249,14 +249,14 @@ def test_gains_are_believed_as_far_as_photos_differ_more_than_they_would_by_chan
     assert (believed[0.002] < 0.1).all() and (believed[0.2] > 0.9).all()
 
 
-def test_a_held_out_photo_is_exposed_as_its_neighbors():
+def test_gains_of_a_held_out_photo_are_interpolated():
     assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 1), 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
     assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 9), GAINS[1])
 
 
 # -------------------------------------------------------------------------------------------------------- interruptions
 @pytest.mark.parametrize("between", [[], PHOTOS[4:]])
-def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(tmp_path, between):
+def test_a_resumed_fit_ends_bit_by_bit_where_an_uninterrupted_one_does(tmp_path, between):
     photos = [*PHOTOS[:3], CUT_OUTS[3]]
 
     def resumed(stop=None):
@@ -286,7 +286,7 @@ def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one
     ],
     ids=["another table", "another type", "too many done", "one missing"],
 )
-def test_a_state_of_another_fit_is_refused_and_nothing_of_it_taken_over(change):
+def test_a_state_of_another_fit_is_refused_and_changes_nothing(change):
     state, fit = fitted(PHOTOS[:1], 6).state(), SplatFit(unlearned(), PHOTOS[:1], 6, 0)
     change(state)
     with pytest.raises(DataError):
@@ -296,7 +296,7 @@ def test_a_state_of_another_fit_is_refused_and_nothing_of_it_taken_over(change):
 
 
 @pytest.mark.parametrize("column", [COLOR, CENTER])
-def test_learning_that_leaves_the_numbers_stops_with_a_sentence(column, monkeypatch):
+def test_divergence_is_said_in_a_sentence(column, monkeypatch):
     monkeypatch.setitem(fit_module.RATES, column, np.inf)
     fit = SplatFit(unlearned(), PHOTOS, 20, 0)
     with pytest.raises(Diverged, match="diverged at iteration") as caught:

@@ -54,7 +54,7 @@ def test_a_picture_and_its_gradients_are_those_of_the_formulas(case):
         assert_allclose(by_kernels[:, columns], own, atol=tolerance * abs(by_torch).max(), err_msg=name)
 
 
-def test_what_is_not_seen_has_no_gradient():
+def test_invisible_gaussians_have_no_gradient():
     table = np.stack([ball(), ball((0, 0, 9))])
     gradients = np.full_like(table, 7)
     shown(*table).backward(np.ones((36, 40, 3), np.float32), gradients)
@@ -65,18 +65,18 @@ def test_what_is_not_seen_has_no_gradient():
 @pytest.mark.parametrize(
     "rows", [[], *([ball(place, 0.02)] for place in ((0, 0, 4.5), (0, 0, 3.9), (30, 0, 0), (0, -30, 0)))]
 )
-def test_nothing_shows_behind_the_camera_too_near_or_outside(rows):
+def test_gaussians_behind_too_near_or_outside_are_invisible(rows):
     view = RasterizedView(np.array(rows) if rows else cloud(0), CAMERA, BACKGROUND)
     assert view.offsets[-1] == 0
     assert_array_equal(view.image, np.broadcast_to(np.float32([*BACKGROUND, 1]), (36, 40, 4)))
 
 
-def test_a_large_gaussian_that_lies_somewhat_outside_still_reaches_in():
+def test_a_large_gaussian_outside_the_picture_reaches_into_it():
     beside = 4 * (20 + 0.9 * BORDER * 40) / 50
     assert shown(ball((beside, 0, 0), 0.6)).image[..., 3].min() < 0.9
 
 
-def test_the_nearer_one_hides_the_other_whatever_their_order():
+def test_nearer_gaussians_hide_farther_ones_in_any_order():
     red, blue = ball((0, 0, 1), 0.3, 0.98, (1, 0, 0)), ball((0, 0, -1), 0.3, 0.98, (0, 0, 1))
     first, second = shown(red, blue).image, shown(blue, red).image
     assert_array_equal(first, second)
@@ -84,7 +84,7 @@ def test_the_nearer_one_hides_the_other_whatever_their_order():
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e30, -1e30, 200])
-def test_numbers_from_which_no_ellipse_follows_show_nothing_and_break_nothing(wrong):
+def test_degenerate_numbers_are_invisible(wrong):
     plain = ball((0.3, 0.1, 0), 0.1)
     alone = shown(plain).image
     for column in range(LOGIT):
@@ -97,7 +97,7 @@ def test_numbers_from_which_no_ellipse_follows_show_nothing_and_break_nothing(wr
     assert_array_equal(shown(plain, turned_by_nothing).image, alone)
 
 
-def test_gaussians_that_all_cover_a_large_picture_are_refused_before_they_are_dealt_out():
+def test_too_many_tiles_are_refused():
     """Their tiles would be more than 32 bits count, and entries be written beside their array."""
     camera = camera_ahead().scaled(4096, 4096)
     wide = np.repeat(ball((0, 0, 0), 50.0, 0.9, (1, 1, 1))[None], 40_000, 0)
@@ -143,7 +143,7 @@ def test_bands_and_windows_of_a_picture_are_parts_of_it():
         assert_allclose(image, whole[top:bottom, left:right], atol=2e-4)
 
 
-def test_one_core_and_more_give_the_same_bits():
+def test_the_number_of_cores_changes_no_bit():
     table, found, before = cloud(300, seed=5), [], cores.core_count()
     weights = np.random.default_rng(5).normal(size=(100, 130, 3)).astype(np.float32)
     camera = pinhole(camera_ahead(130, 100, 150), NEAR)

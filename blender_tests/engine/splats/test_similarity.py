@@ -35,7 +35,7 @@ MOVES = {
 
 @pytest.mark.parametrize("name", MOVES)
 @pytest.mark.parametrize("degree", range(4))
-def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
+def test_a_moved_camera_sees_moved_gaussians_as_before(name, degree):
     gaussians, matrix = Gaussians(cloud(degree=degree), 3, BACKGROUND, NEAR), MOVES[name]
     camera = camera_ahead()
     scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
@@ -49,7 +49,7 @@ def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
     assert_allclose(there.depths[seen], scale * here.depths[seen], rtol=1e-4)
 
 
-def test_staying_keeps_every_bit_and_a_shift_those_of_all_but_the_centers():
+def test_the_identity_keeps_every_bit_and_a_shift_all_but_the_centers():
     gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
     assert transform_gaussians(gaussians, np.eye(4)) is gaussians
     assert_array_equal(transform_gaussians(gaussians, MOVES["shifted"]).table[:, 3:], gaussians.table[:, 3:])
@@ -76,6 +76,6 @@ def test_half_a_turn_is_exact():
     ],
     ids=["mirror", "unequal", "zero", "nan", "shear"],
 )
-def test_what_is_no_similarity_is_refused(matrix):
+def test_other_matrices_than_similarities_are_refused(matrix):
     with pytest.raises(BadRequest, match="uniform scale"):
         transform_gaussians(Gaussians(cloud(), 3, BACKGROUND, NEAR), matrix)

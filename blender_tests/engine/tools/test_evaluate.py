@@ -1,6 +1,8 @@
 """Published tables: their sources, when they are stale, what the pages show, and how parts follow one another."""
 
 import shutil
+import subprocess
+import sys
 
 import pytest
 
@@ -59,6 +61,14 @@ def test_a_changed_module_makes_the_tables_stale_that_depend_on_it(checkout, mod
     assert stale & set(MEASURED) <= after and not fresh & after
     file.write_text("# no code is left of it\n")
     assert before <= set(pages.stale_tables(checkout))
+
+
+def test_a_release_is_refused_while_a_table_is_stale(checkout):
+    (checkout / "karf_engine/metrics/masks.py").write_text("# no code is left of it\n")
+    command = [sys.executable, "-m", "tools.release", "--release", "--out", str(checkout / "dist")]
+    done = subprocess.run(command, cwd=checkout, capture_output=True, text=True)
+    assert done.returncode == 1 and "error: the table segmentation is stale" in done.stderr
+    assert not (checkout / "dist").exists()
 
 
 def test_comments_docstrings_and_formatting_make_no_table_stale(tmp_path):

@@ -65,7 +65,7 @@ def test_the_network_of_the_paper_has_its_layers_and_parameters():
     assert (made.views_linears[0].out_features, made.rgb_linear.out_features) == (128, 3)
 
 
-def test_density_features_and_color_are_those_of_the_plain_reading():
+def test_density_features_and_color_are_those_of_the_reference():
     module, rays = field(), some_rays()
     features = module.features(rays.origins)
     colors = module.color(rays.origins, rays.viewdirs, features)
@@ -77,7 +77,7 @@ def test_density_features_and_color_are_those_of_the_plain_reading():
 
 
 @pytest.mark.parametrize(("kind", "ground"), [("alpha", 1.0), ("white", 1.0), ("black", 0.0), ("opaque", 0.0)])
-def test_rays_end_as_in_the_plain_reading_before_their_background(kind, ground):
+def test_colors_of_rays_are_those_of_the_reference(kind, ground):
     module, rays = field(), some_rays()
     colors = Scene(module, None, kind, 1.0).colors(rays)
     expected = np.stack([reference_color(module, rays[n : n + 1], ground) for n in range(len(rays))])
@@ -85,7 +85,7 @@ def test_rays_end_as_in_the_plain_reading_before_their_background(kind, ground):
     assert expected.std() > 0.02  # they are not plain gray
 
 
-def test_a_trace_holds_the_sorted_union_and_its_weights_and_remainder_sum_to_one():
+def test_samples_of_a_trace_are_sorted_and_their_weights_sum_to_one():
     rays = some_rays()
     trace = field().trace(rays)
     assert len(trace.samples) == 6 * 20
@@ -95,7 +95,7 @@ def test_a_trace_holds_the_sorted_union_and_its_weights_and_remainder_sum_to_one
     assert_allclose(trace.samples.positions[:20], along, atol=1e-5)
 
 
-def test_a_field_that_is_turned_moved_and_scaled_looks_the_same():
+def test_a_rotated_moved_and_scaled_field_renders_the_same():
     angle, scale, shift = 0.7, 2.5, torch.tensor([0.3, -1.0, 2.0])
     turn = torch.tensor([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1.0]])
     rays = some_rays()
@@ -144,6 +144,6 @@ def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change
         load_scene(path)
 
 
-def test_its_length_scale_follows_what_there_is_to_see():
+def test_the_length_scale_follows_the_bounds():
     assert field().voxel == pytest.approx(4 / 128)
     assert field().n_features == 16

@@ -39,7 +39,7 @@ def fit(*arguments, **options):
 
 
 @pytest.mark.parametrize("kind", ["alpha", "black", "opaque"])
-def test_a_view_that_was_held_out_is_rendered_well(photos, kind, device):
+def test_a_held_out_view_is_rendered_well(photos, kind, device):
     sky = kind == "opaque"
     scenes, truth = start(photos[sky], kind, device=device).scenes(silent()), take_photo(camera_at(0.3, 0.6), sky)
     early = next(scenes).render(truth.camera, 1)
@@ -56,7 +56,7 @@ def test_a_view_that_was_held_out_is_rendered_well(photos, kind, device):
     assert 2.6 < picture.depth[16, 16] < 4.2
 
 
-def test_fog_of_the_backgrounds_color_clears_and_things_stay(monkeypatch):
+def test_fog_of_the_background_color_clears(monkeypatch):
     photos = [take_photo(camera, sky=True) for camera in cameras(40)]  # of few, the first grid holds no fog
     camera = camera_at(0.3, 0.6)
     alpha, opacities = take_photo(camera).alpha, []
@@ -69,7 +69,7 @@ def test_fog_of_the_backgrounds_color_clears_and_things_stay(monkeypatch):
 
 
 @pytest.mark.parametrize("kernels", ["on", "off"])
-def test_a_finished_fit_frees_its_photos_fields_and_moments_at_once(photos, kernels, monkeypatch):
+def test_a_finished_fit_frees_its_memory_at_once(photos, kernels, monkeypatch):
     monkeypatch.setenv("KARF_KERNELS", kernels)
     short = replace(SETTINGS, levels=(Level(16, 30, 1.0), Level(24, 6, 1.0)), samples=8000)
     box_fit = start(photos[True], "opaque", short)
@@ -87,7 +87,7 @@ def test_a_finished_fit_frees_its_photos_fields_and_moments_at_once(photos, kern
         gc.enable()
 
 
-def test_a_capture_that_shows_nothing_is_called_diverged():
+def test_an_empty_capture_is_called_diverged():
     blank = [replace(take_photo(camera), color=0 * take_photo(camera).color) for camera in cameras(4)]
     short = replace(SETTINGS, levels=(Level(12, 60, 1.0), Level(16, 20, 1.0)), samples=8000, sparsity=1.0)
     with pytest.raises(Diverged, match="nothing solid"):

@@ -75,7 +75,7 @@ def ball_depth_error(scene, angles):
 @pytest.mark.parametrize(
     ("space", "rig", "angles"), [("contraction", RING, (0.05, 1, 2, 3, 4)), ("frustum", FRONT, (-0.1, 0.05, 0.2))]
 )
-def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path, device):
+def test_a_held_out_view_is_rendered_well(space, rig, angles, tmp_path, device):
     scene = fit(rig, space, device=device)
     camera = camera_at(0.05, 0.5)
     truth = take_photo(camera, sky=True)
@@ -97,7 +97,7 @@ def test_a_long_lens_is_no_worse_than_any_other():
 
 
 @pytest.mark.parametrize("is_refined", [False, True])
-def test_nothing_is_looked_for_where_a_camera_sees_through(is_refined):
+def test_cells_in_free_space_are_left_out(is_refined):
     state = start(TELEPHOTOS, "contraction")
     field = state._refined(Level(40, 1, 1.0)) if is_refined else state.field
     places = field.space.to_world(field.cell_centers()).double().numpy()
@@ -117,7 +117,7 @@ def test_sparse_points_put_the_surface_where_it_is():
     assert with_points < 0.8 * without
 
 
-def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch):
+def test_total_variation_uses_no_pruned_vertex(monkeypatch):
     asked, differences, prune = [], TorchRenderer.differences, VoxelField.pruned
 
     def note(renderer, rows, other_rows):
@@ -137,7 +137,7 @@ def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch)
     assert max((rows == 0).float().mean().item() for rows in asked) < 0.02
 
 
-def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch):
+def test_pruning_keeps_cells_that_photos_show(monkeypatch):
     monkeypatch.setattr(voxel_fit, "BATCH_RAYS", 64)
     monkeypatch.setattr(voxel_fit, "FEWEST_BATCHES", 2)  # alone they miss a twentieth of it
     few = open_settings(Level(40, 30, 1.0), Level(48, 1, 1.0), samples=6000, max_rays=1500)
@@ -151,7 +151,7 @@ def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch
     assert kept.float().mean() < 0.97
 
 
-def test_the_same_fog_outlasts_pruning_in_fine_cells_as_in_coarse_ones(monkeypatch):
+def test_pruning_of_fog_does_not_depend_on_the_cell_size(monkeypatch):
     monkeypatch.setattr(voxel_fit, "PRUNED_AT", 12)
     state = start(cameras(8), "contraction", True, open_settings(Level(12, 5, 1.0)))
     learned = next(state.scenes(silent())).field
@@ -215,7 +215,7 @@ def test_each_observation_is_the_pixel_that_shows_its_point():
     assert len(find_observations(dataset, Box(), bad)[0]) == (ON_TABLE.point >= 150).sum()
 
 
-def test_only_what_a_camera_sees_is_looked_for():
+def test_the_contraction_covers_what_cameras_see():
     space = Contraction(torch.zeros(3), 1.0, 1.0, 0.1)
     pair = [camera_at(0.0, 0.3), camera_at(0.4, 0.3)]
     behind_both = pair[0].position + pair[1].position

@@ -115,7 +115,7 @@ def test_sums_and_gradients_are_those_of_torch_in_double_precision(space, featur
         assert error < 2e-3, f"{name}: {error}"
 
 
-def test_the_diffuse_colors_of_the_first_level_teach_their_three_features_alone():
+def test_diffuse_colors_teach_three_features_alone():
     field, batch = random_field("box"), random_batch("box", is_diffuse=True)
     (fused(field).render(batch).color ** 2).sum().backward()
     reference = random_field("box")
@@ -137,7 +137,7 @@ def test_differences_between_rows_and_their_gradients_are_those_of_torch():
         assert_close(value, expected, rtol=1e-5, atol=1e-5)
 
 
-def test_cells_are_seen_and_met_where_torch_says_so():
+def test_visibility_of_cells_is_that_of_torch():
     field, rays = random_field("contraction", share=0.5), random_batch("contraction").rays
     seen, expected = fused(field).visibility([rays]), exact(field).visibility([rays])
     assert (expected > 0).sum() > 100
@@ -149,7 +149,7 @@ def test_cells_are_seen_and_met_where_torch_says_so():
 
 
 @pytest.mark.parametrize("make", [fused, exact])
-def test_a_ray_ends_where_its_light_is_used_up(make):
+def test_a_ray_ends_where_its_transmittance_is_used_up(make):
     field, batch = random_field("box"), random_batch("box")
     field.raw_density.data.fill_(12.0)
     samples = field.march(batch.rays, batch.step, batch.jitter)
@@ -170,7 +170,7 @@ def _draw(weight, limits, shares):
 
 
 @pytest.mark.parametrize("weight", [0.0005, 0.004, 0.011, 0.019, 0.5])
-def test_colors_count_as_much_as_without_russian_roulette_on_average_whatever_their_neighbors_drew(weight):
+def test_russian_roulette_is_unbiased_and_independent(weight):
     limits = fused(random_field("box"), russian_roulette=0.02)._settings
     shares, others = np.empty((2, 2000, 100), np.float32)
     _draw(np.float32(weight), limits, shares)
@@ -209,7 +209,7 @@ def test_one_and_two_threads_learn_the_same_bits():
         assert torch.equal(value, other), name
 
 
-def test_rows_that_no_ray_touches_rest():
+def test_untouched_rows_rest():
     field, batch = random_field("box"), random_batch("box", 3)
     before, renderer = field.raw_density.detach().clone(), fused(field)
     optimizer = learning(renderer)
@@ -222,7 +222,7 @@ def test_rows_that_no_ray_touches_rest():
     assert not (moved & ~touched).any()
 
 
-def test_what_is_not_a_number_stops_training():
+def test_nan_stops_training():
     field, batch = random_field("box"), random_batch("box")
     field.feature_table.data[:, 0] = torch.nan
     renderer = fused(field)
@@ -270,7 +270,7 @@ def test_rays_end_where_torch_lets_them_end(space, by_torch):
 
 
 @pytest.mark.parametrize("share", [1.0, 0.6, 0.05])
-def test_features_and_colors_are_those_of_torch_wherever_they_are_asked(share, by_torch):
+def test_features_and_colors_are_those_of_torch(share, by_torch):
     field, random = frozen_field("box", share), torch.Generator().manual_seed(3)
     low, high = field.bounds
     positions = low + (1.2 * torch.rand(3001, 3, generator=random) - 0.1) * (high - low)  # some outside
@@ -306,7 +306,7 @@ def test_a_picture_is_torchs_whatever_its_chunks_and_threads(space, by_torch, mo
 
 
 @pytest.mark.parametrize("wrong", [torch.nan, torch.inf])
-def test_a_ray_that_is_not_finite_ends_and_says_so(wrong):
+def test_a_ray_that_is_not_finite_has_a_transmittance_of_nan(wrong):
     field, rays = frozen_field("box"), random_batch("box").rays
     rays.origins[3] = wrong
     trace = field.trace(rays, 0.7)
@@ -314,7 +314,7 @@ def test_a_ray_that_is_not_finite_ends_and_says_so(wrong):
     assert not (trace.samples.ray_indices == 3).any()
 
 
-def test_samples_that_need_more_room_get_it():
+def test_many_samples_get_more_room():
     field = frozen_field("box")
     field.raw_density.fill_(-20.0)  # clear: no ray ends before the grid does
     trace = field.trace(random_batch("box").rays, 0.01)
@@ -322,7 +322,7 @@ def test_samples_that_need_more_room_get_it():
     assert_close(trace.ray_weights.sum() + trace.final_transmittance.sum(), torch.tensor(200.0), rtol=1e-4, atol=0)
 
 
-def test_a_field_that_is_released_and_learns_is_seen_anew_when_it_is_frozen_again():
+def test_a_field_frozen_again_shows_what_it_has_learned():
     field, rays = frozen_field("box"), random_batch("box").rays
     before = field.trace(rays, 0.7).final_transmittance
     field.requires_grad_(True)
@@ -336,7 +336,7 @@ def test_a_field_that_is_released_and_learns_is_seen_anew_when_it_is_frozen_agai
 
 
 # ------------------------------------------------------------------------------------------------ with and without kernels
-def test_without_numba_or_where_it_is_left_out_torch_learns_and_renders(monkeypatch):
+def test_torch_learns_and_renders_without_numba(monkeypatch):
     field, frozen, rays = random_field("box"), frozen_field("box"), random_batch("box").rays
 
     def found():
@@ -355,7 +355,9 @@ def test_without_numba_or_where_it_is_left_out_torch_learns_and_renders(monkeypa
 
 def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
     """Some tests run again with kernels that check every index, compiled into a cache of their own."""
-    names = "sums_and_gradients and box-12 or contraction-12 or differences or seen_and_met or threads or rest"
+    names = (
+        "sums_and_gradients and box-12 or contraction-12 or differences or visibility or one_and_two_threads or rest"
+    )
     names += " or rays_end or features_and_colors or more_room or nothing"
     environment = os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", names]
@@ -363,7 +365,7 @@ def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
     assert done.returncode == 0, done.stdout[-3000:]
 
 
-def test_kernels_are_compiled_beside_also_where_the_engine_runs_as_a_folder(tmp_path, monkeypatch):
+def test_kernels_are_compiled_in_a_child_process(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # of the child: it calls them all, in plain Python
     monkeypatch.chdir(tmp_path)
@@ -372,7 +374,7 @@ def test_kernels_are_compiled_beside_also_where_the_engine_runs_as_a_folder(tmp_
     assert preparing.begin(12) is None
 
 
-def test_kernels_are_compiled_beside_where_it_cannot_be_told_whether_they_are_there(monkeypatch):
+def test_kernels_are_compiled_where_the_cache_cannot_be_read(monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/" + "x" * 5000)  # the system refuses to look it up
     compiling = preparing.begin(12)
     compiling.kill()

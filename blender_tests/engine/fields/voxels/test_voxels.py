@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 ndimage = pytest.importorskip("scipy.ndimage")
 
-from karf_engine.fields.voxels.field import VoxelField, WeightedGather, dilate, rescaled_raw
+from karf_engine.fields.voxels.field import VoxelField, WeightedGather, rescaled_raw
 
 MINIMUM, VOXEL = torch.tensor([-1.0, 0.5, 2.0]), 0.25
 
@@ -116,7 +116,8 @@ def test_pruning_keeps_the_named_cells_their_neighbors_and_every_value():
     small = field.pruned(keep).requires_grad_(False)
     named = torch.zeros_like(field.occupied)
     named[field.occupied] = keep
-    assert torch.equal(small.occupied, dilate(named) & field.occupied)
+    around = torch.from_numpy(ndimage.maximum_filter(named.numpy(), 3))
+    assert torch.equal(small.occupied, around & field.occupied)
     assert named.sum() < small.occupied.sum() < field.occupied.sum()
     points = random_points((8, 8, 8), 2000)
     points = points[small.is_occupied(points)]
@@ -125,14 +126,6 @@ def test_pruning_keeps_the_named_cells_their_neighbors_and_every_value():
     viewdirs = torch.nn.functional.normalize(points, dim=1)
     features = field.features(points)
     assert torch.equal(small.color(points, viewdirs, features), field.color(points, viewdirs, features))
-
-
-def test_dilation_reaches_the_corner_neighbors():
-    occupied = torch.zeros(5, 5, 5, dtype=torch.bool)
-    occupied[0, 2, 2] = True
-    expected = torch.zeros_like(occupied)
-    expected[:2, 1:4, 1:4] = True
-    assert torch.equal(dilate(occupied), expected)
 
 
 def test_normals_point_out_of_a_ball():

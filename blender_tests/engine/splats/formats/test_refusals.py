@@ -2,12 +2,10 @@
 
 import gzip
 import json
-import re
 import struct
 import sys
 import tracemalloc
 import zipfile
-from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ import pytest
 from blender_tests.engine.peak import peak_of
 from blender_tests.engine.splats.clouds import GROUPS
 from blender_tests.engine.splats.formats.files import packaged, refused, unit_cloud, write_sog, written
-from karf_engine.errors import BadRequest, DataError, MissingDependency
+from karf_engine.errors import MissingDependency
 from karf_engine.io import limited
 from karf_engine.splats.formats.registry import arrays_of, read_splats, write_splats
 from karf_engine.splats.formats.splat_file import SplatFile
@@ -69,17 +67,19 @@ def changed(folder, end, change):
 
 
 # ------------------------------------------------------------------------------------------------------------------ rows
+
+
+ROWS = [
+    ("center", np.nan, "a center that is not finite"),
+    ("scales", np.inf, "a scale that is not finite"),
+    ("harmonics", -np.inf, "a color that is not finite"),
+    ("rotation", 0, "a rotation that is no quaternion"),
+    ("opacity", np.nan, "an opacity that is not a number"),
+]
+
+
 @pytest.mark.parametrize("end", [".ply", ".glb", ".usda"])
-@pytest.mark.parametrize(
-    ("group", "value", "words"),
-    [
-        ("center", np.nan, "a center that is not finite"),
-        ("scales", np.inf, "a scale that is not finite"),
-        ("harmonics", -np.inf, "a color that is not finite"),
-        ("rotation", 0, "a rotation that is no quaternion"),
-        ("opacity", np.nan, "an opacity that is not a number"),
-    ],
-)
+@pytest.mark.parametrize(("group", "value", "words"), ROWS)
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_row_that_is_no_gaussian_is_named(end, group, value, words, tmp_path):
     table = TABLE.copy()
@@ -146,22 +146,25 @@ def test_contents_that_hold_no_gaussians_are_refused(end, data, words, tmp_path)
     refused(path, words)
 
 
-def test_an_unknown_suffix_is_refused(tmp_path):
-    with pytest.raises(BadRequest, match=r"cloud\.obj has none of the ends"):
-        read_splats(tmp_path / "cloud.obj")
-
-
 # --------------------------------------------------------------------------------------------------- changes of a good file
-def accessor(content):
-    return content["accessors"][content["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+def primitives(content):
+    return content["meshes"][0]["primitives"]
 
 
-def primitive(content):
-    return content["meshes"][0]["primitives"][0]
+def gltf(**values):
+    """Change values of the places of the points, or of the extension."""
+
+    def change(content):
+        attributes, extensions = primitives(content)[0]["attributes"], primitives(content)[0]["extensions"]
+        is_extension = {"colorSpace", "kernel"} & set(values)
+        place = extensions["KHR_gaussian_splatting"] if is_extension else content["accessors"][attributes["POSITION"]]
+        place.update(values)
+
+    return in_json(change)
 
 
-def extension(content):
-    return primitive(content)["extensions"]["KHR_gaussian_splatting"]
+def buffer(uri):
+    return in_json(lambda content: content["buffers"][0].update(uri=uri))
 
 
 CLIPS = b'clips = { dictionary default = { asset[] assetPaths = [@./other.usda@]\nstring primPath = "/Gaussians" } }'
@@ -187,21 +190,21 @@ SOG = [
     (cut(30), "not a zip file"),
 ]
 GLTF = [
-    (in_json(lambda content: content["buffers"][0].update(uri="../cloud.bin")), r"wants '\.\./cloud\.bin'"),
-    (in_json(lambda content: content["buffers"][0].update(uri="..%2Fcloud.bin")), "which is no file beside it"),
-    (in_json(lambda content: content["buffers"][0].update(uri="/etc/passwd")), "wants '/etc/passwd'"),
-    (in_json(lambda content: content["buffers"][0].update(uri="https://example.com/a.bin")), "wants 'https:"),
+    (buffer("../cloud.bin"), r"wants '\.\./cloud\.bin'"),
+    (buffer("..%2Fcloud.bin"), "which is no file beside it"),
+    (buffer("/etc/passwd"), "wants '/etc/passwd'"),
+    (buffer("https://example.com/a.bin"), "wants 'https:"),
     (in_json(lambda content: content["buffers"][0].pop("uri")), "a buffer without bytes"),
     (in_json(lambda content: content["bufferViews"][0].update(byteOffset=10**9)), "outside its buffer"),
-    (in_json(lambda content: accessor(content).update(count=10**9)), "outside its buffer"),
-    (in_json(lambda content: accessor(content).update(count=-1)), "'-1' is no whole number"),
-    (in_json(lambda content: accessor(content).update(type="VEC2")), "other widths"),
-    (in_json(lambda content: accessor(content).update(sparse={})), "without a whole buffer view"),
+    (gltf(count=10**9), "outside its buffer"),
+    (gltf(count=-1), "'-1' is no whole number"),
+    (gltf(type="VEC2"), "other widths"),
+    (gltf(sparse={}), "without a whole buffer view"),
     (in_json(lambda content: content.pop("nodes")), "it lacks 'nodes'"),
     (in_json(lambda content: content["nodes"][0].update(scale=[1, 2, 3])), "shears or scales unequally"),
-    (in_json(lambda content: extension(content).update(colorSpace="lin_rec709_display")), "other colors than srgb"),
-    (in_json(lambda content: extension(content).update(kernel="box")), "another kernel than ellipse"),
-    (in_json(lambda content: primitive(content).pop("extensions")), "no points with KHR_gaussian"),
+    (gltf(colorSpace="lin_rec709_display"), "other colors than srgb"),
+    (gltf(kernel="box"), "another kernel than ellipse"),
+    (in_json(lambda content: primitives(content)[0].pop("extensions")), "no points with KHR_gaussian"),
 ]
 USDA = [
     (replaced(b"#usda 1.0", b"nothing"), "usd-core cannot read it"),
@@ -251,11 +254,7 @@ def beside(path):
     [
         (".compressed.ply", replaced(b"element chunk", b"comment " + b"x" * 50_000 + b"\nelement chunk"), 20),
         (".gltf", beside, 20),
-        (
-            ".gltf",
-            in_json(lambda content: content["meshes"][0].update(primitives=3_000 * [primitive(content)])),
-            60_000,
-        ),
+        (".gltf", in_json(lambda content: primitives(content).extend(3_000 * primitives(content))), 60_020),
         (".usda", replaced(b"\ndef ", b'\ndef "More" (references = </Gaussians>) {}\ndef '), 40),
     ],
     ids=["a long header", "an escaped name", "many primitives", "a reference within the file"],
@@ -264,7 +263,7 @@ def test_an_unusual_file_is_read(end, change, count, tmp_path):
     assert len(read_splats(changed(tmp_path, end, change))) == count
 
 
-def test_nodes_of_gltf_move_what_is_in_them(tmp_path):
+def test_transforms_of_gltf_nodes_are_applied(tmp_path):
     nodes = [{"children": [1], "translation": [1, 2, 3], "scale": [2, 2, 2]}, {"mesh": 0}]
     found = read_splats(changed(tmp_path, ".gltf", in_json(lambda content: content.update(nodes=nodes)))).table
     np.testing.assert_allclose(found[:, :3], (2 * TABLE[:, :3] + (1, 2, 3)) * (1, -1, -1), atol=1e-6)
@@ -279,22 +278,17 @@ def test_z_up_of_usd_is_turned(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------------- time and memory
+
+
 @LIMITED
-@pytest.mark.parametrize("end", [".spz", ".sog"])
-def test_a_bomb_takes_no_more_memory_than_its_limit(end, tmp_path, monkeypatch):
-    packaged(end)
+def test_a_bomb_takes_no_more_memory_than_its_limit(tmp_path, monkeypatch):
+    packaged(".sog")
     monkeypatch.setattr(limited, "LEAST_BYTES", 1 << 30)
-    path, block = tmp_path / f"cloud{end}", bytes(1 << 26)
-    if end == ".spz":
-        with gzip.open(path, "wb", 1) as file:
-            file.write(struct.pack("<4sIIBBBB", b"NGSP", 3, 1, 0, 12, 0, 0))
-            for _ in range(16):
-                file.write(block)
-    else:
-        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("meta.json", "w") as file:
-            for _ in range(16):
-                file.write(block)
-    refused(path, "bytes of memory|too much memory|not gunzip", read_splats)
+    path = tmp_path / "cloud.sog"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("meta.json", "w") as file:
+        for _ in range(16):
+            file.write(bytes(1 << 26))
+    refused(path, "bytes of memory|too much memory", read_splats)
 
 
 @pytest.mark.parametrize(
@@ -306,7 +300,7 @@ def test_a_bomb_takes_no_more_memory_than_its_limit(end, tmp_path, monkeypatch):
     ],
     ids=["children", "roots", "doubled"],
 )
-def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(content, tmp_path):
+def test_too_many_nodes_are_refused_before_they_take_memory(content, tmp_path):
     path = changed(tmp_path, ".gltf", in_json(lambda whole: whole.update(content)))
     tracemalloc.start()
     refused(path, "places more than 10,000 nodes")
@@ -315,7 +309,7 @@ def test_more_nodes_than_any_scene_has_are_refused_before_they_are_gathered(cont
 
 
 @pytest.mark.parametrize("arc", ["references", "instanceable = true\nreferences"])
-def test_usd_references_that_double_are_not_followed(arc, tmp_path, monkeypatch):
+def test_exponential_usd_references_are_refused(arc, tmp_path, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_BYTES", 1 << 30)
     path = written(tmp_path, ".usda")
     doubling = (
@@ -330,20 +324,13 @@ def test_a_packed_array_of_usd_that_claims_a_billion_numbers_is_refused(tmp_path
     table = unit_cloud(700, 0)
     table[:, GROUPS["opacity"]] = 16  # equal opacities are packed
     path = written(tmp_path, ".usdc", table)
-    data, count = path.read_bytes(), struct.pack("<Q", 700)
-    places = [match.start() for match in re.finditer(re.escape(count), data)]
-    claiming = [data[:place] + struct.pack("<Q", 10**9) + data[place + 8 :] for place in places]
-    for each in claiming:
-        path.write_bytes(each)
-        with suppress(DataError):
-            read_splats(path)
-    path.write_bytes(claiming[0])
+    path.write_bytes(path.read_bytes().replace(struct.pack("<Q", 700), struct.pack("<Q", 10**9), 1))
     refused(path, "usd-core cannot read it", read_splats)
 
 
 @LIMITED
-@pytest.mark.parametrize(("opening", "closing", "count"), [("(", ")", 40_000), ("[", "]", 400_000), ("(", ")", 10**6)])
-def test_text_without_end_takes_no_more_memory_than_its_limit(opening, closing, count, tmp_path):
+@pytest.mark.parametrize(("opening", "closing", "count"), [("[", "]", 400_000), ("(", ")", 10**6)])
+def test_nested_text_takes_no_more_memory_than_its_limit(opening, closing, count, tmp_path):
     packaged(".usda")
     path = tmp_path / "cloud.usda"
     path.write_text('#usda 1.0\ndef "a" { float3[] p = [' + count * opening + count * closing + "]}")
