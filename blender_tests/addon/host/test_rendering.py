@@ -88,15 +88,3 @@ def test_a_cancelled_render_leaves_the_picture_following(bpy, addon, film, shown
         bpy.ops.render.render()
     addon.steps.set_swatch(film, "lid", 1, "#00ff00")
     assert np.abs(shown() - before).max() > 10
-
-
-def test_disabling_the_extension_leaves_no_handler_and_no_timer(bpy, addon, film):
-    names = [name for name in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, name), list)]
-    handlers = [getattr(bpy.app.handlers, name) for name in names]
-    before = [len(each) for each in handlers]
-    addon.extension.unregister()
-    after = [len(each) for each in handlers]
-    modules = {handler.__module__ for each in handlers for handler in each}
-    addon.extension.register()
-    assert addon.displayed.__name__ not in modules and after != before == [len(each) for each in handlers]
-    assert not bpy.app.timers.is_registered(addon.displayed._catch_up)
