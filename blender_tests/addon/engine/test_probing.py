@@ -9,7 +9,6 @@ import pytest
 from ..layout import drawn_preferences as shown
 from ..timers import run_to_end
 
-HERE = Path(sys.executable)
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell scripts stand in for Python")
 
 
@@ -50,14 +49,6 @@ def hanging(addon, script, tmp_path):
     return addon.session.get(addon.probing._State).examination._inquiry.process
 
 
-def test_a_test_runs_beside_the_interface(bpy, addon, chosen, tmp_path):
-    addon.probing._begin(HERE, tmp_path, 0)
-    assert addon.probing.is_running() and not bpy.ops.karf.examine_engine.poll()
-    run_to_end(addon.probing._tick)
-    assert "torch" in addon.probing.verdict_on(HERE).sentence
-    assert not addon.probing.is_running()
-
-
 def test_the_findings_are_those_of_the_python_that_was_asked(bpy, addon, chosen, tmp_path):
     chosen.engine_python = sys.executable
     with pytest.raises(RuntimeError, match="cannot work here: torch"):
@@ -92,6 +83,7 @@ def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amis
     addon.probing._begin(Path(chosen.engine_python), tmp_path, 0)
     while len(addon.probing.findings_on(Path(chosen.engine_python))) < 3:
         assert addon.probing._tick() == addon.probing.POLL_SECONDS
+    assert addon.probing.is_running() and not bpy.ops.karf.examine_engine.poll()
     drawn = shown(bpy, chosen)
     assert "Testing ..." in drawn and "karf.cancel_examination" in drawn
     assert "Python is fine." in drawn and "Nothing to do." not in drawn
@@ -99,17 +91,17 @@ def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amis
     assert "scipy is not installed. Install it: pip install scipy" in drawn
 
 
-def test_a_test_that_hangs_is_cancelled(bpy, addon, chosen, hanging):
+@pytest.mark.parametrize("by", ["cancel", "disabling the extension"])
+def test_a_test_that_hangs_is_ended(bpy, addon, chosen, hanging, by):
     assert addon.probing._tick() == addon.probing.POLL_SECONDS
-    assert bpy.ops.karf.cancel_examination() == {"FINISHED"}
-    assert hanging.poll() is not None and not addon.probing.is_running()
-
-
-def test_disabling_the_extension_ends_the_test_and_its_timer(bpy, addon, chosen, hanging):
     addon.session.start_timer(addon.probing._tick, 60, persistent=True)
-    addon.extension.unregister()
-    addon.extension.register()
-    assert hanging.poll() is not None and not bpy.app.timers.is_registered(addon.probing._tick)
+    if by == "cancel":
+        assert bpy.ops.karf.cancel_examination() == {"FINISHED"}
+    else:
+        addon.extension.unregister()
+        addon.extension.register()
+    assert hanging.poll() is not None and not addon.probing.is_running()
+    assert not bpy.app.timers.is_registered(addon.probing._tick)
 
 
 def test_a_python_that_never_answers_is_given_up(addon, chosen, script, tmp_path, monkeypatch):

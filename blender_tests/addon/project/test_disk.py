@@ -94,17 +94,6 @@ def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
     assert addon.disk.contents_of(learned) == addon.disk.Contents()
 
 
-def test_disabling_the_extension_leaves_no_timer_and_no_handler(bpy, addon):
-    addon.session.start_timer(addon.disk._tick, 60, persistent=True)
-    events = addon.disk._after_change.karf_events
-    addon.extension.unregister()
-    left = [event for event in events if addon.disk._after_change in getattr(bpy.app.handlers, event)]
-    is_timed = bpy.app.timers.is_registered(addon.disk._tick)
-    addon.extension.register()
-    assert not left and not is_timed
-    assert all(addon.disk._after_change in getattr(bpy.app.handlers, event) for event in events)
-
-
 # --- masks of other programs ---------------------------------------------------------------------------------------
 @pytest.fixture
 def many_masks(addon, learned, timed, tmp_path):

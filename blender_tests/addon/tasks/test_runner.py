@@ -53,11 +53,6 @@ def drawn_status(bpy, addon):
     return drawn
 
 
-def restart(addon):
-    addon.extension.unregister()
-    addon.extension.register()
-
-
 def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
     assert bpy.ops.karf.learn_scene() == {"FINISHED"}
     assert "KaRF geometry: geometry" in capfd.readouterr().out
@@ -106,7 +101,7 @@ def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scen
     assert not progress.running and progress.error == ""
 
 
-def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(addon, project_scene, tmp_path):
+def test_one_process_runs_what_is_learned_in_a_row_and_waits_for_more(addon, project_scene, tmp_path):
     (tmp_path / "masks" / "pot").mkdir(parents=True)
     addon.steps.learn_scene(project_scene).wait()
     addon.steps.segment(project_scene, tmp_path / "masks").wait()
@@ -114,16 +109,14 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(a
     jobs = (addon.folders.project_of(project_scene).folder / "jobs").iterdir()
     hellos = [next(iter(addon.engine_api.EventReader(job).poll())) for job in jobs]
     assert len(hellos) == 5 and len({hello["pid"] for hello in hellos}) == 1
-    process = addon.session.get(addon.runner.Runner).worker._process
-    assert process.poll() is None
-    restart(addon)
-    assert process.poll() is not None
+    assert addon.session.get(addon.runner.Runner).worker._process.poll() is None
 
 
 def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, begin):
     worker = begin("deaf")
     addon.session.start_timer(addon.runner._poll)
-    restart(addon)
+    addon.extension.unregister()
+    addon.extension.register()
     assert worker.ended and worker._process.poll() is not None
     assert not addon.runner.is_running() and not bpy.app.timers.is_registered(addon.runner._poll)
 

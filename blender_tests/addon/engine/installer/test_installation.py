@@ -66,9 +66,7 @@ def test_where_the_disk_has_no_hard_links_no_second_copy_is_kept(managed, instal
 @pytest.mark.skipif(os.name == "nt", reason="the made wheel has a shell script")
 def test_without_uv_python_fetches_it_by_pip(kitchen, managed, install, planned, uv, place):
     script = {"uv-0.1.data/scripts/uv": f'#!/bin/sh\nexec "{uv}" "$@"\n'}
-    (name,) = [path.name for path in kitchen.folder.glob("uv-*")]
-    kitchen.add("uv", "uv", "0.1", script, name.removesuffix(".whl").partition("0.1-")[2])
-    kitchen.write()
+    kitchen.add("uv", "0.1", tag=kitchen.uv_tag, more=script)
     plan = planned(starter=sys.executable)
     assert plan.starter.uv == "" and len(plan.steps()) == 4
     assert install(plan).state == "ready"
@@ -83,7 +81,7 @@ def test_a_build_that_is_in_no_recipe_is_taken_by_its_version(kitchen, install, 
     system = {"linux": "linux_x86_64", "windows": "win_amd64", "macos": "macosx_14_0_arm64"}
     tag = system[kitchen.here.platform.partition("-")[0]]
     python = f"cp{PYTHON.replace('.', '')}"
-    making.make_torch(kitchen.folder, "2.0+cpu", tag=f"{python}-{python}-{tag}")
+    making.make(kitchen.folder, "torch", "2.0+cpu", making.torch("2.0+cpu"), f"{python}-{python}-{tag}")
     plan = planned(build="auto")
     assert plan.unchecked == "torch 2.0 for cpu" and any("no hash of torch" in line for line in plan.sentences)
     assert install(plan).torch == "2.0+cpu"
@@ -142,8 +140,7 @@ def test_repair_and_update_fetch_only_what_is_missing_or_new(
         del installed["environment"], installed["chosen"]
         (place / "installed.json").write_text(json.dumps(installed | {"digest": ""}))
     else:
-        kitchen.add("packages", "scipy", "1.1", {"scipy/__init__.py": "name = 'newer'\n"})
-        kitchen.write()
+        kitchen.add("scipy", "1.1", "name = 'newer'\n")
     status = managed.home.status(place)
     assert status.state == state and (managed.home.python_in(place) is not None) == has_engine
     index.fetched.clear()
@@ -159,8 +156,7 @@ def test_repair_and_update_fetch_only_what_is_missing_or_new(
 def outdated(kitchen, install, planned):
     """An engine with one package too many, whose update has a newer one."""
     assert install(planned(extras=("photos",))).extras == ("photos",)
-    kitchen.add("packages", "scipy", "1.1", {"scipy/__init__.py": "name = 'newer'\n"})
-    kitchen.write()
+    kitchen.add("scipy", "1.1", "name = 'newer'\n")
 
 
 @pytest.mark.parametrize(
@@ -178,13 +174,11 @@ def test_an_update_that_fails_leaves_the_engine_that_works(
 ):
     python = managed.home.python_in(place)
     if failure == "another file":
-        making.make(kitchen.folder, "scipy", "1.1", {"scipy/__init__.py": "name = 'shady'\n"})
+        making.make(kitchen.folder, "scipy", "1.1", "name = 'shady'\n")
     elif failure == "does not load":
-        code = "raise ImportError('no BLAS on this computer')\n"
-        kitchen.add("packages", "scipy", "1.2", {"scipy/__init__.py": code})
+        kitchen.add("scipy", "1.2", "raise ImportError('no BLAS on this computer')\n")
     elif failure == "another build":
-        kitchen.note("packages", making.make_torch(kitchen.folder, "2.0"), "torch", "2.0")
-    kitchen.write()
+        kitchen.add("torch", "2.0", making.torch("2.0"))
     monkeypatch.setenv("UV_HTTP_RETRIES", "0")
     plan = planned(index if failure == "no network" else None)
     index.close()

@@ -33,11 +33,16 @@ MODULES = {  # package -> what is imported
 }
 
 
-def make(folder, name, version, files, tag="py3-none-any"):
-    """Write a wheel; returns its path."""
+def torch(version, cuda=None):
+    """The code of a package that looks like torch."""
+    return TORCH.format(version=version, cuda=cuda)
+
+
+def make(folder, name, version, code=None, tag="py3-none-any", more=None):
+    """Write the wheel of a package whose module has this code, with more files; returns its path."""
     stem = f"{name.replace('-', '_')}-{version}"
     info = f"{stem}.dist-info"
-    files = dict(files)
+    files = {f"{MODULES.get(name, name)}/__init__.py": code or f"name = {name!r}\n", **(more or {})}
     files[f"{info}/METADATA"] = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
     files[f"{info}/WHEEL"] = f"Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: {tag}\n"
     rows = [f"{path},sha256={_hash(text)},{len(text.encode())}" for path, text in files.items()]
@@ -49,10 +54,6 @@ def make(folder, name, version, files, tag="py3-none-any"):
             entry.external_attr = 0o100755 << 16  # a file that may be run
             archive.writestr(entry, text)
     return path
-
-
-def make_torch(folder, version, cuda=None, tag="py3-none-any"):
-    return make(folder, "torch", version, {"torch/__init__.py": TORCH.format(version=version, cuda=cuda)}, tag)
 
 
 def locked(path, name, version):
