@@ -3,11 +3,10 @@
     python3 tools/dev.py demo [--out DIR]    the main job on the demo capture, through real Blender
     python3 tools/dev.py test                lint and all tests, in both environments (test -k WORD: engine tests by name)
     python3 tools/dev.py matrix [CELL ...]   the tests on other versions of Blender, Python, packages: docs/versions.md
-    python3 tools/dev.py bench [NAME ...]    measured ratios and seconds
-    python3 tools/dev.py evaluate [TABLE ..] the paper's tables on the demo capture: docs/results.md
+    python3 tools/dev.py evaluate [PART ...] every published table and figure: docs/benchmark.md
     python3 tools/dev.py faults [-k NAME]    kills, full disks, damage thrown at the engine: docs/reliability.md
     python3 tools/dev.py fuzz [-k READER]    nearly right files for every reader: docs/reliability.md
-    python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/window_story.md
+    python3 tools/dev.py window [...]        the extension used by mouse and keys in a real window: docs/reliability.md
     python3 tools/dev.py build               the extension's zip, repository and checksums in dist/; sets nothing up
     python3 tools/dev.py wheel               the engine's wheel and source archive in dist/, checked
     python3 tools/dev.py docs                the documentation site in docs_out/; a warning is an error
@@ -33,7 +32,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PASSING_ON = ("test", "matrix", "bench", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
+PASSING_ON = ("test", "matrix", "build", "evaluate", "faults", "fuzz", "window")  # verbs with another program's options
 BARE = ("build", "matrix", "lock")  # verbs that need no environment, or make their own
 # of processes that are forked after numpy and torch were imported: they must find no other threads
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
@@ -48,19 +47,20 @@ def main() -> int:
     demo = verbs.add_parser("demo", help="the main job on the demo capture, through real Blender")
     demo.add_argument("--out", default="demo_out", help="where everything is written (default: %(default)s)")
     demo.add_argument("--threads", type=int, help="processor threads of the engine")
-    demo.add_argument("--quick", action="store_true", help="leave the comparisons out (ceiling, plain cross-entropy)")
     for name, text in (
         ("test", "lint and all tests"),
         ("matrix", "the tests on other versions of Blender, Python and packages"),
-        ("bench", "measured ratios and seconds"),
-        ("evaluate", "the paper's tables on the demo capture"),
+        ("evaluate", "every published table and figure"),
         ("faults", "kills, full disks and damage thrown at the engine"),
         ("fuzz", "nearly right files for every reader"),
         ("window", "the extension used by mouse and keys in a real Blender window"),
     ):
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
-    verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
+    building = verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
+    building.add_argument(
+        "rest", nargs=argparse.REMAINDER, help="--release: for publishing, refuse while a published table is stale"
+    )
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")
@@ -75,7 +75,6 @@ def main() -> int:
         "demo": run_demo,
         "test": run_tests,
         "matrix": run_matrix,
-        "bench": run_bench,
         "evaluate": run_evaluate,
         "faults": run_faults,
         "fuzz": run_fuzz,
@@ -130,27 +129,32 @@ def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
     code = _run("blender", "-m", "tools.demo.run", "--out", str(out), *threads)
     if code:
         return code
-    quick = ["--quick"] if options.quick else []
-    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads, *quick)
+    return _run("engine", "-m", "tools.demo.judge", "--out", str(out), *threads)
 
 
 def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
-    """Format, lint, engine tests, then the tests that need Blender; the first failure ends it."""
+    """Format, lint and types, then the tests of both environments side by side, a process each."""
     if rest:  # single tests while working: pytest's own arguments
         return _run("engine", "-m", "pytest", "blender_tests/engine", *rest)
     steps = [
         ("engine", "-m", "ruff", "format", "--check", "."),
         ("engine", "-m", "ruff", "check", "."),
         ("engine", "-m", "basedpyright", "--pythonpath", str(python_of("engine"))),
-        ("engine", "-m", "pytest", "blender_tests/engine"),
-        ("blender", "-m", "pytest", "blender_tests/addon"),
     ]
     for environment, *arguments in steps:
         print(f"--- {environment}: {' '.join(arguments)}", flush=True)
         code = _run(environment, *arguments)
         if code:
             return code
-    return 0
+    with tempfile.TemporaryFile("w+") as printed:  # of the extension's tests, shown when the engine's are done
+        command = [str(python_of("blender")), "-m", "pytest", "blender_tests/addon"]
+        extension = subprocess.Popen(command, cwd=ROOT, env=_variables(), stdout=printed, stderr=printed)
+        print("--- engine: -m pytest blender_tests/engine", flush=True)
+        code = _run("engine", "-m", "pytest", "blender_tests/engine")
+        code = extension.wait() or code
+        printed.seek(0)
+        print(f"--- blender: -m pytest blender_tests/addon\n{printed.read()}", flush=True)
+    return code
 
 
 def run_matrix(options: argparse.Namespace, rest: list[str]) -> int:
@@ -187,12 +191,8 @@ def parse_matrix(rest: list[str]) -> argparse.Namespace:
     return parser.parse_args(rest)
 
 
-def run_bench(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.benchmark", *rest)
-
-
 def run_evaluate(options: argparse.Namespace, rest: list[str]) -> int:
-    return _run("engine", "-m", "tools.experiments.evaluate", *rest)
+    return _run("engine", "-m", "tools.evaluate", *rest)
 
 
 def run_faults(options: argparse.Namespace, rest: list[str]) -> int:
@@ -213,8 +213,8 @@ def run_window(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:
-    """Pack the extension by this Python alone."""
-    return subprocess.run([sys.executable, "-m", "tools.release"], cwd=ROOT).returncode
+    """Pack the extension by this Python alone; `--release` refuses while a published table is stale."""
+    return subprocess.run([sys.executable, "-m", "tools.release", *rest], cwd=ROOT).returncode
 
 
 def wheel(options: argparse.Namespace, rest: list[str]) -> int:
@@ -248,8 +248,12 @@ def lock(options: argparse.Namespace, rest: list[str]) -> int:
 
 def _run(environment: str, *arguments: str, **variables: str) -> int:
     """Run one of the environments' Python at the root, with the engine's Python known to Blender."""
-    variables = os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))} | variables
-    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=variables).returncode
+    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=_variables() | variables).returncode
+
+
+def _variables() -> dict[str, str]:
+    """The environment of all that is run: Blender's tests start the engine's Python."""
+    return os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))}
 
 
 if __name__ == "__main__":

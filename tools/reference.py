@@ -1,49 +1,28 @@
-"""Write the reference of commands and of the library from the code itself: python -m tools.reference [--check].
+"""What the code itself says of the library and the commands: python -m tools.reference [--check].
 
-docs/command_line.md comes from the options of the commands, docs/library.md from the docstrings of the public names, and
-karf_engine/api.pyi, the signatures for type checkers and editors, from both.
+This writes karf_engine/api.pyi, the signatures for type checkers and editors. The documentation site adds the rest to
+its pages of the library and of the command line while it is built (docs/site/conf.py).
 """
 
 from __future__ import annotations
 
 import inspect
+import io
 import json
 import sys
 import typing
-from collections.abc import Iterator
-from dataclasses import MISSING, Field, is_dataclass
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
 
 import karf_engine
-from karf_engine import api
+from karf_engine import api, cli
 from karf_engine.commands.options import COMMANDS
 from karf_engine.io.arguments import annotations_of, union_members
-from karf_engine.io.options import Options, fields_in_help_order, flag_of
-from karf_engine.project.settings import describe
+from karf_engine.io.options import Options, fields_in_help_order
 
-ROOT = Path(__file__).resolve().parents[1]
-DOCS = ROOT / "docs"
-HEAD = """# Commands and their options
-
-<!-- written by `python -m tools.reference` from karf_engine/commands/options.py; change it there -->
-
-Every command has one frozen dataclass of options, from which the command line (`karf VERB`, or `python karf_engine
-VERB` in a checkout), a job's `request.json` and the library's functions take their names, types, ranges and defaults.
-What is misspelled is refused, with the nearest name. The `run` verb takes job folders ([files](files.md)); `doctor`,
-`speed` and `settings` say what this computer can do and what can be set.
-
-Exit codes: 0 done, 2 bad request, 3 missing dependency, 4 bad data, 5 out of memory, 6 cancelled, 7 diverged,
-70 internal error.
-"""
-LIBRARY = """# The library
-
-<!-- written by `python -m tools.reference` from the docstrings of karf_engine's public names; change it there -->
-
-`pip install .`, then `import karf_engine as karf`. These names are what the library promises; importing them needs no
-torch until something is learned or rendered. Shapes, axes and units: [conventions](conventions.md). Fields, heads, layers
-and formats of your own: [extending](extending.md). Every module is described [in the API pages](index.md).
-"""
+VERBS = (*COMMANDS, "settings", "doctor", "speed", "run")
+STUB_FILE = Path(__file__).resolve().parents[1] / "karf_engine" / "api.pyi"
 STUB = '''"""The signatures of the library's functions, with every keyword.
 
 Written by `python -m tools.reference` from karf_engine/api.py and karf_engine/commands/options.py; change it there.
@@ -64,129 +43,35 @@ from .recolor.model import Model
 PathLike = Path | str
 
 '''
-TITLES = {
-    "api": "Functions",
-    "capture": "Captures",
-    "errors": "Errors",
-    "palettes.palette": "Edits and palettes",
-    "palettes.color_books": "Color books",
-    "project.settings": "Settings",
-    "recolor.frames": "What is learned and rendered",
-}
-NAMES = {str: "text", int: "whole number", float: "number", bool: "yes or no", Path: "path"}
 
 
 def library() -> str:
-    """docs/library.md."""
-    parts = [LIBRARY]
-    for module, names in karf_engine._DEFINES.items():
-        parts += [f"## {TITLES[module]}\n"] if module in TITLES else []
-        parts += [f"{inspect.getdoc(api)}\n"] if module == "api" else []
-        parts += [_name(name) for name in names]
-    return "\n".join(parts)
+    """Every public name of the library by its signature and docstring, in the order of `karf_engine._DEFINES`."""
+    names = [name for defined in karf_engine._DEFINES.values() for name in defined]
+    return "\n".join(["\n## All names\n", *map(_described, names)])
 
 
-def _name(name: str) -> str:
+def _described(name: str) -> str:
     thing = getattr(karf_engine, name)
-    if name == "PRESETS":
-        return f"### PRESETS\nThe presets' settings by name: {', '.join(thing)}. See [settings](command_line.md#settings).\n"
-    methods = [each for each in vars(thing) if not each.startswith("_")] if inspect.isclass(thing) else []
-    found = [(f"{name}.{each}", getattr(thing, each)) for each in methods]
-    parts = [_entry(f"### {name}", name, thing)]
-    parts += [_entry(f"#### {full}", full, each) for full, each in found if callable(each) and each.__doc__]
-    return "\n".join(parts)
-
-
-def _entry(heading: str, name: str, thing: Any) -> str:
-    return f"{heading}\n```python\n{name}{_signature(thing)}\n```\n```text\n{inspect.getdoc(thing)}\n```\n"
-
-
-def _signature(thing: Any) -> str:
-    """A call's parameters with their defaults, without types, a line for each where there are many."""
-    parameters = inspect.signature(thing).parameters.values()
-    parts = [_parameter(each) for each in parameters]
-    keywords = [n for n, each in enumerate(parameters) if each.kind is each.KEYWORD_ONLY]
-    if keywords:
-        parts.insert(keywords[0], "*")
-    joined = ", ".join(parts)
-    return f"({joined})" if len(joined) < 90 else "(\n    " + ",\n    ".join(parts) + ",\n)"
-
-
-def _parameter(parameter: inspect.Parameter) -> str:
-    """One of them, as `ruff format` writes it; of settings that are the default only the class."""
-    default = parameter.default
-    if default is parameter.empty:
-        return str(parameter.replace(annotation=parameter.empty))
-    text = (
-        f"{type(default).__name__}()"
-        if is_dataclass(default)
-        else json.dumps(default)
-        if isinstance(default, str)
-        else default
-    )
-    return f"{parameter.name}={text}"
+    if not callable(thing):
+        return f"### {name}\nBy name: {', '.join(thing)}. See [settings](command_line.md#all-settings).\n"
+    kind = "class" if inspect.isclass(thing) else "function"
+    members = "   :members:\n" if kind == "class" else ""
+    directive = f".. auto{kind}:: karf_engine.{name}\n   :no-index:\n{members}"
+    return f"### {name}\n```{{eval-rst}}\n{directive}```\n"
 
 
 def command_line() -> str:
-    """docs/command_line.md."""
-    parts = [HEAD, *(_section(kind) for kind in COMMANDS.values()), _common(), _settings()]
-    return "\n".join(parts)
+    """What `--help` prints of every verb, and all settings."""
+    verbs = [f"## {verb}\n```text\n{_printed(verb, '--help')}```\n" for verb in VERBS]
+    return "\n".join(["", *verbs, f"## All settings\n```text\n{_printed('settings')}```\n"])
 
 
-def _section(kind: type[Options]) -> str:
-    own = [item for item in fields_in_help_order(kind) if item.name not in Options.__dataclass_fields__]
-    head = f"## {kind.command}\n{kind.__doc__}\n"
-    return "\n".join([head, "| command line | job, library | type | default | what |", "| --- | --- | --- | --- | --- |",
-                      *(_row(kind, item) for item in own), ""])  # fmt: skip
-
-
-def _common() -> str:
-    rows = [_row(Options, item) for item in fields_in_help_order(Options)]
-    head = "## Options of every command\n\n| command line | job, library | type | default | what |"
-    return "\n".join([head, "| --- | --- | --- | --- | --- |", *rows, ""])
-
-
-def _settings() -> str:
-    rows = [f"| `{name}` | {_cell(str(default))} | {_cell(text)} |" for name, default, text in describe()]
-    head = "## Settings\n`--set STAGE.FIELD=VALUE`, or `overrides` in jobs and the library; the defaults are those of `demo`.\n"
-    return "\n".join([head, "| setting | default | what |", "| --- | --- | --- |", *rows, ""])
-
-
-def _row(kind: type[Options], item: Field) -> str:
-    flag = f"`{item.metadata['metavar']}`" if item.metadata["positional"] else _flag(item)
-    default = "required" if item.default is MISSING else _default(item.default)
-    kinds = _type(annotations_of(kind)[item.name], item)
-    return f"| {flag} | `{item.name}` | {_cell(kinds)} | {default} | {_cell(item.metadata['help'])} |"
-
-
-def _flag(item: Field) -> str:
-    flag = flag_of(item)
-    return "`--click`, `--not`" if item.name == "points" else "" if flag is None else f"`{flag}`"
-
-
-def _default(value: Any) -> str:
-    return "" if value in (None, (), False) else f"`{value}`"
-
-
-def _type(kind: Any, item: Field) -> str:
-    if item.metadata["choices"]:
-        return ", ".join(item.metadata["choices"])
-    low, high = item.metadata["minimum"], item.metadata["maximum"]
-    span = "" if low is None else f", {low} to {high}" if high is not None else f", from {low}"
-    return " or ".join(_names(kind)) + span
-
-
-def _names(kind: Any) -> Iterator[str]:
-    for part in union_members(kind):
-        if typing.get_origin(part) is not tuple:
-            yield NAMES[part]
-            continue
-        inner = [next(_names(each)) for each in typing.get_args(part) if each is not Ellipsis]
-        yield f"list of {inner[0]}" if Ellipsis in typing.get_args(part) else f"({', '.join(inner)})"
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("<", "&lt;")
+def _printed(*arguments: str) -> str:
+    """The text that a command prints."""
+    with redirect_stdout(io.StringIO()) as printed, suppress(SystemExit):
+        cli.main(arguments)
+    return printed.getvalue()
 
 
 def stub() -> str:
@@ -236,17 +121,11 @@ def _literal(value: Any) -> str:
     return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
-PAGES = {DOCS / "command_line.md": command_line, DOCS / "library.md": library, ROOT / "karf_engine" / "api.pyi": stub}
-
-
 def main() -> int:
-    """Write the pages and the stub; with --check only say by the exit code whether they are up to date."""
-    pages = {path: page() for path, page in PAGES.items()}
+    """Write the stub; with --check only say by the exit code whether it is up to date."""
     if "--check" in sys.argv[1:]:
-        return int(any(path.read_text(encoding="utf-8") != text for path, text in pages.items()))
-    for path, text in pages.items():
-        path.write_text(text, encoding="utf-8")
-        print(path)
+        return int(STUB_FILE.read_text(encoding="utf-8") != stub())
+    STUB_FILE.write_text(stub(), encoding="utf-8")
     return 0
 
 

@@ -32,25 +32,14 @@ msgstr ""
 "Content-Type: text/plain; charset=UTF-8\\n"
 """
 MARKS = ("translatable", "translate", "translate_report")
-KEYWORDS = ("text", "title", "message", "heading", "name", "description")  # of calls, whose values are shown
-POSITIONS = {"poll_message_set": 0, "need": 0, "_stage": 1, "report": 1, "draw_text": 1, "srgb": 0, "append": None}
+KEYWORDS = ("text", "title", "message", "heading")  # of calls, whose values are shown
+PROPERTY_KEYWORDS = (*KEYWORDS, "name", "description")
+POSITIONS = {"poll_message_set": 0, "need": 0, "_stage": 1, "report": 1, "draw_text": 1, "srgb": 0}
 CLASS_TEXTS = ("bl_label", "bl_description")
 CONSTANTS = ("_ITEMS", "_NAMES", "_HELP")  # ends of names of module constants that are shown
-ERRORS = (
-    "KarfError",
-    "BadRequest",
-    "DataError",
-    "MissingDependency",
-    "NoSurface",
-    "OutOfMemory",
-    "Cancelled",
-    "Diverged",
-)
-SENTENCES_AT = {**dict.fromkeys((*ERRORS, "Message"), (0, 1)), "warn": (0,)}  # which arguments are sentences
-ENGLISH = (
-    "steps/engine.py",
-    "installer/*.py",
-)  # files whose sentences stay English: for programmers, and of installing
+ERRORS = "KarfError BadRequest DataError MissingDependency NoSurface OutOfMemory Cancelled Diverged".split()
+SENTENCES_AT = {**dict.fromkeys([*ERRORS, "Message"], (0, 1)), "warn": (0,)}  # which arguments are sentences
+ENGLISH = ("steps/engine.py", "installer/*.py")  # files whose sentences are for programmers, or of installing
 UNTRANSLATED = ("KaRF", "RGB", "RGBA", "PNG", "OpenEXR", "NeRF")
 
 
@@ -79,10 +68,9 @@ def add_missing(language: str, path: Path) -> int:
     content = path.read_text(encoding="utf-8") if path.exists() else HEADER.format(language=language)
     known = read_po(path) if path.exists() else {}
     added = {text: where for text, where in all_texts().items() if ("", text) not in known}
-    entries = (
-        f'\n#: {where}\nmsgid {json.dumps(text, ensure_ascii=False)}\nmsgstr ""\n' for text, where in added.items()
-    )
-    path.write_text(content + "".join(entries), encoding="utf-8")
+    for text, where in added.items():
+        content += f'\n#: {where}\nmsgid {json.dumps(text, ensure_ascii=False)}\nmsgstr ""\n'
+    path.write_text(content, encoding="utf-8")
     return len(added)
 
 
@@ -138,20 +126,26 @@ def sentences(package: Path) -> dict[str, str]:
 
 def _all_literals() -> set[str]:
     """Return all strings in the extension's sources: some texts are put in tables that are displayed elsewhere."""
-    nodes = (node for path in ROOT.rglob("*.py") for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    nodes = (node for _, node in _nodes(ROOT))
     return {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def _nodes(package: Path) -> Iterator[tuple[Path, ast.AST]]:
+    """Yield each part of a package's sources, and its file."""
+    for path in sorted(package.rglob("*.py")):
+        yield from ((path, node) for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
+def _where(path: Path, node: ast.AST) -> str:
+    return f"{path.relative_to(ROOT.parent)}:{node.lineno}"
 
 
 def _sentence_nodes(package: Path) -> Iterator[tuple[str, ast.AST]]:
     """Places and expressions of the sentences of errors and warnings."""
-    for path in sorted(package.rglob("*.py")):
-        if any(map(path.match, ENGLISH)):
-            continue
-        calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
-        for call in calls:
-            spoken = [call.args[at] for at in SENTENCES_AT.get(_name(call.func), ()) if at < len(call.args)]
-            where = f"{path.relative_to(package.parent)}:{call.lineno}"
-            yield from ((where, each) for node in spoken for each in _alternatives(node))
+    for path, node in _nodes(package):
+        if isinstance(node, ast.Call) and not any(map(path.match, ENGLISH)):
+            spoken = [node.args[at] for at in SENTENCES_AT.get(_name(node.func), ()) if at < len(node.args)]
+            yield from ((_where(path, node), each) for argument in spoken for each in _alternatives(argument))
 
 
 def untranslatable() -> list[tuple[str, str]]:
@@ -184,11 +178,9 @@ def _alternatives(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def _shown_nodes() -> Iterator[tuple[str, ast.AST]]:
-    for path in sorted(ROOT.rglob("*.py")):
-        if path.match("steps/engine.py") or TABLES in path.parents:
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            yield from ((f"{path.relative_to(ROOT.parent)}:{each.lineno}", each) for each in _of(node))
+    for path, node in _nodes(ROOT):
+        if not path.match("steps/engine.py") and TABLES not in path.parents:
+            yield from ((_where(path, each), each) for each in _of(node))
 
 
 def _of(node: ast.AST) -> Iterator[ast.AST]:
@@ -200,7 +192,8 @@ def _of(node: ast.AST) -> Iterator[ast.AST]:
     elif isinstance(node, ast.Assign) and any(_name(each).endswith(CONSTANTS) for each in node.targets):
         yield from _of_items(node.value)
     elif isinstance(node, ast.Dict):
-        yield from (value for key, value in zip(node.keys, node.values, strict=True) if _is(key, "text", "bl_label"))
+        known = dict(zip([getattr(key, "value", None) for key in node.keys], node.values, strict=True))
+        yield from (known[key] for key in ("text", "bl_label") if key in known)
 
 
 def _of_class(node: ast.ClassDef) -> Iterator[ast.AST]:
@@ -215,8 +208,8 @@ def _of_call(node: ast.Call) -> Iterator[ast.AST]:
     if called in MARKS and isinstance(node.func, ast.Name):
         yield node.args[0]
         return
-    is_shown = called.endswith("Property") or called == "srgb"
-    yield from (each.value for each in node.keywords if each.arg in KEYWORDS[:4] or (is_shown and each.arg in KEYWORDS))
+    keywords = PROPERTY_KEYWORDS if called.endswith("Property") or called == "srgb" else KEYWORDS
+    yield from (each.value for each in node.keywords if each.arg in keywords)
     position = POSITIONS.get(called)
     if position is not None and len(node.args) > position:
         yield node.args[position]
@@ -233,10 +226,6 @@ def _of_items(node: ast.AST) -> Iterator[ast.AST]:
 
 def _name(node: ast.AST) -> str:
     return node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
-
-
-def _is(node: ast.AST | None, *values: str) -> bool:
-    return isinstance(node, ast.Constant) and node.value in values
 
 
 if __name__ == "__main__":

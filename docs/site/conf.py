@@ -10,6 +10,7 @@ sys.path[:0] = [str(ROOT)]
 sys.path.append(sysconfig.get_path("purelib", "venv", {"base": str(ROOT / ".venv" / "engine")}))
 
 from karf_engine import __version__  # noqa: E402
+from tools import reference  # noqa: E402
 
 project, release = "KaRF", __version__
 author = copyright = "KaRF for Blender contributors"
@@ -43,7 +44,9 @@ autodoc_member_order = "bysource"
 autodoc_inherit_docstrings = False  # those of torch refer to torch's own pages
 autodoc_typehints = "signature"
 autodoc_default_options = {"ignore-module-all": True}  # what a package exports is described where it is defined
+suppress_warnings = ["ref.python"]  # a type in a docstring may be the name of several attributes
 default_role = "code"  # docstrings write `name`, as Markdown does
+smartquotes = False  # examples in docstrings keep their quotation marks
 napoleon_numpy_docstring = False
 napoleon_use_ivar = True  # attributes of a dataclass are described once
 myst_heading_anchors = 3
@@ -52,3 +55,14 @@ html_theme = "furo"
 html_title = f"KaRF {release}"
 html_extra_path = ["start"]
 html_show_sourcelink = False
+
+
+def setup(app):
+    """Let the pages of the library and of the command line end with what the code itself says."""
+    app.connect("source-read", _add_reference)
+
+
+def _add_reference(app, name, source):
+    texts = {"docs/library": reference.library, "docs/command_line": reference.command_line}
+    if name in texts:
+        source[0] += texts[name]()

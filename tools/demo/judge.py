@@ -1,4 +1,4 @@
-"""Judge a finished demo against the truth that its Cycles scene knows: OUT/summary.json and OUT/contact_sheet.png.
+"""Judge a finished demo by the truth of its scene: OUT/summary.json and OUT/contact_sheet.png.
 
 Run by `tools/dev.py demo` in the engine's environment after `tools/demo/run.py`. Only held-out test views count.
 """
@@ -7,62 +7,78 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
 
 import karf_engine as karf
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.io.files import write_json
+from karf_engine.io.images import write_png
 
-from ..judging.recolors import contact_sheet, score_edits, score_new_cameras, score_scene
-from ..judging.scores import print_common, rounded, score_objects, stage_summary
-from ..judging.truth import DEMO, Truth
-from ..judging.views import learn_again, render_test_views, with_model
+from ..evaluate.judging import Pictures, baselines, ciede2000_of, outside_of
+from ..evaluate.segmentation import mask_figures
+from ..evaluate.views import TestViews, matted, render_test_views
+from ..metrics import METRICS
+from ..metrics.scores import score_pictures
+from ..metrics.truth import Truth
+
+SHEET_ROWS = 4
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--threads", type=int)
-    parser.add_argument("--quick", action="store_true", help="leave the ceiling and plain cross-entropy out")
     options = parser.parse_args()
-    start = time.monotonic()
     start_runtime(threads=options.threads)
-    model = karf.load(options.out / "project")
-    truth = Truth()
+    model, truth = karf.load(options.out / "project"), Truth()
     test = render_test_views(model)
+    frames = recolored_frames(options.out / "frames", test, truth)
+    summary = json.loads((options.out / "main_job.json").read_text()) | {"figures": figures(test, frames, truth)}
+    write_json(options.out / "summary.json", summary)
+    write_png(options.out / "contact_sheet.png", contact_sheet(test, frames, truth))
+    report(options.out, summary)
 
-    summary = json.loads((options.out / "main_job.json").read_text())
-    summary |= stage_summary(model.project) | score_scene(test, truth)
-    true_masks = truth.masks("test")
-    summary |= score_objects(test, true_masks)
-    if not options.quick:
-        scratch = options.out / "scratch"
-        for name, labels, masks in (
-            ("ceiling", "votes", truth.write_training_masks(scratch / "true_masks")),
-            ("plain_cross_entropy", "masks", DEMO / "coarse_masks" / "one"),
-        ):
-            overrides, stages = [f"segmentation.labels={labels}"], ("segmentation",)
-            other = learn_again(model, scratch / name, overrides, stages, masks, options.threads)
-            summary |= score_objects(with_model(test, other), true_masks, f"_{name}")
-    summary |= score_edits(truth, test, options.out / "frames") | score_new_cameras(test, truth)
-    summary["seconds_judging"] = round(time.monotonic() - start, 1)
-    write_json(options.out / "summary.json", rounded(summary))
-    contact_sheet(options.out / "frames", options.out / "contact_sheet.png", test, truth)
-    report(options.out, rounded(summary))
+
+def recolored_frames(folder: Path, test: TestViews, truth: Truth) -> Pictures:
+    """Return what the demo has written for each edit: FRAMES/<edit>/recolor/<view>.png."""
+    names = [image.view.name for image in test.training_images]
+    return {
+        edit: [iio.imread(folder / edit / "recolor" / f"{name}.png")[..., :3] / 255 for name in names]
+        for edit in truth.edits
+    }
+
+
+def figures(test: TestViews, frames: Pictures, truth: Truth) -> dict[str, float]:
+    """Return all figures, by the names of `tools.metrics`."""
+    photos = [frame.base for frame in test.frames]
+    mean, worst = score_pictures([frame.color for frame in test.frames], photos)
+    splats, _ = score_pictures([test.model.render(image.camera).base for image in test.training_images], photos)
+    masks = truth.masks("test")
+    found = {"psnr": mean, "psnr_worst": worst, "psnr_splats": splats, **mask_figures(test, masks)}
+    found |= {"iou_photo": mask_figures(matted(test), masks)["iou"], "ciede2000": ciede2000_of(frames, truth)}
+    found |= {**baselines(photos, truth), "mse_outside_photo": outside_of(frames, photos, truth)}
+    return {name: float(f"{value:.5g}") for name, value in found.items()}
+
+
+def contact_sheet(test: TestViews, frames: Pictures, truth: Truth) -> np.ndarray:
+    """Return a picture: the photo, the learned view, then each edit beside its truth; a row for some of the views."""
+    rows = []
+    for number in np.linspace(0, len(test.frames) - 1, SHEET_ROWS).astype(int):
+        row = [test.frames[number].base, test.frames[number].color]
+        for edit in truth.edits:
+            row += [frames[edit][number], truth.recolored(edit)[number]]
+        rows.append(np.concatenate(row, 1))
+    return np.rint(255 * np.clip(np.concatenate(rows), 0, 1)).astype(np.uint8)
 
 
 def report(out: Path, summary: dict) -> None:
-    """Print where everything is, and the figures."""
-    mean = summary["ciede2000"]["mean"]
-    print(f"\nmain job           {summary['seconds_main_job']} s, peak memory {summary['peak_memory'] / 2**30:.2f} GiB")
-    print_common(summary)
-    print(f"objects' palettes  {summary['psnr_object']} dB")
-    print(f"CIEDE2000          ours {mean['ours']}, no edit {mean['no_edit']}, hue shift {mean['hue_shift']}, "
-          f"hue shift in the true masks {mean['hue_shift_in_true_mask']}")  # fmt: skip
-    print("new cameras        " + ", ".join(f"{name} {value}" for name, value in summary["new_cameras"].items()))
-    print(f"outside the edit   MSE {summary['mse_outside']}")
-    print(f"unchanged palette  differs by {summary['identity_max_abs']}/255")
+    """Print the figures, and where everything is."""
+    print(f"\n{'main job':28} {summary['seconds_main_job']} s")
+    for name, value in summary["figures"].items():
+        print(f"{METRICS[name].title:28} {value:{METRICS[name].format}}")
     print(f"\nframes     {out / 'frames'}\nBlender    {out / 'demo.blend'}\nsheet      {out / 'contact_sheet.png'}")
     print(f"figures    {out / 'summary.json'}")
 

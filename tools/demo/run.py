@@ -19,7 +19,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..judging.truth import DEMO, Truth
+from ..metrics.truth import DEMO, Truth
 
 ROOT = Path(__file__).resolve().parents[2]
 

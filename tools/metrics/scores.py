@@ -5,11 +5,11 @@ All scores are means over views; colors are sRGB in [0, 1]; masks bool [H, W].
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from karf_engine.metrics.images import cc_psnr, hue_shift, mean_ciede2000, mse_outside, psnr, ssim
+from karf_engine.metrics.images import hue_shift, mean_ciede2000, mse_outside, psnr, ssim
 from karf_engine.metrics.masks import accuracy, iou, iou_border_excluded
 
 MIN_PIXELS = 60  # of an object in a view that tests its mask
@@ -36,6 +36,12 @@ def score_masks(predicted: list[np.ndarray], truth: list[np.ndarray]) -> MaskSco
     accuracies = [accuracy(p, t) for p, t in pairs]
     pooled = iou(*(np.concatenate([mask.ravel() for mask in side]) for side in zip(*pairs, strict=True)))
     return MaskScore(*map(float, (np.mean(values), np.mean(inner), np.min(values), np.mean(accuracies), pooled)))
+
+
+def mean_mask_scores(predicted: dict[str, list[np.ndarray]], truth: dict[str, list[np.ndarray]]) -> MaskScore:
+    """Return the means over objects of `score_masks`; both are masks by object, view by view."""
+    scores = [astuple(score_masks(masks, truth[name])) for name, masks in predicted.items()]
+    return MaskScore(*np.mean(scores, 0).tolist())
 
 
 def palette_picture(palette_weights: np.ndarray, probabilities: np.ndarray, palettes: np.ndarray) -> np.ndarray:
@@ -107,47 +113,7 @@ def hue_shifted(
     return result
 
 
-@dataclass(frozen=True)
-class EditScore:
-    """Mean CIEDE2000 inside the edited objects against the true recolor, of our edit and of baselines."""
-
-    ours: float
-    no_edit: float
-    hue_shift: float  # of the whole picture
-    hue_shift_in_true_mask: float
-    mse_outside: float
-    psnr: float
-
-
-def score_edit(
-    photos: list[np.ndarray],
-    recolored: list[np.ndarray],
-    truths: list[np.ndarray],
-    object_masks: list[dict[str, np.ndarray]],
-    pairs: dict[str, tuple[np.ndarray, np.ndarray]],
-) -> EditScore:
-    """Score one edit. object_masks: true masks of the edited objects per view; pairs: object -> (source, target).
-
-    The global hue shift uses the first object's pair; inside the true masks each object has its own.
-    """
-    first_pair = next(iter(pairs.values()))
-    insides = [np.any(list(masks.values()), 0) for masks in object_masks]
-    shifted = [hue_shift(photo, *first_pair) for photo in photos]
-    masked = [hue_shifted(photo, masks, pairs) for photo, masks in zip(photos, object_masks, strict=True)]
-    ours, *others = (score_recolor(views, truths, photos, insides) for views in (recolored, photos, shifted, masked))
-    no_edit, globally, in_mask = (other.ciede2000 for other in others)
-    return EditScore(ours.ciede2000, no_edit, globally, in_mask, ours.mse_outside, ours.psnr)
-
-
-def score_pictures(rendered: list[np.ndarray], photos: list[np.ndarray]) -> dict[str, float]:
-    """Return the mean and worst PSNR, the same color-corrected (`cc_psnr`), and the mean SSIM."""
+def score_pictures(rendered: list[np.ndarray], photos: list[np.ndarray]) -> tuple[float, float]:
+    """Return the mean and the worst PSNR."""
     values = [psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
-    corrected = [cc_psnr(a, b) for a, b in zip(rendered, photos, strict=True)]
-    similarity = [ssim(a, b) for a, b in zip(rendered, photos, strict=True)]
-    return {
-        "psnr": float(np.mean(values)),
-        "worst": float(np.min(values)),
-        "corrected": float(np.mean(corrected)),
-        "corrected_worst": float(np.min(corrected)),
-        "ssim": float(np.mean(similarity)),
-    }
+    return float(np.mean(values)), float(np.min(values))

@@ -1,6 +1,5 @@
-"""Stories of an artist in a real Blender window, by mouse and keys: docs/window_story.md.
+"""A robot uses the extension by mouse and keys in a real Blender window: docs/reliability.md.
 
-Here: `__main__`, `preparation`, `capture`, `blender`, `screen`. Inside Blender: `inside`; the chapters of `story`
-(`learning`, `editing`, `controls`, `pictures`, `keeping`; `first_color`), told with `telling`, `acts`, `desk`, `hands`, `menus`,
-`pickers`, `remains`. Both: `record`.
+Outside of Blender: `__main__`, `screen`. Inside Blender: `inside`, `story`, with `hands`, `controls`, `desk`, `remains`.
+Both: `record`.
 """

@@ -1,123 +1,117 @@
-"""What the story asks of Blender and of the extension, on any version: pictures, keyframes, jobs. Runs inside Blender."""
+"""Questions to Blender and the extension: pictures, swatches, keyframes, stages. Runs inside Blender."""
 
 from __future__ import annotations
 
 import hashlib
-import re
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
 import numpy as np
 
+from . import hands
+from .hands import Wait
+
 PACKAGE = "bl_ext.user_default.karf"
+MARKED_VIEW, PHOTO_SIZE = "r_041", 256
+
+
+class Broken(Exception):
+    """A step's promise does not hold."""
+
+
+def check(holds: bool, sentence: str) -> None:
+    """Raise Broken with the sentence where something does not hold."""
+    if not holds:
+        raise Broken(sentence)
+
+
+def until(condition: Callable[[], object], what: str, seconds: float = 10) -> Wait:
+    """Wait for something; Broken where it does not come."""
+    end = time.monotonic() + seconds
+    while not condition():
+        check(time.monotonic() < end, f"{what} did not come within {seconds:.0f} s")
+        yield 0.1
 
 
 def module(name: str):
-    """A module of the enabled extension."""
+    """Return a module of the enabled extension."""
     return sys.modules[f"{PACKAGE}.karf_blender.{name}"]
 
 
 def scene() -> bpy.types.Scene:
-    """The scene of the main window; a timer has no other context."""
-    return bpy.data.window_managers[0].windows[0].scene
+    """Return the main window's scene; a timer has no other context."""
+    return hands.window().scene
+
+
+# --- pictures --------------------------------------------------------------------------------------------------------
+def pixels() -> np.ndarray:
+    """Return the result picture's bytes, [H, W, 3]."""
+    return _bytes(scene().karf.result)
 
 
 def picture() -> str:
-    """The result picture's pixels as a short mark; empty where there is none."""
-    image = scene().karf.result
-    return "" if image is None else hashlib.sha1(_bytes(image).tobytes()).hexdigest()[:12]
+    """Return a short hash of the result picture's pixels."""
+    return hashlib.sha1(pixels().tobytes()).hexdigest()[:12]
 
 
-def difference(before: np.ndarray) -> int:
-    """Return by how much the bytes of the result picture differ at most from those that `pixels` returned before."""
-    return int(np.abs(pixels().astype(int) - before).max())
-
-
-def pixels() -> np.ndarray:
-    """Return the bytes of the result picture, [H, W, 4]."""
-    return _bytes(scene().karf.result)
+def pixels_of(file: Path) -> np.ndarray:
+    """Return a picture file's bytes, [H, W, 3]."""
+    image = bpy.data.images.load(str(file))
+    try:
+        return _bytes(image)
+    finally:
+        bpy.data.images.remove(image)
 
 
 def _bytes(image: bpy.types.Image) -> np.ndarray:
     buffer = np.empty(image.size[0] * image.size[1] * 4, np.float32)
     image.pixels.foreach_get(buffer)
-    return np.rint(buffer * 255).astype(np.uint8).reshape(image.size[1], image.size[0], 4)[::-1]
+    return np.rint(buffer * 255).astype(np.uint8).reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+
+
+def mask() -> np.ndarray:
+    """Return the object's mask of the active view from its file, [H, W]."""
+    folder = module("marking.objects").masks_folder(scene()) / scene().karf.marking.objects[0].name
+    return pixels_of(folder / f"{scene().karf.active_view}.png")[..., 0]
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return by how much bytes differ."""
+    return np.abs(one.astype(int) - other)
 
 
 def is_in_step() -> bool:
-    """Whether the result picture is what the swatches say."""
+    """Return whether the result picture shows the colors of the swatches."""
     wanted = module("pictures.images").upright(module("swatches.displayed").of(scene()).edited())
-    shown = _bytes(scene().karf.result)[..., :3].astype(int)
-    return bool(np.abs(shown - np.rint(np.clip(wanted, 0, 1) * 255)).max() <= 1)
+    return difference(pixels(), np.rint(np.clip(wanted, 0, 1) * 255)).max() <= 1
 
 
-def swatches() -> dict[str, list[tuple[float, ...]]]:
-    """The colors of every object as they stand, rounded as a person would compare them."""
-    return {
-        item.name: [tuple(round(value, 4) for value in swatch.color) for swatch in item.swatches]
-        for item in scene().karf.objects
-    }
+# --- swatches --------------------------------------------------------------------------------------------------------
+def swatches() -> list[tuple[float, ...]]:
+    """Return the object's current colors, rounded."""
+    return [tuple(round(value, 4) for value in swatch.color) for swatch in scene().karf.objects[0].swatches]
 
 
-def middle_of(name: str) -> tuple[float, float]:
-    """A place well on an object in the active view, in shares of the picture from the lower left."""
+def middle_of_object() -> tuple[float, float]:
+    """Return a place well inside the object in the active view, in shares of the picture from the lower left."""
     planes = module("swatches.displayed").of(scene()).prepared_view().planes
-    rows, columns = np.nonzero(planes.probabilities[planes.objects.index(name)] > 0.95)
+    rows, columns = np.nonzero(planes.probabilities[0] > 0.95)
     height, width = planes.base.shape[:2]
     nearest = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
     return (columns[nearest] + 0.5) / width, 1 - (rows[nearest] + 0.5) / height
 
 
-def curves() -> Iterator[bpy.types.FCurve]:
-    """The animation curves of the scene; Blender 5 keeps them in layers."""
+def keyframes() -> set[tuple[str, float, float]]:
+    """Return the scene's keyframes: data path, frame and value."""
     data = scene().animation_data
-    action = data.action if data else None
-    if action is None:
-        return
-    if hasattr(action, "fcurves"):
-        yield from action.fcurves
-        return
-    for layer in action.layers:
-        for strip in layer.strips:
-            for bag in strip.channelbags:
-                yield from bag.fcurves
+    curves = module("host.compat").curves_of(data) if data else []
+    return {(curve.data_path, point.co.x, round(point.co.y, 4)) for curve in curves for point in curve.keyframe_points}
 
 
-def animated_objects() -> set[str]:
-    """The names of the objects whose swatches have keyframes."""
-    found = set()
-    for curve in curves():
-        owner = re.match(r"karf\.objects\[[^\]]+\]", curve.data_path)
-        if owner:
-            try:
-                found.add(scene().path_resolve(owner.group()).name)
-            except ValueError:
-                found.add(f"nothing ({curve.data_path})")
-    return found
-
-
-def mask(name: str) -> bytes:
-    """An object's mask of the active view, as its file holds it."""
-    folder = module("marking.objects").masks_folder(scene())
-    return (folder / name / f"{scene().karf.active_view}.png").read_bytes()
-
-
-def pixels_of(file: Path) -> np.ndarray:
-    """A picture file's pixels [H, W, 3], as its numbers are."""
-    image = bpy.data.images.load(str(file))
-    try:
-        return _bytes(image)[..., :3].astype(int)
-    finally:
-        bpy.data.images.remove(image)
-
-
-def output() -> Path:
-    """The folder that pictures go to."""
-    return module("project.folders").out_folder(scene())
-
-
-def photo_of(view: str) -> Path:
-    """A captured view's photo."""
-    return module("project.captures").view_of(scene(), view).image
+# --- the project ---------------------------------------------------------------------------------------------------
+def stages() -> set[str]:
+    """Return the project's finished stages."""
+    return module("project.disk").read(scene()).stages

@@ -7,71 +7,47 @@ what it writes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator
+from pathlib import Path
 
 import bpy
 
-NAME, TAB = "KaRF", "KaRF"
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # Blender runs this file by its path
+from tools.window import hands
+from tools.window.hands import VIEW, Wait
+
 TIMELINE, PICTURE = 0.12, 0.5  # shares of the window: the timeline's height, the Image Editor's width
-SIDEBARS = ("VIEW_3D", "IMAGE_EDITOR")
 
 
-def window() -> bpy.types.Window:
-    return bpy.data.window_managers[0].windows[0]
-
-
-def inside(area: bpy.types.Area):
-    region = next(each for each in area.regions if each.type == "WINDOW")
-    return bpy.context.temp_override(window=window(), screen=window().screen, area=area, region=region)
-
-
-def area_of(kind: str) -> bpy.types.Area:
-    return next(area for area in window().screen.areas if area.type == kind)
-
-
-def build(file: str) -> Generator[float, None, None]:
+def build(file: str) -> Wait:
     """Divide the window's screen, show the sidebars, and save a file of nothing else."""
-    yield 1.0
-    while len(window().screen.areas) > 1:
-        small = min(window().screen.areas, key=lambda area: area.width * area.height)
-        with inside(small):
+    screen = hands.window().screen
+    while len(screen.areas) > 1:
+        small = min(screen.areas, key=lambda area: area.width * area.height)
+        region = next(each for each in small.regions if each.type == "WINDOW")
+        with bpy.context.temp_override(window=hands.window(), screen=screen, area=small, region=region):
             bpy.ops.screen.area_close()
         yield 0.3
-    window().screen.areas[0].type = "VIEW_3D"
+    screen.areas[0].type = "VIEW_3D"
     yield 0.3
     yield from split("HORIZONTAL", TIMELINE)
-    low = min(window().screen.areas, key=lambda area: area.height)
-    low.ui_type = "TIMELINE"
+    min(screen.areas, key=lambda area: area.height).ui_type = "TIMELINE"
     yield from split("VERTICAL", 1 - PICTURE)
-    right = max((area for area in window().screen.areas if area.type == "VIEW_3D"), key=lambda area: area.x)
-    right.ui_type = "IMAGE_EDITOR"
+    views = [area for area in screen.areas if area.type == "VIEW_3D"]
+    max(views, key=lambda area: area.x).ui_type = "IMAGE_EDITOR"
     yield 0.5
-    for kind in SIDEBARS:
-        area_of(kind).spaces.active.show_region_ui = True
-    window().workspace.name = NAME
+    for editor in ("VIEW_3D", "IMAGE_EDITOR"):
+        hands.area_of(editor).spaces.active.show_region_ui = True
+    hands.window().workspace.name = "KaRF"
     yield 0.5
-    bpy.data.batch_remove([each for each in bpy.data.workspaces if each != window().workspace])
+    bpy.data.batch_remove([each for each in bpy.data.workspaces if each != hands.window().workspace])
     yield 0.5
     bpy.ops.wm.save_as_mainfile(filepath=file, compress=True, copy=True)
 
 
-def split(direction: str, factor: float) -> Generator[float, None, None]:
-    with inside(area_of("VIEW_3D")):
+def split(direction: str, factor: float) -> Wait:
+    with hands.inside(VIEW):
         bpy.ops.screen.area_split(direction=direction, factor=factor)
     yield 0.5
 
 
-def main() -> None:
-    scenes = build(sys.argv[sys.argv.index("--") + 1])
-
-    def tick() -> float | None:
-        try:
-            return next(scenes)
-        except StopIteration:
-            bpy.ops.wm.quit_blender()
-        return None
-
-    bpy.app.timers.register(tick)
-
-
-main()
+hands.play(build(sys.argv[-1]))

@@ -1,75 +1,107 @@
-"""What happened in the window: the steps that Blender notes line by line, and the transcript made of them.
-
-Blender writes a line when a step begins and one when it ends, so that a step in which it crashes is known. No bpy.
-"""
+"""The record of a run: its steps, while Blender does them, and the transcript. No bpy."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+import shutil
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-PASSED, FAILED, CRASHED = "passed", "failed", "crashed"
+Wait = Generator[float, None, None]
+NOT_DONE, UNFINISHED, FAILED, PASSED = "not done", "unfinished", "failed", "passed"
 
 
-@dataclass(frozen=True)
+@dataclass
 class Step:
-    """One step of the story. how: by mouse, key or script. notes: what was seen, and why it failed."""
+    """One step of the story: what it promises, by mouse, keys or script, and what was found."""
 
     name: str
-    how: str
-    outcome: str
-    seconds: float
-    notes: tuple[str, ...] = ()
-    shots: tuple[str, ...] = ()
+    by: str
+    promise: str
+    outcome: str = NOT_DONE
+    seconds: float = 0.0
+    found: list[str] = field(default_factory=list)
+    shots: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Transcript:
-    """A run: which Blender, its steps, and what was found wrong afterwards (tracebacks, processes left)."""
+@dataclass
+class Story:
+    """Given to each step: the job from outside, and the step's own record."""
 
-    blender: str
-    seconds: float
-    steps: tuple[Step, ...]
-    findings: tuple[str, ...]
+    job: dict
+    step: Step
 
     @property
-    def is_clean(self) -> bool:
-        """Whether every step passed and nothing was found."""
-        return bool(self.steps) and not self.findings and all(step.outcome == PASSED for step in self.steps)
+    def desk(self) -> Path:
+        """The artist's folder."""
+        return Path(self.job["out"]) / "desk"
+
+    def note(self, text: str) -> None:
+        """Note what was found."""
+        self.step.found.append(text)
+
+    def shoot(self, what: str = "") -> Wait:
+        """Copy the screen; the program outside converts it to a picture."""
+        name, out = f"{self.step.name}_{what}" if what else self.step.name, Path(self.job["out"])
+        yield 0.3
+        shutil.copy(next((out / "screen").glob("Xvfb_screen*")), out / "shots" / f"{name}.xwd")
+        self.step.shots.append(name)
 
 
-def note(file: Path, **values) -> None:
-    """Add a line to the record; it is on its way to the disk when this returns."""
-    with file.open("a", encoding="utf-8") as lines:
-        lines.write(json.dumps(values) + "\n")
+class Chapter:
+    """Steps of the story in their order, with the generator functions that do them."""
+
+    def __init__(self) -> None:
+        self.steps: list[tuple[Step, Callable[[Story], Wait]]] = []
+
+    def step(self, by: str):
+        """Add a generator function; its docstring is what it promises."""
+
+        def add(run: Callable[[Story], Wait]) -> None:
+            self.steps.append((Step(run.__name__, by, run.__doc__ or ""), run))
+
+        return add
 
 
-def steps_of(lines: Iterable[str]) -> list[Step]:
-    """The steps of a record. One that has begun and not ended is the one in which Blender went down."""
-    steps: list[Step] = []
-    open_step: dict | None = None
-    for line in lines:
-        values = json.loads(line)
-        if values["kind"] == "begin":
-            if open_step:
-                steps.append(_step(open_step, CRASHED, 0.0))
-            open_step = values | {"notes": [], "shots": []}
-        elif values["kind"] == "end":
-            steps.append(_step(open_step, values["outcome"], values["seconds"]))
-            open_step = None
-        elif open_step:  # notes and shots
-            open_step[values["kind"] + "s"].append(values["text"])
-    return steps + ([_step(open_step, CRASHED, 0.0)] if open_step else [])
+def write(file: Path, steps: Sequence[Step]) -> None:
+    """Write all steps; a crash leaves the former file."""
+    new = file.with_suffix(".new")
+    new.write_text(json.dumps([asdict(step) for step in steps], indent=1), encoding="utf-8")
+    new.replace(file)
 
 
-def _step(begun: dict, outcome: str, seconds: float) -> Step:
-    return Step(begun["name"], begun["how"], outcome, seconds, tuple(begun["notes"]), tuple(begun["shots"]))
+def read(file: Path) -> list[Step]:
+    """Return the steps of a record; none if Blender has not begun."""
+    return [Step(**values) for values in json.loads(file.read_text(encoding="utf-8"))] if file.exists() else []
 
 
+def is_clean(steps: Sequence[Step], findings: Sequence[str]) -> bool:
+    """Return whether every step passed and nothing was found afterwards."""
+    return bool(steps) and not findings and all(step.outcome == PASSED for step in steps)
+
+
+def transcript(title: str, steps: Sequence[Step], findings: Sequence[str]) -> str:
+    """Return the run as a page: a table of the steps, findings afterwards, and findings of each step."""
+    verdict = "every step holds" if is_clean(steps, findings) else "**not clean**"
+    lines = [f"# {title}: {verdict}", "", "| step | promise | by | outcome | s |", "|---|---|---|---|---|"]
+    for step in steps:
+        outcome = step.outcome if step.outcome == PASSED else f"**{step.outcome}**"
+        lines.append(f"| {step.name} | {step.promise} | {step.by} | {outcome} | {step.seconds:.1f} |")
+    lines += _section("Found afterwards", findings)
+    for step in steps:
+        lines += _section(step.name, [*step.found, *(f"![{shot}](shots/{shot}.png)" for shot in step.shots)])
+    return "\n".join(lines) + "\n"
+
+
+def _section(title: str, items: Sequence[str]) -> list[str]:
+    # an item may be a message of several lines
+    return ["", f"## {title}", *(f"- {' '.join(item.split())}" for item in items)] if items else []
+
+
+# --- what a run must not leave ---------------------------------------------------------------------------------------
 def tracebacks(text: str) -> list[str]:
-    """The last line of every Python traceback in a log, which says what it was."""
+    """Return the last line of every Python traceback in a log, the error itself."""
     found, is_inside = [], False
     for line in text.splitlines():
         if line.startswith("Traceback (most recent call last)"):
@@ -80,28 +112,14 @@ def tracebacks(text: str) -> list[str]:
     return found + (["a traceback without an end"] if is_inside else [])
 
 
-def write_transcript(folder: Path, transcript: Transcript) -> None:
-    """Write `transcript.json` and `transcript.md` into a folder."""
-    (folder / "transcript.json").write_text(json.dumps(asdict(transcript), indent=1), encoding="utf-8")
-    (folder / "transcript.md").write_text(markdown(transcript), encoding="utf-8")
-
-
-def markdown(transcript: Transcript) -> str:
-    """The transcript as a page: a table of the steps, then what was seen in each."""
-    verdict = "nothing found" if transcript.is_clean else "**not clean**"
-    lines = [f"# {transcript.blender}: {verdict}, {transcript.seconds:.0f} s", "", "| step | by | outcome | s |"]
-    lines += ["|---|---|---|---|"]
-    lines += [f"| {step.name} | {step.how} | {_mark(step)} | {step.seconds:.1f} |" for step in transcript.steps]
-    lines += _list("Found", transcript.findings)
-    for step in transcript.steps:
-        lines += _list(step.name, [*step.notes, *(f"![{shot}](shots/{shot}.png)" for shot in step.shots)])
-    return "\n".join(lines) + "\n"
-
-
-def _mark(step: Step) -> str:
-    return step.outcome if step.outcome == PASSED else f"**{step.outcome}**"
-
-
-def _list(title: str, items: Sequence[str]) -> list[str]:
-    # a note may hold a message of several lines
-    return ["", f"## {title}", *(f"- {' '.join(item.split())}" for item in items)] if items else []
+def engine_processes(desk: Path) -> list[str]:
+    """Return the running processes with a file of the artist's folder in their command."""
+    found = []
+    for file in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = file.read_bytes().decode(errors="replace").split("\0")
+        except OSError:  # it has ended meanwhile
+            continue
+        if any(word.startswith(f"{desk}/") for word in words):
+            found.append(f"process {file.parent.name}: {' '.join(words).strip()}")
+    return found

@@ -15,24 +15,19 @@ BASES = "Panel Operator Menu Header UIList PropertyGroup AddonPreferences FileHa
 
 
 def remains(package: str) -> list[str]:
-    """All that Blender still holds of a package, a line each; empty after it was disabled."""
-    functions = list(_functions(package))
-    return sorted(
-        {
-            *_handlers(package),
-            *(f"timer {each.__name__}" for each in functions if bpy.app.timers.is_registered(each)),
-            *(f"drawing {each.__name__}" for each in _drawn(functions)),
-            *_classes(package),
-            *_properties(package),
-        }
-    )
+    """Return everything of a package that Blender still holds, a line each; empty after it was disabled."""
+    return sorted({*_functions(package), *_handlers(package), *_classes(package), *_properties(package)})
 
 
-def _functions(package: str) -> Iterator[FunctionType]:
-    """The functions of the package's modules; these stay in memory when an extension is disabled."""
-    for name, module in list(sys.modules.items()):
-        if name == package or name.startswith(f"{package}."):
-            yield from (each for each in vars(module).values() if isinstance(each, FunctionType))
+def _functions(package: str) -> Iterator[str]:
+    """Timers and drawing callbacks among the functions of the package's modules, which stay in memory."""
+    modules = [module for name, module in list(sys.modules.items()) if f"{name}.".startswith(f"{package}.")]
+    functions = [each for module in modules for each in vars(module).values() if isinstance(each, FunctionType)]
+    yield from (f"timer {each.__name__}" for each in functions if bpy.app.timers.is_registered(each))
+    # Blender has no list of drawing callbacks, but it keeps the arguments of `draw_handler_add` as they were given
+    for given in gc.get_objects():
+        if type(given) is tuple and len(given) > 3 and isinstance(given[-1], str) and given[-1] in DRAWN_AT:
+            yield from (f"drawing {each.__name__}" for each in functions if any(each is one for one in given))
 
 
 def _handlers(package: str) -> Iterator[str]:
@@ -40,13 +35,6 @@ def _handlers(package: str) -> Iterator[str]:
         handlers = getattr(bpy.app.handlers, name)
         if isinstance(handlers, list):
             yield from (f"handler {name} {each.__name__}" for each in handlers if _is_of(each, package))
-
-
-def _drawn(functions: list[FunctionType]) -> Iterator[FunctionType]:
-    """Blender has no list of drawing callbacks, but it keeps the arguments of `draw_handler_add` as they were given."""
-    for each in gc.get_objects():
-        if type(each) is tuple and len(each) > 3 and isinstance(each[-1], str) and each[-1] in DRAWN_AT:
-            yield from (function for function in functions if any(function is one for one in each))
 
 
 def _classes(package: str) -> Iterator[str]:
@@ -59,13 +47,9 @@ def _classes(package: str) -> Iterator[str]:
 def _properties(package: str) -> Iterator[str]:
     prefix = package.rpartition(".")[2]
     for owner in OWNERS:
-        yield from (
-            f"property {owner.__name__}.{each.identifier}"
-            for each in owner.bl_rna.properties
-            if each.identifier.startswith(prefix)
-        )
+        names = [each.identifier for each in owner.bl_rna.properties if each.identifier.startswith(prefix)]
+        yield from (f"property {owner.__name__}.{name}" for name in names)
 
 
 def _is_of(thing: object, package: str) -> bool:
-    module = getattr(thing, "__module__", "") or ""
-    return module == package or module.startswith(f"{package}.")
+    return f"{getattr(thing, '__module__', '') or ''}.".startswith(f"{package}.")

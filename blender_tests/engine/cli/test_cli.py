@@ -11,6 +11,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
 from karf_engine.palettes.calibration import ReferenceLight
@@ -18,7 +19,6 @@ from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import Project
 from karf_engine.worker.findings import VERDICT, Finding
-from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 
 VERBS = (
     *("poses", "inspect", "mark", "all", "geometry", "segmentation", "palette", "recoloring", "splats", "match"),

@@ -170,7 +170,7 @@ def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, 
 
 
 def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, monkeypatch):
-    ablations = importlib.import_module("tools.experiments.ablations")
+    ablations = importlib.import_module("tools.evaluate.ablations")
     monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
     done = SimpleNamespace(model=Model(Project(learned.project), elsewhere))
     bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))

@@ -25,17 +25,21 @@ def double(x):
 
 print(double(21), double._cache_hits.total())
 """
+
+
+def flipped(data, at):
+    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
 DAMAGE = {
     "emptied": lambda data: b"",
     "cut in half": lambda data: data[: len(data) // 2],
-    "one bit flipped": lambda data: (
-        data[: len(data) // 2] + bytes([data[len(data) // 2] ^ 1]) + data[len(data) // 2 + 1 :]
-    ),
-    "one bit of its digest flipped": lambda data: bytes([data[0] ^ 1]) + data[1:],
+    "one bit flipped": lambda data: flipped(data, len(data) // 2),
+    "one bit of its digest flipped": lambda data: flipped(data, 0),
 }
 
 
-def test_a_kernel_compiles_where_no_folder_can_be_written(monkeypatch):
+def test_a_kernel_compiles_without_a_writable_folder(monkeypatch):
     monkeypatch.setattr(FunctionCache._impl_class, "_locator_classes", [])  # numba finds no place for its files
 
     @kernel
@@ -61,7 +65,7 @@ def doubled(tmp_path):
     return run
 
 
-def test_damaged_machine_code_is_compiled_and_kept_anew(doubled, subtests):
+def test_damaged_machine_code_is_compiled_and_stored_again(doubled, subtests):
     first, kept = doubled()
     whole = kept.read_bytes()
     assert (first, doubled()[0]) == ("42 0", "42 1")
@@ -72,7 +76,7 @@ def test_damaged_machine_code_is_compiled_and_kept_anew(doubled, subtests):
             assert doubled()[0] == "42 1"
 
 
-def test_machine_code_that_can_be_neither_read_nor_replaced_is_compiled_each_time(doubled):
+def test_unreadable_machine_code_is_compiled_each_time(doubled):
     _, kept = doubled()
     kept.unlink()
     kept.mkdir()

@@ -1,54 +1,60 @@
-"""Which devices can be asked for, and what is said of the others."""
+"""Devices, cores and solvers: which can be asked for, how work is shared out, and what is said of faults."""
 
+import math
+import subprocess
+import sys
+import threading
+import warnings
+
+import numpy as np
 import pytest
+from scipy import sparse
 
 torch = pytest.importorskip("torch")
 
 from karf_engine.cli import main
+from karf_engine.compute import cores, sparse_systems
+from karf_engine.compute.neighbors import build_kd_tree
 from karf_engine.compute.runtime import find_device, start_runtime
+from karf_engine.compute.sparse_systems import NotConverged, convergence_as_event, warn_not_converged
 from karf_engine.errors import BadRequest
+from karf_engine.segmentation import label_propagation
+
+UNKNOWN = ("gpu", "cuda", "cuda:0", "cuda:x", "cpu:1", "CPU", "", "xla", "meta", "vulkan", "🏺")
 
 
-@pytest.fixture
-def two_cards(monkeypatch):
-    """A machine that says it has two cards; whether they answer is another question."""
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr(torch.cuda, "device_count", lambda: 2)
+def have_cards(count, monkeypatch):
+    """Let the machine say that it has so many cards; whether they answer is another question."""
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: count > 0)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
 
 
-@pytest.fixture
-def no_card(monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-
-
-@pytest.mark.parametrize("name", ["gpu", "cuda", "cuda:0", "cuda:x", "cpu:1", "CPU", "", "xla", "meta", "vulkan", "🏺"])
-def test_a_device_that_is_not_there_is_refused_with_those_that_are(no_card, name):
+@pytest.mark.parametrize(
+    ("name", "cards", "sentence", "known"),
+    [
+        *((name, 0, f"There is no device {name!r}.", "can be used: cpu.") for name in UNKNOWN),
+        ("cuda:2", 2, "There is no device 'cuda:2'.", "cpu, cuda, cuda:0, cuda:1."),
+        ("mps", 0, "64-bit", "can be used: cpu."),
+        ("mps:0", 0, "64-bit", "can be used: cpu."),
+    ],
+)
+def test_a_missing_device_is_refused_with_the_available_ones(name, cards, sentence, known, monkeypatch):
+    have_cards(cards, monkeypatch)
     with pytest.raises(BadRequest) as raised:
         find_device(name)
-    assert raised.value.sentence == f"There is no device {name!r}."
-    assert "can be used: cpu." in raised.value.hint
-
-
-def test_mps_is_refused_with_the_reason():
-    for name in ("mps", "mps:0"):
-        with pytest.raises(BadRequest, match="64-bit"):
-            find_device(name)
-
-
-def test_the_cards_that_are_there_are_named(two_cards):
-    with pytest.raises(BadRequest) as raised:
-        find_device("cuda:2")
-    assert "cpu, cuda, cuda:0, cuda:1." in raised.value.hint
+    assert sentence in raised.value.sentence and known in raised.value.hint
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="the card answers")
-def test_a_card_that_does_not_answer_is_refused_in_a_sentence(two_cards):
-    for name in ("cuda:1", None):
-        with pytest.raises(BadRequest, match="does not answer"):
-            start_runtime(device=name)
+@pytest.mark.parametrize("name", ["cuda:1", None])
+def test_an_unresponsive_card_is_refused_in_a_sentence(name, monkeypatch):
+    have_cards(2, monkeypatch)
+    with pytest.raises(BadRequest, match="does not answer"):
+        start_runtime(device=name)
 
 
-def test_without_a_card_the_default_is_the_cpu(no_card):
+def test_without_a_card_the_default_is_the_cpu(monkeypatch):
+    have_cards(0, monkeypatch)
     assert find_device(None) == find_device("cpu") == torch.device("cpu")
 
 
@@ -57,3 +63,113 @@ def test_the_command_line_says_it_in_a_sentence(learned, capsys, name):
     assert main(["palette", str(learned.project), "--device", name]) == BadRequest.exit_code
     printed = capsys.readouterr().err
     assert "Internal error" not in printed and "can be used: cpu" in printed
+
+
+# ---------------------------------------------------------------------------------------------------------------- cores
+@pytest.fixture
+def two_cores():
+    cores.set_core_count(2)
+    yield
+    cores.set_core_count(1)
+
+
+@pytest.mark.parametrize("taken", [False, True])
+def test_every_number_is_visited_once(two_cores, taken):
+    visits, threads = [0] * 37, set()
+
+    def visit(first, last):
+        threads.add(threading.current_thread())
+        for number in range(first, last):
+            visits[number] += 1
+
+    if taken:
+        cores.limit_torch_threads()
+    assert (cores.core_count(), torch.get_num_threads()) == (2, 1 if taken else 2)
+    cores.parallel_for(visit, len(visits))
+    assert visits == [1] * 37
+    assert (threads != {threading.current_thread()}) == taken
+
+
+def test_nested_parts_finish_and_errors_are_raised(two_cores):
+    found, states = [], set()
+
+    def part(first, last):
+        cores.parallel_for(lambda a, b: found.extend(range(a, b)), last - first)
+        states.add((torch.get_num_threads(), torch.is_grad_enabled(), float(torch.tensor([1e-40]) * 1.0)))
+
+    cores.limit_torch_threads()
+    cores.parallel_for(part, 16)
+    assert len(found) == 16 and states == {(1, False, 0.0)}
+    with pytest.raises(ZeroDivisionError):
+        cores.parallel_for(lambda first, last: 1 // 0, 8)
+
+
+# ------------------------------------------------------------------------------------------------ neighbors and solvers
+# most lie at 0 along one axis, where SciPy splits them at the least denormal number
+FLAT = "import numpy as np; flat = np.random.default_rng(0).random((2000, 3)); flat[:1500, 2] = 0"
+N = 200
+
+
+# -------------------------------------------------------------------------------------------------------------- neighbors
+def test_points_on_a_plane_through_0_have_a_tree():
+    """In a process of its own: where this fails it crashes."""
+    code = (
+        f"import torch; torch.set_flush_denormal(True); {FLAT}; from karf_engine.compute.neighbors import build_kd_tree"
+    )
+    command = [sys.executable, "-c", f"{code}; print(build_kd_tree(flat).query(flat[0] + 1e-9)[1])"]
+    child = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (child.returncode, child.stdout.strip()) == (0, "0"), child.stderr[-500:]
+
+
+@pytest.mark.parametrize("is_flushing", [True, False])
+def test_numbers_are_flushed_after_a_tree_as_before(is_flushing):
+    torch.set_flush_denormal(is_flushing)
+    try:
+        build_kd_tree(np.eye(3))
+        with pytest.raises(ValueError, match="finite"):
+            build_kd_tree(np.full((3, 2), np.nan))
+        assert (math.ulp(0.0) * 1.0 == 0.0) == is_flushing
+    finally:
+        torch.set_flush_denormal(False)
+
+
+# ---------------------------------------------------------------------------------------------------------------- solvers
+def chain() -> sparse.csr_array:
+    """A positive definite chain of N unknowns: what one end says takes as many iterations to reach the other."""
+    return sparse.csr_array(sparse.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(N, N)))
+
+
+def solve_photo(iterations):
+    right = np.eye(N)[0]
+    found = sparse_systems.solve(chain(), right, np.zeros(N), iterations=iterations)
+    return np.linalg.norm(chain() @ found - right)
+
+
+def solve_points(iterations, monkeypatch):
+    monkeypatch.setattr(label_propagation, "MAX_STEPS", iterations)
+    system, right = chain(), np.eye(N)[:, :1]
+    label_propagation.conjugate_gradients(lambda x: system @ x, np.full(N, 2.0), right, np.zeros((N, 1)))
+
+
+def test_an_unsolved_system_warns_with_residual_and_iterations(monkeypatch):
+    with pytest.warns(NotConverged, match=r"after 5 iterations a relative residual of [0-9.]+e"):
+        solve_photo(5)
+    with pytest.warns(NotConverged, match="after 5 iterations"):
+        solve_points(5, monkeypatch)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert solve_photo(2 * N) <= sparse_systems.TOLERANCE
+        solve_points(2 * N, monkeypatch)
+
+
+def test_a_stage_emits_the_worst_residual_and_keeps_other_warnings():
+    events = []
+    with (
+        pytest.warns(UserWarning, match="something else"),
+        convergence_as_event(lambda *a, **k: events.append((a, k))),
+    ):
+        warn_not_converged(5, 0.02, 1e-3)
+        warn_not_converged(5, 0.25, 1e-3)
+        warnings.warn("something else", UserWarning, stacklevel=1)
+    (((name,), event),) = events
+    assert (name, event["code"]) == ("warning", "convergence") and "2.5e-01" in event["sentence"]

@@ -1,21 +1,30 @@
 """Layered pictures: what is in the file recomposes the edited picture, and the header alone says how."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
 
 from karf_engine.errors import DataError
+from karf_engine.export import cryptomatte
 from karf_engine.export.layer_names import name_layers, read_layer_names
 from karf_engine.export.layers import write_layers
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear, to_bytes
+from karf_engine.io.image_size import ImageHeader
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
-from karf_engine.palettes.palette import Palette
+from karf_engine.palettes.palette import Edit, Palette
 from karf_engine.recolor.frames import Layers
+from karf_engine.recolor.full_resolution import PhotoView
+from karf_engine.recolor.matting.matte import Matte
+from karf_engine.recolor.photos import StoredPhoto
 
 POT = Palette("pot", np.array([[0, 0, 0], [0.8, 0.2, 0.1], [0.1, 1 / 3, 0.7]], np.float32))
 MUG = Palette("my mug.2", np.array([[0, 0, 0], [0.9, 0.8, 0.7]], np.float32))
+EDIT = Edit({palette.name: palette.colors * [0.8, 1.2, 0.9] for palette in (POT, MUG)})
+HEIGHT, WIDTH = 6, 9
 
 
 @pytest.fixture
@@ -28,18 +37,22 @@ def layers():
     return Layers((POT, MUG), base, weights.sum(1), weights, depth)
 
 
+@pytest.fixture
+def path(layers, tmp_path):
+    write_layers(tmp_path / "view.exr", layers)
+    return tmp_path / "view.exr"
+
+
 def planes_of(path):
-    """The channels of a file as they are stored, by their names."""
     with OpenEXR.File(str(path), separate_channels=True) as file:
         return {name: channel.pixels for name, channel in file.channels().items()}
 
 
-def test_the_file_recomposes_the_edited_picture(layers, tmp_path):
-    write_layers(tmp_path / "view.exr", layers)
-    planes = planes_of(tmp_path / "view.exr")
+def test_the_file_recomposes_the_edited_picture(layers, path):
+    planes = planes_of(path)
     edited = {"pot": POT.colors[[0, 2, 1]], "my mug.2": MUG.colors[:, ::-1]}
     result = linear_to_srgb(np.stack([planes[letter] for letter in "RGB"], -1).astype(np.float32))
-    for each in read_layer_names(tmp_path / "view.exr"):
+    for each in read_layer_names(path):
         for name, learned, color in zip(each.weights, each.colors, edited[each.name], strict=True):
             result += planes[f"{name}.V"][..., None].astype(np.float32) * (color - learned)
     learned, wanted = (
@@ -49,9 +62,8 @@ def test_the_file_recomposes_the_edited_picture(layers, tmp_path):
     assert np.abs(np.clip(result, 0, 1) - engine).max() < 0.25 / 255
 
 
-def test_channels_are_named_and_as_deep_as_they_need(layers, tmp_path):
-    write_layers(tmp_path / "view.exr", layers)
-    planes = planes_of(tmp_path / "view.exr")
+def test_channels_are_named_and_as_deep_as_they_need(layers, path):
+    planes = planes_of(path)
     deep = {name for name, plane in planes.items() if plane.dtype == np.float32}
     assert deep == {"Depth.Z", *(f"CryptoObject00.{letter}" for letter in "RGBA")}
     assert set(planes) - deep == {
@@ -62,47 +74,35 @@ def test_channels_are_named_and_as_deep_as_they_need(layers, tmp_path):
     np.testing.assert_array_equal(planes["pot_coverage.V"], layers.coverage[0])
 
 
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
-def test_the_base_comes_back_to_its_eight_bits(layers, tmp_path, kind):
+@pytest.mark.parametrize(("kind", "full"), [(np.uint8, 255), (np.uint16, 65535), (np.float32, 1)])
+def test_the_base_comes_back_to_its_eight_bits(tmp_path, kind, full):
     values = np.arange(256).reshape(16, 16, 1).repeat(3, -1)
-    base = values.astype(kind) * 257 if kind is np.uint16 else values.astype(kind) / (255 if kind is np.float32 else 1)
-    weights = np.zeros((1, 3, 16, 16))
-    write_layers(tmp_path / "view.exr", Layers((POT,), base.astype(kind), weights[:, 0], weights))
+    base, weights = (values * (full / 255)).astype(kind), np.zeros((1, 3, 16, 16))
+    write_layers(tmp_path / "view.exr", Layers((POT,), base, weights[:, 0], weights))
     planes = planes_of(tmp_path / "view.exr")
     np.testing.assert_array_equal(to_bytes(linear_to_srgb(planes["G"].astype(np.float32))), values[..., 0])
     np.testing.assert_allclose(planes["G"], srgb_to_linear(values[..., 0] / 255), rtol=2**-11)
     assert "Depth.Z" not in planes
 
 
-def test_the_header_says_what_the_numbers_are(layers, tmp_path):
-    write_layers(tmp_path / "view.exr", layers)
-    header = OpenEXR.File(str(tmp_path / "view.exr"), header_only=True).header()
+# ------------------------------------------------------------------------------------------------------------- the header
+def test_the_header_says_what_the_numbers_are(path):
+    header = OpenEXR.File(str(path), header_only=True).header()
     assert header["compression"] == OpenEXR.ZIP_COMPRESSION
     assert header["colorInteropID"] == "lin_rec709_scene" and "exact piecewise sRGB" in header["comments"]
     np.testing.assert_allclose(header["chromaticities"], (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), atol=1e-6)
-    assert {name.split("/")[-1] for name in header if name.startswith("cryptomatte/")} == {
-        "name", "hash", "conversion", "manifest",
-    }  # fmt: skip
+    matte = {name.split("/")[-1] for name in header if name.startswith("cryptomatte/")}
+    assert matte == {"name", "hash", "conversion", "manifest"}
 
 
-def test_the_header_alone_gives_names_and_learned_colors(layers, tmp_path):
-    write_layers(tmp_path / "view.exr", layers)
-    pot, mug = read_layer_names(tmp_path / "view.exr")
-    assert (pot.name, mug.name) == ("pot", "my mug.2")
+def test_the_header_gives_names_colors_and_exposure(layers, path):
+    pot, mug = read_layer_names(path)
+    assert (pot.name, mug.name, pot.gains) == ("pot", "my mug.2", (1.0, 1.0, 1.0))
+    assert b'"gains"' not in path.read_bytes()
     np.testing.assert_array_equal(pot.colors, POT.colors)
     np.testing.assert_array_equal(mug.colors, MUG.colors)
-
-
-def test_the_header_tells_the_exposure_of_a_photo_that_has_another(layers, tmp_path):
-    path = tmp_path / "view.exr"
-    write_layers(path, layers)
-    assert b'"gains"' not in path.read_bytes()
-    assert read_layer_names(path)[0].gains == (1.0, 1.0, 1.0)
     write_layers(path, replace(layers, gains=(0.75, 1.0, 1.25)))
     assert [each.gains for each in read_layer_names(path)] == [(0.75, 1.0, 1.25)] * 2
-    path.write_bytes(path.read_bytes().replace(b"0.75", b"-0.7"))
-    with pytest.raises(DataError, match="gains"):
-        read_layer_names(path)
 
 
 def test_names_are_short_and_never_shared():
@@ -113,13 +113,98 @@ def test_names_are_short_and_never_shared():
     assert max(len(name.encode()) for name in names) < 60
 
 
-def test_a_damaged_or_foreign_file_is_refused(layers, tmp_path):
-    write_layers(tmp_path / "view.exr", layers)
-    whole = (tmp_path / "view.exr").read_bytes()
-    plain = tmp_path / "plain.exr"
-    OpenEXR.File({}, {"Y": np.zeros((4, 4), np.float32)}).write(str(plain))
-    broken = tmp_path / "broken.exr"
-    for content in (plain.read_bytes(), b"", whole[:300], whole.replace(b"karf-layers/1", b"karf-layers/9")):
-        broken.write_bytes(content)
-        with pytest.raises(DataError):
-            read_layer_names(broken)
+def test_a_damaged_or_foreign_file_is_refused(layers, path):
+    write_layers(path, replace(layers, gains=(0.75, 1.0, 1.25)))
+    whole = path.read_bytes()
+    OpenEXR.File({}, {"Y": np.zeros((4, 4), np.float32)}).write(str(path))
+    damages = (path.read_bytes(), whole[:300], whole.replace(b"karf-layers/1", b"karf-layers/9"))
+    for content in (*damages, b"", whole.replace(b"0.75", b"-0.7")):
+        path.write_bytes(content)
+        with pytest.raises(DataError, match="gains" if b"-0.7" in content else None):
+            read_layer_names(path)
+
+
+# ------------------------------------------------------------------------------------------------------- layers of a photo
+
+
+def photo_view(kind=np.uint8, channels=3, orientation=1):
+    random = np.random.default_rng(4)
+    full = np.iinfo(kind).max  # colors stay away from black and white, so that no edit clips them
+    pixels = random.integers(full // 4, full // 4 * 3, (HEIGHT, WIDTH, channels), dtype=kind)
+    photo = StoredPhoto(Path("photo.png"), ImageHeader(WIDTH, HEIGHT, orientation, "png"), pixels)
+    mattes = []
+    for rows, columns, shape in (((0, 4), (1, 9), (4, 8)), ((2, 6), (0, 5), (4, 5))):
+        coverage, mixed = (random.random(shape) / 2).astype(np.float16), np.arange(0, shape[0] * shape[1], 3)
+        colors = random.integers(0, 256, (len(mixed), 3), dtype=np.uint8)
+        mattes.append(Matte(rows, columns, coverage, mixed, colors))
+    return PhotoView(photo, orientation, [POT.name, MUG.name], mattes, [POT, MUG])
+
+
+def recomposed(layers):
+    """As a compositor does it, which has half floats in linear light."""
+    base = layers.base / np.iinfo(layers.base.dtype).max if layers.base.dtype.kind == "u" else layers.base
+    result = linear_to_srgb(srgb_to_linear(base).astype(np.float16).astype(np.float32))
+    for palette, planes in zip(layers.palettes, layers.palette_weights, strict=True):
+        change = EDIT.colors[palette.name] - palette.colors
+        result += np.einsum("phw,pc->hwc", planes[: len(change)].astype(np.float32), change)
+    return np.clip(result, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "channels", "orientation"),
+    [*((np.uint8, 3, number) for number in range(1, 9)), (np.uint16, 3, 1), (np.uint8, 4, 1), (np.uint16, 4, 1)],
+)
+def test_layers_of_a_photo_are_upright_keep_its_look_and_recompose_its_edit(kind, channels, orientation):
+    view = photo_view(kind, channels, orientation)
+    layers = view.layers(np.arange(6, dtype=np.float32).reshape(2, 3))
+    size = (HEIGHT, WIDTH) if orientation < 5 else (WIDTH, HEIGHT)
+    assert layers.base.shape[:2] == layers.depth.shape == size
+    assert layers.coverage.shape == (2, *size) and layers.palette_weights.shape[::2] == (2, size[0])
+    base = layers.base / (255 if layers.base.dtype == np.uint8 else 1)
+    np.testing.assert_allclose(base, view.over_white(view.photo), atol=0.51 / 255)
+    np.testing.assert_allclose(recomposed(layers), view.over_white(view.recolor(EDIT)), atol=1 / 255)
+
+
+def test_planes_sum_to_the_coverage_and_depth_keeps_its_edges():
+    layers = photo_view().layers(np.array([[1.0, 5.0]], np.float32))
+    np.testing.assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=1e-3)
+    assert set(np.unique(layers.depth)) == {1.0, 5.0}
+    np.testing.assert_array_equal(layers.depth[0], [1, 1, 1, 1, 5, 5, 5, 5, 5])
+
+
+# ----------------------------------------------------------------------------------------------------------------- mattes
+
+
+def test_the_hash_is_murmurhash3():
+    fox = "The quick brown fox jumps over the lazy dog"
+    published = {"": 0, "hello": 0x248BFA47, "hello, world": 0x149BBB7F, fox: 0x2E4FF723}
+    assert {text: cryptomatte.murmur3(text.encode()) for text in published} == published
+
+
+def test_every_id_is_a_normal_number():
+    """Programs drop numbers that are none, and may flush those near zero."""
+    names = [f"object {number}" for number in range(3000)]
+    hashes = np.array([cryptomatte.murmur3(name.encode()) for name in names], np.uint32)
+    ids = np.array([cryptomatte.object_id(name) for name in names], np.uint32)
+    exponents = ids >> 23 & 255
+    assert ((exponents > 0) & (exponents < 255)).all()
+    changed = ids != hashes
+    assert 0 < changed.sum() < 60 and set((ids ^ hashes)[changed].tolist()) == {1 << 23}
+
+
+def test_pairs_are_ranked_by_coverage_and_named_in_the_manifest():
+    coverage = np.zeros((3, 300, 2), np.float16)  # several bands of rows
+    coverage[:, 299, 1] = 0.25, 0.125, 0.625
+    planes = cryptomatte.channels(["a", "b", "ä"], coverage)
+    assert list(planes) == [f"CryptoObject0{layer}.{letter}" for layer in (0, 1) for letter in "RGBA"]
+    pairs = [planes[name][299, 1] for name in planes]
+    assert pairs[1::2] == [0.625, 0.25, 0.125, 0]
+    ids = np.array(pairs[0::2], np.float32).view(np.uint32).tolist()
+    assert ids == [*map(cryptomatte.object_id, ("ä", "a", "b")), 0]
+    assert not any(plane[:299].any() for plane in planes.values())
+    header = cryptomatte.header(["Töpfe no. 1", "mug"])
+    (manifest,) = (json.loads(value) for name, value in header.items() if name.endswith("/manifest"))
+    assert {name: int(number, 16) for name, number in manifest.items()} == {
+        name: cryptomatte.object_id(name) for name in ("Töpfe no. 1", "mug")
+    }
+    assert {name.split("/")[1] for name in header} == {f"{cryptomatte.murmur3(b'CryptoObject'):08x}"[:7]}

@@ -17,69 +17,35 @@ COUNT = 2000
 
 @pytest.fixture(scope="module")
 def model(learned):
-    """It shows the field, whose surface the points are on."""
     return of_field(karf.load(learned.project, device="cpu"))
 
 
 @pytest.fixture(scope="module")
-def file(learned, tmp_path_factory):
-    """The still life's points, written by the command line."""
+def points(learned, tmp_path_factory):
     out = tmp_path_factory.mktemp("points") / "scene.npz"
     done = run_engine("points", learned.project, "--out", out, "--count", COUNT, "--threads", 1)
     assert done.returncode == 0, done.stderr
-    return out
+    return read_points(out)
 
 
-@pytest.fixture(scope="module")
-def points(file):
-    return read_points(file)
-
-
-def projected(points, camera):
-    """The points within a picture: which they are, their rows and columns, and their depths."""
-    pixels, depth = camera.project(points.positions.astype(float))
-    column, row = np.floor(pixels).astype(int).T
-    inside = (depth > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    return np.flatnonzero(inside), row[inside], column[inside], depth[inside]
-
-
-def seen(points, frame, camera):
-    """The points before everything else in a frame: which they are, and in which pixel [n, 2] (row, column)."""
-    index, row, column, depth = projected(points, camera)
-    there = frame.depth[row, column]
-    shown = (there > 0) & (np.abs(there - depth) < 0.03 * there)
-    return index[shown], np.stack([row, column], 1)[shown]
-
-
-def test_there_are_about_as_many_as_are_wanted(points):
+def test_points_match_the_pixels_of_a_new_view(model, points):
     assert 0.6 * COUNT < len(points) < 1.2 * COUNT
     np.testing.assert_allclose(np.linalg.norm(points.normals, axis=1), 1, atol=1e-3)
-
-
-def test_a_view_that_nothing_was_learned_from_ends_where_points_are(model, points):
+    np.testing.assert_allclose(points.palette_weights.sum(2), points.probabilities, atol=5e-3)
     camera = model.capture.split("test")[0].camera
-    frame = model.render(camera)
-    _, row, column, depth = projected(points, camera)
+    frame, (pixels, depth) = model.render(camera), camera.project(points.positions.astype(float))
+    column, row = np.floor(pixels).astype(int).T
+    index = np.flatnonzero((column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height) & (depth > 0))
+    row, column, depth = row[index], column[index], depth[index]
     there = frame.depth[row, column]
     assert ((there > 1.1 * depth) | (there == 0)).mean() < 0.05  # these would be looked through
-
-
-def test_points_have_the_colors_and_objects_of_the_pixels_that_show_them(model, points):
-    camera = model.capture.split("test")[0].camera
-    frame = model.render(camera)
-    index, pixels = seen(points, frame, camera)
-    row, column = pixels.T
+    shown = (there > 0) & (np.abs(there - depth) < 0.03 * there)
+    index, row, column = index[shown], row[shown], column[shown]
     assert len(index) > 100
     assert np.median(np.abs(points.colors[index] / 255 - frame.color[row, column])) < 0.05
     for k in range(len(model.objects)):
         own = frame.probabilities[k][row, column]
         assert np.corrcoef(own, points.probabilities[index, k])[0, 1] > 0.8
-    np.testing.assert_allclose(points.palette_weights.sum(2), points.probabilities, atol=5e-3)
-
-
-def test_points_face_those_who_see_them(model, points):
-    camera = model.capture.split("test")[0].camera
-    index, _ = seen(points, model.render(camera), camera)
     towards = camera.position - points.positions[index]
     assert (np.sum(points.normals[index] * towards, 1) > 0).mean() > 0.8
 
@@ -104,36 +70,31 @@ def test_a_ply_has_the_colors_of_the_edit(learned, model, points, tmp_path):
         ("scene.ply", {"count": 10}, "10 points cannot be made"),
     ],
 )
-def test_what_cannot_be_written_is_said(learned, tmp_path, out, more, words):
+def test_impossible_outputs_are_refused(learned, tmp_path, out, more, words):
     with pytest.raises(BadRequest, match=words):
         karf.write_points(learned.project, tmp_path / out, threads=1, **more)
 
 
-def test_a_file_whose_arrays_contradict_each_other_is_refused(points, tmp_path):
+def test_damaged_and_older_files_are_told_apart(points, model, tmp_path):
     write_points(tmp_path / "cut.npz", replace(points, sizes=points.sizes[:-1]))
-    with pytest.raises(DataError, match="contradict each other"):
-        read_points(tmp_path / "cut.npz")
     (tmp_path / "none.npz").write_bytes(b"PK")
-    with pytest.raises(DataError, match="surface points"):
-        read_points(tmp_path / "none.npz")
-
-
-def test_points_end_where_an_edits_edges_do(points, model):
-    name, k = model.objects[0], 0
-    edges = {name: model.edit().edge(name, choke=3).edges[name]}
-    choked = points.with_edges(model.palettes, edges)
-    grown = points.with_edges(model.palettes, {name: model.edit().edge(name, choke=-3).edges[name]})
-    own = points.probabilities.astype(float)
-    assert choked.probabilities[:, k].sum() < own[:, k].sum() < grown.probabilities[:, k].sum()
-    for each in (choked, grown):
-        np.testing.assert_allclose(each.palette_weights[:, k].sum(1), each.probabilities[:, k], atol=0.01)
-        np.testing.assert_array_equal(each.palette_weights[:, 1:], points.palette_weights[:, 1:])
-    assert points.with_edges(model.palettes, {}) is points
-
-
-def test_points_of_older_versions_are_read_and_say_that_they_know_no_borders(points, model, tmp_path):
+    for name, words in (("cut", "contradict each other"), ("none", "surface points")):
+        with pytest.raises(DataError, match=words):
+            read_points(tmp_path / f"{name}.npz")
     write_points(tmp_path / "old.npz", replace(points, borders=None))
     old = read_points(tmp_path / "old.npz")
     assert old.borders is None
     with pytest.raises(DataError, match="how far"):
         old.with_edges(model.palettes, model.edit().edge(model.objects[0], choke=1).edges)
+
+
+def test_points_end_where_an_edits_edges_do(points, model):
+    name, own = model.objects[0], points.probabilities.astype(float)
+    choked, grown = (
+        points.with_edges(model.palettes, {name: model.edit().edge(name, choke=choke).edges[name]}) for choke in (3, -3)
+    )
+    assert choked.probabilities[:, 0].sum() < own[:, 0].sum() < grown.probabilities[:, 0].sum()
+    for each in (choked, grown):
+        np.testing.assert_allclose(each.palette_weights[:, 0].sum(1), each.probabilities[:, 0], atol=0.01)
+        np.testing.assert_array_equal(each.palette_weights[:, 1:], points.palette_weights[:, 1:])
+    assert points.with_edges(model.palettes, {}) is points

@@ -8,20 +8,19 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.fields.voxels.test_fit import SETTINGS, bank_of
+from blender_tests.engine.fields.fitting import silent
+from blender_tests.engine.fields.voxels import test_fit as box
 from blender_tests.engine.reference.still_life import cameras, take_photo
-from karf_engine.compute.progress import Progress
-from karf_engine.compute.runtime import start_runtime
 from karf_engine.fields.exposures import estimate_photo_gains, gains_from_render
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.voxels import fit as voxel_fit
-from karf_engine.fields.voxels.fit_box import start_box_fit
 from karf_engine.project.settings import Level
 
 CAMERAS = cameras(24, 48)
 RANDOM = np.random.default_rng(5)
 LOGS = RANDOM.normal(0, 0.08, (24, 1)) + RANDOM.normal(0, 0.04, (24, 1)) * (1, 0, -1)
 LOGS -= LOGS.mean(0)
+ALIKE = np.ones((24, 3))
 
 
 def depth_of_floor(camera):
@@ -32,8 +31,6 @@ def depth_of_floor(camera):
 
 
 class Floor:
-    """A scene of known geometry."""
-
     def render(self, camera, _):
         shape = (camera.height, camera.width)
         depth, is_seen = (torch.from_numpy(each.reshape(shape)) for each in depth_of_floor(camera))
@@ -57,8 +54,8 @@ def test_gains_are_found_and_their_geometric_mean_is_1():
     assert np.abs(found - LOGS).mean() < 0.01
 
 
-def test_a_photo_that_was_not_learned_from_is_compared_with_the_scene_itself():
-    colors, gains = photographed(np.ones((24, 3))).image(3), (0.8, 1.0, 1.3)
+def test_gains_of_an_unlearned_photo_come_from_the_rendered_scene():
+    colors, gains = photographed(ALIKE).image(3), (0.8, 1.0, 1.3)
     shown = Floor().render(CAMERAS[3], 1)
     scene = SimpleNamespace(render=lambda camera, _: SimpleNamespace(color=torch.from_numpy(colors), **vars(shown)))
     assert gains_from_render(scene, CAMERAS[3], colors * gains) == pytest.approx(gains, abs=0.01)
@@ -66,35 +63,38 @@ def test_a_photo_that_was_not_learned_from_is_compared_with_the_scene_itself():
     assert gains_from_render(scene, CAMERAS[3], colors * gains) == (1.0, 1.0, 1.0)
 
 
-def test_photos_exposed_alike_have_gains_of_exactly_1():
-    assert (estimate_photo_gains(Floor(), photographed(np.ones((24, 3)))) == 1).all()
-
-
-def test_gloss_that_follows_the_direction_is_no_gain():
-    shine = np.array([[0.1 * camera.position[0] / 3.6] * 3 for camera in CAMERAS])
-    assert (estimate_photo_gains(Floor(), photographed(np.exp(shine))) == 1).all()
-
-
-def test_what_one_half_of_the_world_tells_is_not_believed():
+def one_half_of_the_world_tells():
     gains = []
     for camera, logs in zip(CAMERAS, LOGS, strict=True):
         origins, directions = camera.rays(camera.pixel_centers())
         places = origins + depth_of_floor(camera)[0][:, None] * directions
         gains.append(np.exp(logs * np.where(places[:, :1] > 0, 1, -1)))
-    assert (estimate_photo_gains(Floor(), photographed(gains)) == 1).all()
+    return gains
 
 
-def test_few_photos_and_scenes_without_a_surface_tell_nothing():
-    dataset = photographed(np.exp(LOGS))
-    few = PixelDataset(CAMERAS[:5], [dataset.image(n) for n in range(5)], None)
-    assert (estimate_photo_gains(Floor(), few) == 1).all()
-    nothing = torch.zeros(48, 48)
+SHINE = np.array([[0.1 * camera.position[0] / 3.6] * 3 for camera in CAMERAS])
+
+
+@pytest.mark.parametrize(
+    ("gains", "count", "has_surface"),
+    [
+        (ALIKE, 24, True),
+        (np.exp(SHINE), 24, True),
+        (one_half_of_the_world_tells(), 24, True),
+        (np.exp(LOGS), 5, True),
+        (np.exp(LOGS), 24, False),
+    ],
+    ids=["exposed alike", "gloss that follows the direction", "half of the world", "few photos", "no surface"],
+)
+def test_gains_are_exactly_1_without_evidence(gains, count, has_surface):
+    dataset, nothing = photographed(gains), torch.zeros(48, 48)
+    dataset = PixelDataset(CAMERAS[:count], [dataset.image(n) for n in range(count)], None)
     empty = SimpleNamespace(render=lambda camera, _: SimpleNamespace(depth=nothing, opacity=nothing))
-    assert (estimate_photo_gains(empty, dataset) == 1).all()
+    assert (estimate_photo_gains(Floor() if has_surface else empty, dataset) == 1).all()
 
 
-def test_pixels_are_exposed_alike_bit_by_bit_where_gains_are_1():
-    dataset = photographed(np.ones((24, 3)))
+def test_gains_of_1_keep_every_bit_of_a_pixel():
+    dataset = photographed(ALIKE)
     pixels = torch.tensor([0, int(dataset.offsets[1])])
     as_photographed = dataset.color[pixels].float() / 255
     assert torch.equal(dataset.normalized_colors(pixels), as_photographed)
@@ -102,17 +102,14 @@ def test_pixels_are_exposed_alike_bit_by_bit_where_gains_are_1():
     assert torch.equal(dataset.normalized_colors(pixels)[1], as_photographed[1] / torch.tensor([2.0, 1.0, 0.5]))
 
 
-def test_a_fit_learns_what_follows_from_photos_in_one_exposure_and_resumes_so(monkeypatch):
+def test_later_levels_learn_from_photos_of_one_exposure(monkeypatch):
     photos = [take_photo(camera, sky=True) for camera in cameras(12)]
-    settings = replace(SETTINGS, levels=(*SETTINGS.levels, Level(36, 60, 0.75)))
+    settings = replace(box.SETTINGS, levels=(*box.SETTINGS.levels, Level(36, 60, 0.75)))
     told = np.full((12, 3), 1.25, np.float32)
     monkeypatch.setattr(voxel_fit, "estimate_photo_gains", lambda *_: told)
 
-    def started():
-        return start_box_fit(bank_of(photos, "opaque"), "opaque", settings, start_runtime(0, threads=1, device="cpu"))
-
-    fit, other = started(), started()
-    scenes = fit.scenes(Progress(lambda *_, **__: None, lambda: False, "geometry", 1))
+    fit, other = (box.start(photos, "opaque", settings) for _ in range(2))
+    scenes = fit.scenes(silent())
     next(scenes)
     assert fit.gains == np.ones((12, 3)).tolist()
     before = next(scenes).render(photos[0].camera, 1).color.mean()

@@ -11,39 +11,24 @@ pytest.importorskip("scipy")
 
 from blender_tests.engine.conftest import QUICK, ROOT
 from blender_tests.engine.fields import example_field
-from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.cli import main
-from karf_engine.errors import BadRequest, Cancelled, DataError
-from karf_engine.fields.files import SCHEMA, load_scene
+from karf_engine.errors import BadRequest, Cancelled
 from karf_engine.fields.registry import FieldKind, field_kind, field_kinds, register_field
-from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
 from karf_engine.project import Project
 
-LOAD_ELSEWHERE = """
-import sys
-from pathlib import Path
-{register}
-from karf_engine.fields.files import load_scene
-print(type(load_scene(Path(sys.argv[1])).field).__name__)
-"""
-
 
 @pytest.fixture(scope="module")
 def project(still_life, tmp_path_factory):
-    """The still life with every stage done on the example field."""
     folder = tmp_path_factory.mktemp("balls") / "project"
     assert main(still_life.command(folder, "geometry.field=balls")) == 0
     return Project(folder)
 
 
-def test_the_example_is_short():
-    assert len(Path(example_field.__file__).read_text(encoding="utf-8").splitlines()) <= 100
-
-
 def test_later_stages_run_on_the_example(project, still_life, tmp_path):
+    assert len(Path(example_field.__file__).read_text(encoding="utf-8").splitlines()) <= 100
     assert project.finished("geometry")["balls"] == example_field.BALLS
     command = ["render", str(project.folder), "--views", "test", "--out", str(tmp_path), "--threads", "1"]
     assert main(command) == 0
@@ -54,37 +39,19 @@ def test_later_stages_run_on_the_example(project, still_life, tmp_path):
             assert iou(read_mask(tmp_path / "masks" / name / f"test_{stem}.png"), photo.labels == label) >= 0.5
 
 
-def test_the_example_comes_back_from_its_file(project):
-    first, second = (load_scene(project.geometry_file).render(camera_at(0.3, 0.6), 3) for _ in range(2))
-    assert torch.equal(first.color, second.color) and first.opacity.max() > 0.9
-
-
-def load_elsewhere(path, register):
-    """Load the scene in a fresh process after this line."""
-    program = LOAD_ELSEWHERE.format(register=register)
-    return subprocess.run([sys.executable, "-c", program, path], cwd=ROOT, capture_output=True, text=True, timeout=120)
-
-
-def test_a_fresh_process_reads_it_once_the_kind_is_registered(project):
-    done = load_elsewhere(project.geometry_file, "import blender_tests.engine.fields.example_field")
-    assert done.stdout == "BallField\n", done.stderr
-
-
-def test_a_process_that_does_not_know_the_kind_says_which_it_knows(project):
-    done = load_elsewhere(project.geometry_file, "")
-    assert done.returncode and "a field of the unknown kind 'balls'" in done.stderr
-
-
-@pytest.mark.parametrize("kind", ["gaussians", ["voxels"], {}, None])
-def test_a_kind_that_no_field_has_is_refused(project, tmp_path, kind):
-    tensors, config = load_tensors(project.geometry_file, SCHEMA)
-    save_tensors(tmp_path / "scene.safetensors", tensors, SCHEMA, config | {"kind": kind})
-    with pytest.raises(DataError):
-        load_scene(tmp_path / "scene.safetensors")
+def test_a_fresh_process_reads_the_scene_once_its_kind_is_registered(project):
+    for register, printed, raised in (
+        ("import blender_tests.engine.fields.example_field", "BallField\n", ""),
+        ("pass", "", "a field of the unknown kind 'balls'"),
+    ):
+        program = f"import sys; from pathlib import Path; {register}; from karf_engine.fields.files import load_scene"
+        program += "; print(type(load_scene(Path(sys.argv[1])).field).__name__)"
+        command = [sys.executable, "-c", program, project.geometry_file]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120)
+        assert done.stdout == printed and raised in done.stderr and bool(done.returncode) == bool(raised)
 
 
 def learn_geometry(still_life, folder):
-    """The exit code of the geometry stage alone."""
     settings = [part for text in (*QUICK, "geometry.field=balls") for part in ("--set", text)]
     return main(["geometry", str(still_life.capture), "--project", str(folder), "--threads", "1", *settings])
 
@@ -106,18 +73,12 @@ def test_an_interrupted_fit_of_the_example_resumes_to_the_same_bits(project, sti
 
 
 def test_an_unknown_field_is_refused_with_the_known_ones_before_photos_are_read(tmp_path, capsys):
-    command = [
-        "geometry",
-        str(tmp_path / "no_capture"),
-        "--project",
-        str(tmp_path / "p"),
-        "--set",
-        "geometry.field=fog",
-    ]
+    project = tmp_path / "p"
+    command = ["geometry", str(tmp_path / "no_capture"), "--project", str(project), "--set", "geometry.field=fog"]
     assert main(command) == BadRequest.exit_code
     told = capsys.readouterr().err
     assert "geometry.field = 'fog' is not allowed." in told and "voxels, nerf" in told
-    assert not (tmp_path / "p").exists()
+    assert not project.exists()
 
 
 def test_a_name_belongs_to_one_kind():

@@ -1,4 +1,4 @@
-"""An iteration of learning queues its work and waits for nothing; how far it has come is read now and then."""
+"""On an accelerator an iteration of learning waits for nothing; the pretend device catches what a real one would refuse."""
 
 import contextlib
 
@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from blender_tests.engine.fields.fitting import learn_head
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.compute.progress import Progress
@@ -17,14 +18,10 @@ from karf_engine.fields.nerf.field import NerfSampling
 from karf_engine.fields.nerf.fit import NerfFit, tf32_matmul
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box
-from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.fields.voxels.field import VoxelField
-from karf_engine.heads.fields import RecoloringField, SegmentationField
-from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_on_rays, fit_recoloring
 from karf_engine.project.settings import NerfSettings, RecoloringSettings, SegmentationSettings
 
-CORNERS = [[-1.0] * 3, [1.0] * 3]
-ITERATIONS, RAYS = 4, 64
+ITERATIONS = 4
 aten = torch.ops.aten
 WAITING = {  # operations whose result, or its shape, must be read before the next one can be queued
     aten._local_scalar_dense.default,
@@ -41,11 +38,7 @@ INDEXING = {aten.index.Tensor, aten.index_put.default, aten.index_put_.default}
 
 
 class Waits(TorchDispatchMode):
-    """Notes every operation within it, forward and backward, that an accelerator would be waited for.
-
-    Attributes:
-        found: Their names.
-    """
+    """Notes the names of operations within it, forward and backward, that an accelerator would be waited for."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -62,19 +55,13 @@ def _by_mask(indices) -> bool:
 
 
 def _comes_back(args, kwargs) -> bool:
-    """Whether a tensor is copied from an accelerator to the processor."""
-    to = kwargs.get("device")
-    return (
-        to is not None
-        and torch.device(to).type == "cpu"
-        and isinstance(args[0], torch.Tensor)
-        and args[0].device.type != "cpu"
-    )
+    to, given = kwargs.get("device"), args[0] if args else None
+    is_away = isinstance(given, torch.Tensor) and given.device.type != "cpu"
+    return to is not None and torch.device(to).type == "cpu" and is_away
 
 
 @pytest.fixture
 def waits(monkeypatch):
-    """What is waited for in the forward and backward passes of each iteration."""
     found, gradients = [], training._gradients
 
     def counted(*arguments):
@@ -114,21 +101,11 @@ def tools(request):
 
 @pytest.fixture
 def field(tools):
-    device = tools[0].device
-    occupied = torch.ones(4, 4, 4, dtype=torch.bool, device=device)
-    return VoxelField(torch.tensor(CORNERS[0], device=device), 0.5, occupied, 4).requires_grad_(False)
+    occupied = torch.ones(4, 4, 4, dtype=torch.bool, device=tools[0].device)
+    return VoxelField(-torch.ones(3, device=tools[0].device), 0.5, occupied, 4).requires_grad_(False)
 
 
-@pytest.fixture
-def cache(tools):
-    device = tools[0].device
-    positions = torch.rand(RAYS, 3, 3, device=device) - 0.5
-    viewdirs = torch.nn.functional.normalize(positions[:, 0], dim=1)
-    distances, index = torch.rand(RAYS, 3, device=device).sort(1).values, torch.arange(RAYS, device=device)
-    return SurfaceCache(positions, distances, viewdirs, torch.ones(RAYS, device=device), index)
-
-
-def test_the_count_sees_what_waits():
+def test_the_counter_sees_operations_that_wait():
     numbers = torch.arange(4.0)
     with Waits() as waits:
         float(numbers.sum())
@@ -138,38 +115,10 @@ def test_the_count_sees_what_waits():
     assert len(waits.found) == 3
 
 
-@pytest.mark.parametrize("learn_from", ["points", "rays"])
-def test_learning_the_objects_waits_for_nothing(waits, tools, field, cache, learn_from):
-    device = tools[0].device
-    settings = SegmentationSettings(iterations=ITERATIONS, batch=32, width=8)
-    karf = SegmentationField(torch.tensor([CORNERS], device=device), 4, settings).to(device)
-    if learn_from == "points":
-        classes = torch.arange(RAYS, device=device) % 2
-        every, certain = torch.ones(RAYS, dtype=torch.bool, device=device), torch.ones(RAYS, device=device)
-        fit_on_points(karf, field, cache.positions[:, 0], classes, certain, every, every, settings, *tools)
-    else:
-        targets = torch.eye(2, device=device)[torch.arange(RAYS, device=device) % 2]
-        fit_on_rays(karf, field, cache, targets, settings, *tools)
-    assert waits == [[]] * ITERATIONS
-
-
-def test_learning_the_weights_waits_for_nothing(waits, tools, field, cache):
-    device = tools[0].device
-    settings = RecoloringSettings(iterations=ITERATIONS, batch=32, width=8)
-    karf = RecoloringField(torch.tensor(CORNERS, device=device), 4, [3, 3], settings).to(device)
-    number = torch.arange(RAYS, device=device)
-    colors, weights = torch.rand(RAYS, 3, device=device), torch.rand(RAYS, 3, device=device)
-    rays = ObjectRays(
-        cache.positions,
-        cache.viewdirs,
-        colors,
-        number,
-        number % 2,
-        weights,
-        number % 3 > 0,
-        torch.ones(RAYS, device=device),
-    )
-    fit_recoloring(karf, field, rays, torch.rand(2, 3, 3, device=device), settings, *tools)
+@pytest.mark.parametrize("kind", ["points", "rays", "recoloring"])
+def test_learning_a_head_waits_for_nothing(waits, tools, field, kind):
+    settings = RecoloringSettings if kind == "recoloring" else SegmentationSettings
+    learn_head(kind, field, settings(iterations=ITERATIONS, batch=32, width=8), *tools)
     assert waits == [[]] * ITERATIONS
 
 
@@ -186,8 +135,75 @@ def test_learning_a_nerf_waits_for_nothing(waits, tools):
 
 
 @pytest.mark.parametrize(("device", "precision"), [("cuda", "high"), ("cpu", "highest")])
-def test_a_nerf_is_learned_with_tf32_matmul_where_a_card_has_them_and_with_no_others(device, precision):
+def test_tf32_matmul_is_on_for_cuda_alone(device, precision):
     with contextlib.suppress(ZeroDivisionError), tf32_matmul(torch.device(device)):
         assert torch.get_float32_matmul_precision() == precision
         raise ZeroDivisionError
     assert torch.get_float32_matmul_precision() == "highest"
+
+
+# --------------------------------------------------------------------------------------------------- the pretend device
+PRETEND = "blender_tests.engine.pretend_device"
+pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
+
+from blender_tests.engine.pretend_device import NAME, WrongDevice
+
+
+@pytest.fixture
+def x():
+    with pretend_device() as device:
+        yield torch.ones(4, 3, device=device)
+
+
+MIXTURES = {
+    "a sum": lambda x: x + torch.ones(4, 3),
+    "a product of matrices": lambda x: x @ torch.ones(3, 2),
+    "an index": lambda x: x[torch.tensor([0, 1])],
+    "a mask": lambda x: x[torch.ones(4, dtype=torch.bool)],
+    "an index that is written to": lambda x: x.index_put_((torch.tensor([0]),), torch.zeros(1, 3, device=NAME)),
+    "a join": lambda x: torch.cat([x, torch.zeros(1, 3)]),
+    "a stack with one number": lambda x: torch.stack([x.sum(), torch.tensor(0.0)]),
+    "a choice": lambda x: torch.where(x > 0, x, torch.zeros(4, 3)),
+    "a search": lambda x: torch.searchsorted(x, torch.zeros(4, 1)),
+    "a layer": lambda x: torch.nn.Linear(3, 2)(x),
+    "an output": lambda x: torch.mul(x, x, out=torch.empty(4, 3)),
+    "a scatter": lambda x: torch.zeros(4, 3).index_add(0, torch.arange(4, device=NAME), x),
+    "a generator of the CPU": lambda x: torch.rand(3, generator=torch.Generator(), device=NAME),
+    "a generator of its own for the CPU": lambda x: torch.randn(3, generator=torch.Generator(device=NAME)),
+    "whole numbers": lambda x: torch.randint(3, (2,), generator=torch.Generator(), device=NAME),
+}
+
+
+@pytest.mark.parametrize("mixture", MIXTURES.values(), ids=MIXTURES)
+def test_tensors_and_generators_of_both_devices_do_not_mix(x, mixture):
+    with pytest.raises(WrongDevice, match=r"of the CPU and of another device|generator"):
+        mixture(x)
+    with pytest.raises((RuntimeError, TypeError)):
+        x.numpy()
+
+
+def test_values_can_be_copied_between_devices(x):
+    x = torch.zeros_like(x[0])
+    assert x.device.type == NAME and (x + torch.tensor(2.0)).sum() == 6  # one number of the CPU, as on a real device
+    x.copy_(torch.ones(3))
+    x[0:1] = torch.full((1,), 5.0)
+    assert x.cpu().device.type == "cpu" and x.tolist() == x.cpu().numpy().tolist() == [5, 1, 1]
+    assert torch.ones(2).to(x).device == torch.tensor([1, 2], device=NAME).device == x.device
+    assert x[[0, 2]].tolist() == [5, 1]
+    own, other = torch.Generator(device=NAME).manual_seed(3), torch.Generator().manual_seed(3)
+    assert torch.rand(2, generator=own, device=NAME).tolist() == torch.rand(2, generator=other).tolist()
+
+
+def test_learning_gives_what_it_gives_on_the_cpu(x):
+    def learned(device):
+        torch.manual_seed(0)
+        network = torch.nn.Sequential(torch.nn.Linear(3, 8), torch.nn.ReLU(), torch.nn.Linear(8, 1)).to(device)
+        optimizer = torch.optim.Adam(network.parameters(), fused=True)
+        x = torch.randn(16, 3).to(device)
+        for _ in range(3):
+            optimizer.zero_grad()
+            (network(x[x[:, 0] > 0]) ** 2).mean().backward()
+            optimizer.step()
+        return [parameter.cpu() for parameter in network.parameters()]
+
+    assert all(torch.equal(a, b) for a, b in zip(learned(NAME), learned("cpu"), strict=True))

@@ -1,13 +1,12 @@
 """Star weights: a partition of unity, exact inside the hull, nearest point outside it, continuous, of color alone, and
 the same with and without scipy. LoCoPalettes' weights: convex, faithful to the color, local, with corners at features."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
 
+from blender_tests.engine.palettes.conftest import LEGO
 from karf_engine.palettes.palette_weights import (
     hull_corners,
     loco_weights,
@@ -17,9 +16,8 @@ from karf_engine.palettes.palette_weights import (
 )
 from karf_engine.palettes.star import plain_hull, star_of, star_weights_in
 
-SIX = np.array([(0, 0, 0), (255, 252, 61), (255, 144, 6), (71, 92, 130), (255, 0, 0), (255, 255, 255)]) / 255
 PALETTES = {
-    "six": SIX,
+    "six": LEGO,
     "cube": np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float),
     "tetrahedron": np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
     "one inside": np.array([[0, 0, 0], [1, 0.1, 0], [0.2, 1, 0], [0, 0, 1], [0.2, 0.2, 0.2]]),
@@ -27,16 +25,19 @@ PALETTES = {
     "flat quad": np.array([[0, 0, 0], [0.5, 0.1, 0.1], [0.6, 0.3, 0.6], [0.1, 0.2, 0.5]]),
     "single hue": np.array([[0, 0, 0], [0.8, 0.2, 0.1]]),
     "single hue twice": np.array([[0, 0, 0], [0.4, 0.1, 0.05], [0.8, 0.2, 0.1]]),
+    "line": np.array([[0, 0, 0], [0.5, 0.5, 0.5], [1, 1, 1]]),
+    "black alone": np.zeros((1, 3)),
+    "all black": np.zeros((2, 3)),
     "twins": np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
 }
 
 
 @pytest.fixture(params=PALETTES.values(), ids=PALETTES.keys())
-def palette(request: pytest.FixtureRequest) -> np.ndarray:
+def palette(request):
     return request.param
 
 
-def test_weights_are_a_sparse_partition_of_unity(palette: np.ndarray) -> None:
+def test_weights_are_a_sparse_partition_of_unity(palette):
     colors = np.random.default_rng(0).random((2000, 3))
     weights = star_weights(colors, palette)
     assert weights.shape == (2000, len(palette)) and weights.dtype == np.float32
@@ -45,23 +46,18 @@ def test_weights_are_a_sparse_partition_of_unity(palette: np.ndarray) -> None:
     assert (weights > 0).sum(axis=1).max() <= 4
 
 
-def test_colors_inside_the_hull_are_exact(palette: np.ndarray) -> None:
+def test_colors_inside_the_hull_are_exact(palette):
     colors = np.random.default_rng(1).dirichlet(np.full(len(palette), 0.5), 2000) @ palette
     np.testing.assert_allclose(star_weights(colors, palette) @ palette, colors, atol=1e-6)
     assert outside_distance(colors, palette).max() < 1e-7
 
 
-def test_black_is_entry_0_alone(palette: np.ndarray) -> None:
-    expected = np.zeros((1, len(palette)))
-    expected[0, 0] = 1
-    np.testing.assert_array_equal(star_weights(np.zeros((1, 3)), palette), expected)
+def test_a_corner_of_the_hull_is_its_own_entry_and_black_entry_0_alone(palette):
+    np.testing.assert_array_equal(star_weights(np.zeros((1, 3)), palette)[0], np.eye(len(palette))[0])
+    np.testing.assert_allclose(star_weights(LEGO, LEGO), np.eye(6), atol=1e-6)
 
 
-def test_corner_of_the_hull_is_its_own_entry() -> None:
-    np.testing.assert_allclose(star_weights(SIX, SIX), np.eye(6), atol=1e-6)
-
-
-def test_outside_colors_go_to_the_nearest_point_of_the_hull(palette: np.ndarray) -> None:
+def test_outside_colors_go_to_the_nearest_point_of_the_hull(palette):
     random = np.random.default_rng(2)
     colors = random.random((300, 3))
     nearest = star_weights(colors, palette) @ palette
@@ -73,7 +69,7 @@ def test_outside_colors_go_to_the_nearest_point_of_the_hull(palette: np.ndarray)
     assert along.max() < 1e-5
 
 
-def test_weights_are_continuous(palette: np.ndarray) -> None:
+def test_weights_are_continuous(palette):
     random = np.random.default_rng(3)
     colors = random.random((4000, 3))
     step = 1e-6 * random.normal(size=colors.shape)
@@ -82,56 +78,40 @@ def test_weights_are_continuous(palette: np.ndarray) -> None:
     assert change < 5e-4
 
 
-def test_same_color_gets_the_same_weights_wherever_it_stands() -> None:
+def test_same_color_gets_the_same_weights_wherever_it_stands():
     colors = np.random.default_rng(4).random((40000, 3))
     order = np.random.default_rng(5).permutation(len(colors))
-    np.testing.assert_array_equal(star_weights(colors, SIX)[order], star_weights(colors[order], SIX))
+    np.testing.assert_array_equal(star_weights(colors, LEGO)[order], star_weights(colors[order], LEGO))
 
 
-def test_image_of_few_colors_equals_its_pixels_one_by_one() -> None:
+def test_image_of_few_colors_equals_its_pixels_one_by_one():
     image = np.random.default_rng(6).integers(0, 4, (20, 30, 3)).astype(np.uint8) * np.uint8(80)
-    expected = star_weights(image.reshape(-1, 3) / 255, SIX).reshape(20, 30, 6)
-    np.testing.assert_array_equal(palette_weights_of_image(image, SIX), expected)
+    expected = star_weights(image.reshape(-1, 3) / 255, LEGO).reshape(20, 30, 6)
+    np.testing.assert_array_equal(palette_weights_of_image(image, LEGO), expected)
+    assert star_weights(np.zeros((0, 3)), LEGO).shape == (0, 6)
 
 
-def test_palette_of_black_alone_takes_everything() -> None:
-    for palette in (np.zeros((1, 3)), np.zeros((2, 3))):
-        weights = star_weights(np.array([[0.2, 0.3, 0.6]]), palette)
-        assert weights[0, 0] == 1 and weights.sum() == 1
-        assert outside_distance(np.array([[0.2, 0.3, 0.6]]), palette)[0] == pytest.approx(0.7)
-
-
-def test_no_colors_give_no_rows() -> None:
-    assert star_weights(np.zeros((0, 3)), SIX).shape == (0, 6)
-
-
+# ------------------------------------------------------------------------------------------------------- without scipy
 COLORS = np.random.default_rng(2).random((2000, 3))
 
 
 @pytest.mark.parametrize("size", [2, 3, 4, 6, 12, 30])
-def test_weights_are_those_of_the_engine(size):
+def test_the_plain_hull_gives_the_weights_of_scipys(size):
     palette = np.concatenate([np.zeros((1, 3)), np.random.default_rng(size).random((size - 1, 3))])
     found = star_weights_in(star_of(palette, plain_hull), COLORS, size)
     np.testing.assert_allclose(found, star_weights(COLORS, palette), atol=1e-5)
 
 
-@pytest.mark.parametrize(
-    "palette",
-    [
-        [[0, 0, 0], [0.5, 0.5, 0.5], [1, 1, 1]],  # a line
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0.9, 0.2, 0], [0.2, 0.1, 0]],  # a plane
-        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],  # faces of four
-        [[0, 0, 0], [0, 0, 0]],
-    ],
-)
-def test_flat_palettes_and_faces_of_more_corners_mix_the_same_colors(palette):
-    palette = np.array(palette, float)
+@pytest.mark.parametrize("name", ["line", "flat quad", "cube", "all black", "twins"])
+def test_the_plain_hull_of_flat_palettes_and_of_faces_of_four_mixes_the_same_colors(name):
+    palette = PALETTES[name]
     found = star_weights_in(star_of(palette, plain_hull), COLORS, len(palette))
     np.testing.assert_allclose(found @ palette, star_weights(COLORS, palette) @ palette, atol=1e-5)
     np.testing.assert_allclose(found.sum(axis=1), 1, atol=1e-5)
     assert (found >= 0).all()
 
 
+# -------------------------------------------------------------------------------------------- weights of LoCoPalettes
 PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1], [1, 1, 0]], np.float32)
 
 
@@ -144,32 +124,18 @@ def pixels():
     return colors, places
 
 
-def test_weights_are_convex_mixes_that_give_the_colors_back(pixels):
+def test_weights_are_convex_mixes_of_the_corners_which_keep_those_of_their_color(pixels):
     colors, places = pixels
-    weights = loco_weights(colors, places, PALETTE)
+    weights, direct = loco_weights(colors, places, PALETTE), star_weights(colors, PALETTE)
     assert weights.shape == (600, 6) and weights.dtype == np.float32
     assert weights.min() >= 0
     np.testing.assert_allclose(weights.sum(1), 1, atol=1e-6)
     np.testing.assert_allclose(weights @ PALETTE, colors, atol=1e-5)
-
-
-def test_corners_keep_the_weights_of_their_color_and_others_are_mixes_of_corners(pixels):
-    colors, places = pixels
-    weights, direct = loco_weights(colors, places, PALETTE), star_weights(colors, PALETTE)
     corners = hull_corners(np.concatenate([colors, places], 1))
     assert 20 < len(corners) < 600
     np.testing.assert_allclose(weights[corners], direct[corners], atol=1e-5)
     others = np.setdiff1d(np.arange(600), corners)
     assert np.abs(weights[others] - direct[others]).max() > 0.01
-
-
-def test_a_color_may_have_other_weights_in_another_place(pixels):
-    colors, places = pixels
-    middle = np.array([[0.5, 0.42], [0.5, 0.58]])  # where such a color is nothing special
-    same = np.concatenate([colors, np.full((2, 3), 0.2)]), np.concatenate([places, middle])
-    first, second = loco_weights(*same, PALETTE)[-2:]
-    np.testing.assert_allclose([first @ PALETTE, second @ PALETTE], 0.2, atol=1e-5)
-    assert np.abs(first - second).max() > 1e-3
 
 
 def test_a_pixel_whose_features_stand_out_becomes_a_corner(pixels):

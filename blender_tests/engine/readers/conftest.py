@@ -1,23 +1,25 @@
 """How many files are changed, and the project whose files are."""
 
 import os
+import shutil
+from pathlib import Path
 
 import pytest
 
-collect_ignore_glob = ["*"] if os.name == "nt" else []  # readers are interrupted by a timer, which Windows has not
+collect_ignore_glob = ["test_readers.py"] if os.name == "nt" else []  # a timer interrupts readers; Windows has none
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--mutants", type=int, help="changed files for each reader; a tenth for those that render")
+    parser.addoption("--mutants", type=int, help="changed files for each reader, and a share of it for slow ones")
 
 
 @pytest.fixture(scope="session")
-def project(tmp_path_factory):
-    """A project with every stage done, planes and an edit."""
-    torch = pytest.importorskip("torch")
-    from blender_tests.engine.readers import samples
+def project(learned, tmp_path_factory) -> Path:
+    """The learned project with planes of one view and an edit."""
+    import karf_engine as karf
+    from blender_tests.engine.readers.samples import RENDERED
 
-    threads = torch.get_num_threads()
-    learned = samples.learned_project(tmp_path_factory.mktemp("learned"))
-    torch.set_num_threads(threads)
-    return learned
+    folder = shutil.copytree(learned.project, tmp_path_factory.mktemp("readers") / "project")
+    karf.load(folder, "cpu").edit().becomes("ball", "#b5302c", "#3059b8").save(folder / "edit.json")
+    karf.render(folder, folder.parent / "frames", views=RENDERED, planes=True, threads=1)
+    return folder

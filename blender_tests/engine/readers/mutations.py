@@ -1,7 +1,4 @@
-"""Hypothesis strategies of nearly right files: bytes, words, values, members and names of a valid file are changed.
-
-Each takes the bytes of a valid file and generates those of a changed one.
-"""
+"""Hypothesis strategies of nearly right files: each takes the bytes of a valid file and gives those of a changed one."""
 
 from __future__ import annotations
 
@@ -52,8 +49,7 @@ def changed_bytes(draw: Draw, data: bytes) -> bytes:
     """Overwrite numbers, flip bits, take out, put in, repeat, cut off."""
     for _ in range(draw(st.sampled_from((1, 1, 1, 2, 3, 8)))):
         if data:
-            at = draw(st.integers(0, len(data) - 1))
-            data = draw(_byte_change(data, at))
+            data = draw(_byte_change(data, draw(st.integers(0, len(data) - 1))))
     return data
 
 
@@ -61,9 +57,8 @@ def _byte_change(data: bytes, at: int) -> st.SearchStrategy[bytes]:
     """The data with something else in the place of a few bytes."""
     flipped = st.integers(0, 7).map(lambda bit: bytes([data[at] ^ 1 << bit]))
     number = st.one_of(flipped, st.binary(min_size=1, max_size=1), st.sampled_from(NUMBERS))
-    repeated = st.builds(
-        lambda start, size: data[start : start + size], st.integers(0, len(data) - 1), st.sampled_from((4, 16, 64))
-    )
+    start, size = st.integers(0, len(data) - 1), st.sampled_from((4, 16, 64))
+    repeated = st.builds(lambda start, size: data[start : start + size], start, size)
     return st.one_of(
         st.one_of(number, repeated).map(lambda new: data[:at] + new + data[at + len(new) :]),
         st.sampled_from((1, 2, 4, 16, 100, len(data))).map(lambda size: data[:at] + data[at + size :]),
@@ -135,40 +130,33 @@ def hostile_names(draw: Draw, data: bytes) -> bytes:
     return json_bytes(value)
 
 
-def _named(value: Any, own: bool = False) -> Iterator[tuple[Any, Any]]:
+def _named(value: Any, is_named: bool = False) -> Iterator[tuple[Any, Any]]:
     """Every (container, key) of a text below one of NAME_KEYS."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in list(items):
-        below = own or key in NAME_KEYS
+        below = is_named or key in NAME_KEYS
         if below and isinstance(inner, str):
             yield value, key
         yield from _named(inner, below)
 
 
-@st.composite
-def hostile_keys(draw: Draw, data: bytes) -> bytes:
-    """Give one object of an edit a hostile name."""
-    value = json.loads(data)
-    objects = value["objects"]
-    objects[draw(names)] = objects.pop(draw(st.sampled_from(list(objects))))
-    return json_bytes(value)
-
-
 # --------------------------------------------------------------------------------------------------- files with parts
 @st.composite
-def changed_npz(draw: Draw, data: bytes) -> bytes:
-    """Change one array of an npz and pack it again, checksum and all; sometimes bytes of the whole."""
-    if happens(draw, 30):
+def changed_zip(draw: Draw, data: bytes) -> bytes:
+    """Change, rename or remove one member, mostly a JSON one, and pack again; sometimes change bytes of the whole."""
+    if happens(draw, 25):
         return draw(changed_bytes(data))
     members = _members(data)
-    name = draw(st.sampled_from(sorted(members)))
+    described = [name for name in members if name.endswith(".json")]
+    name = draw(st.sampled_from([*described * 6, *members]))
     content = members.pop(name)
     way = draw(st.sampled_from(("rename", "remove", *["change"] * 8)))
     if way == "rename":
-        members[draw(names) + ".npy"] = content
+        members[draw(names) + name[-4:]] = content
     elif way == "change":
-        members[name] = draw(changed_npy(content))
-    return _packed(members, zipfile.ZIP_DEFLATED)
+        kinds = {"json": changed_json, ".npy": changed_npy}
+        members[name] = draw(kinds.get(name[-4:], changed_bytes)(content))
+    return _packed(members)
 
 
 def _members(data: bytes) -> dict[str, bytes]:
@@ -176,9 +164,9 @@ def _members(data: bytes) -> dict[str, bytes]:
         return {name: stored.read(name) for name in stored.namelist()}
 
 
-def _packed(members: dict[str, bytes], method: int) -> bytes:
+def _packed(members: dict[str, bytes]) -> bytes:
     packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", method) as file:
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
         for member, content in members.items():
             file.writestr(member.replace("\0", "").encode("utf-8", "replace").decode() or "x", content)
     return packed.getvalue()
@@ -199,25 +187,18 @@ def changed_safetensors(draw: Draw, data: bytes) -> bytes:
         return draw(changed_bytes(data))
     if happens(draw, 30):
         return with_header(data, lambda header: draw(changed_value(header)))
-    return with_header(data, lambda header: with_facts(header, lambda facts: draw(changed_value(facts))))
+    return with_facts(data, lambda facts: draw(changed_value(facts)))
 
 
-@st.composite
-def hostile_objects(draw: Draw, data: bytes) -> bytes:
-    """Give one object in the facts of a safetensors file a hostile name."""
+def with_facts(data: bytes, change: Callable[[Any], Any]) -> bytes:
+    """A safetensors file with other facts, where checkpoints.py writes them."""
 
-    def change(facts: dict[str, Any]) -> dict[str, Any]:
-        facts["objects"][draw(st.integers(0, len(facts["objects"]) - 1))] = draw(names)
-        return facts
+    def in_header(header: dict[str, Any]) -> dict[str, Any]:
+        own = json.loads(header["__metadata__"]["karf"])
+        header["__metadata__"]["karf"] = json.dumps(own | {"facts": change(own["facts"])})
+        return header
 
-    return with_header(data, lambda header: with_facts(header, change))
-
-
-def with_facts(header: dict[str, Any], change: Callable[[Any], Any]) -> dict[str, Any]:
-    """A safetensors header with other facts, where checkpoints.py writes them."""
-    own = json.loads(header["__metadata__"]["karf"])
-    header["__metadata__"]["karf"] = json.dumps(own | {"facts": change(own["facts"])})
-    return header
+    return with_header(data, in_header)
 
 
 def with_header(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:
@@ -229,19 +210,8 @@ def with_header(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:
 
 
 @st.composite
-def changed_sog(draw: Draw, data: bytes) -> bytes:
-    """Change one member of an archive of Gaussians, the list of what they mean as JSON; sometimes bytes of the whole."""
-    if happens(draw, 20):
-        return draw(changed_bytes(data))
-    members = _members(data)
-    name = draw(st.sampled_from(["meta.json"] * 6 + sorted(members)))
-    members[name] = draw((changed_json if name == "meta.json" else changed_bytes)(members[name]))
-    return _packed(members, zipfile.ZIP_STORED)
-
-
-@st.composite
 def changed_gzip(draw: Draw, data: bytes) -> bytes:
-    """Change what is packed and pack it again, checksum and all; mostly its first bytes; sometimes bytes of the whole."""
+    """Change what is packed and pack it again, mostly its first bytes; sometimes bytes of the whole."""
     if happens(draw, 20) or not data.startswith(b"\x1f\x8b"):
         return draw(changed_bytes(data))
     content = gzip.decompress(data)

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import karf_engine as karf
-from blender_tests.engine.faults.checksums import renew_checksum
 from blender_tests.engine.readers import mutations, samples
+from blender_tests.engine.readers.mutations import changed_bytes, changed_json, changed_safetensors, changed_text
 from karf_engine.capture import open_capture
-from karf_engine.capture.capture import capture_to_json
+from karf_engine.capture.capture import capture_from_json, capture_to_json
 from karf_engine.capture.sparse_points import read_points
 from karf_engine.capture.splat_cameras import read_splat_cameras
 from karf_engine.commands.job import open_job
@@ -23,6 +23,7 @@ from karf_engine.export.layer_names import read_layer_names
 from karf_engine.fields.nerf.importing import read_nerf
 from karf_engine.heads.files import load_surface
 from karf_engine.heads.training_rays import object_pixels
+from karf_engine.io.files import read_json
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_mask, read_photo
 from karf_engine.palettes.color_books import read_color_book
@@ -33,11 +34,11 @@ from karf_engine.palettes.palette_files import read_edit_file
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import STAGE_ORDER, Project
 from karf_engine.project.contents import read_capture, settings_for
-from karf_engine.splats.formats.registry import read_splats
+from karf_engine.splats.formats.registry import arrays_of, read_splats
 from karf_engine.worker.protocol import EventReader, Request
 from tools.convert_bmild import read_bmild
 
-RESULTS = {
+RESULTS = {  # stages by output
     "capture.json": "geometry",
     "segmentation.json": "segmentation",
     "palette.json": "recoloring",
@@ -47,29 +48,24 @@ RESULTS = {
     "splats.safetensors": "splats",
     "surface.safetensors": "segmentation",
     "object_colors.npz": "recoloring",
-}  # stages by output
+}
 PLAIN = re.compile(r"(train_|test_)?r_\d+")  # names of views and photos as the samples have them
 
 
 @dataclass(frozen=True)
 class Reader:
-    """How the engine reads files of one kind.
+    """How the engine reads files of one kind."""
 
-    Attributes:
-        name: As tests are called.
-        make: Writes valid files into an empty folder.
-        files: Which of them are changed.
-        mutation: How.
-        read: Reads the changed one; it may write into its folder.
-        is_slow: Whether it renders.
-    """
-
-    name: str
-    make: Callable[[Path], None]
-    files: tuple[str, ...]
+    name: str  # as tests are called
+    make: Callable[[Path], None]  # writes valid files into an empty folder
+    files: tuple[str, ...]  # those that are changed
     mutation: mutations.Mutation
-    read: Callable[[Path], object]
-    is_slow: bool = False
+    read: Callable[[Path], object]  # of a changed file, in whose folder it may write
+    share: int = 1  # it gets so many times fewer mutants, as it starts a process or renders
+    direct: Callable[[Path], object] | None = None  # `read` without a process of its own
+
+
+STARTS, RENDERS = 3, 10  # values of `share`
 
 
 # ------------------------------------------------------------------------------------------------------------ how to read
@@ -81,6 +77,10 @@ def capture(path: Path) -> None:
 
 def new_cameras(path: Path) -> None:
     json.dumps(capture_to_json(open_capture(path, photos=False)))
+
+
+def canonical_capture(path: Path) -> None:
+    capture_from_json(read_json(path, "capture"), path)
 
 
 def photo(path: Path) -> None:
@@ -124,13 +124,11 @@ def surface(path: Path) -> None:
 
 def masked_views(path: Path) -> None:
     """What the recoloring stage learns from in the views that have a mask, which the report names."""
-    job = open_job(
-        RenderOptions(project=project_of(path).folder, threads=1), lambda kind, /, **values: None, lambda: False
-    )
-    project = job.project
+    options = RenderOptions(project=project_of(path).folder, threads=1)
+    job = open_job(options, lambda kind, /, **values: None, lambda: False)
     settings = replace(job.settings, recoloring=replace(job.settings.recoloring, supervision="reference"))
-    surface, _ = load_surface(project.verified(project.surface_file))
-    blocks = read_palettes(project.verified(project.palette_file), "initial")
+    surface, _ = load_surface(job.project.verified(job.project.surface_file))
+    blocks = read_palettes(job.project.verified(job.project.palette_file), "initial")
     rays_of(replace(job, settings=settings), None, surface, blocks)
 
 
@@ -155,20 +153,17 @@ def rendered(path: Path) -> None:
 
 
 def renamed(path: Path) -> None:
-    """Give the objects the names of palette.json everywhere, then solve an edit and render."""
+    """Give the objects the names of palette.json everywhere, then solve an edit of each and render."""
     project, folder = project_of(path), project_of(path).folder
     names = [entry["name"] for entry in json.loads(path.read_text())["objects"]]
     for file in (project.segmentation_file, project.surface_file):
-        file.write_bytes(mutations.with_header(file.read_bytes(), lambda header: _with_objects(header, names)))
-        renew_checksum(folder, file)
-    edits = json.loads((folder / "edit.json").read_text())
-    edits["objects"] = dict(zip(names, edits["objects"].values(), strict=True))
-    (folder / "edit.json").write_text(json.dumps(edits))
+        file.write_bytes(mutations.with_facts(file.read_bytes(), lambda facts: facts | {"objects": names}))
+        samples.renew_checksum(folder, file)
+    edit = edit_of(project)
+    for name in names:
+        edit = edit.becomes(name, "#b5302c", "#3059b8")
+    edit.save(folder / "edit.json")
     _render(path, samples.RENDERED)
-
-
-def _with_objects(header: dict, names: list[str]) -> dict:
-    return mutations.with_facts(header, lambda facts: facts | {"objects": names})
 
 
 def rendered_cameras(path: Path) -> None:
@@ -180,13 +175,6 @@ def _render(path: Path, views: str) -> None:
     karf.render(folder, folder / "out", views=views, edit=folder / "edit.json", planes=True, threads=1)
 
 
-def matched(path: Path) -> None:
-    """Solve an edit for whatever objects the palettes name."""
-    for palette in read_palettes(path):
-        edit = edit_of(project_of(path))
-        edit.becomes(palette.name, "#b5302c", "#3059b8").save(edit.project.folder / "out.json")
-
-
 def project_of(path: Path) -> Project:
     """Return the project of one of its files."""
     is_result = path.parent.parent.name == "results"
@@ -195,60 +183,64 @@ def project_of(path: Path) -> Project:
 
 # --------------------------------------------------------------------------------------------------------------- registry
 def readers(project: Path | None) -> list[Reader]:
-    """All readers. project: a learned one (see samples), which is copied; None where only names are asked for."""
-    model = "sparse/0/"
-    found = [
-        Reader("NeRF-synthetic, transforms_train.json", samples.nerf_synthetic, ("transforms_train.json",),
-               mutations.changed_json, capture),
-        Reader("transforms.json", samples.transforms, ("transforms.json",), mutations.changed_json, capture),
-        Reader("camera file", samples.camera_file, ("cameras.json",), mutations.changed_json, new_cameras),
-        Reader("cameras of a splat", samples.splat_cameras, ("cameras.json",), mutations.changed_json,
-               read_splat_cameras),
+    """All readers. project: a learned one with planes and an edit, which is copied; None where only names are asked for."""
+    json_files = [
+        ("NeRF-synthetic", samples.nerf_synthetic, "transforms_train.json", capture),
+        ("transforms.json", samples.transforms, "transforms.json", capture),
+        ("camera file", samples.camera_file, "cameras.json", new_cameras),
+        ("cameras of a splat", samples.splat_cameras, "cameras.json", read_splat_cameras),
+        ("canonical capture", samples.canonical_capture, "capture.json", canonical_capture),
+        ("request.json", samples.request, "request.json", read_request),
+    ]
+    splats = {
+        "cloud.ply": changed_text,
+        "text.ply": changed_text,
+        "cloud.splat": changed_bytes,
+        "cloud.compressed.ply": changed_text,
+        "cloud.spz": mutations.changed_gzip,
+        "streams.spz": changed_bytes,
+        "cloud.sog": mutations.changed_zip,
+        "cloud.glb": mutations.changed_glb,
+        "cloud.gltf": changed_json,
+        "cloud.usda": changed_text,
+        "cloud.usdc": changed_bytes,
+        "packed.usdc": changed_bytes,
+        "cloud.usdz": changed_bytes,
+    }
+    in_this_process = ("cloud.ply", "text.ply", "cloud.splat")
+    png = ("plain.png", "alpha.png", "palette.png", "deep.png", "deep_gray.png")
+    others = ("plain.webp", "plain.bmp", "plain.tif", "deep.tif", "float.tif")
+    return [
+        *(Reader(name, make, (file,), changed_json, read) for name, make, file, read in json_files),
         *(
-            Reader(f"COLMAP, {table}{suffix}", samples.colmap(suffix), (f"{model}{table}{suffix}",), mutation, capture)
-            for suffix, mutation in ((".bin", mutations.changed_bytes), (".txt", mutations.changed_text))
+            Reader(f"{table}{suffix}", samples.colmap(suffix), (f"sparse/0/{table}{suffix}",), mutation, capture)
+            for suffix, mutation in ((".bin", changed_bytes), (".txt", changed_text))
             for table in ("cameras", "images", "points3D")
         ),
-        Reader("LLFF, poses_bounds.npy", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
-        Reader("NeX, hwf_cxcy.npy", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
-        Reader("PLY", samples.ply, ("text.ply", "binary.ply"), mutations.changed_text, read_points),
+        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
+        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
+        Reader("points in PLY", samples.ply, ("text.ply", "binary.ply"), changed_text, read_points),
         *(
-            Reader(f"splats, {name}", samples.splats, (name,), mutation, read_splats)
-            for name, mutation in (
-                ("cloud.ply", mutations.changed_text),
-                ("text.ply", mutations.changed_text),
-                ("cloud.compressed.ply", mutations.changed_text),
-                ("cloud.spz", mutations.changed_gzip),
-                ("streams.spz", mutations.changed_bytes),
-                ("cloud.sog", mutations.changed_sog),
-                ("cloud.splat", mutations.changed_bytes),
-                ("cloud.glb", mutations.changed_glb),
-                ("cloud.gltf", mutations.changed_json),
-                ("cloud.usda", mutations.changed_text),
-                ("cloud.usdc", mutations.changed_bytes),
-                ("packed.usdc", mutations.changed_bytes),
-                ("cloud.usdz", mutations.changed_bytes),
-            )
+            Reader(f"splats, {file}", samples.splats, (file,), mutation, read_splats,
+                   1 if file in in_this_process else STARTS, arrays_of)
+            for file, mutation in splats.items()
         ),
-        Reader("PNG", samples.png, ("plain.png", "alpha.png", "palette.png", "deep.png", "deep_gray.png"),
-               mutations.changed_bytes, photo),
-        Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), mutations.changed_bytes, photo),
-        Reader("WebP, BMP, TIFF", samples.other_pictures, ("plain.webp", "plain.bmp", "plain.tif", "deep.tif", "float.tif"),
-               mutations.changed_bytes, photo),
-        Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), mutations.changed_bytes, photo),
-        Reader("mask", samples.png, ("plain.png", "alpha.png", "palette.png", "deep_gray.png"), mutations.changed_bytes,
-               read_mask),
-        Reader("GIMP palette", samples.swatches, ("swatches.gpl",), mutations.changed_text, swatches),
-        Reader("Adobe swatches", samples.swatches, ("swatches.ase",), mutations.changed_bytes, swatches),
-        Reader("color book, CSV", samples.color_books, ("inks.csv",), mutations.changed_text, read_color_book),
-        Reader("color book, Adobe", samples.color_books, ("inks.acb",), mutations.changed_bytes, read_color_book),
-        Reader("layers", samples.layers, ("view.exr",), mutations.changed_bytes, read_layer_names),
-        Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), mutations.changed_bytes, read_nerf),
-        Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), mutations.changed_bytes, read_bmild),
-        Reader("request.json", samples.request, ("request.json",), mutations.changed_json, read_request),
-        Reader("events.jsonl", samples.events, ("events.jsonl",), mutations.changed_bytes, read_events),
+        Reader("PNG", samples.png, png, changed_bytes, photo, direct=read_photo),
+        Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), changed_bytes, photo, direct=read_photo),
+        Reader("WebP, BMP, TIFF", samples.other_pictures, others, changed_bytes, photo),
+        Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), changed_bytes, photo, direct=read_photo),
+        Reader("header of a picture", samples.png, png, changed_bytes, image_header),
+        Reader("mask", samples.png, png[:3] + png[4:], changed_bytes, read_mask),
+        Reader("GIMP palette", samples.swatches, ("swatches.gpl",), changed_text, swatches),
+        Reader("Adobe swatches", samples.swatches, ("swatches.ase",), changed_bytes, swatches),
+        Reader("color book, CSV", samples.color_books, ("inks.csv",), changed_text, read_color_book),
+        Reader("color book, Adobe", samples.color_books, ("inks.acb",), changed_bytes, read_color_book),
+        Reader("layers", samples.layers, ("view.exr",), changed_bytes, read_layer_names),
+        Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), changed_bytes, read_nerf),
+        Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), changed_bytes, read_bmild),
+        Reader("events.jsonl", samples.events, ("events.jsonl",), changed_bytes, read_events),
+        *_project_readers(project),
     ]  # fmt: skip
-    return [*found, *_project_readers(project)]
 
 
 def _project_readers(project: Path | None) -> list[Reader]:
@@ -259,31 +251,27 @@ def _project_readers(project: Path | None) -> list[Reader]:
         samples.camera_file(folder)
 
     kinds = [
-        ("project.json", mutations.changed_json, state),
-        ("capture.json", mutations.changed_json, learned),
-        ("segmentation.json", mutations.changed_json, masked_views),
-        ("palette.json", mutations.changed_json, learned),
-        ("edit.json", mutations.changed_json, edit),
-        ("geometry.safetensors", mutations.changed_safetensors, learned),
-        ("segmentation.safetensors", mutations.changed_safetensors, learned),
-        ("recoloring.safetensors", mutations.changed_safetensors, learned),
-        ("splats.safetensors", mutations.changed_safetensors, learned),
-        ("surface.safetensors", mutations.changed_safetensors, surface),
-        ("object_colors.npz", mutations.changed_npz, object_colors),
-        (f"planes/{samples.RENDERED}.npz", mutations.changed_npz, read_planes),
+        ("project.json", changed_json, state),
+        ("capture.json", changed_json, learned),
+        ("segmentation.json", changed_json, masked_views),
+        ("palette.json", changed_json, learned),
+        ("edit.json", changed_json, edit),
+        ("geometry.safetensors", changed_safetensors, learned),
+        ("segmentation.safetensors", changed_safetensors, learned),
+        ("recoloring.safetensors", changed_safetensors, learned),
+        ("splats.safetensors", changed_safetensors, learned),
+        ("surface.safetensors", changed_safetensors, surface),
+        ("object_colors.npz", mutations.changed_zip, object_colors),
+        (f"planes/{samples.RENDERED}.npz", mutations.changed_zip, read_planes),
     ]
     named = [
-        ("capture.json", copied, mutations.hostile_names, rendered),
-        ("palette.json", copied, mutations.hostile_names, matched),
-        ("palette.json and all others", copied, mutations.hostile_names, renamed),
-        ("segmentation.safetensors", copied, mutations.hostile_objects, rendered),
-        ("edit.json", copied, mutations.hostile_keys, rendered),
-        ("cameras.json", with_cameras, mutations.hostile_names, rendered_cameras),
+        ("capture.json", copied, rendered),
+        ("palette.json", copied, renamed),
+        ("cameras.json", with_cameras, rendered_cameras),
     ]
     found = [Reader(file.partition("/")[0], copied, (_place(file),), mutation, read) for file, mutation, read in kinds]
-    for title, make, mutation, read in named:
-        files = (_place(title.partition(" ")[0]),)
-        found.append(Reader(f"hostile names in {title}", make, files, mutation, read, read is not matched))
+    for file, make, read in named:
+        found.append(Reader(f"hostile names in {file}", make, (_place(file),), mutations.hostile_names, read, RENDERS))
     return found
 
 

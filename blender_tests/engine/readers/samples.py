@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
+import hashlib
 import json
 import shutil
 import struct
+import tempfile
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -16,11 +21,10 @@ import pytest
 import torch
 from PIL import Image
 
-import karf_engine as karf
-from blender_tests.engine.faults.bench import MASKED_VIEWS, N_PHOTOS, SETTINGS, SIZE
 from blender_tests.engine.reference import capture_files, checkpoints
-from blender_tests.engine.reference.still_life import cameras, write_capture, write_masks
+from blender_tests.engine.reference.still_life import cameras
 from blender_tests.engine.splats.formats.files import ENDS, unit_cloud, write_sog, write_splat, write_text
+from karf_engine.capture.capture import Capture, View, capture_to_json
 from karf_engine.export.layers import write_layers
 from karf_engine.fields.nerf.field import NerfNetwork, NerfShape
 from karf_engine.palettes.palette import Edit, Palette
@@ -34,17 +38,6 @@ from karf_engine.worker.protocol import Event, Request
 
 RENDERED = "test_r_0"  # the view of a learned project that has planes
 NAMES = [f"photo_{number}.png" for number in range(4)]
-
-
-def learned_project(folder: Path) -> Path:
-    """A project with every stage done, planes of one view and an edit.json, learned from the still life."""
-    project, masks = folder / "project", folder / "masks"
-    photos = write_capture(folder / "capture", N_PHOTOS, 2, SIZE)
-    write_masks(masks, photos, MASKED_VIEWS)
-    model = karf.learn(folder / "capture", masks, project=project, overrides=SETTINGS, threads=1)
-    model.edit().becomes("ball", "#b5302c", "#3059b8").save(project / "edit.json")
-    karf.render(project, folder / "frames", views=RENDERED, planes=True, threads=1)
-    return project
 
 
 # -------------------------------------------------------------------------------------------------------------- captures
@@ -63,28 +56,23 @@ def transforms(folder: Path) -> None:
 
 def splat_cameras(folder: Path) -> None:
     """The cameras that lie beside a splat."""
-    content = [
-        {
-            "width": camera.width,
-            "height": camera.height,
-            "fx": camera.fx,
-            "fy": camera.fy,
-            "position": camera.position.tolist(),
-            "rotation": camera.camera_to_world[:3, :3].tolist(),
-        }
-        for camera in cameras(2, 8)
-    ]
-    (folder / "cameras.json").write_text(json.dumps(content))
+    entry = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "position": [1.0, 2, 3], "rotation": np.eye(3).tolist()}
+    (folder / "cameras.json").write_text(json.dumps([entry, entry]))
 
 
 def camera_file(folder: Path) -> None:
     """New cameras for a render."""
-    frames = [
-        {"file_path": f"frame_{number}", "transform_matrix": camera.camera_to_world.tolist()}
-        for number, camera in enumerate(cameras(2, 8))
-    ]
+    poses = [camera.camera_to_world.tolist() for camera in cameras(2, 8)]
+    frames = [{"file_path": f"frame_{n}", "transform_matrix": pose} for n, pose in enumerate(poses)]
     content = {"w": 8, "h": 6, "fl_x": 9.0, "fl_y": 9.0, "cx": 4, "cy": 3, "k1": 0.1, "frames": frames}
     (folder / "cameras.json").write_text(json.dumps(content))
+
+
+def canonical_capture(folder: Path) -> None:
+    """The engine's own capture.json of a photo with a lens."""
+    camera = replace(cameras(1, 8)[0], distortion=(0.1, 0.0, 0.0, 0.0))
+    view = View("a", "a", camera, None, "train", (1.0, 5.0), gains=(1.25, 1.0, 0.75))
+    (folder / "capture.json").write_text(json.dumps(capture_to_json(Capture(folder, "test", (view,)))))
 
 
 def colmap(suffix: str) -> Callable[[Path], None]:
@@ -145,13 +133,10 @@ def other_pictures(folder: Path) -> None:
 
 
 def exr(folder: Path) -> None:
-    for name, compression, kind, channels in (
-        ("zip", OpenEXR.ZIP_COMPRESSION, np.float32, "RGB"),
-        ("plain", OpenEXR.NO_COMPRESSION, np.float16, "RGBA"),
-    ):
+    for name, compression, channels in (("zip", OpenEXR.ZIP_COMPRESSION, 3), ("plain", OpenEXR.NO_COMPRESSION, 4)):
         header = {"compression": compression, "type": OpenEXR.scanlineimage}
-        pixels = (_pixels(len(channels)) / 255).astype(kind)
-        OpenEXR.File(header, {channels: pixels}).write(str(folder / f"{name}.exr"))
+        pixels = (_pixels(channels) / 255).astype(np.float32 if channels == 3 else np.float16)
+        OpenEXR.File(header, {"RGBA"[:channels]: pixels}).write(str(folder / f"{name}.exr"))
 
 
 # ------------------------------------------------------------------------------------------------- given to other programs
@@ -191,9 +176,16 @@ def nerfs(folder: Path) -> None:
 
 # ---------------------------------------------------------------------------------------------------------------- splats
 def splats(folder: Path) -> None:
-    """Some Gaussians in every kind of file; read once, so that packages have compiled what they do."""
+    """Some Gaussians in every kind of file."""
+    shutil.copytree(_splats(), folder, dirs_exist_ok=True)
+
+
+@cache
+def _splats() -> Path:
+    """A folder of them; each was read once, so that packages have compiled what they do."""
     gsply, usd_utils = pytest.importorskip("gsply"), pytest.importorskip("pxr.UsdUtils")
-    table = unit_cloud(12, 1)
+    folder, table = Path(tempfile.mkdtemp()), unit_cloud(12, 1)
+    atexit.register(shutil.rmtree, folder)
     for end in ENDS:
         write_splats(folder / f"cloud{end}", SplatFile(table, True, {"label": np.arange(12, dtype=np.int32)}))
     write_sog(folder / "cloud.sog", table)
@@ -207,6 +199,7 @@ def splats(folder: Path) -> None:
     for path in folder.iterdir():
         if path.suffix != ".bin":
             read_splats(path)
+    return folder
 
 
 # ---------------------------------------------------------------------------------------------------------------- messages
@@ -215,16 +208,13 @@ def request(folder: Path) -> None:
 
 
 def events(folder: Path) -> None:
-    lines = [
-        Event("hello", 0, 1.0, {"protocol": 1, "pid": 3}),
-        Event(
-            "progress", 1, 2.0, {"stage": "geometry", "step": 1, "total": 2, "rate": 1.0, "eta_s": 1.0, "metrics": {}}
-        ),
-        Event("done", 2, 3.0, {"summary": {}}),
-    ]
-    (folder / "events.jsonl").write_text("".join(line.encode() + "\n" for line in lines))
+    progress = {"stage": "geometry", "step": 1, "total": 2, "rate": 1.0, "eta_s": 1.0, "metrics": {}}
+    told = {"hello": {"protocol": 1, "pid": 3}, "progress": progress, "done": {"summary": {}}}
+    lines = [Event(kind, number, 1.0 + number, values).encode() for number, (kind, values) in enumerate(told.items())]
+    (folder / "events.jsonl").write_text("\n".join(lines) + "\n")
 
 
+# ---------------------------------------------------------------------------------------------------------------- projects
 def project(learned: Path | None) -> Callable[[Path], None]:
     """A copy of a learned project, whose project.json says nothing of its own checksum: else no change would be read."""
 
@@ -236,3 +226,19 @@ def project(learned: Path | None) -> Callable[[Path], None]:
         state.write_text(json.dumps(content))
 
     return copy
+
+
+def renew_checksum(project: Path, path: Path) -> None:
+    """Note a changed output of a stage in project.json as a stranger would: with a checksum that fits."""
+    state_file = project / "project.json"
+    try:
+        state = json.loads(state_file.read_text())
+        noted = [entry["files"] for entry in state["stages"].values() if path.parent.name == entry.get("folder")]
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # project.json itself was changed, or is missing
+        return
+    if not noted:
+        return
+    for files in noted:
+        files[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+    state.pop("checksum", None)  # of project.json: without it what it says is believed
+    state_file.write_text(json.dumps(state, indent=1) + "\n")

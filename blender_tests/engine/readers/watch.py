@@ -26,14 +26,10 @@ PATIENCE = 2 * SECONDS  # after which the process ends: it hangs in what no sign
 BYTES = 1 << 30
 LONGEST = 2000  # letters of a sentence
 INTERNAL = 70  # exit code
+OUT_OF_MEMORY = r"(?i)insufficient memory|bad_alloc|can't allocate"
 FORBIDDEN = (
-    "pickle.find_class",
-    "subprocess.Popen",
-    "os.system",
-    "os.exec",
-    "os.posix_spawn",
-    "os.fork",
-    "socket.connect",
+    *("pickle.find_class", "subprocess.Popen", "socket.connect"),
+    *("os.system", "os.exec", "os.posix_spawn", "os.fork"),
 )
 CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "os.truncate", "os.chmod")
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
@@ -81,14 +77,13 @@ def _check(refused: KarfError) -> None:
     """Raise a Flaw where a refusal hides something else, or is not one that a user can read."""
     cause: BaseException | None = refused.__cause__ or refused.__context__
     while cause is not None:
-        if isinstance(cause, MemoryError) or re.search(r"(?i)insufficient memory|bad_alloc|can't allocate", str(cause)):
+        if isinstance(cause, MemoryError) or re.search(OUT_OF_MEMORY, str(cause)):
             raise Flaw("takes more than 1 GB") from cause
         cause = cause.__cause__ or cause.__context__
     if refused.exit_code == INTERNAL or len(refused.sentence) > LONGEST:
         raise Flaw(f"not a sentence for a user: {refused.sentence[:80]}") from refused
 
 
-# ---------------------------------------------------------------------------------------------------------------- limits
 @contextmanager
 def _watched(folder: Path) -> Iterator[list[str]]:
     global _notes, _folder, _hooked
@@ -98,17 +93,15 @@ def _watched(folder: Path) -> Iterator[list[str]]:
     _folder = os.path.realpath(folder)
     old_temporary, tempfile.tempdir = tempfile.tempdir, _folder
     old_handler = signal.signal(signal.SIGALRM, _too_slow)
-    old_bytecode, sys.dont_write_bytecode = (
-        sys.dont_write_bytecode,
-        True,
-    )  # a late import is not a writing of the reader's
+    old_bytecode, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # a late import is no writing of the reader's
     old_limit = resource.getrlimit(resource.RLIMIT_AS)
+    in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     notes: list[str] = []
     faulthandler.dump_traceback_later(PATIENCE, exit=True, file=sys.__stderr__)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            resource.setrlimit(resource.RLIMIT_AS, (_in_use() + BYTES, old_limit[1]))
+            resource.setrlimit(resource.RLIMIT_AS, (in_use + BYTES, old_limit[1]))
             signal.setitimer(signal.ITIMER_REAL, SECONDS)
             _notes = notes
             yield notes
@@ -120,10 +113,6 @@ def _watched(folder: Path) -> Iterator[list[str]]:
         signal.signal(signal.SIGALRM, old_handler)
         sys.dont_write_bytecode = old_bytecode
         tempfile.tempdir = old_temporary
-
-
-def _in_use() -> int:
-    return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
 def _too_slow(number: int, frame) -> None:

@@ -13,32 +13,16 @@ from karf_engine.capture.camera import Camera
 
 DOWN_RIGHT_BACK = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).T  # of a camera whose axes are right, up, back
 RIGHT_DOWN_FORWARD = np.diag([1, -1, -1])
-COLMAP_IDS = {
-    "SIMPLE_PINHOLE": 0,
-    "PINHOLE": 1,
-    "SIMPLE_RADIAL": 2,
-    "RADIAL": 3,
-    "OPENCV": 4,
-    "OPENCV_FISHEYE": 5,
-    "FULL_OPENCV": 6,
-    "FOV": 7,
-    "SIMPLE_RADIAL_FISHEYE": 8,
-    "RADIAL_FISHEYE": 9,
-    "THIN_PRISM_FISHEYE": 10,
-    "RAD_TAN_THIN_PRISM_FISHEYE": 11,
-    "SIMPLE_DIVISION": 12,
-    "DIVISION": 13,
-    "SIMPLE_FISHEYE": 14,
-    "FISHEYE": 15,
-    "EUCM": 16,
-    "EQUIRECTANGULAR": 17,
-}
+COLMAP_MODELS = (
+    "SIMPLE_PINHOLE PINHOLE SIMPLE_RADIAL RADIAL OPENCV OPENCV_FISHEYE FULL_OPENCV FOV SIMPLE_RADIAL_FISHEYE "
+    "RADIAL_FISHEYE THIN_PRISM_FISHEYE RAD_TAN_THIN_PRISM_FISHEYE SIMPLE_DIVISION DIVISION SIMPLE_FISHEYE FISHEYE EUCM "
+    "EQUIRECTANGULAR"
+)
+COLMAP_IDS = {name: number for number, name in enumerate(COLMAP_MODELS.split())}
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
 def png_bytes(width: int, height: int) -> bytes:
-    """A black gray-scale PNG."""
-
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
@@ -52,26 +36,17 @@ def jpeg_head(width: int, height: int, orientation: int = 1) -> bytes:
     tiff = b"MM\0*" + struct.pack(">IH", 8, 1) + struct.pack(">HHIHH", 0x0112, 3, 1, orientation, 0)
     exif = b"Exif\0\0" + tiff
     frame = struct.pack(">BHHB", 8, height, width, 3) + b"\0" * 9
-    return (
-        b"\xff\xd8"
-        + b"\xff\xe1"
-        + struct.pack(">H", len(exif) + 2)
-        + exif
-        + b"\xff\xff\xc2"  # a fill byte, then progressive SOF
-        + struct.pack(">H", len(frame) + 2)
-        + frame
-    )
+    head = b"\xff\xd8\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif
+    return head + b"\xff\xff\xc2" + struct.pack(">H", len(frame) + 2) + frame  # a fill byte, then progressive SOF
 
 
 def put(path: Path, data: bytes) -> Path:
-    """Write a file and the folders above it; returns its path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return path
 
 
 def put_json(path: Path, content) -> None:
-    """Write a JSON file and the folders above it."""
     put(path, json.dumps(content).encode())
 
 
@@ -84,7 +59,6 @@ def put_photos(folder: Path, names, size=(8, 6)) -> None:
 
 # ----------------------------------------------------------------------------------------------------------------- rigs
 def random_rotation(random) -> np.ndarray:
-    """A rotation [3, 3]."""
     rotation, _ = np.linalg.qr(random.normal(size=(3, 3)))
     return rotation * np.sign(np.linalg.det(rotation))
 
@@ -127,20 +101,13 @@ def write_transforms(folder: Path, cameras: list[Camera], names: list[str]) -> N
     """The layout of nerfstudio: one lens for all."""
     first = cameras[0]
     keys = ("k1", "k2", "k3", "k4") if first.fisheye else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-    content = {
-        "camera_model": "OPENCV_FISHEYE" if first.fisheye else "OPENCV",
-        "w": first.width,
-        "h": first.height,
-        "fl_x": first.fx,
-        "fl_y": first.fy,
-        "cx": first.cx,
-        "cy": first.cy,
-        **dict(zip(keys, first.distortion, strict=False)),
-        "frames": [
-            {"file_path": f"images/{name}", "transform_matrix": camera.camera_to_world.tolist()}
-            for name, camera in zip(names, cameras, strict=True)
-        ],
-    }
+    frames = [
+        {"file_path": f"images/{name}", "transform_matrix": camera.camera_to_world.tolist()}
+        for name, camera in zip(names, cameras, strict=True)
+    ]
+    content = {"camera_model": "OPENCV_FISHEYE" if first.fisheye else "OPENCV", "w": first.width, "h": first.height}
+    content |= {"fl_x": first.fx, "fl_y": first.fy, "cx": first.cx, "cy": first.cy, "frames": frames}
+    content |= dict(zip(keys, first.distortion, strict=False))
     put_json(folder / "transforms.json", content)
     put_photos(folder / "images", names, cameras)
 
@@ -222,7 +189,6 @@ class ColmapModel:
         return np.array([*quaternion(rotation), *(-rotation @ camera.camera_to_world[:3, 3])])
 
     def write(self, folder: Path, suffix: str = ".bin") -> None:
-        """Write the three tables."""
         for table in ("cameras", "images", "points3D"):
             kind = "binary" if suffix == ".bin" else "text"
             put(folder / f"{table}{suffix}", getattr(self, f"{table}_{kind}")())

@@ -11,7 +11,6 @@ N_POSITION, N_DIRECTION = 27, 15
 
 
 def layers(sizes, seed):
-    """Weights and biases of layers {name: (in, out)}."""
     random = torch.Generator().manual_seed(seed)
     state = {}
     for name, (n_in, n_out) in sizes.items():

@@ -14,33 +14,22 @@ FINE = 8  # sub-pixels along a side of a photo's pixel
 
 @dataclass(frozen=True)
 class CutOut:
-    """A photo, the true coverage of its objects, and what a field of a smaller size says.
+    """A photo, the true coverage of its objects, and what a field of a smaller size says."""
 
-    Attributes:
-        photo: uint8 [H, W, 3].
-        coverage: [K, H, W] in [0, 1].
-        probabilities: [K, h, w].
-        rendered: uint8 [h, w, 3].
-    """
-
-    photo: np.ndarray
-    coverage: np.ndarray
-    probabilities: np.ndarray
-    rendered: np.ndarray
+    photo: np.ndarray  # uint8 [H, W, 3]
+    coverage: np.ndarray  # [K, H, W] in [0, 1]
+    probabilities: np.ndarray  # [K, h, w]
+    rendered: np.ndarray  # uint8 [h, w, 3]
 
 
 def paint(
-    shapes: list[np.ndarray], colors: list[tuple[int, int, int]], behind: np.ndarray, field: list[np.ndarray], size: int
+    shapes: list[np.ndarray],  # bool [H * FINE, W * FINE], where each object is
+    colors: list[tuple[int, int, int]],  # of each object, sRGB of 255
+    behind: np.ndarray,  # uint8 [H, W, 3]
+    field: list[np.ndarray],  # the same shapes as the field has learned them, which may lack parts
+    size: int,  # height and width of the field's picture
 ) -> CutOut:
-    """A photo of objects that do not overlap.
-
-    Args:
-        shapes: bool [H * FINE, W * FINE], where each object is.
-        colors: Of each object, sRGB of 255.
-        behind: uint8 [H, W, 3].
-        field: The same shapes as the field has learned them, which may lack parts.
-        size: Height and width of the field's picture.
-    """
+    """A photo of objects that do not overlap."""
     height, width = behind.shape[:2]
     coverage = np.stack([_reduced(shape, (width, height)) for shape in shapes])
     probabilities = np.stack([_reduced(shape, (size, size)) for shape in field])

@@ -8,7 +8,6 @@ from .still_life import cameras, take_photo
 
 
 def encoded(x, n_octaves):
-    """x, then sine and cosine of each octave."""
     values = list(x)
     for octave in range(n_octaves):
         values += list(np.sin(2**octave * np.asarray(x)))
@@ -71,7 +70,6 @@ def fine_t(t, weights, n_fine):
 
 
 def still_life(count=20, size=32, sky=False):
-    """Views of the still life and its photos."""
     photos = [take_photo(camera, sky) for camera in cameras(count, size)]
     views = [View(f"v{n}", f"v{n}", photo.camera, None, "train") for n, photo in enumerate(photos)]
     return views, photos

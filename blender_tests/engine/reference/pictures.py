@@ -12,7 +12,6 @@ LENS = (-0.12, 0.05, 0.011, -0.0095, 0.01)  # k1, k2, p1, p2, k3: bends by sever
 
 
 def random_bytes(*shape: int) -> np.ndarray:
-    """A picture of noise, uint8."""
     return np.random.default_rng(0).integers(0, 256, size=shape, dtype=np.uint8)
 
 

@@ -1,10 +1,10 @@
-"""Gaussians learn what photos show, hold what lies behind, and resume where they were interrupted."""
+"""Gaussians learn what photos show, whatever their exposure, and resume where they were interrupted."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
@@ -16,7 +16,7 @@ from karf_engine.errors import Cancelled, DataError, Diverged
 from karf_engine.fields.fit import Checkpoint
 from karf_engine.io.color import to_bytes
 from karf_engine.splats import fit as fit_module
-from karf_engine.splats.fit import Photo, SplatFit
+from karf_engine.splats.fit import Exposures, Photo, SplatFit, interpolate_gains
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.kernels.arrays import CENTER, COLOR, LOG_SCALE
 from karf_engine.splats.rasterizer import RasterizedView, pinhole, rasterize
@@ -30,12 +30,8 @@ def moved(camera, x, y):
     return replace(camera, camera_to_world=pose)
 
 
-CAMERAS = [moved(camera_ahead(), x, y) for x in (-0.6, 0.6) for y in (-0.6, 0, 0.6)]
-
-
-def photo_of(camera, gaussians=TRUTH):
-    """An opaque photo of these Gaussians."""
-    return Photo(camera, to_bytes(rasterize(gaussians, camera).image[..., :3].clip(0, 1)), None, None)
+def photo_of(camera):
+    return Photo(camera, to_bytes(rasterize(TRUTH, camera).image[..., :3].clip(0, 1)), None, None)
 
 
 def cut_out_of(camera):
@@ -54,22 +50,36 @@ def unlearned(seed=8):
     return replace(TRUTH, table=table)
 
 
+CAMERAS = [moved(camera_ahead(), x, y) for x in (-0.6, 0.6) for y in (-0.6, 0, 0.6)]
+PHOTOS, CUT_OUTS = ([photograph(camera) for camera in CAMERAS] for photograph in (photo_of, cut_out_of))
+
+
 def progress(steps=None):
     """Progress that is cancelled after so many steps."""
     asked = iter(range(steps)) if steps is not None else None
     return Progress(lambda *_, **__: None, lambda: asked is not None and next(asked, None) is None, "splats", 100)
 
 
-def learn(start, photos, iterations, **more):
-    fit = SplatFit(start, photos, iterations, 0, **more)
+def fitted(photos, iterations, start=None, seed=0, **more):
+    fit = SplatFit(start or unlearned(), photos, iterations, seed, **more)
     fit.run(progress())
-    return fit.gaussians
+    return fit
 
 
-def spy_on_photos(fit, shown, monkeypatch):
-    """Note the pictures that a fit looks at."""
+def learn(photos, iterations, start=None, **more):
+    return fitted(photos, iterations, start, **more).gaussians
+
+
+def photos_shown(monkeypatch, *given, **more):
+    fit, shown = SplatFit(unlearned(), *given, 0, **more), []
     view_of = fit._photo
     monkeypatch.setattr(fit, "_photo", lambda random: shown.append(view_of(random)[0]) or view_of(random))
+    fit.run(progress())
+    return shown
+
+
+def place(camera):
+    return tuple(camera.camera_to_world[:2, 3])
 
 
 def error_of(gaussians, photos):
@@ -78,216 +88,196 @@ def error_of(gaussians, photos):
 
 
 # --------------------------------------------------------------------------------------------------------------- learning
-def test_gaussians_become_what_the_photos_show():
-    photos, start = [photo_of(camera) for camera in CAMERAS], unlearned()
-    learned = learn(start, photos, 150)
-    held_out = [photo_of(moved(camera_ahead(), 0.2, -0.3))]
-    assert error_of(learned, photos) < 0.05 * error_of(start, photos)
-    assert error_of(learned, held_out) < 0.2 * error_of(start, held_out)
-
-
-def test_what_is_begun_with_is_not_changed():
+@pytest.mark.parametrize(
+    ("photos", "iterations", "window", "share"),
+    [(PHOTOS, 150, None, 0.05), (CUT_OUTS, 150, None, 0.1), (PHOTOS, 250, 16, 0.2)],
+    ids=["opaque", "cut out", "larger than a window"],
+)
+def test_gaussians_become_what_the_photos_show(photos, iterations, window, share, monkeypatch):
+    if window:
+        monkeypatch.setattr(fit_module, "WINDOW", window)
     start = unlearned()
+    if photos is CUT_OUTS:
+        start.table[:, GROUPS["opacity"]] = 0
     before = start.table.copy()
-    learn(start, [photo_of(CAMERAS[0])], 3)
+    learned = learn(photos, iterations, start)
     assert_array_equal(start.table, before)
+    assert error_of(learned, photos) < share * error_of(start, photos)
+    if photos is CUT_OUTS:  # only what is solid shows them before backgrounds that change
+        light = [rasterize(gaussians, CAMERAS[0]).image[..., 3] for gaussians in (start, learned)]
+        errors = [np.abs(1 - each - photos[0].alpha).mean() for each in light]
+        assert errors[1] < 0.4 * errors[0]
+    elif not window:
+        held_out = [photo_of(moved(camera_ahead(), 0.2, -0.3))]
+        assert error_of(learned, held_out) < 0.2 * error_of(start, held_out)
 
 
-def test_the_seed_decides_and_the_cores_do_not():
-    photos, counted = [photo_of(camera) for camera in CAMERAS], cores.core_count()
-    found = []
+def test_the_seed_decides_the_result_and_the_cores_do_not():
+    found, counted = [], cores.core_count()
     try:
         for count in (1, 2):
             cores.set_core_count(count)
             cores.limit_torch_threads()
-            found.append(learn(unlearned(), photos, 12).table)
+            found.append(learn(PHOTOS, 12).table)
     finally:
         cores.set_core_count(counted)
     assert_array_equal(*found)
-    other = SplatFit(unlearned(), photos, 12, 1)
-    other.run(progress())
-    assert (other.gaussians.table != found[0]).any()
+    assert (learn(PHOTOS, 12, seed=1).table != found[0]).any()
 
 
-def test_every_photo_is_shown_once_before_one_is_shown_again(monkeypatch):
-    photos = [photo_of(camera) for camera in CAMERAS]
-    fit, shown = SplatFit(unlearned(), photos, 18, 0), []
-    spy_on_photos(fit, shown, monkeypatch)
-    fit.run(progress())
-    places = [photo.camera.camera_to_world[:2, 3].tolist() for photo in shown]
-    rounds = [places[first : first + 6] for first in (0, 6, 12)]
-    assert all(sorted(each) == sorted(camera.camera_to_world[:2, 3].tolist() for camera in CAMERAS) for each in rounds)
+def test_photos_are_shown_in_epochs_first_at_half_size_and_pseudo_photos_between_them(monkeypatch):
+    shown = photos_shown(monkeypatch, PHOTOS, 18)
+    rounds = [[place(photo.camera) for photo in shown[first : first + 6]] for first in (0, 6, 12)]
+    assert all(sorted(each) == sorted(map(place, CAMERAS)) for each in rounds)
     assert rounds[0] != rounds[1] or rounds[1] != rounds[2]
+    sizes = [(*photo.color.shape[:2], photo.camera.width, photo.camera.fx) for photo in shown]
+    assert sizes == [(18, 20, 20, 25.0)] * 11 + [(36, 40, 40, 50.0)] * 7
+    shown = photos_shown(monkeypatch, PHOTOS[:2], 18, pseudo_photos=PHOTOS[2:5])
+    numbers = [[place(camera) for camera in CAMERAS].index(place(photo.camera)) for photo in shown]
+    assert [set(numbers[first : first + 6 : 3]) for first in (0, 6, 12)] == [{0, 1}] * 3
+    between = [number for at, number in enumerate(numbers) if at % 3]
+    assert [set(between[first : first + 3]) for first in (0, 3, 6, 9)] == [{2, 3, 4}] * 4
 
 
-def test_photos_are_shown_at_half_their_size_first(monkeypatch):
-    fit, shown = SplatFit(unlearned(), [photo_of(camera) for camera in CAMERAS], 10, 0), []
-    spy_on_photos(fit, shown, monkeypatch)
-    fit.run(progress())
-    assert [photo.color.shape[:2] for photo in shown] == [(18, 20)] * 6 + [(36, 40)] * 4
-    assert {(photo.camera.width, photo.camera.fx) for photo in shown} == {(20, 25.0), (40, 50.0)}
-
-
-def test_a_photo_of_half_the_size_is_cut_out_and_known_where_the_whole_is():
-    photo = cut_out_of(CAMERAS[0])
+def test_half_and_window_of_a_photo_match_the_whole(monkeypatch):
     valid = np.ones((36, 40), bool)
     valid[5, 7] = False
-    half = replace(photo, valid=valid).halved()
-    np.testing.assert_allclose(half.alpha, photo.alpha.reshape(18, 2, 20, 2).mean((1, 3)), atol=0.02)
+    photo = replace(CUT_OUTS[1], valid=valid)
+    half = photo.halved()
+    assert_allclose(half.alpha, photo.alpha.reshape(18, 2, 20, 2).mean((1, 3)), atol=0.02)
     assert np.argwhere(~half.valid).tolist() == [[2, 3]]
     assert half.color.shape == (18, 20, 3) and half.color.dtype == np.uint8
+    monkeypatch.setattr(fit_module, "WINDOW", 16)
+    part, rows, columns = photo.window(9, 5), slice(5, 21), slice(9, 25)
+    assert (part.camera.width, part.camera.height) == (16, 16)
+    for name in ("color", "alpha", "valid"):
+        assert_array_equal(getattr(part, name), getattr(photo, name)[rows, columns])
+    whole = rasterize(TRUTH, photo.camera).image[rows, columns]
+    assert_allclose(rasterize(TRUTH, part.camera).image, whole, atol=1e-4)
 
 
-def test_pixels_of_which_nothing_is_known_teach_nothing():
-    photo = photo_of(CAMERAS[0])
-    valid = np.ones(photo.color.shape[:2], bool)
+def test_invalid_pixels_teach_nothing():
+    valid = np.ones((36, 40), bool)
     valid[:, 20:] = False
-    blotted = photo.color.copy()
+    blotted = PHOTOS[0].color.copy()
     blotted[:, 20:] = 255
-    found = [
-        learn(unlearned(), [replace(photo, color=color, valid=valid)], 4).table for color in (photo.color, blotted)
-    ]
-    assert_array_equal(*found)
+    photos = [replace(PHOTOS[0], color=color, valid=valid) for color in (PHOTOS[0].color, blotted)]
+    assert_array_equal(*(learn([photo], 4).table for photo in photos))
 
 
 def test_no_gaussian_becomes_finer_than_the_photos_show():
     start = unlearned()
     start.table[:, GROUPS["scales"]] = -12
-    learned = learn(start, [photo_of(camera) for camera in CAMERAS], 6)
     pixel = 3 / 50  # of the nearest Gaussian, some three units from the cameras
-    assert np.exp(learned.table[:, GROUPS["scales"]]).min() > 0.05 * pixel
+    assert np.exp(learn(PHOTOS, 6, start).table[:, GROUPS["scales"]]).min() > 0.05 * pixel
 
 
-# ------------------------------------------------------------------------------------------ pictures between the photos
-def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
-    photos, between = [photo_of(camera) for camera in CAMERAS[:2]], [photo_of(camera) for camera in CAMERAS[2:5]]
-    fit, shown = SplatFit(unlearned(), photos, 18, 0, pseudo_photos=between), []
-    spy_on_photos(fit, shown, monkeypatch)
-    fit.run(progress())
-    places = [tuple(photo.camera.camera_to_world[:2, 3]) for photo in shown]
-    of_cameras = [tuple(camera.camera_to_world[:2, 3]) for camera in CAMERAS]
-    of_photos, of_pictures = places[::3], [place for number, place in enumerate(places) if number % 3]
-    for first in range(0, 6, 2):
-        assert set(of_photos[first : first + 2]) == set(of_cameras[:2])
-    for first in range(0, 12, 3):
-        assert set(of_pictures[first : first + 3]) == set(of_cameras[2:5])
-
-
-def test_what_no_photo_shows_is_learned_from_pictures_between_them():
-    photos, between = [photo_of(CAMERAS[0])], [photo_of(camera) for camera in CAMERAS[1:]]
-    of_photo_alone, of_both = learn(unlearned(), photos, 120), learn(unlearned(), photos, 120, pseudo_photos=between)
-    new = [photo_of(moved(camera_ahead(), 0.5, 0.3))]
-    assert error_of(of_both, new) < 0.3 * error_of(of_photo_alone, new)
-
-
-def test_pictures_between_photos_tell_nothing_of_how_these_are_exposed(monkeypatch):
-    photos = [photo_of(camera) for camera in CAMERAS]
-    darker = [replace(photo, color=photo.color // 2) for photo in photos]
-    monkeypatch.setattr(fit_module, "RATES", {0: 0.0})
-    fit = SplatFit(TRUTH, photos, 36, 0, pseudo_photos=darker)
-    fit.run(progress())
-    np.testing.assert_allclose(fit.gains, 1, atol=0.01)
-
-
-# ------------------------------------------------------------------------------------------------ cut-outs, large photos
-def test_only_what_is_solid_can_show_a_cut_out_before_backgrounds_that_change():
-    photos = [cut_out_of(camera) for camera in CAMERAS]
-    start = unlearned()
-    start.table[:, GROUPS["opacity"]] = 0
-    learned = learn(start, photos, 150)
-    errors = []
-    for gaussians in (start, learned):
-        view = rasterize(gaussians, CAMERAS[0])
-        errors.append(np.abs(1 - view.image[..., 3] - photos[0].alpha).mean())
-    assert errors[1] < 0.4 * errors[0]
-    assert error_of(learned, photos) < 0.1 * error_of(start, photos)
-
-
-def test_the_background_of_a_cut_out_is_another_each_time_and_that_of_a_photo_its_own(monkeypatch):
-    seen = []
-    view_of = fit_module.RasterizedView
+def test_cut_outs_are_shown_on_random_backgrounds(monkeypatch):
+    seen, view_of = [], fit_module.RasterizedView
     monkeypatch.setattr(fit_module, "RasterizedView", lambda *given: seen.append(given[2]) or view_of(*given))
-    learn(unlearned(), [cut_out_of(CAMERAS[0])], 4)
+    learn(CUT_OUTS[:1], 4)
     assert len(set(seen)) == 4
-    seen.clear()
-    learn(unlearned(), [photo_of(CAMERAS[0])], 2)
-    assert seen == [BACKGROUND, BACKGROUND]
+    learn(PHOTOS[:1], 2)
+    assert seen[4:] == [BACKGROUND, BACKGROUND]
 
 
-def test_a_window_shows_what_the_photo_shows_there(monkeypatch):
-    monkeypatch.setattr(fit_module, "WINDOW", 16)
-    photo = cut_out_of(CAMERAS[1])
-    photo = replace(photo, valid=photo.alpha > 0.5)
-    part = photo.window(9, 5)
-    assert (part.camera.width, part.camera.height) == (16, 16)
-    assert_array_equal(part.color, photo.color[5:21, 9:25])
-    assert_array_equal(part.alpha, photo.alpha[5:21, 9:25])
-    assert_array_equal(part.valid, photo.valid[5:21, 9:25])
-    whole = rasterize(TRUTH, photo.camera).image[5:21, 9:25]
-    np.testing.assert_allclose(rasterize(TRUTH, part.camera).image, whole, atol=1e-4)
-
-
-def test_large_photos_are_learned_from_in_windows_all_over_them(monkeypatch):
-    monkeypatch.setattr(fit_module, "WINDOW", 16)
-    photos, start = [photo_of(camera) for camera in CAMERAS], unlearned()
-    learned = learn(start, photos, 250)
-    whole = [error_of(gaussians, photos) for gaussians in (start, learned)]
-    assert whole[1] < 0.2 * whole[0]
-
-
-# ------------------------------------------------------------------------------------------------------- what is behind
-def test_what_lies_behind_keeps_its_place_and_shape_and_looks_the_same_from_everywhere():
+def test_only_the_colors_of_the_background_are_learned():
     shell = np.stack([ball((x, y, -20), 4, 0.99, (0.5, 0.5, 0.5), 1) for x in (-6, 0, 6) for y in (-6, 0, 6)])
     start = replace(unlearned(), table=np.concatenate([unlearned().table, shell]), n_background=len(shell))
-    learned = learn(start, [photo_of(camera) for camera in CAMERAS], 30)
-    behind = learned.table[learned.n_foreground :]
-    assert_array_equal(behind[:, :COLOR], shell[:, :COLOR])
-    assert_array_equal(behind[:, COLOR + 3 :], shell[:, COLOR + 3 :])
-    assert (behind[:, GROUPS["color"]] != shell[:, GROUPS["color"]]).any()
-    assert (learned.table[: learned.n_foreground, :LOG_SCALE] != start.table[: start.n_foreground, :LOG_SCALE]).any()
+    before, after = (np.split(each.table, [start.n_foreground]) for each in (start, learn(PHOTOS, 30, start)))
+    assert_array_equal(after[1][:, :COLOR], shell[:, :COLOR])
+    assert_array_equal(after[1][:, COLOR + 3 :], shell[:, COLOR + 3 :])
+    assert (after[1][:, GROUPS["color"]] != shell[:, GROUPS["color"]]).any()
+    assert (after[0][:, :LOG_SCALE] != before[0][:, :LOG_SCALE]).any()
+
+
+# -------------------------------------------------------------------------------------------------------------- exposures
+GAINS = np.float32([[1.15, 1.1, 1], [0.9, 0.95, 1], [1, 1, 1], [1.05, 1, 0.95], [0.9, 0.95, 1], [1.02, 1.01, 1.05]])
+
+
+def exposed(photo, gains):
+    return replace(photo, color=to_bytes((gains * photo.color / np.float32(255)).clip(0, 1)))
+
+
+ALIKE = np.ones((6, 3), np.float32)
+
+
+def test_the_gains_are_found_and_the_scene_has_the_mean_exposure():
+    fit = fitted([exposed(photo, gains) for photo, gains in zip(PHOTOS, GAINS, strict=True)], 240)
+    mean = np.exp(np.log(GAINS).mean(0))
+    assert_allclose(fit.gains, GAINS / mean, atol=0.04)
+    among_alike = fitted(PHOTOS, 240)
+    assert_allclose(among_alike.gains, ALIKE, atol=0.01)
+    in_mean = [exposed(photo, mean) for photo in PHOTOS]
+    assert error_of(fit.gaussians, in_mean) < 3 * error_of(among_alike.gaussians, PHOTOS)
+
+
+def test_cut_outs_and_pseudo_photos_keep_gains_of_1(monkeypatch):
+    cut_outs = [exposed(photo, gains) for photo, gains in zip(CUT_OUTS, GAINS, strict=True)]
+    assert_array_equal(fitted(cut_outs, 20).gains, ALIKE)
+    monkeypatch.setattr(fit_module, "RATES", {0: 0.0})
+    darker = [replace(photo, color=photo.color // 2) for photo in PHOTOS]
+    assert_allclose(fitted(PHOTOS, 36, TRUTH, pseudo_photos=darker).gains, ALIKE, atol=0.01)
+
+
+def test_gains_are_measured_where_pixels_are_not_clipped_and_shrink_to_1_within_the_noise():
+    shown = np.float32([[0.4, 0.4, 0.4], [0.9, 0.9, 0.9]])
+    photo = np.minimum(shown * 1.5, 1)
+    exposures, without, black = (Exposures(1) for _ in range(3))
+    exposures.update(0, shown, photo)
+    without.update(0, shown[:1], photo[:1])
+    black.update(0, shown, np.zeros((2, 3), np.float32))
+    assert_array_equal(exposures.measured, without.measured)
+    assert (exposures.measured > 1.1).all()
+    assert_allclose(black.measured, 1)
+    gray, believed = np.full((10, 3), 0.5, np.float32), {}
+    for spread in (0.002, 0.2):
+        exposures = Exposures(2)
+        for _ in range(20):
+            exposures.update(0, gray, gray * (1 + spread))
+            exposures.update(1, gray, gray / (1 + spread))
+        exposures.balance()
+        believed[spread] = np.log(exposures.gains[0]) / np.log(exposures.measured[0])
+    assert (believed[0.002] < 0.1).all() and (believed[0.2] > 0.9).all()
+    between = interpolate_gains(GAINS[:2], [0, 4], 1)  # of a held-out photo
+    assert_allclose(between, 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
+    assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 9), GAINS[1])
 
 
 # -------------------------------------------------------------------------------------------------------- interruptions
-def checkpoint(folder, name="unfinished"):
-    return Checkpoint(folder / f"{name}.safetensors", "of these inputs", "splats", lambda *_, **__: None)
+@pytest.mark.parametrize("between", [[], PHOTOS[4:]])
+def test_a_resumed_fit_ends_bit_by_bit_where_an_uninterrupted_one_does(tmp_path, between):
+    photos = [*PHOTOS[:3], CUT_OUTS[3]]
 
+    def resumed(stop=None):
+        saved = Checkpoint(tmp_path / "unfinished.safetensors", "of these inputs", "splats", lambda *_, **__: None)
+        fit, count = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), progress(stop)
+        saved.attach(fit, count)
+        return fit, lambda: fit.run(count, saved)
 
-@pytest.mark.parametrize("n_between", [0, 2])
-def test_a_fit_that_is_cancelled_again_and_again_ends_where_an_uninterrupted_one_does(tmp_path, n_between):
-    photos = [*(photo_of(camera) for camera in CAMERAS[:3]), cut_out_of(CAMERAS[3])]
-    between = [photo_of(camera) for camera in CAMERAS[4 : 4 + n_between]]
-    whole = learn(unlearned(), photos, 20, pseudo_photos=between).table
     for stop, stood in ((7, 8), (5, 14)):  # the step at which it is asked is done
-        fit, saved = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), checkpoint(tmp_path)
+        fit, run = resumed(stop)
         with pytest.raises(Cancelled):
-            saved.attach(fit, count := progress(stop))
-            fit.run(count, saved)
+            run()
         assert fit.done == stood
-    fit, saved = SplatFit(unlearned(), photos, 20, 0, pseudo_photos=between), checkpoint(tmp_path)
-    saved.attach(fit, progress())
+    fit, run = resumed()
     assert fit.done == 14
-    fit.run(progress(), saved)
-    assert_array_equal(fit.gaussians.table, whole)
+    run()
+    assert_array_equal(fit.gaussians.table, learn(photos, 20, pseudo_photos=between).table)
 
 
-def other_table(state):
-    state["table"] = state["table"][:-1]
-
-
-def other_type(state):
-    state["steps"] = state["steps"].float()
-
-
-def too_many_done(state):
-    state["done"] = state["done"] + 1000
-
-
-@pytest.mark.parametrize("change", [other_table, other_type, too_many_done, lambda state: state.pop("means")])
-def test_a_state_of_another_fit_is_refused_and_nothing_of_it_taken_over(change):
-    photos = [photo_of(CAMERAS[0])]
-    ahead, fit = SplatFit(unlearned(), photos, 6, 0), SplatFit(unlearned(), photos, 6, 0)
-    ahead.run(progress())
-    state = ahead.state()
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: state.update(table=state["table"][:-1]),
+        lambda state: state.update(steps=state["steps"].float()),
+        lambda state: state.update(done=state["done"] + 1000),
+        lambda state: state.pop("means"),
+    ],
+    ids=["another table", "another type", "too many done", "one missing"],
+)
+def test_a_state_of_another_fit_is_refused_and_changes_nothing(change):
+    state, fit = fitted(PHOTOS[:1], 6).state(), SplatFit(unlearned(), PHOTOS[:1], 6, 0)
     change(state)
     with pytest.raises(DataError):
         fit.resume(state)
@@ -296,9 +286,9 @@ def test_a_state_of_another_fit_is_refused_and_nothing_of_it_taken_over(change):
 
 
 @pytest.mark.parametrize("column", [COLOR, CENTER])
-def test_learning_that_leaves_the_numbers_stops_with_a_sentence(column, monkeypatch):
+def test_divergence_is_said_in_a_sentence(column, monkeypatch):
     monkeypatch.setitem(fit_module.RATES, column, np.inf)
-    fit = SplatFit(unlearned(), [photo_of(camera) for camera in CAMERAS], 20, 0)
+    fit = SplatFit(unlearned(), PHOTOS, 20, 0)
     with pytest.raises(Diverged, match="diverged at iteration") as caught:
         fit.run(progress())
     assert caught.value.hint and fit.done < 20

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 
 pytest.importorskip("numba")
 
-from blender_tests.engine.splats.clouds import BACKGROUND, NEAR, camera_ahead, cloud
+from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, camera_ahead, cloud
 from karf_engine.errors import BadRequest
+from karf_engine.splats.formats.splat_file import upright
 from karf_engine.splats.gaussians import Gaussians
 from karf_engine.splats.rasterizer import rasterize
 from karf_engine.splats.similarity import transform_gaussians
@@ -34,7 +35,7 @@ MOVES = {
 
 @pytest.mark.parametrize("name", MOVES)
 @pytest.mark.parametrize("degree", range(4))
-def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
+def test_a_moved_camera_sees_moved_gaussians_as_before(name, degree):
     gaussians, matrix = Gaussians(cloud(degree=degree), 3, BACKGROUND, NEAR), MOVES[name]
     camera = camera_ahead()
     scale = np.cbrt(np.linalg.det(matrix[:3, :3]))
@@ -48,14 +49,20 @@ def test_a_camera_that_moves_with_them_sees_the_same(name, degree):
     assert_allclose(there.depths[seen], scale * here.depths[seen], rtol=1e-4)
 
 
-def test_staying_keeps_every_bit():
+def test_the_identity_keeps_every_bit_and_a_shift_all_but_the_centers():
     gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
     assert transform_gaussians(gaussians, np.eye(4)) is gaussians
-
-
-def test_a_shift_keeps_the_bits_of_all_but_the_centers():
-    gaussians = Gaussians(cloud(), 3, BACKGROUND, NEAR)
     assert_array_equal(transform_gaussians(gaussians, MOVES["shifted"]).table[:, 3:], gaussians.table[:, 3:])
+
+
+def test_half_a_turn_is_exact():
+    table = cloud(40)
+    there = upright(table)
+    assert_array_equal(there[:, :3], table[:, :3] * [1, -1, -1])
+    assert_array_equal(np.abs(there[:, 11:]), np.abs(table[:, 11:]))
+    back = upright(there)
+    back[:, GROUPS["rotation"]] *= -1  # the same rotation
+    assert_array_equal(back, table)
 
 
 @pytest.mark.parametrize(
@@ -69,6 +76,6 @@ def test_a_shift_keeps_the_bits_of_all_but_the_centers():
     ],
     ids=["mirror", "unequal", "zero", "nan", "shear"],
 )
-def test_what_is_no_similarity_is_refused(matrix):
+def test_other_matrices_than_similarities_are_refused(matrix):
     with pytest.raises(BadRequest, match="uniform scale"):
         transform_gaussians(Gaussians(cloud(), 3, BACKGROUND, NEAR), matrix)

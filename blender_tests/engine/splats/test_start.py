@@ -1,4 +1,4 @@
-"""Gaussians begin on the surface of a learned scene, flat and in its colors; what is behind is far away."""
+"""Gaussians begin on the surface of a learned scene, and are shown to pseudo cameras between photos that stand far apart."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,15 +10,26 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
-from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, BOXES
+from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, BOXES, camera_at
 from blender_tests.engine.splats.clouds import GROUPS
+from blender_tests.engine.splats.torch_splats import rotations
+from karf_engine.capture.camera import Camera
 from karf_engine.errors import Cancelled
 from karf_engine.metrics.images import psnr
 from karf_engine.recolor.model import Model
 from karf_engine.splats import start
 from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE, ROTATION
 from karf_engine.splats.rasterizer import rasterize
-from karf_engine.splats.start import initial_gaussians, surface_views
+from karf_engine.splats.start import (
+    PSEUDO_VIEWS_PER_PHOTO,
+    SIDE,
+    initial_gaussians,
+    pseudo_cameras,
+    render_pseudo_photos,
+    surface_views,
+)
+
+MIDDLE = np.array([1.0, 2.0, 0.5])
 
 
 @pytest.fixture(scope="module")
@@ -43,50 +54,33 @@ def distances_to_surface(points):
 
 
 def axes_of(table):
-    """Rotations [n, 3, 3] of the table's quaternions."""
-    from blender_tests.engine.splats.torch_splats import rotations
-
     return rotations(torch.from_numpy(table[:, ROTATION : ROTATION + 4]).double()).numpy()
 
 
-def test_disks_lie_on_the_surface(model, begun):
-    voxel = 2.2 / 36
-    distances = distances_to_surface(begun.table[: begun.n_foreground, :3])
+# ------------------------------------------------------------------------------------------------------------- the surface
+def test_disks_lie_flat_on_the_surface(begun):
+    table = begun.table[: begun.n_foreground]
+    voxel, distances = 2.2 / 36, distances_to_surface(table[:, :3])
     assert np.median(distances) < voxel and np.quantile(distances, 0.9) < 3 * voxel
     assert 1500 < begun.n_foreground < 6000 and begun.degree == 1
-
-
-def test_disks_lie_flat_on_it(begun):
-    table = begun.table[: begun.n_foreground]
     ball = np.linalg.norm(table[:, :3] - BALL_CENTER, axis=1) < BALL_RADIUS + 0.05
     outward = table[ball, :3] - BALL_CENTER
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    normals = axes_of(table[ball])[:, :, 2]
-    assert np.median((outward * normals).sum(1)) > 0.9
+    assert np.median((outward * axes_of(table[ball])[:, :, 2]).sum(1)) > 0.9
     scales = np.exp(table[:, LOG_SCALE : LOG_SCALE + 3])
     assert_allclose(scales[:, 0], scales[:, 1])
     assert (scales[:, 2] < 0.5 * scales[:, 0]).all()
 
 
-def test_colors_are_the_same_from_everywhere(begun):
-    assert (begun.table[:, COLOR + 3 :] == 0).all() and begun.table[:, GROUPS["color"]].any()
-
-
-def test_the_picture_is_that_of_the_field_before_anything_is_learned(model, begun):
+def test_the_initial_picture_is_that_of_the_field(model, begun):
     camera = model.working_camera(model.capture.split("test")[0])
     shown = rasterize(begun, camera).image[..., :3].clip(0, 1)
     assert psnr(shown, model.render_field(camera).color) > 18
-
-
-def test_what_is_before_the_nearest_surface_is_shown_by_none(model, begun):
-    nearest = min(
-        np.linalg.norm(begun.table[:, :3] - view.camera.position, axis=1).min() for view in model.capture.views
-    )
+    assert (begun.table[:, COLOR + 3 :] == 0).all() and begun.table[:, GROUPS["color"]].any()
+    assert begun.n_background == 0 and begun.background == (0, 0, 0), "a plain background needs no Gaussians"
+    eyes = [view.camera.position for view in model.capture.views]
+    nearest = min(np.linalg.norm(begun.table[:, :3] - eye, axis=1).min() for eye in eyes)
     assert 0 < begun.near < nearest
-
-
-def test_a_plain_background_needs_no_gaussians(model, begun):
-    assert begun.n_background == 0 and begun.background == (0, 0, 0)
 
 
 def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(model):
@@ -109,22 +103,17 @@ def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(mo
     assert_allclose(seen[..., :3].reshape(-1, 3), sky(directions), atol=0.06)
 
 
-@pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0, -0.8), (1e-4, 0, -1)])
-def test_a_disk_turns_to_its_normal(normal):
-    normal = np.array([normal], np.float32) / np.linalg.norm(normal)
-    table = np.zeros((1, COLOR), np.float32)
-    table[:, ROTATION : ROTATION + 4] = start._rotations_to(normal)
-    assert_allclose(axes_of(table)[0, :, 2], normal[0], atol=0.02)
+def test_a_disk_turns_to_its_normal():
+    normals = np.float32([(0, 0, 1), (0, 0, -1), (1, 0, 0), (0, -1, 0), (0.6, 0, -0.8), (1e-4, 0, -1)])
+    table = np.zeros((len(normals), COLOR), np.float32)
+    table[:, ROTATION : ROTATION + 4] = start._rotations_to(normals)
+    assert_allclose(axes_of(table)[:, :, 2], normals, atol=0.02)
 
 
-@pytest.mark.parametrize(("count", "found"), [(1, 1), (3, 3), (64, 64), (65, 64), (1000, 64)])
-def test_the_views_that_look_for_the_surface_are_spread_over_all(count, found):
-    views = [SimpleNamespace(number=number) for number in range(count)]
-    chosen = [view.number for view in surface_views(views)]
-    assert len(set(chosen)) == len(chosen) == found and (chosen[0], chosen[-1]) == (0, count - 1)
-
-
-def test_it_may_be_cancelled_after_each_view(model):
+def test_the_surface_is_sampled_by_evenly_spread_views_and_can_be_cancelled_after_each(model):
+    for count, found in ((1, 1), (3, 3), (64, 64), (65, 64), (1000, 64)):
+        chosen = surface_views(range(count))
+        assert len(set(chosen)) == len(chosen) == found and (chosen[0], chosen[-1]) == (0, count - 1)
     steps = []
 
     def cancel():
@@ -135,3 +124,67 @@ def test_it_may_be_cancelled_after_each_view(model):
     with pytest.raises(Cancelled):
         initial_gaussians(model.scene, model.capture.split("train"), 1000, 0, cancel)
     assert len(steps) == 3
+
+
+# ------------------------------------------------------------------------------------------------------------ pseudo cameras
+
+
+def ring(count):
+    """Cameras all round MIDDLE, in two heights."""
+    found = []
+    for number in range(count):
+        pose = camera_at(2 * np.pi * number / count, (0.38, 0.67)[number % 2], distance=4.0).camera_to_world
+        pose[:3, 3] += MIDDLE
+        found.append(Camera(80, 60, 90.0, 90.0, 40.0, 30.0, pose))
+    return found
+
+
+def scene(kind="opaque"):
+    """What shows one gray everywhere, and notes from where it was looked at."""
+    looks = []
+
+    def render(camera, n_quantiles):
+        looks.append(camera)
+        return SimpleNamespace(color=torch.full((camera.height, camera.width, 3), 0.25))
+
+    return SimpleNamespace(background_kind=kind, render=render, looks=looks)
+
+
+def test_pseudo_cameras_need_wide_baselines_and_opaque_photos():
+    counts = {("opaque", 10): 10 * PSEUDO_VIEWS_PER_PHOTO, ("opaque", 60): 0, ("opaque", 2): 0, ("alpha", 10): 0}
+    assert {(kind, n): len(pseudo_cameras(scene(kind), ring(n), 0)) for kind, n in counts} == counts
+
+
+@pytest.mark.parametrize(
+    ("photos", "atol"), [(ring(10), 1e-6), (ring(10)[:6], 1e-5)], ids=["all round", "from one side"]
+)
+def test_pseudo_cameras_surround_the_focus_at_their_photos_height_and_distance(photos, atol):
+    between = pseudo_cameras(scene(), photos, 0)
+    beside = np.stack([camera.position - MIDDLE for camera in between])[:, :2]
+    angles = np.sort(np.arctan2(*beside.T))
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    assert np.degrees(gaps.max()) < 360 / PSEUDO_VIEWS_PER_PHOTO + 1
+    for number, camera in enumerate(between):
+        own, towards = photos[number // PSEUDO_VIEWS_PER_PHOTO], MIDDLE - camera.position
+        assert_allclose(np.linalg.norm(towards), 4, atol=atol)
+        assert_allclose(-camera.camera_to_world[:3, 2], towards / 4, atol=atol)
+        assert_allclose(camera.position[2], own.position[2], atol=atol)
+        assert_allclose(camera.camera_to_world[2, :3], own.camera_to_world[2, :3], atol=atol)
+        assert (camera.width, camera.fx) == (own.width, own.fx)
+
+
+def test_the_seed_says_where_pseudo_cameras_stand():
+    first, again, other = (
+        np.stack([each.position for each in pseudo_cameras(scene(), ring(10), seed)]) for seed in (0, 0, 1)
+    )
+    assert_allclose(first, again)
+    assert np.abs(first - other).max() > 0.1
+
+
+def test_pseudo_photos_are_small_renderings_of_the_field():
+    field, steps = scene(), []
+    large = replace(ring(3)[0], width=2 * SIDE, height=SIDE, fx=600.0, fy=600.0, cx=256.0, cy=128.0)
+    small, halved = render_pseudo_photos(field, [ring(3)[1], large], lambda: steps.append(1))
+    assert small.color.shape == (60, 80, 3) and halved.color.shape == (SIDE // 2, SIDE, 3)
+    assert (small.color == 64).all() and small.alpha is None and small.valid is None
+    assert field.looks[1].fx == 300 and halved.camera.width == SIDE and len(steps) == 2

@@ -1,17 +1,20 @@
-"""Cameras for Gaussians without photos look at what photos looked at, from where nothing is in the way."""
+"""Cameras for Gaussians without photos, and what photos show of Gaussians: all else fades into gray."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 pytest.importorskip("numba")
 
-from blender_tests.engine.splats.clouds import GROUPS, ball
+from blender_tests.engine.splats.clouds import BACKGROUND, GROUPS, NEAR, ball, camera_ahead, cloud
 from karf_engine.errors import Cancelled, DataError
-from karf_engine.splats.gaussians import Gaussians
-from karf_engine.splats.kernels.arrays import LOG_SCALE, LOGIT, ROTATION
-from karf_engine.splats.rasterizer import rasterize
+from karf_engine.splats.gaussians import Gaussians, imported_gaussians
+from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, LOG_SCALE, LOGIT, PLAIN_FILTER, ROTATION
+from karf_engine.splats.rasterizer import UNKNOWN_COLOR, rasterize
 from karf_engine.splats.viewpoints import Target, cameras_around, estimate_target
+from karf_engine.splats.visibility import AT_INFINITY, confidence_from, sample_surface_points, visibility_in_photos
 
 
 def scene(*tables):
@@ -45,9 +48,11 @@ def away_from(target, cameras):
     return np.array([np.linalg.norm(camera.position - target.middle) for camera in cameras])
 
 
-def test_what_lies_together_is_framed_whole_from_all_sides():
+def test_an_object_is_framed_from_all_sides():
     gaussians = scene(disk(), heap())
-    target = estimate_target(gaussians)
+    target, within = estimate_target(gaussians), estimate_target(scene(disk(), heap(), sphere(60, 400)))
+    assert np.linalg.norm(target.middle - within.middle) < 0.1, "a distant shell moves it"
+    assert within.distance == pytest.approx(target.distance, rel=0.2)
     cameras = cameras_around(gaussians, target, 12, 64)
     assert_allclose(target.up, (0, 0, 1), atol=0.1)
     assert np.linalg.norm(target.middle - (0, 0, 0.1)) < 0.2 and len(cameras) == 12
@@ -60,14 +65,7 @@ def test_what_lies_together_is_framed_whole_from_all_sides():
         assert (camera.width, camera.height) == (64, 64)
 
 
-def test_a_shell_far_behind_changes_neither_the_middle_nor_the_distance():
-    alone = estimate_target(scene(disk(), heap()))
-    within = estimate_target(scene(disk(), heap(), sphere(60, 400)))
-    assert np.linalg.norm(alone.middle - within.middle) < 0.1
-    assert within.distance == pytest.approx(alone.distance, rel=0.2)
-
-
-def test_sizes_tell_from_where_photos_looked_round_in_a_room():
+def test_sizes_of_gaussians_locate_the_cameras_of_a_room():
     """Of each Gaussian the size grows with the distance from cameras that stood two units around (1, 2, 0)."""
     random = np.random.default_rng(4)
     middle, places = np.array([1.0, 2, 0]), random.uniform(-8, 8, (6000, 3))
@@ -78,7 +76,7 @@ def test_sizes_tell_from_where_photos_looked_round_in_a_room():
     assert np.linalg.norm(target.middle - middle) < 0.3 and 1.8 < target.distance < 3.2
 
 
-def test_no_camera_stands_amid_something():
+def test_no_camera_stands_inside_an_object():
     wall = balls(np.random.default_rng(5).uniform((1.2, -4, -1), (9, 4, 4), (6000, 3)), 0.15, 0.98)
     gaussians = scene(disk(count=4000, size=0.03), heap(2000), wall)
     target = Target(np.array([0, 0, 0.2]), np.array([0.0, 0, 1]), 3.0)
@@ -88,7 +86,7 @@ def test_no_camera_stands_amid_something():
         assert (nearest > 0.5).mean() < 0.1
 
 
-def test_where_the_target_surrounds_them_cameras_look_around_from_its_middle():
+def test_cameras_inside_the_target_look_outward():
     hollow = scene(*(sphere(radius, 2000, 0.3) for radius in np.arange(1.2, 7, 0.4)))
     target = Target(np.zeros(3), np.array([0.0, 0, 1]), 5.0)
     cameras = cameras_around(hollow, target, 9, 64)
@@ -96,32 +94,128 @@ def test_where_the_target_surrounds_them_cameras_look_around_from_its_middle():
     assert np.linalg.norm(sum(camera.camera_to_world[:3, 2] for camera in cameras)) < 2, "they do not look all round"
 
 
-def test_up_may_be_given():
-    target = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
-    assert_allclose(target.up, (0, -1, 0))
-
-
-def test_colmap_decides_where_no_floor_does():
+def test_up_may_be_given_and_is_colmaps_where_no_floor_decides():
+    given = estimate_target(scene(disk(), heap()), np.array([0.0, -2, 0]))
+    assert_allclose(given.up, (0, -1, 0))
     table = heap(3000)
     table[:, ROTATION:LOGIT] = np.random.default_rng(6).normal(size=(3000, 4))
     table[:, LOG_SCALE] -= 2
     assert_allclose(estimate_target(scene(table)).up, (0, -1, 0))
 
 
-def test_a_file_of_haze_is_refused():
+def test_haze_and_gaussians_of_one_place_are_refused_and_choosing_can_be_cancelled():
+    haze, one_place = np.random.default_rng(7).normal(size=(50, 3)), np.full((200, 3), 1.0)
     with pytest.raises(DataError, match="almost all are transparent"):
-        estimate_target(scene(balls(np.random.default_rng(7).normal(size=(50, 3)), 0.1, 0.05)))
-
-
-def test_a_file_whose_gaussians_all_lie_in_one_place_is_refused():
+        estimate_target(scene(balls(haze, 0.1, 0.05)))
     with pytest.raises(DataError, match="almost all lie in one place"):
-        estimate_target(scene(balls(np.full((200, 3), 1.0), 0.1)))
+        estimate_target(scene(balls(one_place, 0.1)))
 
-
-def test_choosing_can_be_cancelled():
     def stop():
         raise Cancelled("stop", "")
 
     gaussians = scene(disk(), heap())
     with pytest.raises(Cancelled):
         cameras_around(gaussians, estimate_target(gaussians), 8, 64, stop)
+
+
+# --------------------------------------------------------------------------------------------------- points on surfaces
+CAMERAS = [camera_ahead(80, 60, 80.0), camera_ahead(40, 30, 40.0)]
+ABOVE = np.array([0.0, 0.0, 4.0])
+
+
+# ----------------------------------------------------------------------------------------------------------------- points
+def wall(z=0.0, reach=6.0, size=0.1):
+    steps = np.arange(-reach, reach, size)
+    table = np.stack([ball((x, y, z), size, 0.99, (0.8, 0.2, 0.1)) for x in steps for y in steps])
+    table[:, LOG_SCALE + 2] = np.log(0.001)
+    return table
+
+
+def points_of(*tables, cameras=CAMERAS, check=lambda: None):
+    return sample_surface_points(imported_gaussians(np.concatenate(tables), False, cameras), cameras, check)
+
+
+@pytest.mark.parametrize(("is_antialiased", "expected"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
+def test_imported_gaussians_keep_their_screen_filter(is_antialiased, expected):
+    gaussians = imported_gaussians(wall(), is_antialiased, CAMERAS)
+    assert gaussians.screen_filter == expected and gaussians.background == (0, 0, 0) and gaussians.n_background == 0
+    assert 0.01 < gaussians.near < 0.2
+
+
+def test_points_lie_on_visible_surfaces_and_name_their_cameras():
+    points = points_of(wall())
+    assert len(points) > 1000
+    assert_allclose(points.positions[:, 2], 0, atol=0.02)
+    assert_allclose(np.median(points.colors, 0), 255 * np.array([0.8, 0.2, 0.1]), atol=8)
+    assert (np.bincount(points.point, minlength=len(points)) == 2).mean() > 0.95
+    for number, camera in enumerate(CAMERAS):
+        pixels, _ = camera.project(points.positions[points.point[points.view == number]])
+        assert_allclose(points.pixels[points.view == number], pixels, atol=1e-3)
+
+
+def test_hidden_points_are_not_observed():
+    """A small wall near the first camera hides the far one from it; the second camera stands behind the small one."""
+    behind = camera_ahead(80, 60, 80.0)
+    behind.camera_to_world[2, 3] = 1
+    points = points_of(wall(), wall(2.0, 1.0), cameras=[CAMERAS[0], behind])
+    pixels, _ = CAMERAS[0].project(points.positions)
+    far = (points.positions[:, 2] < 1) & (np.abs(pixels - (40, 30)) < 20).all(1)
+    assert far.sum() > 50 and not np.isin(points.point[points.view == 0], np.flatnonzero(far)).any()
+
+
+def test_haze_and_sky_give_no_points():
+    haze = wall()
+    haze[:, 10] = -4.0
+    assert len(points_of(haze)) == 0
+    points = points_of(wall(reach=1.2), wall(4 - 4 * 2 * AT_INFINITY, 60 * AT_INFINITY / 8, 2.0))
+    assert len(points) and (points.positions[:, 2] > -1).all()
+
+
+def test_looking_can_be_cancelled():
+    def stop():
+        raise Cancelled("stop", "")
+
+    with pytest.raises(Cancelled):
+        points_of(wall(), check=stop)
+
+
+# ------------------------------------------------------------------------------------------------------------- confidence
+def camera_turned(degrees):
+    """The camera ahead, turned about the x axis through the origin."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.eye(4)
+    turn[1:3, 1:3] = [[c, -s], [s, c]]
+    camera = camera_ahead()
+    return replace(camera, camera_to_world=turn @ camera.camera_to_world)
+
+
+def looked_at(rows, degrees):
+    found = Gaussians(np.stack(rows), 0, BACKGROUND, NEAR)
+    return replace(found, visibility=visibility_in_photos(found, [camera_turned(each) for each in degrees]))
+
+
+def test_confidence_falls_away_from_the_photos_directions():
+    found = looked_at([ball()], (-20, 0, 20))
+    from_degrees = [float(confidence_from(found, camera_turned(each).position)[0]) for each in (0, 20, 29, 45, 61, 180)]
+    assert from_degrees[:3] == [1, 1, 1] and from_degrees[4:] == [0, 0]
+    assert 0 < from_degrees[3] < 1
+    assert confidence_from(looked_at([ball()], (0,)), ABOVE)[0] == 0.5, "one photo alone tells half"
+
+
+def test_gaussians_that_no_photo_shows_have_no_confidence():
+    hidden, beside = ball((0, 0, -1), size=0.02), ball((9, 0, 0))
+    found = looked_at([ball(opacity=0.999, size=0.5), ball((0, 0, 0.1), 0.5, 0.999), hidden, beside], (-3, 3))
+    for eye in (ABOVE, -ABOVE):
+        assert_array_equal(confidence_from(found, eye)[2:], [0, 0])
+    assert_array_equal(confidence_from(found, ABOVE)[:2], [1, 1])
+
+
+def test_the_unknown_is_gray_and_the_known_keeps_its_bits():
+    found = Gaussians(cloud(), 0, BACKGROUND, NEAR)
+    camera, sure = camera_ahead(), np.ones(len(found), np.float32)
+    plain = rasterize(found, camera)
+    assert_array_equal(rasterize(found, camera, sure).image, plain.image)
+    faded = rasterize(found, camera, 0 * sure)
+    gray = UNKNOWN_COLOR * (1 - plain.image[..., 3:]) + plain.image[..., 3:] * np.float32(BACKGROUND)
+    assert_allclose(faded.image[..., :3], gray, atol=1e-5)
+    assert_array_equal(faded.colors, plain.colors)

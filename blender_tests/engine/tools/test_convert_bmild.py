@@ -2,15 +2,12 @@
 
 import pickle
 import struct
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
 
-from blender_tests.engine.conftest import ROOT
 from blender_tests.engine.reference.checkpoints import Trap, bmild_arrays, vanilla_state, write_arrays
 from blender_tests.engine.reference.memory import little_memory
 from karf_engine.errors import DataError
@@ -69,6 +66,10 @@ def test_the_checkpoint_is_tensors_alone_and_the_same_each_time(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------------------------ refusals
+MODEL = "model_1.npy"
+WHOLE = bmild_arrays(vanilla_state(1))
+
+
 def refusal(path):
     with little_memory(), pytest.raises(DataError) as caught:
         read_bmild(path)
@@ -78,88 +79,75 @@ def refusal(path):
 
 def test_a_list_of_arrays_that_would_run_code_is_refused_and_runs_nothing(tmp_path):
     trap = Trap(tmp_path / "sprung")
-    write_arrays(tmp_path / "model_1.npy", [*bmild_arrays(vanilla_state(1))[:-1], trap])
-    assert "mkdir, which is not an array" in refusal(tmp_path / "model_1.npy")
+    write_arrays(tmp_path / MODEL, [*WHOLE[:-1], trap])
+    assert "mkdir, which is not an array" in refusal(tmp_path / MODEL)
     assert not trap.folder.exists()
 
 
 @pytest.mark.parametrize("kept", [0, 5, 100, -60])
 def test_a_truncated_file_is_refused(tmp_path, kept):
-    write_arrays(tmp_path / "model_1.npy", bmild_arrays(vanilla_state(1)))
-    (tmp_path / "model_1.npy").write_bytes((tmp_path / "model_1.npy").read_bytes()[:kept])
-    assert "cannot be read" in refusal(tmp_path / "model_1.npy")
+    write_arrays(tmp_path / MODEL, WHOLE)
+    (tmp_path / MODEL).write_bytes((tmp_path / MODEL).read_bytes()[:kept])
+    assert "cannot be read" in refusal(tmp_path / MODEL)
 
 
-def test_what_is_no_list_of_a_nerf_is_refused_by_name(tmp_path):
-    assert "does not exist" in refusal(tmp_path / "nothing.npy")
-    np.save(tmp_path / "model_1.npy", np.ones(5))
-    assert "one array of numbers" in refusal(tmp_path / "model_1.npy")
-    write_arrays(tmp_path / "model_2.npy", [np.ones(2)] * 5)
-    assert "holds 5 arrays" in refusal(tmp_path / "model_2.npy")
-    write_arrays(tmp_path / "model_3.npy", [np.array(["a", "b"])] * 24)
-    assert "cannot be read" in refusal(tmp_path / "model_3.npy")
-    write_arrays(tmp_path / "model_4.npy", bmild_arrays(vanilla_state(1))[2:])  # without the first layer
-    assert "a network of another kind" in refusal(tmp_path / "model_4.npy")
+@pytest.mark.parametrize(
+    ("arrays", "words"),
+    [
+        ([np.ones(2)] * 5, "holds 5 arrays"),
+        ([np.array(["a", "b"])] * 24, "cannot be read"),
+        (WHOLE[2:], "a network of another kind"),  # without the first layer
+        ([*WHOLE[:-1], np.full_like(WHOLE[-1], np.nan)], "not finite"),
+    ],
+)
+def test_arrays_of_no_nerf_are_refused(tmp_path, arrays, words):
+    write_arrays(tmp_path / MODEL, arrays)
+    assert words in refusal(tmp_path / MODEL)
 
 
-def test_a_device_in_place_of_a_file_is_refused(tmp_path):
-    (tmp_path / "model_1.npy").symlink_to("/dev/zero")
-    assert "is a pipe or a device, not a file" in refusal(tmp_path / "model_1.npy")
+def test_what_is_no_list_of_arrays_is_refused(tmp_path):
+    assert "does not exist" in refusal(tmp_path / MODEL)
+    np.save(tmp_path / MODEL, np.ones(5))
+    assert "one array of numbers" in refusal(tmp_path / MODEL)
+    (tmp_path / "model_2.npy").symlink_to("/dev/zero")
+    assert "is a pipe or a device, not a file" in refusal(tmp_path / "model_2.npy")
 
 
-def test_weights_that_are_not_finite_are_refused(tmp_path):
-    state = vanilla_state(1)
-    state["rgb_linear.bias"][1] = float("nan")
-    write_arrays(tmp_path / "model_1.npy", bmild_arrays(state))
-    assert "not finite" in refusal(tmp_path / "model_1.npy")
-
-
-def of_a_distant_entry():
-    return b"K\x01r" + struct.pack("<I", 2**28) + b"."
-
-
-def of_a_long_text():
-    return b"\x8e" + struct.pack("<Q", 2**40) + b"x."
-
-
-def of_one_array_many_times():
-    array = np.zeros(100_000, np.float32)
+def one_array_many_times():
     entries = np.empty(3000, object)
-    entries[:] = [array] * 3000
+    entries[:] = [np.zeros(100_000, np.float32)] * 3000
     return pickle.dumps(entries, 2)
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("content", "words"),
     [
-        (of_a_distant_entry, "numbers an entry 268435456"),
-        (of_a_long_text, "cannot be read"),
-        (of_one_array_many_times, "repeat a few numbers"),
+        (b"K\x01r" + struct.pack("<I", 2**28) + b".", "numbers an entry 268435456"),
+        (b"\x8e" + struct.pack("<Q", 2**40) + b"x.", "cannot be read"),  # a long text
+        (one_array_many_times(), "repeat a few numbers"),
     ],
 )
-def test_claims_beyond_the_file_are_refused_without_taking_memory(tmp_path, make, words):
-    with (tmp_path / "model_1.npy").open("wb") as file:
+def test_claims_beyond_the_file_are_refused_without_taking_memory(tmp_path, content, words):
+    with (tmp_path / MODEL).open("wb") as file:
         np.lib.format.write_array_header_1_0(file, {"descr": "|O", "fortran_order": False, "shape": (1,)})
-        file.write(make())
-    assert words in refusal(tmp_path / "model_1.npy")
+        file.write(content)
+    assert words in refusal(tmp_path / MODEL)
 
 
 # ------------------------------------------------------------------------------------------------------------- command
-def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path):
+def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path, capsys):
     out = tmp_path / "out.tar"
     out.write_bytes(b"kept")
-    (tmp_path / "model_1.npy").write_bytes(b"no arrays")
-    command = [sys.executable, "-m", "tools.convert_bmild", str(tmp_path / "model_1.npy"), str(out)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == DataError.exit_code
-    assert done.stderr.startswith("error: ") and "model_1.npy cannot be read" in done.stderr
-    assert "bmild/nerf" in done.stderr and "Traceback" not in done.stderr
+    (tmp_path / MODEL).write_bytes(b"no arrays")
+    assert main([str(tmp_path / MODEL), str(out)]) == DataError.exit_code
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: {tmp_path / MODEL} cannot be read") and "bmild/nerf" in said
     assert out.read_bytes() == b"kept"
 
 
 def test_the_command_never_writes_over_a_list_of_arrays(tmp_path, capsys):
-    write_arrays(tmp_path / "model_1.npy", bmild_arrays(vanilla_state(1)))
-    before = (tmp_path / "model_1.npy").read_bytes()
-    assert main([str(tmp_path / "model_1.npy")] * 2) == 2
+    write_arrays(tmp_path / MODEL, WHOLE)
+    before = (tmp_path / MODEL).read_bytes()
+    assert main([str(tmp_path / MODEL)] * 2) == 2
     assert "does not end in .tar" in capsys.readouterr().err
-    assert (tmp_path / "model_1.npy").read_bytes() == before
+    assert (tmp_path / MODEL).read_bytes() == before

@@ -12,15 +12,14 @@ FLOORS = (
         "cells",
         "dev",
         "convert_bmild",
-        "judging",
         "lock_engine",
-        "procedural",
         "reference",
-        "release",
         "translations",
     ),
-    ("marking", "speed", "window"),
-    ("benchmark", "demo", "scenes", "experiments"),
+    ("window",),
+    ("evaluate",),
+    ("release", "scenes"),
+    ("demo",),
 )
 PRIVATE = "karf_engine.commands"  # what the stages do is offered by the engine's public functions
 DECLARED = "karf_engine.commands.options"  # what the stages are asked, of which `reference` writes a page

@@ -1,29 +1,25 @@
-"""The reference of commands and of the library is what the code says."""
+"""The stub of the library and the pages that the site adds are what the code says."""
 
 import ast
 import inspect
+import re
 import subprocess
 import sys
 
 import pytest
 
+from blender_tests.engine.conftest import ROOT
+
 pytest.importorskip("numpy")
 
+from karf_engine.io.options import flag_of
 from tools import reference
 
 
-def test_the_pages_and_the_stub_are_what_the_code_says():
+def test_the_stub_is_up_to_date():
     # in a process of its own: here other tests may have registered kinds of fields, heads and layers
-    done = subprocess.run([sys.executable, "-m", "tools.reference", "--check"], cwd=reference.DOCS.parent)
+    done = subprocess.run([sys.executable, "-m", "tools.reference", "--check"], cwd=ROOT)
     assert done.returncode == 0, "run python -m tools.reference"
-
-
-def test_every_command_and_option_is_on_it():
-    text = reference.command_line()
-    for kind in reference.COMMANDS.values():
-        section = text.split(f"## {kind.command}\n")[1].split("\n## ")[0]
-        names = set(kind.__dataclass_fields__) - set(reference.Options.__dataclass_fields__)
-        assert all(f"`{name}`" in section for name in names), kind
 
 
 def test_the_stub_types_every_keyword_of_every_function():
@@ -35,8 +31,24 @@ def test_the_stub_types_every_keyword_of_every_function():
         assert all(each.annotation for each in given) and arguments.kwarg is None, name
 
 
-def test_every_public_name_is_on_the_page_of_the_library_with_an_example():
-    sections = reference.library().split("\n### ")[1:]
-    names = {section.partition("\n")[0]: section for section in sections}
-    assert set(names) == set(reference.karf_engine.__all__) - {"__version__"}
-    assert [name for name, text in names.items() if "Example" not in text] == ["PRESETS"]
+def test_the_site_has_every_command_with_every_option():
+    text = reference.command_line()
+    for kind in reference.COMMANDS.values():
+        section = text.split(f"## {kind.command}\n")[1].split("\n## ")[0]
+        fields = [item for item in reference.fields_in_help_order(kind) if not item.metadata["positional"]]
+        flags = [flag for flag in map(flag_of, fields) if flag]
+        assert [flag for flag in flags if flag not in section] == [], kind.command
+
+
+def test_the_site_has_every_public_name_and_each_has_an_example():
+    names = re.findall(r"^### (\w+)$", reference.library(), re.MULTILINE)
+    assert sorted(names) == sorted(set(reference.karf_engine.__all__) - {"__version__"})
+    documented = {name: inspect.getdoc(getattr(reference.karf_engine, name)) for name in names}
+    assert [name for name, text in documented.items() if "Example" not in text] == ["PRESETS"]
+
+
+def test_the_written_page_lists_every_verb():
+    assert re.findall(r"^    ([a-z-]+)(?: |$)", reference._printed("--help"), re.MULTILINE) == [*reference.VERBS]
+    rows = re.findall(r"^\| (`.*?`) \|", (ROOT / "docs" / "command_line.md").read_text(), re.MULTILINE)
+    listed = [verb for row in rows for verb in re.findall(r"`([\w-]+)`", row)]
+    assert sorted(listed) == sorted(reference.VERBS)

@@ -9,15 +9,14 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
-from tools.experiments import page
-from tools.experiments.rivals import ludvig, recolornerf, sa3d
-from tools.experiments.rivals.decomposition import Training, edited_palette, learn, recolored
-from tools.experiments.rivals.laenerf import LaeNerf
-from tools.experiments.rivals.palettenerf import PaletteNerf, sparsity
-from tools.experiments.rivals.points import ObjectPoints
-from tools.experiments.rivals.recolornerf import RecolorNerf
-from tools.experiments.rivals.transfers import channel_gains
-from tools.experiments.rivals.warping import Painted, carried_over
+from tools.evaluate.rivals import recolornerf, sa3d
+from tools.evaluate.rivals.decomposition import Training, edited_palette, learn, recolored
+from tools.evaluate.rivals.laenerf import LaeNerf
+from tools.evaluate.rivals.palettenerf import PaletteNerf, sparsity
+from tools.evaluate.rivals.points import ObjectPoints
+from tools.evaluate.rivals.recolornerf import RecolorNerf
+from tools.evaluate.rivals.transfers import channel_gains
+from tools.evaluate.rivals.warping import Painted, carried_over
 
 RED, BLUE = np.array([0.8, 0.1, 0.1], np.float32), np.array([0.1, 0.2, 0.7], np.float32)
 PALETTE = np.array([[0, 0, 0], [0.8, 0.1, 0.1]], np.float32)
@@ -127,34 +126,3 @@ def test_a_rendered_mask_prompts_the_box_of_its_largest_part():
     prompts = sa3d.prompts_of(rendered)
     assert prompts.box == (6, 4, 16, 12)
     assert sa3d.prompts_of(np.zeros((20, 20))) is None
-
-
-def test_a_diffused_mask_fills_the_thing_but_neither_what_the_mask_took_too_much_of_nor_a_twin_behind_it():
-    x = np.linspace(0, 1, 60)
-    positions = np.stack([x, np.zeros(60), np.zeros(60)], 1)
-    is_thing, is_other = x < 0.4, (x >= 0.4) & (x < 0.7)
-    features = np.where(is_other[:, None], -1.0, 1.0) + np.random.default_rng(0).normal(0, 0.05, (60, 2))
-    seeds = np.where(x < 0.2, 1.0, np.where(is_other, 0.0, np.nan))
-    seeds[np.flatnonzero(is_other)[5]] = 1
-    assert np.array_equal(ludvig.diffused(positions, features, seeds, ludvig.Diffusion(neighbors=4)), is_thing)
-
-
-def test_a_mask_is_uplifted_to_the_mean_of_its_rays_and_unknown_where_none_ends():
-    found = ludvig.uplifted(np.array([1.0, 0.0]), np.array([3.0, 1.0]), np.array([[0, 0], [0, 1]]), 3)
-    assert found[:2] == pytest.approx([6 / 7, 0]) and np.isnan(found[2])
-
-
-def test_every_rule_has_a_row_on_the_page():
-    rows = {row[0] for row in page.read("rivals")["rows"]}
-    names = (
-        "ours",
-        "PaletteNeRF",
-        "RecolorNeRF",
-        "LAENeRF",
-        "hue",
-        "gains",
-        "interpolation",
-        "SA3D",
-        "LUDVIG",
-    )
-    assert all(any(name in row for row in rows) for name in names)

@@ -5,7 +5,7 @@ import numpy as np
 
 from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.io.files import write_json
-from tools.judging.truth import Truth
+from tools.metrics.truth import Truth
 
 
 def test_recolors_of_a_matte_capture_lie_over_white_as_renderings_do(tmp_path):

@@ -1,4 +1,4 @@
-"""Volume rendering: two samples by hand, many by a loop in float64."""
+"""Volume rendering and its quantile samples: few by hand, many by a loop in float64."""
 
 import math
 
@@ -9,6 +9,9 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import composite
+from karf_engine.fields.rendering.rays import Rays
+from karf_engine.fields.rendering.sampling import Samples
+from karf_engine.fields.rendering.surface_cache import MIN_OPACITY, concatenate_caches, quantile_samples
 from karf_engine.fields.rendering.volume import (
     accumulate,
     distortion,
@@ -17,10 +20,12 @@ from karf_engine.fields.rendering.volume import (
     transmittance_from_optical_depths,
 )
 
+HALF = math.log(2.0)  # a density at which half of the light stops
 
-def random_rays(n_rays, dtype=torch.float64, scale=2.0, seed=0, device="cpu"):
+
+def random_rays(n_rays, dtype=torch.float64, scale=2.0, device="cpu"):
     """sigmas, deltas and ray indices of rays with 0 to 60 samples each."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     ray_indices = np.repeat(np.arange(n_rays), random.integers(0, 61, n_rays))
     sigmas = random.exponential(scale, len(ray_indices)) * random.integers(0, 2, len(ray_indices))
     deltas = random.uniform(0.01, 0.2, len(ray_indices))
@@ -28,52 +33,44 @@ def random_rays(n_rays, dtype=torch.float64, scale=2.0, seed=0, device="cpu"):
     return *values, torch.from_numpy(ray_indices).to(device)
 
 
-def test_two_samples_on_one_ray_by_hand():
-    # half of the light stops at the first sample, half of the rest at the second, a quarter passes
-    sigmas, ray = torch.full((2,), math.log(2.0)), torch.zeros(2, dtype=torch.long)
-    assert_allclose(ray_weights_from_sigmas(sigmas, 1.0, ray), [0.5, 0.25], atol=1e-7)
-    assert_allclose(transmittance_from_optical_depths(sigmas, ray), [1.0, 0.5], atol=1e-7)
-    assert_allclose(final_transmittance_from_sigmas(sigmas, 1.0, ray, 1), [0.25], atol=1e-7)
-    values = torch.tensor([[1.0, 0.0], [0.0, 4.0]])
-    weights = ray_weights_from_sigmas(sigmas, 1.0, ray)
-    assert_allclose(accumulate(weights, values, ray, 1), [[0.5, 1.0]], atol=1e-6)
-    assert_allclose(accumulate(weights, None, ray, 2), [[0.75], [0.0]], atol=1e-7)
+@pytest.mark.parametrize(
+    ("sigmas", "rays", "weights", "rest"),
+    [
+        ([HALF, HALF], [0, 0], [0.5, 0.25], [0.25, 1]),
+        ([math.exp(50.0), 1, 1], [0, 1, 1], [1, 1 - math.exp(-1), math.exp(-1) - math.exp(-2)], [0, math.exp(-2)]),
+        ([1e-7], [1], [1e-7], [1, 1]),
+        ([], [], [], [1, 1]),
+    ],
+    ids=["halves", "immensely dense before another ray", "thin", "no samples"],
+)
+def test_few_samples_by_hand(sigmas, rays, weights, rest):
+    sigmas, rays = torch.tensor(sigmas), torch.tensor(rays, dtype=torch.long)
+    found = ray_weights_from_sigmas(sigmas, 1.0, rays)
+    assert_allclose(found, weights, rtol=1e-6, atol=1e-9)
+    assert_allclose(final_transmittance_from_sigmas(sigmas, 1.0, rays, 2), rest, rtol=1e-6, atol=1e-9)
+    assert_allclose(accumulate(found, None, rays, 2)[:, 0], 1 - np.array(rest), atol=2e-7)
+    values = torch.tensor([1.0, 4.0, 9.0])[: len(sigmas), None] * torch.tensor([1.0, 0.5])
+    expected = np.zeros((2, 2))
+    np.add.at(expected, rays.numpy(), np.array(weights)[:, None] * values.numpy())
+    assert_allclose(accumulate(found, values, rays, 2), expected, rtol=1e-6)
 
 
-def test_packed_rays_agree_with_the_loop_over_single_rays(device):
-    sigmas, deltas, ray_indices = random_rays(200, device=device)
-    expected = composite(*[values.cpu().numpy() for values in (sigmas, deltas, ray_indices)], 200)
-    found = (
-        transmittance_from_optical_depths(sigmas * deltas, ray_indices),
-        ray_weights_from_sigmas(sigmas, deltas, ray_indices),
-        final_transmittance_from_sigmas(sigmas, deltas, ray_indices, 200),
-    )
-    for ours, loop in zip(found, expected, strict=True):
-        assert_allclose(ours.cpu(), loop, atol=1e-12)
-
-
-def test_weights_and_remainder_of_every_ray_sum_to_one(device):
-    sigmas, deltas, ray_indices = random_rays(300, torch.float32, device=device)
+@pytest.mark.parametrize(
+    ("n_rays", "dtype", "scale", "tolerance"),
+    [(200, torch.float64, 2.0, 1e-12), (300, torch.float32, 2.0, 2e-6), (4000, torch.float32, 20.0, 2e-6)],
+)
+def test_packed_rays_agree_with_the_loop_over_single_rays(n_rays, dtype, scale, tolerance, device):
+    """Of 4000 rays a plain float32 running sum would have lost two digits after the point."""
+    sigmas, deltas, ray_indices = random_rays(n_rays, dtype, scale, device)
+    expected = composite(*[values.cpu().numpy() for values in (sigmas, deltas, ray_indices)], n_rays)
     weights = ray_weights_from_sigmas(sigmas, deltas, ray_indices)
-    rest = final_transmittance_from_sigmas(sigmas, deltas, ray_indices, 300)
-    assert weights.min() >= 0 and rest.min() >= 0
-    opacity = accumulate(weights, None, ray_indices, 300)[:, 0]
-    assert_allclose((opacity + rest).cpu(), np.ones(300), atol=2e-6)
-
-
-def test_a_single_precision_batch_of_many_rays_keeps_six_digits(device):
-    sigmas, deltas, ray_indices = random_rays(4000, torch.float32, scale=20.0, device=device)
-    transmittance, _, _ = composite(*[values.cpu().numpy() for values in (sigmas, deltas, ray_indices)], 4000)
-    found = transmittance_from_optical_depths(sigmas * deltas, ray_indices)
-    assert (sigmas * deltas).sum() > 1e5  # a plain float32 running sum would have lost two digits after the point
-    assert_allclose(found.cpu(), transmittance, atol=1e-6)
-
-
-def test_an_immensely_dense_ray_takes_nothing_from_the_rays_after_it():
-    sigmas = torch.tensor([math.exp(50.0), 1.0, 1.0, 1.0])
-    ray_indices = torch.tensor([0, 1, 1, 1])
-    expected = [1.0] + [math.exp(-i) * (1 - math.exp(-1)) for i in range(3)]
-    assert_allclose(ray_weights_from_sigmas(sigmas, 1.0, ray_indices), expected, atol=1e-6)
+    rest = final_transmittance_from_sigmas(sigmas, deltas, ray_indices, n_rays)
+    found = (transmittance_from_optical_depths(sigmas * deltas, ray_indices), weights, rest)
+    for ours, loop in zip(found, expected, strict=True):
+        assert ours.dtype == dtype and ours.min() >= 0
+        assert_allclose(ours.cpu(), loop, atol=tolerance)
+    sums = accumulate(weights, None, ray_indices, n_rays)[:, 0] + rest
+    assert_allclose(sums.cpu(), np.ones(n_rays), atol=2 * tolerance)
 
 
 def test_gradients_are_finite_for_every_density():
@@ -88,22 +85,11 @@ def test_gradients_are_finite_for_every_density():
         assert gradient.abs().max() > 0
 
 
-def test_thin_samples_keep_their_weight():
-    weights = ray_weights_from_sigmas(torch.tensor([1e-7]), 1.0, torch.zeros(1, dtype=torch.long))
-    assert_allclose(weights, [1e-7], rtol=1e-6)
-
-
 def test_the_analytic_gradient_agrees_with_finite_differences():
     sigmas, deltas, ray_indices = random_rays(4)
     sigmas = (sigmas + 0.1).requires_grad_(True)
     assert torch.autograd.gradcheck(lambda s: ray_weights_from_sigmas(s, deltas, ray_indices), sigmas)
     assert torch.autograd.gradcheck(lambda s: final_transmittance_from_sigmas(s, deltas, ray_indices, 4), sigmas)
-
-
-def test_no_samples_leave_all_light():
-    empty, ray = torch.zeros(0), torch.zeros(0, dtype=torch.long)
-    assert len(ray_weights_from_sigmas(empty, 0.1, ray)) == 0
-    assert_allclose(final_transmittance_from_sigmas(empty, 0.1, ray, 3), [1, 1, 1])
 
 
 def test_distortion_is_the_double_sum_over_each_ray():
@@ -112,13 +98,81 @@ def test_distortion_is_the_double_sum_over_each_ray():
     distances = torch.cumsum(deltas, 0) + 5
     expected = []
     for ray in range(12):
-        own = ray_indices == ray
-        weights, places = ray_weights[own], distances[own]
+        weights, places = ray_weights[ray_indices == ray], distances[ray_indices == ray]
         pairs = weights[:, None] * weights * (places[:, None] - places).abs()
         expected.append(pairs.sum() + 0.1 / 3 * (weights**2).sum())
-    assert_allclose(
-        distortion(ray_weights, distances, 0.1, ray_indices, 12), torch.stack(expected), rtol=1e-8, atol=1e-10
-    )
-    one_ray = torch.zeros(3, dtype=torch.long)
-    together = distortion(torch.tensor([1.0, 0, 0]), torch.tensor([2.0, 3, 4]), 0.0, one_ray, 1)
-    assert together == 0
+    found = distortion(ray_weights, distances, 0.1, ray_indices, 12)
+    assert_allclose(found, torch.stack(expected), rtol=1e-8, atol=1e-10)
+
+
+# -------------------------------------------------------------------------------------------------------- quantile samples
+def packed(weights_of_rays, device="cpu"):
+    """Rays along z from the origin, on a device; sample i of a ray lies at distance i + 1."""
+    counts = [len(weights) for weights in weights_of_rays]
+    ray_indices = torch.repeat_interleave(torch.arange(len(counts)), torch.tensor(counts))
+    distances = torch.cat([torch.arange(1.0, n + 1) for n in counts])
+    positions = torch.stack([torch.zeros_like(distances), ray_indices.float(), distances], 1)
+    viewdirs = torch.tensor([[0.0, 0.0, 1.0]]).expand(len(counts), 3)
+    rays = Rays(torch.zeros(len(counts), 3).to(device), viewdirs.to(device))
+    weights = torch.tensor([w for weights in weights_of_rays for w in weights], dtype=torch.float32)
+    samples = Samples(ray_indices.to(device), distances.to(device), positions.to(device), 1.0)
+    return rays, samples, weights.to(device)
+
+
+def brute_force(weights, n_samples):
+    """Distances of the samples at which the running share first reaches the middles of equal shares."""
+    share = np.cumsum(np.asarray(weights, np.float64)) / np.sum(weights)
+    return [1 + next(i for i, s in enumerate(share) if s >= (k + 0.5) / n_samples - 1e-9) for k in range(n_samples)]
+
+
+@pytest.mark.parametrize(
+    ("weights", "distances", "spread"),
+    [
+        ([0.08, 0.08, 0.24, 0.08, 0.32], [2, 3, 5], 3),  # shares up to each sample: 0.1, 0.2, 0.5, 0.6, 1.0
+        ([0.9], [1, 1, 1], 0),
+        ([0.05, 0.0, 0.0, 0.9], [4, 4, 4], 0),
+    ],
+    ids=["sixths and a half", "one sample", "a faint veil in front"],
+)
+def test_three_samples_by_hand(weights, distances, spread):
+    cache = quantile_samples(*packed([weights]), 3)
+    assert_allclose(cache.distances, [distances])
+    assert_allclose(cache.opacity, [sum(weights)], atol=1e-6)
+    assert_allclose(cache.spread, [spread])
+
+
+@pytest.mark.parametrize("n_samples", [1, 2, 3, 7])
+def test_samples_of_many_rays_agree_with_a_loop(n_samples, device):
+    random = np.random.default_rng(n_samples)
+    rows = [random.dirichlet(np.ones(random.integers(1, 30))) * random.uniform(0.05, 1) for _ in range(150)]
+    cache = quantile_samples(*packed(rows, device), n_samples)
+    assert cache.index.tolist() == list(range(150))
+    assert_allclose(cache.opacity.cpu(), [row.sum() for row in rows], atol=1e-5)
+    # where a share lies within rounding of a quantile, either neighbor is right
+    agree = cache.distances.cpu().numpy() == [brute_force(row, n_samples) for row in rows]
+    assert agree.mean() > 0.995
+    assert_allclose(cache.positions[:, :, 1].cpu(), np.repeat(np.arange(150.0)[:, None], n_samples, 1))
+
+
+def test_thin_and_empty_rays_are_left_out():
+    cache = quantile_samples(*packed([[], [0.9], [0.5 * MIN_OPACITY], [], [0.3]]), 3, first=100)
+    assert cache.index.tolist() == [101, 104]
+
+
+@pytest.mark.parametrize("n_samples", [1, 3])
+def test_thinning_many_samples_gives_what_few_would_have_been(n_samples):
+    random = np.random.default_rng(4)
+    rays = packed([random.dirichlet(np.ones(5)) for _ in range(40)])
+    few, thinned = quantile_samples(*rays, n_samples), quantile_samples(*rays, 999).subsample(n_samples)
+    assert_allclose(thinned.distances, few.distances)
+    assert_allclose(thinned.positions, few.positions)
+    assert few.subsample(5) is few
+
+
+@pytest.mark.parametrize("n_rays", [0, 4])
+def test_a_chunk_without_samples_is_empty_and_joins_with_others(n_rays):
+    rays, samples, weights = packed([[]] * 4)
+    empty = quantile_samples(rays[:n_rays], samples, weights, 3)
+    assert len(empty) == 0 and empty.positions.shape == (0, 3, 3)
+    joined = concatenate_caches([empty, quantile_samples(*packed([[0.5, 0.5]]), 3)])
+    assert len(joined) == 1 and joined.positions.shape == (1, 3, 3)

@@ -7,16 +7,14 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from blender_tests.engine.fields.fitting import bank_of, points_on_the_still_life, silent, views_of
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
-from karf_engine.capture.capture import SparsePoints, View
-from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import BadRequest
 from karf_engine.fields.extent import choose_space, is_forward_facing, min_depth
 from karf_engine.fields.files import load_scene, save_scene
 from karf_engine.fields.fit import FitInputs
 from karf_engine.fields.registry import field_kind
-from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.space import Box, Contraction
 from karf_engine.fields.voxels import fit as voxel_fit
 from karf_engine.fields.voxels.field import VoxelField
@@ -25,29 +23,15 @@ from karf_engine.fields.voxels.torch_renderer import TorchRenderer, new_renderer
 from karf_engine.metrics.images import psnr
 from karf_engine.project.settings import GeometrySettings, Level, OpenSettings
 
-SETTINGS = replace(
-    GeometrySettings(),
-    features=6,
-    open=replace(OpenSettings(), levels=(Level(24, 60, 1.0), Level(48, 110, 1.0)), samples=16_000, max_rays=1500),
-)
+
+def open_settings(*levels, samples=3000, max_rays=512):
+    changed = replace(OpenSettings(), levels=levels, samples=samples, max_rays=max_rays)
+    return replace(GeometrySettings(), features=6, open=changed)
 
 
-def beside(camera):
-    """A place near a camera, at the border of what it sees."""
-    return camera.position + camera.camera_to_world[:3, :3] @ [0.48 * camera.width / camera.fx, 0.0, -1.0]
-
-
-def views_of(cameras):
-    return [View(f"view{n}", f"view{n}", camera, None, "train") for n, camera in enumerate(cameras)]
-
-
-def ring():
-    return cameras(20)
-
-
-def front():
-    """Cameras side by side, all looking about the same way."""
-    return [camera_at(0.12 * (n % 5 - 2), 0.35 + 0.1 * (n // 5)) for n in range(15)]
+SETTINGS = open_settings(Level(24, 60, 1.0), Level(48, 110, 1.0), samples=16_000, max_rays=1500)
+RING = cameras(20)
+FRONT = [camera_at(0.12 * (n % 5 - 2), 0.35 + 0.1 * (n // 5)) for n in range(15)]  # looks about the same way
 
 
 def telephoto(azimuth, elevation, distance=7.0):
@@ -56,52 +40,17 @@ def telephoto(azimuth, elevation, distance=7.0):
     return replace(camera, fx=4 * camera.fx, fy=4 * camera.fy)
 
 
-def telephoto_ring():
-    """Such cameras all around, nearer and farther."""
-    return [telephoto(2 * np.pi * n / 20, (0.35, 0.6, 0.85)[n % 3], (6.5, 7.5)[n % 2]) for n in range(20)]
+TELEPHOTOS = [telephoto(2 * np.pi * n / 20, (0.35, 0.6, 0.85)[n % 3], (6.5, 7.5)[n % 2]) for n in range(20)]
 
 
-def points_on_the_still_life(cameras, photos, spread=1.0):
-    """Points on the ball and the block's top, observed where the photo shows them."""
-    random = np.random.default_rng(0)
-    directions = random.normal(size=(150, 3))
-    ball = BALL_CENTER + BALL_RADIUS * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    top = np.stack([random.uniform(0.15, 0.75, 150), random.uniform(-0.35, 0.35, 150), np.full(150, 0.25)], 1)
-    positions, labels = spread * np.concatenate([ball, top]), np.repeat([1, 2], 150)
-    view, point, pixels = [], [], []
-    for number, (camera, photo) in enumerate(zip(cameras, photos, strict=True)):
-        places, _ = camera.project(positions)
-        u, v = np.floor(places).astype(int).clip(0, camera.width - 1).T
-        # the ball's far side projects onto the ball too
-        toward = camera.position - positions
-        faces_camera = ((positions - BALL_CENTER) * toward).sum(1) > 0
-        seen = np.flatnonzero((photo.labels[v, u] == labels) & (faces_camera | (labels == 2)))
-        view += [number] * len(seen)
-        point += seen.tolist()
-        pixels += places[seen].tolist()
-    return SparsePoints(
-        positions,
-        np.zeros((300, 3), np.uint8),
-        np.full(300, 0.3, np.float32),
-        np.array(view, np.int32),
-        np.array(point, np.int32),
-        np.array(pixels, np.float32),
-    )
-
-
-def start(cameras, space, with_points, settings=SETTINGS, device="cpu"):
+def start(cameras, space, with_points=True, settings=SETTINGS, device="cpu"):
     photos = [take_photo(camera, sky=True) for camera in cameras]
-    dataset = PixelDataset(cameras, [photo.color for photo in photos], None, device=device)
     points = points_on_the_still_life(cameras, photos) if with_points else None
     views = views_of(cameras)
     if space == "frustum":
         views = [replace(view, depth_bounds=(2.2, 9.0)) for view in views]
-    runtime = start_runtime(0, threads=1, device=str(device))
+    dataset, runtime = bank_of(photos, "opaque", device), start_runtime(0, threads=1, device=str(device))
     return field_kind(settings.field).start(FitInputs(dataset, "opaque", space, views, points, settings, runtime))
-
-
-def silent():
-    return Progress(lambda *_, **__: None, lambda: False, "geometry", 1)
 
 
 def fit(*arguments, **options):
@@ -124,10 +73,10 @@ def ball_depth_error(scene, angles):
 
 
 @pytest.mark.parametrize(
-    ("space", "rig", "angles"), [("contraction", ring, (0.05, 1, 2, 3, 4)), ("frustum", front, (-0.1, 0.05, 0.2))]
+    ("space", "rig", "angles"), [("contraction", RING, (0.05, 1, 2, 3, 4)), ("frustum", FRONT, (-0.1, 0.05, 0.2))]
 )
-def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path, device):
-    scene = fit(rig(), space, with_points=True, device=device)
+def test_a_held_out_view_is_rendered_well(space, rig, angles, tmp_path, device):
+    scene = fit(rig, space, device=device)
     camera = camera_at(0.05, 0.5)
     truth = take_photo(camera, sky=True)
     picture = scene.render(camera, 3)
@@ -141,18 +90,18 @@ def test_a_view_that_was_held_out_is_rendered_well(space, rig, angles, tmp_path,
 
 
 def test_a_long_lens_is_no_worse_than_any_other():
-    scene = fit(telephoto_ring(), "contraction", with_points=True)
+    scene = fit(TELEPHOTOS, "contraction")
     for angle in (0.15, 1.2, 3.3):
         camera = telephoto(angle, 0.55)
         assert psnr(scene.render(camera, 1).color.numpy(), take_photo(camera, sky=True).color) >= 24
 
 
 @pytest.mark.parametrize("is_refined", [False, True])
-def test_nothing_is_looked_for_where_a_camera_sees_through(is_refined):
-    state = start(telephoto_ring(), "contraction", with_points=True)
+def test_cells_in_free_space_are_left_out(is_refined):
+    state = start(TELEPHOTOS, "contraction")
     field = state._refined(Level(40, 1, 1.0)) if is_refined else state.field
     places = field.space.to_world(field.cell_centers()).double().numpy()
-    for camera in telephoto_ring():
+    for camera in TELEPHOTOS:
         pixels, depth = camera.project(places)
         shown = ((pixels > 0) & (pixels < camera.width)).all(1) & (depth > 0)
         nearest = np.linalg.norm(camera.position) - 1.1
@@ -168,13 +117,7 @@ def test_sparse_points_put_the_surface_where_it_is():
     assert with_points < 0.8 * without
 
 
-def test_two_runs_of_the_same_seed_are_bit_identical():
-    short = replace(SETTINGS, open=replace(SETTINGS.open, levels=(Level(16, 40, 1.0), Level(24, 5, 1.0)), samples=6000))
-    first, second = (fit(cameras(6), "contraction", True, short).field.state_dict() for _ in range(2))
-    assert all(torch.equal(first[name], second[name]) for name in first)
-
-
-def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch):
+def test_total_variation_uses_no_pruned_vertex(monkeypatch):
     asked, differences, prune = [], TorchRenderer.differences, VoxelField.pruned
 
     def note(renderer, rows, other_rows):
@@ -184,9 +127,7 @@ def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch)
     def prune_half_as_well(field, keep):
         return prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
 
-    levels = (Level(12, 40, 1.0), Level(16, 8, 1.0))
-    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=3000, max_rays=512))
-    state = start(cameras(8), "contraction", True, few)
+    state = start(cameras(8), "contraction", True, open_settings(Level(12, 40, 1.0), Level(16, 8, 1.0)))
     monkeypatch.setenv("KARF_KERNELS", "off")
     monkeypatch.setattr(TorchRenderer, "differences", note)
     monkeypatch.setattr(VoxelField, "pruned", prune_half_as_well)
@@ -196,11 +137,10 @@ def test_total_variation_asks_no_vertex_that_pruning_has_taken_away(monkeypatch)
     assert max((rows == 0).float().mean().item() for rows in asked) < 0.02
 
 
-def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch):
+def test_pruning_keeps_cells_that_photos_show(monkeypatch):
     monkeypatch.setattr(voxel_fit, "BATCH_RAYS", 64)
     monkeypatch.setattr(voxel_fit, "FEWEST_BATCHES", 2)  # alone they miss a twentieth of it
-    levels = (Level(40, 30, 1.0), Level(48, 1, 1.0))
-    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=levels, samples=6000))
+    few = open_settings(Level(40, 30, 1.0), Level(48, 1, 1.0), samples=6000, max_rays=1500)
     state = start(cameras(8), "contraction", True, few)
     unpruned = next(state.scenes(silent())).field
     renderer = new_renderer(unpruned, state.runtime, 1.0, 0.0, 0.1, 0.1)
@@ -211,10 +151,9 @@ def test_pruning_keeps_what_photos_show_however_many_cells_there_are(monkeypatch
     assert kept.float().mean() < 0.97
 
 
-def test_the_same_fog_outlasts_pruning_in_fine_cells_as_in_coarse_ones(monkeypatch):
+def test_pruning_of_fog_does_not_depend_on_the_cell_size(monkeypatch):
     monkeypatch.setattr(voxel_fit, "PRUNED_AT", 12)
-    few = replace(SETTINGS, open=replace(SETTINGS.open, levels=(Level(12, 5, 1.0),), samples=3000, max_rays=512))
-    state = start(cameras(8), "contraction", True, few)
+    state = start(cameras(8), "contraction", True, open_settings(Level(12, 5, 1.0)))
     learned = next(state.scenes(silent())).field
 
     def kept(n):
@@ -229,60 +168,59 @@ def test_the_same_fog_outlasts_pruning_in_fine_cells_as_in_coarse_ones(monkeypat
 
 
 # ------------------------------------------------------------------------------------------------------------ the choice
-def test_the_space_follows_from_background_cameras_and_points():
-    photos = [take_photo(camera) for camera in ring()]
-    on_table, all_round = (points_on_the_still_life(ring(), photos, spread) for spread in (1.0, 8.0))
-    around, ahead = views_of(ring()), views_of(front())
-    bounded = [replace(view, depth_bounds=(2.0, 9.0)) for view in ahead]
-    settings = GeometrySettings()
-    assert choose_space("alpha", around, all_round, settings) == "box"
-    assert choose_space("opaque", around, on_table, settings) == "box"
-    assert choose_space("opaque", around, all_round, settings) == "contraction"
-    assert choose_space("opaque", around, None, settings) == "box"
-    assert choose_space("opaque", bounded, None, settings) == "frustum"
-    assert choose_space("opaque", ahead, on_table, settings) == "frustum"
-    assert choose_space("opaque", around, on_table, replace(settings, space="contraction")) == "contraction"
+PHOTOS = [take_photo(camera) for camera in RING]
+ON_TABLE, ALL_ROUND = (points_on_the_still_life(RING, PHOTOS, spread) for spread in (1.0, 8.0))
 
 
-def test_cameras_look_one_way_or_round():
-    assert is_forward_facing(front()) and not is_forward_facing(ring())
+@pytest.mark.parametrize(
+    ("kind", "cameras", "bounds", "points", "setting", "space"),
+    [
+        ("alpha", RING, None, ALL_ROUND, "auto", "box"),
+        ("opaque", RING, None, ON_TABLE, "auto", "box"),
+        ("opaque", RING, None, ALL_ROUND, "auto", "contraction"),
+        ("opaque", RING, None, None, "auto", "box"),
+        ("opaque", FRONT, (2.0, 9.0), None, "auto", "frustum"),
+        ("opaque", FRONT, None, ON_TABLE, "auto", "frustum"),
+        ("opaque", RING, None, ON_TABLE, "contraction", "contraction"),
+    ],
+)
+def test_the_space_follows_from_background_cameras_and_points(kind, cameras, bounds, points, setting, space):
+    views = [replace(view, depth_bounds=bounds) for view in views_of(cameras)]
+    assert choose_space(kind, views, points, replace(GeometrySettings(), space=setting)) == space
+    assert is_forward_facing(cameras) == (cameras is FRONT)
 
 
 def test_the_nearest_depth_is_declared_or_that_of_the_points():
-    photos = [take_photo(camera) for camera in ring()]
-    points = points_on_the_still_life(ring(), photos)
-    assert min_depth(views_of(ring()), points) == pytest.approx(3.6 - 0.8, abs=0.25)
-    declared = [replace(view, depth_bounds=(1.5 + n, 99.0)) for n, view in enumerate(views_of(ring()))]
-    assert min_depth(declared, points) == 1.5
-    assert min_depth(views_of(ring()), None) is None
+    assert min_depth(views_of(RING), ON_TABLE) == pytest.approx(3.6 - 0.8, abs=0.25)
+    declared = [replace(view, depth_bounds=(1.5 + n, 99.0)) for n, view in enumerate(views_of(RING))]
+    assert min_depth(declared, ON_TABLE) == 1.5
+    assert min_depth(views_of(RING), None) is None
 
 
 def test_a_frustum_without_any_depth_is_refused():
-    dataset = PixelDataset(front(), [take_photo(camera).color for camera in front()], None)
+    dataset = bank_of([take_photo(camera) for camera in FRONT], "opaque")
+    inputs = FitInputs(dataset, "opaque", "frustum", views_of(FRONT), None, SETTINGS, start_runtime(0, 1, "cpu"))
     with pytest.raises(BadRequest, match="how near"):
-        field_kind("voxels").start(
-            FitInputs(dataset, "opaque", "frustum", views_of(front()), None, SETTINGS, start_runtime(0, 1, "cpu"))
-        )
+        field_kind("voxels").start(inputs)
 
 
 def test_each_observation_is_the_pixel_that_shows_its_point():
-    photos = [take_photo(camera) for camera in ring()]
-    points = points_on_the_still_life(ring(), photos)
-    dataset = PixelDataset(ring(), [photo.color for photo in photos], None)
-    pixels, positions = find_observations(dataset, Box(), points)
-    assert len(pixels) == len(positions) == len(points.view)
+    dataset = bank_of(PHOTOS, "opaque")
+    pixels, positions = find_observations(dataset, Box(), ON_TABLE)
+    assert len(pixels) == len(positions) == len(ON_TABLE.view)
     rays = dataset.rays(pixels)
     toward = torch.nn.functional.normalize(positions - rays.origins, dim=1)
-    assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / ring()[0].fx)  # within a pixel
-    bad = replace(points, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
-    assert len(find_observations(dataset, Box(), bad)[0]) == (points.point >= 150).sum()
+    assert (toward * rays.viewdirs).sum(1).min() > np.cos(1.0 / RING[0].fx)  # within a pixel
+    bad = replace(ON_TABLE, errors=np.where(np.arange(300) < 150, 9.0, 0.3).astype(np.float32))
+    assert len(find_observations(dataset, Box(), bad)[0]) == (ON_TABLE.point >= 150).sum()
 
 
-def test_only_what_a_camera_sees_is_looked_for():
+def test_the_contraction_covers_what_cameras_see():
     space = Contraction(torch.zeros(3), 1.0, 1.0, 0.1)
     pair = [camera_at(0.0, 0.3), camera_at(0.4, 0.3)]
     behind_both = pair[0].position + pair[1].position
-    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30], beside(pair[0])])).float()
+    at_the_border = pair[0].position + pair[0].camera_to_world[:3, :3] @ [0.48 * 32 / pair[0].fx, 0.0, -1.0]
+    world = torch.tensor(np.stack([np.zeros(3), behind_both, [0.0, 0, 30], at_the_border])).float()
     assert space.is_seen(space.to_grid(world), pair).tolist() == [True, False, False, True]
     low, high = space.grid_bounds(pair)
     assert low.tolist() == [-2, -2, -2] and high.tolist() == [2, 2, 2]

@@ -1,9 +1,8 @@
-"""The compiled kernels do what torch does: same sums, same gradients, at any number of threads."""
+"""The compiled kernels do what torch does: same sums, gradients and pictures, at any number of threads."""
 
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,40 +12,45 @@ pytest.importorskip("numba")
 
 from torch.testing import assert_close
 
+from blender_tests.engine.conftest import ROOT
 from karf_engine.compute import cores
 from karf_engine.compute.kernels import kernel
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
 from karf_engine.errors import Diverged
+from karf_engine.fields import scene as scenes
 from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.rendering.volume import accumulate, ray_weights_from_sigmas
+from karf_engine.fields.scene import Scene
 from karf_engine.fields.training import TrainingState, constant, train
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.fields.voxels.fused import preparing
-from karf_engine.fields.voxels.fused.marching import importance_of, paths_of, uniform
+from karf_engine.fields.voxels.fused.marching import importance_of
 from karf_engine.fields.voxels.fused.renderer import FusedRenderer
 from karf_engine.fields.voxels.renderer import RayBatch
 from karf_engine.fields.voxels.torch_renderer import TorchRenderer, new_renderer
 
-ROOT = Path(__file__).resolve().parents[4]
 MARGIN, OFF_PATH = 0.05, 0.4
 UNIT = 0.3
 SUMS = ("color", "final_transmittance", "distortion", "before", "up_to", "distance", "distance_squared", "alpha")
-SPACES = {
-    "box": Box(),
-    "contraction": Contraction(torch.zeros(3), 0.5, 1.0, 0.05),
-    "frustum": Frustum(torch.eye(4), torch.tensor([1.0, 1.0]), 0.5, 0.5),
-}
+SPACES = ("box", "contraction", "frustum")
+DARK = 1e-4  # of the light left, kernels end a ray
+GRAY = 1 / 255
+
+
+def space_of(name, kind=torch.float32):
+    zeros, ones, eye = torch.zeros(3, dtype=kind), torch.ones(2, dtype=kind), torch.eye(4, dtype=kind)
+    made = {"contraction": Contraction(zeros, 0.5, 1.0, 0.05), "frustum": Frustum(eye, ones, 0.5, 0.5)}
+    return made.get(name, Box())
 
 
 def random_field(space: str, features: int = 12, share: float = 1.0) -> VoxelField:
-    """A field of random values in a grid of unequal sides."""
     random = torch.Generator().manual_seed(0)
     occupied = torch.rand(14, 17, 12, generator=random) < share
     size = {"box": 2.0, "contraction": 4.0, "frustum": 2.0}[space]
     minimum = torch.tensor([-size / 2] * 2 + [-0.5 if space == "frustum" else -size / 2])
-    field = VoxelField(minimum, size / 17, occupied, features, 64, -2.0, SPACES[space])
+    field = VoxelField(minimum, size / 17, occupied, features, 64, -2.0, space_of(space))
     for parameter in field.parameters():
         parameter.data = torch.randn(parameter.shape, generator=random)
     return field
@@ -77,8 +81,13 @@ def exact(field: VoxelField) -> TorchRenderer:
     return TorchRenderer(field, start_runtime(0, 1, "cpu"), UNIT, 0.0, MARGIN, OFF_PATH)
 
 
-def gradients_of(field: VoxelField) -> dict:
-    return {name: parameter.grad.float().clone() for name, parameter in field.named_parameters()}
+def learning(renderer: FusedRenderer):
+    field = renderer.field
+    groups = [
+        {"params": [field.raw_density, field.feature_table], "lr": 0.05},
+        {"params": list(field.color_network.parameters()), "lr": 0.01},
+    ]
+    return renderer.optimizer(groups, (0.9, 0.99))
 
 
 @pytest.mark.parametrize("features", [12, 7])
@@ -87,12 +96,7 @@ def test_sums_and_gradients_are_those_of_torch_in_double_precision(space, featur
     field, batch = random_field(space, features), random_batch(space)
     sums = fused(field).render(batch)
     reference = random_field(space, features).double()
-    space_in_double = reference.space
-    if space == "contraction":
-        space_in_double = Contraction(torch.zeros(3).double(), 0.5, 1.0, 0.05)
-    if space == "frustum":
-        space_in_double = Frustum(torch.eye(4).double(), torch.tensor([1.0, 1.0]).double(), 0.5, 0.5)
-    reference.space = space_in_double
+    reference.space = space_of(space, torch.float64)
     expected = exact(reference).render(doubled(batch))
     assert sums.n_samples == pytest.approx(expected.n_samples, abs=3)  # ends of rays may fall on either side
     assert torch.equal(sums.observes, expected.observes) and sums.observes.any()
@@ -105,13 +109,13 @@ def test_sums_and_gradients_are_those_of_torch_in_double_precision(space, featur
         loss, expected_loss = loss + (upstream * value).sum(), expected_loss + (upstream.double() * truth).sum()
     loss.backward()
     expected_loss.backward()
-    for name, gradient in gradients_of(field).items():
-        truth = dict(reference.named_parameters())[name].grad.float()
-        error = torch.linalg.norm(gradient - truth) / torch.linalg.norm(truth)
+    for (name, parameter), other in zip(field.named_parameters(), reference.parameters(), strict=True):
+        truth = other.grad.float()
+        error = torch.linalg.norm(parameter.grad - truth) / torch.linalg.norm(truth)
         assert error < 2e-3, f"{name}: {error}"
 
 
-def test_the_diffuse_colors_of_the_first_level_teach_their_three_features_alone():
+def test_diffuse_colors_teach_three_features_alone():
     field, batch = random_field("box"), random_batch("box", is_diffuse=True)
     (fused(field).render(batch).color ** 2).sum().backward()
     reference = random_field("box")
@@ -133,29 +137,19 @@ def test_differences_between_rows_and_their_gradients_are_those_of_torch():
         assert_close(value, expected, rtol=1e-5, atol=1e-5)
 
 
-def test_cells_are_seen_as_torch_sees_them():
+def test_visibility_of_cells_is_that_of_torch():
     field, rays = random_field("contraction", share=0.5), random_batch("contraction").rays
     seen, expected = fused(field).visibility([rays]), exact(field).visibility([rays])
     assert (expected > 0).sum() > 100
     assert_close(seen, expected, rtol=1e-3, atol=1e-4)
-
-
-def test_rays_meet_occupied_cells_where_torch_says_so():
     field, rays = random_field("box", share=0.02), random_batch("box").rays
     free = fused(field).is_free(rays, 0.7)
     assert torch.equal(free, exact(field).is_free(rays, 0.7))
     assert 0.1 < free.float().mean() < 0.9
 
 
-@pytest.mark.parametrize("space", SPACES)
-def test_rays_bend_as_their_space_says(space):
-    field, rays = random_field(space), random_batch(space).rays
-    expected = field.space.paths(rays, *field.bounds)
-    assert_close(torch.from_numpy(paths_of(field.space, field.bounds, rays)), expected, rtol=1e-5, atol=1e-5)
-
-
 @pytest.mark.parametrize("make", [fused, exact])
-def test_a_ray_ends_where_its_light_is_used_up(make):
+def test_a_ray_ends_where_its_transmittance_is_used_up(make):
     field, batch = random_field("box"), random_batch("box")
     field.raw_density.data.fill_(12.0)
     samples = field.march(batch.rays, batch.step, batch.jitter)
@@ -169,53 +163,32 @@ def test_a_ray_ends_where_its_light_is_used_up(make):
 
 
 @kernel
-def _shares(weight, limits, n_rays, n_numbers, out):
-    for ray in range(n_rays):
-        for number in range(n_numbers):
-            out[ray, number] = importance_of(weight, limits, ray, number)
+def _draw(weight, limits, shares):
+    for ray in range(shares.shape[0]):
+        for number in range(shares.shape[1]):
+            shares[ray, number] = importance_of(weight, limits, ray, number)
 
 
-@kernel
-def _numbers(seed, n_rays, n_numbers, out):
-    for ray in range(n_rays):
-        for number in range(n_numbers):
-            out[ray, number] = uniform(seed, ray, number)
-
-
-def test_russian_roulette_is_uniform_and_its_draws_do_not_depend_on_each_other():
-    drawn = np.empty((1000, 100), np.float32)
-    for seed in (0, 1, 2**31 - 2):
-        _numbers(seed, 1000, 100, drawn)
-        counts = np.histogram(drawn, 50, (0, 1))[0]
-        assert ((counts - 2000) ** 2 / 2000).sum() < 100  # chi squared of 49 degrees of freedom: 100 is beyond 1e-5
-        for one, other in ((drawn[:-1], drawn[1:]), (drawn[:, :-1], drawn[:, 1:]), (drawn[:-1, :-1], drawn[1:, 1:])):
-            assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.02
-    other = np.empty_like(drawn)
-    _numbers(7, 1000, 100, other)
-    assert abs(np.corrcoef(drawn.ravel(), other.ravel())[0, 1]) < 0.02
-
-
-@pytest.mark.parametrize("weight", [0.0005, 0.004, 0.019, 0.5])
-def test_colors_count_as_much_as_without_russian_roulette_on_average(weight):
+@pytest.mark.parametrize("weight", [0.0005, 0.004, 0.011, 0.019, 0.5])
+def test_russian_roulette_is_unbiased_and_independent(weight):
     limits = fused(random_field("box"), russian_roulette=0.02)._settings
-    shares = np.empty((2000, 100), np.float32)
-    _shares(np.float32(weight), limits, 2000, 100, shares)
+    shares, others = np.empty((2, 2000, 100), np.float32)
+    _draw(np.float32(weight), limits, shares)
+    _draw(np.float32(weight), limits._replace(seed=limits.seed + 7), others)
     chance = min(1.0, weight / 0.02)
     spread = np.sqrt((1 - chance) / chance / shares.size)
     assert abs(shares.mean() - 1) <= 5 * spread + 1e-6
     assert (shares > 0).mean() == pytest.approx(chance, abs=5 * np.sqrt(chance / shares.size))
+    neighbors = [(shares[1:], shares[:-1]), (shares[:, 1:], shares[:, :-1]), (shares[1:, 1:], shares[:-1, :-1])]
+    for one, other in [*neighbors, (shares, others)] if chance < 1 else []:
+        assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.02
 
 
 def _learn(threads: int, iterations: int = 12) -> VoxelField:
     runtime = start_runtime(0, threads, "cpu")
     field, batch = random_field("box", share=0.7), random_batch("box", 1000)
     renderer = FusedRenderer(field, runtime, UNIT, 0.02, MARGIN, OFF_PATH)
-    groups = [
-        {"params": [field.raw_density, field.feature_table], "lr": 0.05},
-        {"params": list(field.color_network.parameters()), "lr": 0.01},
-    ]
-    optimizer = renderer.optimizer(groups, (0.9, 0.99))
-    random = torch.Generator().manual_seed(2)
+    optimizer, random = learning(renderer), torch.Generator().manual_seed(2)
     pairs = torch.randint(-1, len(field.raw_density), (2, 5000), generator=random)
     for _ in range(iterations):
         optimizer.zero_grad()
@@ -236,11 +209,10 @@ def test_one_and_two_threads_learn_the_same_bits():
         assert torch.equal(value, other), name
 
 
-def test_rows_that_no_ray_touches_rest():
+def test_untouched_rows_rest():
     field, batch = random_field("box"), random_batch("box", 3)
-    before = field.raw_density.detach().clone()
-    renderer = fused(field)
-    optimizer = renderer.optimizer([{"params": [field.raw_density, field.feature_table], "lr": 0.1}], (0.9, 0.99))
+    before, renderer = field.raw_density.detach().clone(), fused(field)
+    optimizer = learning(renderer)
     for _ in range(2):
         renderer.render(batch).color.sum().backward()
         touched = renderer.touched > 0
@@ -250,46 +222,150 @@ def test_rows_that_no_ray_touches_rest():
     assert not (moved & ~touched).any()
 
 
-def test_what_is_not_a_number_stops_training():
+def test_nan_stops_training():
     field, batch = random_field("box"), random_batch("box")
     field.feature_table.data[:, 0] = torch.nan
     renderer = fused(field)
-    optimizer = renderer.optimizer([{"params": [field.raw_density, field.feature_table], "lr": 0.1}], (0.9, 0.99))
-    training_state = TrainingState(3, optimizer, dict, start_runtime(0, 1, "cpu"))
+    training_state = TrainingState(3, learning(renderer), dict, start_runtime(0, 1, "cpu"))
+    progress = Progress(lambda *_, **__: None, lambda: False, "geometry", 3)
     with pytest.raises(Diverged):
-        train(
-            training_state,
-            3,
-            lambda *_: (renderer.render(batch).color.mean(), {}),
-            constant,
-            Progress(lambda *_, **__: None, lambda: False, "geometry", 3),
-        )
+        train(training_state, 3, lambda *_: (renderer.render(batch).color.mean(), {}), constant, progress)
 
 
-def test_without_numba_or_where_it_is_left_out_torch_learns(monkeypatch):
-    field, runtime = random_field("box"), start_runtime(0, 1, "cpu")
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, MARGIN, OFF_PATH), FusedRenderer)
+# ------------------------------------------------------------------------------------------------------- frozen fields
+def frozen_field(space: str, share: float = 0.6) -> VoxelField:
+    """A random field, in which about half of all rays end."""
+    field = random_field(space, share=share)
+    field.raw_density.data.add_(4.0)
+    return field.requires_grad_(False)
+
+
+@pytest.fixture
+def by_torch(monkeypatch):
+    def call(function, *arguments):
+        with monkeypatch.context() as patch:
+            patch.setenv("KARF_KERNELS", "off")
+            return function(*arguments)
+
+    return call
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_rays_end_where_torch_lets_them_end(space, by_torch):
+    field, rays = frozen_field(space), random_batch(space).rays
+    trace, expected = field.trace(rays, 0.7), by_torch(field.trace, rays, 0.7)
+    assert 0 < len(trace.samples) < len(expected.samples)  # torch goes on in the dark
+    assert_close(trace.final_transmittance, expected.final_transmittance, rtol=1e-3, atol=DARK)
+    assert trace.samples.ray_indices.dtype == torch.int64 and (trace.samples.ray_indices.diff() >= 0).all()
+    assert trace.samples.step == pytest.approx(expected.samples.step)
+    for number in range(len(rays)):
+        own, theirs = (trace.samples.ray_indices == number), (expected.samples.ray_indices == number)
+        until = int(own.sum())
+        for name in ("distances", "positions"):
+            some, others = getattr(trace.samples, name)[own], getattr(expected.samples, name)[theirs]
+            assert_close(some, others[:until], rtol=1e-4, atol=1e-4)
+        weights, all_weights = trace.ray_weights[own], expected.ray_weights[theirs]
+        assert_close(weights, all_weights[:until], rtol=1e-3, atol=1e-4)
+        assert all_weights[until:].sum() <= 1.1 * DARK
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6, 0.05])
+def test_features_and_colors_are_those_of_torch(share, by_torch):
+    field, random = frozen_field("box", share), torch.Generator().manual_seed(3)
+    low, high = field.bounds
+    positions = low + (1.2 * torch.rand(3001, 3, generator=random) - 0.1) * (high - low)  # some outside
+    viewdirs = torch.nn.functional.normalize(torch.randn(3001, 3, generator=random), dim=1)
+    features, expected = field.features(positions), by_torch(field.features, positions)
+    assert_close(features, expected, rtol=1e-4, atol=1e-4)
+    color = field.color(positions, viewdirs, expected)
+    assert_close(color, by_torch(field.color, positions, viewdirs, expected), rtol=1e-4, atol=1e-4)
+    assert field.features(positions[:0]).shape == (0, 12)
+    assert field.color(None, viewdirs[:0], features[:0]).shape == (0, 3)
+
+
+def test_rays_that_meet_nothing_have_no_samples():
+    field, beside = frozen_field("box"), Rays(torch.full((5, 3), 9.0), torch.tensor([[1.0, 0.0, 0.0]]).expand(5, 3))
+    for rays in (beside, beside[:0]):
+        trace = field.trace(rays, 0.7)
+        assert len(trace.samples) == 0 and torch.equal(trace.final_transmittance, torch.ones(len(rays)))
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_a_picture_is_torchs_whatever_its_chunks_and_threads(space, by_torch, monkeypatch):
+    scene, rays = Scene(frozen_field(space), None, "white", 0.7), random_batch(space, 1500).rays
+    try:
+        whole = scene.colors(rays)
+        assert (whole - by_torch(scene.colors, rays)).abs().max() < GRAY
+        for chunk, threads in ((1, 1), (333, 1), (100, 2)):
+            cores.set_core_count(threads)
+            cores.limit_torch_threads()
+            monkeypatch.setattr(scenes, "CPU_RAYS_PER_CHUNK", chunk)
+            assert torch.equal(scene.colors(rays[:200]), whole[:200])
+    finally:
+        cores.set_core_count(1)
+
+
+@pytest.mark.parametrize("wrong", [torch.nan, torch.inf])
+def test_a_ray_that_is_not_finite_has_a_transmittance_of_nan(wrong):
+    field, rays = frozen_field("box"), random_batch("box").rays
+    rays.origins[3] = wrong
+    trace = field.trace(rays, 0.7)
+    assert trace.final_transmittance[3].isnan() and trace.final_transmittance[:3].isfinite().all()
+    assert not (trace.samples.ray_indices == 3).any()
+
+
+def test_many_samples_get_more_room():
+    field = frozen_field("box")
+    field.raw_density.fill_(-20.0)  # clear: no ray ends before the grid does
+    trace = field.trace(random_batch("box").rays, 0.01)
+    assert len(trace.samples) > 64 * 200
+    assert_close(trace.ray_weights.sum() + trace.final_transmittance.sum(), torch.tensor(200.0), rtol=1e-4, atol=0)
+
+
+def test_a_field_frozen_again_shows_what_it_has_learned():
+    field, rays = frozen_field("box"), random_batch("box").rays
+    before = field.trace(rays, 0.7).final_transmittance
+    field.requires_grad_(True)
+    assert field.trace(rays, 0.7).final_transmittance.requires_grad
+    with torch.no_grad():
+        field.raw_density -= 5
+        learning = field.trace(rays, 0.7).final_transmittance
+    after = field.requires_grad_(False).trace(rays, 0.7).final_transmittance
+    assert (after > before + 0.1).any()
+    assert_close(after, learning, rtol=1e-3, atol=DARK)
+
+
+# ------------------------------------------------------------------------------------------------ with and without kernels
+def test_torch_learns_and_renders_without_numba(monkeypatch):
+    field, frozen, rays = random_field("box"), frozen_field("box"), random_batch("box").rays
+
+    def found():
+        renderer = new_renderer(field, start_runtime(0, 1, "cpu"), UNIT, 0.0, MARGIN, OFF_PATH)
+        return type(renderer), len(frozen.trace(rays, 0.7).samples)
+
+    (with_numba, fewer), answers = found(), []
     monkeypatch.setenv("KARF_KERNELS", "off")
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, MARGIN, OFF_PATH), TorchRenderer)
+    answers.append(found())
     monkeypatch.delenv("KARF_KERNELS")
     monkeypatch.setitem(sys.modules, "numba", None)
-    assert isinstance(new_renderer(field, runtime, UNIT, 0.0, MARGIN, OFF_PATH), TorchRenderer)
+    answers.append(found())
+    assert with_numba is FusedRenderer
+    assert all(kind is TorchRenderer and samples > fewer for kind, samples in answers)
 
 
-def check_bounds(file, names, cache):
-    """Run some tests of a file again with kernels that check every index, compiled into a cache of their own."""
-    environment = os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(cache), "OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", file, "-k", names]
+def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
+    """Some tests run again with kernels that check every index, compiled into a cache of their own."""
+    names = (
+        "sums_and_gradients and box-12 or contraction-12 or differences or visibility or one_and_two_threads or rest"
+    )
+    names += " or rays_end or features_and_colors or more_room or nothing"
+    environment = os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "OMP_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", names]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:]
 
 
-def test_no_kernel_reads_or_writes_outside_its_arrays(tmp_path):
-    names = "sums_and_gradients and box-12 or contraction-12 or differences or cells_are or threads or rest or bend"
-    check_bounds(__file__, names, tmp_path)
-
-
-def test_kernels_are_compiled_beside_also_where_the_engine_runs_as_a_folder(tmp_path, monkeypatch):
+def test_kernels_are_compiled_in_a_child_process(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # of the child: it calls them all, in plain Python
     monkeypatch.chdir(tmp_path)
@@ -298,7 +374,7 @@ def test_kernels_are_compiled_beside_also_where_the_engine_runs_as_a_folder(tmp_
     assert preparing.begin(12) is None
 
 
-def test_kernels_are_compiled_beside_where_it_cannot_be_told_whether_they_are_there(monkeypatch):
+def test_kernels_are_compiled_where_the_cache_cannot_be_read(monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/" + "x" * 5000)  # the system refuses to look it up
     compiling = preparing.begin(12)
     compiling.kill()

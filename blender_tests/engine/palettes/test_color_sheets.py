@@ -1,0 +1,239 @@
+"""Color books and sheets of colorways: every format gives its names their colors, and errors name file and line."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from blender_tests.engine.palettes.test_edit_files import ase, color_block
+from karf_engine.errors import BadRequest, DataError
+from karf_engine.io.color import ciede2000, srgb_to_lab
+from karf_engine.palettes.color_books import ColorBook, nearest_names, read_color_book
+from karf_engine.palettes.colorways import read_sheet
+
+RGB, CMYK, LAB_SPACE = 0, 2, 7
+MINT = np.array([0x80, 0xD0, 0xA0]) / 255
+LAB = srgb_to_lab(MINT)
+RED_LAB = srgb_to_lab(np.array([1.0, 0, 0]))
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a file of this name: the path of it."""
+
+    def write(name, content):
+        path = tmp_path / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    return write
+
+
+# --------------------------------------------------------------------------------------------------------------- books
+def text(string):
+    return struct.pack(">I", len(string)) + string.encode("utf-16-be")
+
+
+def acb(*colors, space=RGB, version=1, prefix="", suffix=""):
+    """A color book of Adobe's: names and the bytes of their colors."""
+    head = b"8BCB" + struct.pack(">HH", version, 3000)
+    names = [text(f"$$$/colorbook/INK/{key}={value}") for key, value in (("title", "Ink"), ("prefix", prefix))]
+    counts = struct.pack(">4H", len(colors), 7, 3, space)
+    rows = [text(name) + b"      " + values for name, values in colors]
+    return b"".join([head, *names, text(suffix), text("for tests"), counts, *rows, b"spflspot"])
+
+
+def test_a_color_book_in_rgb_has_prefix_and_suffix_and_leaves_gaps_out(written):
+    data = acb(("1^R", b"\xff\0\0"), ("", b"\0\0\0"), ("2", b"\0\0\xff"), prefix="INK ", suffix=" C")
+    book = read_color_book(written("ink.acb", data))
+    assert (book.name, book.names) == ("ink", ("INK 1\u00ae C", "INK 2 C"))
+    assert book["INK 2 C"].tolist() == pytest.approx([0, 0, 1], abs=1e-7) and book["INK 2 C"].dtype == np.float32
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "tolerance"),
+    [
+        ("ink.acb", acb(("red", bytes([round(54.29 * 2.55), 128 + 81, 128 + 70])), space=LAB_SPACE), 0.5),
+        ("ink.ase", ase(color_block("red", b"LAB ", 0.5429, 80.81, 69.89)), 0.1),
+    ],
+)
+def test_labs_of_adobe_have_another_white(written, name, data, tolerance):
+    """They are sRGB's red as ICC profiles tell it, whose white is D50 (Lindbloom's calculator)."""
+    assert ciede2000(read_color_book(written(name, data)).lab[0], RED_LAB) < tolerance
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "name,hex\nRed,#ff0000\nBlue,#0000ff\n",
+        "Name;L;a;b\nRed;53,2408;80,0925;67,2032\nBlue;32,2970;79,1875;-107,8602\n",
+        "name\tL*\ta*\tb*\nRed\t53.2408\t80.0925\t67.2032\nBlue\t32.2970\t79.1875\t-107.8602\n",
+        "name,R,G,B,note\nRed,255,0,0,x\nBlue,0,0,255,\n\n",
+    ],
+)
+def test_a_table_names_colors_as_a_sheet_of_colorways_does(written, table):
+    book = read_color_book(written("inks.csv", table))
+    assert book.names == ("Red", "Blue")
+    np.testing.assert_allclose([book["red"], book["BLUE"]], [[1, 0, 0], [0, 0, 1]], atol=1e-4)
+
+
+def test_a_gimp_palette_is_a_book_too_and_each_name_is_another(written):
+    book = read_color_book(written("a.gpl", "GIMP Palette\n9 9 9 Untitled\n8 8 8 untitled\n7 7 7\n"))
+    assert book.names == ("Untitled", "untitled (2)", "#070707")
+
+
+def test_the_nearest_names_are_those_of_least_difference():
+    lab = srgb_to_lab(np.random.default_rng(3).random((500, 3)))
+    book, color = ColorBook("all", tuple(map(str, range(500))), lab), np.array([0.7, 0.2, 0.1])
+    found = nearest_names(book, color, 4)
+    differences = [each.ciede2000 for each in found]
+    assert differences == pytest.approx(np.sort(ciede2000(lab, srgb_to_lab(color)))[:4].tolist())
+    shown = srgb_to_lab(np.stack([each.color for each in found]))
+    assert ciede2000(shown, srgb_to_lab(color)) == pytest.approx(differences)
+
+
+def test_a_color_that_no_screen_shows_keeps_its_own_difference():
+    book = ColorBook("wide", ("Violet",), np.array([[60.0, 90, -90]]))
+    (violet,) = nearest_names(book, np.array([1.0, 1, 1]))
+    assert violet.color.min() >= 0 and violet.color.max() <= 1
+    (itself,) = nearest_names(book, violet.color)
+    assert itself.ciede2000 > 3
+
+
+def test_a_name_that_is_none_is_refused_with_the_nearest():
+    book = ColorBook("RAL", ("RAL 5015", "RAL 9010"), np.zeros((2, 3)))
+    assert book["ral5015"].tolist() == [0, 0, 0]
+    with pytest.raises(BadRequest, match=r"RAL has no color 'RAL 5051'\. Its nearest name is 'RAL 5015'"):
+        book["RAL 5051"]
+
+
+BLACK = "x", b"\0\0\0"
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message"),
+    [
+        ("a.acb", acb(("x", b"\0\0\0\0"), space=CMYK), "in CMYK: which colors these are depends on a printer's"),
+        ("a.acb", acb(BLACK, space=1), "in HSB, not in RGB or Lab"),
+        ("a.acb", acb(version=2), "of version 2; only version 1 is known"),
+        ("a.acb", acb(BLACK)[:-12], "damaged"),
+        ("a.acb", b"8BCB" + struct.pack(">HHI", 1, 1, 4_000_000_000), "a text ends behind the file's end"),
+        ("a.acb", b"8BPS", "does not begin with 8BCB"),
+        ("a.acb", acb(), "has 0 colors"),
+        ("a.ase", ase(color_block("x", b"CMYK", 0, 0, 0, 1)), "'x' as CMYK, not as RGB or Lab"),
+        ("a.ase", ase(color_block("x", b"LAB ", 0.5, float("nan"), 0)), "outside L"),
+        ("a.gpl", "GIMP Palette\n", "has 0 colors"),
+        ("a.csv", "name,hex\nRed,\n", "line 2 has no color"),
+        ("a.csv", "ink,hex\nRed,#ff0000\n", "line 2 has no name"),
+        ("a.csv", "name,hex\nRed,red\n", "'red' is not a color"),
+        ("a.csv", "name,L,a,b\nRed,200,0,0\n", "L|lab color"),
+        ("a.csv", b"name,hex\n\xff,#ff0000\n", "is not UTF-8 text"),
+        ("a.txt", "", "is no color book"),
+        *((f"gone{suffix}", None, "does not exist") for suffix in (".acb", ".ase", ".gpl", ".csv")),
+    ],
+)
+def test_what_is_no_book_is_refused(tmp_path, written, name, data, message):
+    path = tmp_path / name if data is None else written(name, data)
+    with pytest.raises(DataError, match=message):
+        read_color_book(path)
+
+
+# -------------------------------------------------------------------------------------------------------------- sheets
+@pytest.mark.parametrize(
+    ("columns", "cells"),
+    [
+        ("hex", "#80d0a0"),
+        ("HEX", " 80D0A0 "),
+        ("lab", '"{:.6f}, {:.6f}, {:.6f}"'.format(*LAB)),
+        ("lab", "{:.6f} {:.6f} {:.6f}".format(*LAB)),
+        ("L*,a*,b*", "{:.6f},{:.6f},{:.6f}".format(*LAB)),
+        ("srgb8", "128 208 160"),
+        ("R,G,B", "128,208,160"),
+        ("srgb", "{:.6f} {:.6f} {:.6f}".format(*MINT)),
+        ("hex,lab,supplier", "#80d0a0,,Farben Meier"),
+    ],
+)
+def test_a_color_may_be_written_in_every_way(written, columns, cells):
+    (colorway,) = read_sheet(written("spring.csv", f"colorway,object,{columns}\nMint,pot,{cells}\n"))
+    (color,) = colorway.target_colors
+    assert (colorway.name, color.name, color.source) == ("Mint", "pot", None)
+    np.testing.assert_allclose(color.lab, LAB, atol=1e-4)
+
+
+def test_semicolons_go_with_decimal_commas_as_spreadsheets_of_many_countries_write_them(written):
+    rows = "\ufeffcolorway;object;L*;a*;b*\nMint;pot;52,5;-30,25;12\nSky;pot;60;0;0\n\n;;;;\n"
+    mint, sky = read_sheet(written("spring.csv", rows))
+    assert mint.target_colors[0].lab.tolist() == [52.5, -30.25, 12] and sky.target_colors[0].lab.tolist() == [60, 0, 0]
+
+
+def test_a_json_sheet_says_the_same(written):
+    rows = [
+        {"colorway": "Mint", "object": "pot", "srgb8": [128, 208, 160], "source_hex": "#ff0000"},
+        {"colorway": "Mint", "object": "lid", "lab": LAB.tolist(), "hex": None},
+    ]
+    (colorway,) = read_sheet(written("spring.json", json.dumps(rows)))
+    assert [color.name for color in colorway.target_colors] == ["pot", "lid"]
+    np.testing.assert_allclose(colorway.target_colors[0].source, [1, 0, 0], atol=1e-6)
+    np.testing.assert_allclose([color.lab for color in colorway.target_colors], [LAB, LAB], atol=1e-9)
+
+
+def test_names_become_names_of_folders(written):
+    path = written("spring.csv", "colorway,object,hex\nRAL 5010 / Enzian,pot,#004f7c\na:b,pot,#80d0a0\n")
+    assert [colorway.folder for colorway in read_sheet(path)] == ["RAL 5010 _ Enzian", "a_b"]
+
+
+def test_a_row_may_be_an_edit_beside_the_sheet(tmp_path, written):
+    mint, look = read_sheet(written("a.csv", "colorway,object,hex,edit\nMint,pot,#80d0a0,\nA,,,edits/a.json\n"))
+    assert mint.edit is None and look.edit == tmp_path / "edits" / "a.json" and not look.target_colors
+    rows = [{"colorway": "A", "edit": "a.json"}]
+    assert read_sheet(written("looks.json", json.dumps(rows)))[0].edit == tmp_path / "a.json"
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        ("Sky,pot,#80a0d0,\nMint,,#80d0a0,", "line 3 has no object"),
+        ("Sky,pot,#80a0d0,\n,pot,#80d0a0,", "line 3 has no colorway"),
+        ("Sky,pot,#80a0d0,\nMint,pot,,", "line 3 has no color"),
+        ("Sky,pot,#80a0d0,\nMint,pot,mint,", "line 3: 'mint' is not a color"),
+        ("Sky,pot,#80a0d0,\nMint,pot,,1 2", "line 3 has the lab color '1 2'"),
+        ("Sky,pot,#80a0d0,\nMint,pot,,120 0 0", "line 3 has the lab color '120 0 0'"),
+        ("Sky,pot,#80a0d0,\nMint,pot,,50 nan 0", "line 3 has the lab color '50 nan 0'"),
+        ("Sky,pot,#80a0d0,\nMint,pot,#80d0a0,50 0 0", "line 3 has a color as hex and as lab"),
+        ("Sky,pot,#80a0d0,\nSky,pot,#80d0a0,", "line 3: 'Sky' has two colors of 'pot'"),
+        ("Sky,pot,#80a0d0,\nsky,pot,#80d0a0,", "line 3: 'sky' and 'Sky' would share a folder"),
+        ("A,,,,a.json\nA,,,,b.json", "line 3: 'A' is an edit and has another row"),
+        ("A,,,,a.json\nA,pot,#000000,,", "line 3: 'A' is an edit and has another row"),
+        ("A,pot,#000000,,\nA,,,,a.json", "line 3: 'A' is an edit and has another row"),
+    ],
+)
+def test_an_error_names_the_line_and_the_value(written, rows, sentence):
+    path = written("spring.csv", f"colorway,object,hex,lab,edit\n{rows}\n")
+    with pytest.raises(DataError) as caught:
+        read_sheet(path)
+    assert sentence in caught.value.sentence and str(path) in caught.value.sentence and caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.csv", b""),
+        ("a.csv", b"colorway,object,hex\n"),
+        ("a.csv", b"colorway,object,hex\nM\xfcnze,pot,#80d0a0\n"),
+        ("a.csv", b"\x00\x01\x02\n\x00"),
+        ("a.json", b"{}"),
+        ("a.json", b"[1]"),
+        ("a.json", b'[{"colorway": 3, "object": "pot", "hex": "#000000"}]'),
+        ("a.json", b'[{"colorway": "M", "object": "pot", "lab": [1, 2, {}]}]'),
+        ("a.json", b'[{"colorway": "M", "object": "pot", "lab": 7}]'),
+    ],
+)
+def test_what_is_no_sheet_is_told(written, name, content):
+    with pytest.raises(DataError, match=name):
+        read_sheet(written(name, content))
+
+
+def test_a_missing_sheet_is_told(tmp_path):
+    with pytest.raises(DataError, match="does not exist"):
+        read_sheet(tmp_path / "no.csv")

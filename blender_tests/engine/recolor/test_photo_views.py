@@ -1,0 +1,227 @@
+"""Edited photos: with their own exposure and grain, and with objects' edges that are moved and faded."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("cv2")
+
+from karf_engine.capture.camera import Camera
+from karf_engine.capture.capture import View
+from karf_engine.capture.training_images import TrainingImage
+from karf_engine.fields.scene import Picture
+from karf_engine.io.image_size import ImageHeader
+from karf_engine.io.images import write_png
+from karf_engine.palettes.edge_planes import apply_edges_to_planes
+from karf_engine.palettes.edge_shape import EdgeShape, apply_edge_shape
+from karf_engine.palettes.palette import Edit, Palette
+from karf_engine.recolor import full_resolution
+from karf_engine.recolor.frames import Frame
+from karf_engine.recolor.full_resolution import PhotoView, denoise, dense_weights, estimate_noise, make_photo_view
+from karf_engine.recolor.matting.matte import Matte, dense_coverage
+from karf_engine.recolor.matting.thin_parts import Marks
+from karf_engine.recolor.photos import StoredPhoto
+from karf_engine.segmentation.views import MaskedViews
+
+KINDS = pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+
+
+def stored(picture, kind, orientation=1):
+    """A photo of this picture, sRGB [H, W, 3]."""
+    pixels = np.rint(np.clip(picture, 0, 1) * np.iinfo(kind).max).astype(kind)
+    return StoredPhoto(Path("photo.png"), ImageHeader(pixels.shape[1], len(pixels), orientation, "png"), pixels)
+
+
+def matte(rows, columns, coverage=1.0, color=(0, 0, 0)):
+    """Coverage of a box of the photo; pixels that are partly covered have this color of their own."""
+    inside = np.broadcast_to(np.float16(coverage), (rows[1] - rows[0], columns[1] - columns[0])).copy()
+    mixed = np.flatnonzero((inside > 0) & (inside < 1))
+    return Matte(rows, columns, inside, mixed, np.tile(np.uint8(color), (len(mixed), 1)))
+
+
+def test_an_edit_that_changes_nothing_changes_no_bit():
+    for view, palettes in ((grainy_view(np.uint8), [NAVY]), (exposed_view(POT * GAINS, GAINS, np.uint8), [TEAL])):
+        same = Edit({palette.name: palette.colors for palette in palettes})
+        np.testing.assert_array_equal(view.recolor(same).pixels, view.photo.pixels)
+
+
+# -------------------------------------------------------------------------------------------------------------- exposure
+GAINS = 0.7, 1.0, 1.2
+SIDE = 32
+TEAL = Palette("pot", np.array([[0, 0, 0], [0.1, 0.6, 0.5], [0.75, 0.8, 0.7]], np.float32))
+RUST = Edit({"pot": np.array([[0, 0, 0], [0.6, 0.25, 0.1], [0.8, 0.75, 0.7]], np.float32)})
+# a pot in the left half, of lit and dark paint and gloss, before a gray wall, in the mean exposure
+POT = np.random.default_rng(0).dirichlet((1, 3, 1), (SIDE, SIDE)).astype(np.float32) @ TEAL.colors
+POT[:, SIDE // 2 :] = 0.5
+
+
+def exposed_view(picture, gains, kind):
+    return PhotoView(stored(picture, kind), 1, ["pot"], [matte((0, SIDE), (0, SIDE // 2))], [TEAL], gains=gains)
+
+
+def test_what_the_field_shows_is_exposed_as_the_photo(tmp_path):
+    write_png(tmp_path / "v.png", np.full((8, 8, 3), 0.5))
+    camera = Camera(8, 8, 8.0, 8.0, 4.0, 4.0, np.eye(4))
+    view = View("v", "v", camera, tmp_path / "v.png", "train", gains=(1.2, 1.0, 0.8))
+    color, seen = torch.full((8, 8, 3), 0.5), []
+    picture = Picture(color, torch.ones(8, 8), torch.ones(8, 8), None)
+    frame = Frame(picture, np.zeros((0, 8, 8), np.float32), None, color.numpy())
+
+    def mattes_of(photo, probabilities, rendered, marks):
+        seen.append(rendered[0, 0].tolist())
+        return []
+
+    finished = make_photo_view(view, "photo", frame, Marks(None, ()), mattes_of, [], [])
+    assert seen == [[153, 128, 102]]
+    assert finished.gains == view.gains
+
+
+@pytest.mark.parametrize("compositing", ["delta", "paper"])
+@pytest.mark.parametrize(("kind", "step"), [(np.uint8, 3 / 255), (np.uint16, 3e-4)])
+def test_the_recolor_of_a_darker_photo_is_the_same_recolor_made_darker(kind, step, compositing):
+    edit = replace(RUST, compositing=compositing)
+    alike, darker = exposed_view(POT, (1.0, 1.0, 1.0), kind), exposed_view(POT * GAINS, GAINS, kind)
+    expected = alike.over_white(alike.recolor(edit)) * GAINS
+    np.testing.assert_allclose(darker.over_white(darker.recolor(edit)), np.clip(expected, 0, 1), atol=step)
+    np.testing.assert_array_equal(darker.recolor(edit).pixels[:, SIDE // 2 :], darker.photo.pixels[:, SIDE // 2 :])
+    as_if_alike = replace(darker, gains=(1.0, 1.0, 1.0))
+    assert np.abs(as_if_alike.over_white(as_if_alike.recolor(edit)) - expected).max() > 0.05
+
+
+def test_objects_learn_their_colors_in_the_mean_exposure():
+    camera = Camera(SIDE, SIDE, 8.0, 8.0, 4.0, 4.0, np.eye(4))
+    exposures = {"alike": (1.0, 1.0, 1.0), "darker": GAINS}
+    views = [View(name, name, camera, Path("v.png"), "train", gains=gains) for name, gains in exposures.items()]
+    images = [TrainingImage(view, camera, (POT * np.float32(view.gains)).clip(0, 1), None, None) for view in views]
+    alike, darker = MaskedViews([], images, [{}, {}]).colors().reshape(2, -1, 3)
+    np.testing.assert_array_equal(alike, POT.reshape(-1, 3))
+    np.testing.assert_allclose(darker, alike, atol=1e-6)
+
+
+# ----------------------------------------------------------------------------------------------------------------- grain
+GRAIN = 2.0  # 1/255
+NAVY = Palette("jacket", np.array([[0, 0, 0], [0.12, 0.14, 0.3], [0.9, 0.9, 1]], np.float32))
+ORANGE = Edit({"jacket": np.array([[0, 0, 0], [1.2, 0.5, 0.1], [1, 0.95, 0.9]], np.float32)})
+
+
+def grainy_view(kind):
+    """A navy jacket, lit from the left, with a sharp white button."""
+    clean = np.linspace(1, 0.4, 64)[None, :, None] * NAVY.colors[1] * np.ones((64, 1, 1))
+    clean[20:30, 20:30] = 0.85
+    photo = stored(clean + np.random.default_rng(0).normal(0, GRAIN / 255, clean.shape), kind)
+    whole = matte((0, 64), (0, 64))
+    return PhotoView(photo, 1, ["jacket"], [whole], [NAVY], grain=estimate_noise(photo.over_white()))
+
+
+def finest_details(picture):
+    """Of the cloth, without the button, 1/255."""
+    cloth = picture[34:] * 255
+    return ((cloth[1:, 1:] - cloth[:-1, 1:] - cloth[1:, :-1] + cloth[:-1, :-1]) / 2).std()
+
+
+@KINDS
+def test_a_dark_paint_that_becomes_a_bright_one_has_the_photos_own_grain_and_stays_sharp(kind):
+    view = grainy_view(kind)
+    before = finest_details(view.over_white(view.photo))
+    recolored = view.over_white(view.recolor(ORANGE))
+    assert finest_details(view.over_white(replace(view, grain=0.0).recolor(ORANGE))) > 2 * before
+    assert 0.7 * before < finest_details(recolored) < 1.3 * before
+    assert recolored[25, 19].min() < 0.4 < 0.7 < recolored[25, 20].min()
+
+
+def test_bands_of_rows_join_without_a_seam(monkeypatch):
+    view = grainy_view(np.uint8)
+    whole = view.recolor(ORANGE).pixels
+    monkeypatch.setattr(full_resolution, "BAND_PIXELS", 7 * 64)
+    np.testing.assert_array_equal(view.recolor(ORANGE).pixels, whole)
+
+
+def test_grain_is_measured_beside_texture_and_there_is_none_in_a_drawing():
+    drawing = np.broadcast_to(np.where(np.arange(64) // 8 % 2, 200.0, 50.0)[None, :, None], (64, 64, 3))
+    assert estimate_noise(drawing) == 0
+    assert denoise(drawing, 0.0) is drawing
+    grainy = drawing + np.random.default_rng(1).normal(0, GRAIN, drawing.shape)
+    assert estimate_noise(grainy) == pytest.approx(GRAIN, rel=0.15)
+
+
+# ----------------------------------------------------------------------------------------------------------------- edges
+RED_POT = Palette("pot", np.array([[0, 0, 0], [0.9, 0.2, 0.1], [1, 0.9, 0.8]], np.float32))
+MUG = Palette("mug", np.array([[0, 0, 0], [0.2, 0.3, 0.9]], np.float32))
+TO_GREEN = np.array([[0.3, 0.7, 0], [0.3, 0.6, 0], [0.3, 0, 0.7]], np.float32)
+GREEN = Edit({"pot": RED_POT.colors @ TO_GREEN, "mug": MUG.colors})
+HEIGHT, WIDTH = 40, 60
+RADIUS = np.hypot(*(np.mgrid[:HEIGHT, :WIDTH] - np.array([18, 25])[:, None, None]))  # from the middle of the pot
+
+
+def edged_view(kind=np.uint8, orientation=1):
+    """A red pot on a gray wall, with a soft edge whose own color is known, and a mug beside it."""
+    coverage = np.clip((11 - RADIUS) / 2 + 0.5, 0, 1)
+    own, wall = np.array([200.0, 60, 40]), np.array([120.0, 125, 130])
+    picture = (coverage[..., None] * own + (1 - coverage[..., None]) * wall) / 255
+    mattes = [matte((6, 31), (13, 38), coverage[6:31, 13:38], own), matte((10, 25), (40, 50))]
+    photo = stored(picture, kind, orientation)
+    return PhotoView(photo, orientation, ["pot", "mug"], mattes, [RED_POT, MUG])
+
+
+def with_edge(choke=0.0, feather=0.0):
+    return replace(GREEN, edges={"pot": EdgeShape(choke, feather)})
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (2, 0), (-2, 0), (0, 6), (-1.5, 4), (1, 3)])
+@KINDS
+def test_only_a_band_round_the_edge_changes(shape, kind):
+    view = edged_view(kind)
+    before, after = view.recolor(GREEN), view.recolor(with_edge(*shape))
+    if shape == (0, 0):
+        np.testing.assert_array_equal(after.pixels, before.pixels)
+        return
+    away = np.abs(RADIUS - 11)
+    far = away > 1.5 + abs(shape[0]) + shape[1] / 2 + 1.5
+    np.testing.assert_array_equal(after.colors()[far], before.colors()[far])
+    assert np.abs(after.colors() - before.colors())[away < 1.5].max() > 0.02
+
+
+@pytest.mark.parametrize("shape", [(2, 0), (-2, 0), (0, 6), (-2, 5)])
+def test_the_picture_is_that_of_planes_of_the_same_size(shape):
+    view, edit = edged_view(), with_edge(*shape)
+    base = view.photo.pixels
+    coverages = dense_coverage(view.mattes, base.shape[:2])
+    weights = dense_weights([each.own_picture(base) for each in view.mattes], [RED_POT, MUG], coverages)
+    planes, _ = apply_edges_to_planes(base, weights, coverages, [RED_POT, MUG], edit.edges, 1.0)
+    change = np.einsum("mhw,mc->hwc", planes[0], edit.colors["pot"] - RED_POT.colors)
+    assert np.abs(np.clip(base / 255 + change, 0, 1) - view.recolor(edit).colors()).max() < 0.02
+
+
+def test_a_smaller_result_scales_the_edge():
+    half = replace(edged_view(), scale=0.5)
+    layers = half.layers(np.ones((2, 2)), edges={"pot": EdgeShape(choke=4)})
+    before = dense_coverage(half.mattes, (HEIGHT, WIDTH))[0]
+    np.testing.assert_allclose(layers.coverage[0], apply_edge_shape(before, EdgeShape(choke=2)), atol=1e-3)
+
+
+@pytest.mark.parametrize("orientation", [1, 6])
+def test_layers_recompose_the_picture(orientation):
+    view, edit = edged_view(orientation=orientation), with_edge(-1.5, 4)
+    layers = view.layers(np.ones((2, 2)), edges=edit.edges)
+    change = np.einsum("mhw,mc->hwc", layers.palette_weights[0].astype(float), edit.colors["pot"] - RED_POT.colors)
+    recomposed = np.clip(layers.base / 255 + change, 0, 1)
+    assert np.abs(recomposed - view.over_white(view.recolor(edit))).max() < 0.01
+
+
+def test_another_object_is_not_painted_however_far_it_grows():
+    view = edged_view()
+    before, after = (view.recolor(edit).colors() for edit in (GREEN, with_edge(-12, 10)))
+    np.testing.assert_array_equal(after[10:25, 40:50], before[10:25, 40:50])
+    assert np.abs(after[18, 38] - before[18, 38]).max() > 0.01
+
+
+def test_edits_of_several_edges_come_in_their_order_and_masks_stay_the_objects():
+    view = edged_view()
+    masks = view.masks()
+    edits = [GREEN, with_edge(2), with_edge(2), GREEN, with_edge(feather=6)]
+    for picture, edit in zip(view.recolor_all(edits), edits, strict=True):
+        np.testing.assert_array_equal(picture.pixels, view.recolor(edit).pixels)
+    np.testing.assert_array_equal(view.masks(), masks)

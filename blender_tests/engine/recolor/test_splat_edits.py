@@ -1,0 +1,282 @@
+"""Gaussians carry objects and palette weights: an edit in their colors is what composited planes show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("numba")
+
+from blender_tests.engine.conftest import of_field
+from karf_engine.capture.camera import Camera
+from karf_engine.capture.capture import View
+from karf_engine.errors import BadRequest
+from karf_engine.fields.scene import Picture
+from karf_engine.metrics.images import psnr
+from karf_engine.palettes.palette import AddedColor, Edit, Palette
+from karf_engine.recolor import field_rendering
+from karf_engine.recolor.borders import measure_borders
+from karf_engine.recolor.frames import Frame, downsample, remove_background
+from karf_engine.recolor.model import Model
+from karf_engine.recolor.splatted_scene import bake_edit, render_planes, shares_of_objects, splats_of_objects
+from karf_engine.splats.gaussians import Gaussians
+from karf_engine.splats.kernels.arrays import C0, COLOR, LOG_SCALE, LOGIT, ROTATION
+from karf_engine.splats.rasterizer import rasterize
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    return Model.load(learned.project, "cpu")
+
+
+@pytest.fixture(scope="module")
+def camera(model):
+    return model.working_camera(model.capture.split("test")[1]).scaled(64, 64)
+
+
+@pytest.fixture(scope="module")
+def frame(model, camera):
+    return model.render(camera)
+
+
+@pytest.fixture(scope="module")
+def green(model):
+    return model.edit().becomes("ball", "#c0221a", "#1ec040")
+
+
+def shown(model, edit, camera):
+    """The picture of the Gaussians in an edit's colors."""
+    return rasterize(model.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
+
+
+# ----------------------------------------------------------------------------------------------------------- the picture
+def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame):
+    truth = of_field(model).render(camera)
+    assert psnr(frame.color, truth.color) > 20
+    assert_allclose(frame.opacity.mean(), truth.opacity.mean(), atol=0.05)
+    both = frame.masks & truth.masks
+    assert (both.sum((1, 2)) / (frame.masks | truth.masks).sum((1, 2))).min() > 0.7
+    solid = (frame.opacity > 0.95) & (truth.opacity > 0.95)
+    assert np.median(np.abs(frame.depth - truth.depth)[solid]) < 0.3  # the scene is two units wide
+
+
+def test_weights_of_an_object_sum_to_its_probability(frame):
+    assert_allclose(frame.palette_weights.sum(1), frame.probabilities, atol=1e-5)
+    assert (frame.palette_weights >= 0).all() and frame.probabilities.sum(0).max() <= 1 + 1e-5
+
+
+def test_the_field_shows_what_it_showed_before(model, camera):
+    field = of_field(model)
+    found = field.render(camera)
+    assert field.splats is None and model.splats is not None
+    picture = model.scene.render(camera.without_distortion(), field_rendering.WEIGHT_SAMPLES)
+    assert_array_equal(found.color, picture.color.numpy())
+    assert_array_equal(found.probabilities, field_rendering.probabilities_of(model, picture))
+    assert_array_equal(found.palette_weights, field_rendering.weights_of_field(model, picture))
+    with pytest.raises(BadRequest, match="no finished splats"):
+        field.recolored_splats(field.edit())
+
+
+def test_without_numba_the_field_is_shown(learned, monkeypatch):
+    monkeypatch.setenv("KARF_KERNELS", "off")
+    assert Model.load(learned.project, "cpu").splats is None
+
+
+def test_large_pictures_are_rendered_in_bands_that_fit_together(model, camera, frame, monkeypatch):
+    bands_of = field_rendering.split_bands
+    monkeypatch.setattr(field_rendering, "split_bands", lambda camera, count: bands_of(camera, count, 64 * 16))
+    parts = model.render(camera)
+    for name in ("color", "opacity", "probabilities", "palette_weights"):
+        assert_allclose(getattr(parts, name), getattr(frame, name), atol=5e-3, err_msg=name)
+
+
+def test_a_finer_picture_averages_to_the_plain_one(model, camera, frame):
+    assert psnr(frame.color, model.render(camera, 2).color) > 25
+
+
+def test_a_pixel_is_the_mean_of_its_rays_and_its_depth_that_of_one_of_them():
+    depth = np.array([[2, 2, 0, 0, 0, 0], [2, 9, 0, 7, 0, 0]], np.float32)
+    color = np.repeat(depth[..., None] / 10, 3, -1)
+    picture = Picture(torch.tensor(color), torch.tensor((depth > 0).astype(np.float32)), torch.tensor(depth), None)
+    small = downsample(Frame(picture, (depth > 0)[None].astype(np.float32), None, color), 2)
+    assert_allclose(small.color[0, :, 0], [0.375, 0.175, 0])
+    assert_allclose(small.opacity, [[1, 0.25, 0]])
+    assert_allclose(small.probabilities, [[[1, 0.25, 0]]])
+    assert_allclose(small.depth, [[2, 7, 0]])
+
+
+# ---------------------------------------------------------------------------------------------------------------- edits
+def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, frame, green):
+    planes, baked = model.composite(frame, green), shown(model, green, camera)
+    assert np.abs(planes - frame.color).max() > 0.3
+    assert psnr(baked, planes) > 30 and np.abs(baked - planes).mean() < 0.01
+
+
+def test_only_the_edited_object_changes(model, green):
+    assert_array_equal(model.recolored_splats(model.edit()).table, model.splats.table)
+    changed = (model.recolored_splats(green).table != model.splats.table).any(1)
+    assert changed.any() and (model.splatted.shares[changed, model.objects.index("ball")] > 0).all()
+    assert not changed[model.splats.n_foreground :].any()
+    assert_array_equal(model.recolored_splats(green).table[:, :COLOR], model.splats.table[:, :COLOR])
+
+
+def test_the_last_edit_is_kept(model, green):
+    assert model.recolored_splats(green) is model.recolored_splats(green)
+    assert model.recolored_splats(model.edit()) is not model.recolored_splats(green)
+
+
+def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
+    table = model.splats.table.copy()
+    table[::3, :3] += 5
+    shares = shares_of_objects(replace(model.splats, table=table), model.segmentation, model.scene)
+    centers = model.scene.field.space.to_grid(torch.from_numpy(table[:, :3]))
+    inside = model.segmentation.inside(centers).any(1).numpy()
+    assert inside.any() and not inside[::3].any()
+    assert_allclose(shares[inside], model.splatted.shares[inside], atol=1e-5)
+    assert (shares[~inside] == 0).all() and (shares >= 0).all() and (shares.sum(1) <= 1 + 1e-5).all()
+    behind = replace(model.splats, n_background=len(model.splats))
+    assert not shares_of_objects(behind, model.segmentation, model.scene).any()
+
+
+def test_an_edit_that_replaces_colors_cannot_be_baked(model):
+    with pytest.raises(BadRequest, match="cannot be baked") as caught:
+        model.recolored_splats(replace(model.edit(), compositing="paper"))
+    assert caught.value.hint
+
+
+def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
+    edit = model.edit()
+    palette = next(each for each in model.palettes if each.name == "ball")
+    sets = np.concatenate([edit.colors["ball"], palette.colors])
+    added = {"ball": (AddedColor(np.float32([0.75, 0.13, 0.1])),)}
+    same = replace(edit, colors=edit.colors | {"ball": sets}, added=added)
+    assert_array_equal(model.recolored_splats(same).table, model.splats.table)
+    bluer = sets.copy()
+    bluer[len(palette.colors) :, 2] += 0.5
+    changed = replace(same, colors=edit.colors | {"ball": bluer})
+    baked = shown(model, changed, camera)
+    assert np.abs(baked - frame.color).max() > 0.1
+    assert psnr(baked, model.composite(frame, changed)) > 25
+
+
+# ---------------------------------------------------------------------------------------------------------------- edges
+def changes(model, edit):
+    """By how much an edit changes each Gaussian."""
+    return np.abs(model.recolored_splats(edit).table - model.splats.table).sum(1)
+
+
+def test_a_choke_recolors_fewer_gaussians_growth_more_and_neither_the_same(model, green):
+    choked, same, plain, grown = (
+        changes(model, edit) for edit in (green.edge("ball", 3), green.edge("ball"), green, green.edge("ball", -3))
+    )
+    assert_array_equal(same, plain)
+    assert (choked <= plain + 1e-6).all() and (grown >= plain - 1e-5).all()
+    assert (choked > 0).sum() < (plain > 0).sum() < (grown > 0).sum()
+
+
+def test_a_feather_leaves_gaussians_between_both_colors(model, green):
+    plain, soft = changes(model, green), changes(model, green.edge("ball", 0, 16))
+    share = soft[plain > 1e-2] / plain[plain > 1e-2]
+    assert ((share > 0.1) & (share < 0.9)).sum() > 20
+
+
+def test_any_cameras_picture_is_that_of_its_planes(model, camera, frame, green):
+    edit = green.edge("ball", 2, 8)
+    off, plain = (
+        np.abs(model.render_recolored(camera, each) - model.composite(frame, each)).mean() for each in (edit, green)
+    )
+    assert off < 2 * plain + 1e-4
+    assert np.abs(model.composite(frame, edit) - model.composite(frame, green)).max() > 0.05
+
+
+SPACING, DEPTH, FOCAL = 0.02, 4.0, 100.0
+
+
+def test_distances_are_those_to_the_border_whatever_a_stray_says_and_pixels_span_depth_over_focal_length():
+    """A floor of two units, in no grid: the points right of its middle are a rug's, but for one stray."""
+    steps = np.arange(-1, 1, SPACING)
+    places = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    places += np.random.default_rng(0).uniform(-0.3 * SPACING, 0.3 * SPACING, places.shape)
+    positions = np.column_stack([places, np.zeros(len(places))])
+    is_rug = positions[:, 0] > 0
+    stray = np.argmin(np.abs(places - (0.5, 0)).sum(1))
+    is_rug[stray] = False
+    pose = np.eye(4)
+    pose[2, 3] = DEPTH  # the camera looks down at the floor
+    views = [View("above", "above", Camera(64, 64, FOCAL, FOCAL, 32, 32, pose), None, "train")]
+    borders = measure_borders(positions, is_rug[:, None].astype(np.float32), np.ones(len(places), bool), views)
+    off = borders.distances[:, 0] - positions[:, 0]
+    assert (np.abs(np.delete(off, stray)) < 1.5 * SPACING).all()
+    assert np.abs(off.mean()) < 0.5 * SPACING
+    assert borders.pixels[0] == pytest.approx(DEPTH / FOCAL, rel=1e-3)
+    assert borders.spacings[0] == pytest.approx(SPACING, rel=0.4)
+
+
+# ------------------------------------------------------------------------------------------------- colors of one Gaussian
+PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
+BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
+
+
+def one(harmonics=0.0):
+    """One dark red Gaussian whose first harmonic reddens it to one side."""
+    table = np.zeros((1, COLOR + 12), np.float32)
+    table[0, LOG_SCALE:ROTATION], table[0, ROTATION], table[0, LOGIT] = -1, 1, 4
+    table[0, COLOR : COLOR + 3] = (np.array([0.6, 0, 0]) - 0.5) / C0
+    table[0, COLOR + 3] = harmonics
+    return Gaussians(table, 0, (0, 0, 0), 0.1)
+
+
+def in_blue(gaussians, share=1.0):
+    objects = splats_of_objects(gaussians, np.full((1, 1), share, np.float32), [PALETTE], {})
+    return bake_edit(gaussians, objects, [PALETTE], BLUE).table[0]
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_color_moves_by_its_weights_and_its_share(share):
+    color = 0.5 + C0 * in_blue(one(), share)[COLOR : COLOR + 3]
+    assert_allclose(color, [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
+
+
+def test_shading_takes_the_new_hue_too():
+    assert_allclose(in_blue(one(0.2))[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
+    assert not in_blue(one())[COLOR + 3 :].any()
+
+
+def test_an_object_without_gaussians_has_empty_planes(camera):
+    gaussians = one()
+    objects = splats_of_objects(gaussians, np.zeros((1, 1), np.float32), [PALETTE], {})
+    probabilities, weights = render_planes(rasterize(gaussians, camera), gaussians, objects)
+    assert probabilities.shape == (1, 64, 64) and weights.shape == (1, 3, 64, 64)
+    assert not probabilities.any() and not weights.any()
+
+
+# --------------------------------------------------------------------------------------------------------------- behind
+@pytest.mark.parametrize("background", [0.0, 0.4, 1.0])
+def test_a_cut_out_gives_the_picture_again_on_its_background(background):
+    random = np.random.default_rng(0)
+    own, opacity = random.random((4, 5, 3)), random.random((4, 5))
+    opacity[0, 0] = 0
+    behind = np.full((4, 5, 3), background)
+    picture = own * opacity[..., None] + behind * (1 - opacity[..., None])
+    cut = remove_background(picture, opacity, behind)
+    assert_allclose(cut[..., 3], opacity, atol=1e-6)
+    assert_allclose(cut[..., :3] * cut[..., 3:] + behind * (1 - cut[..., 3:]), picture, atol=1e-6)
+    assert (cut[0, 0] == 0).all()
+
+
+def test_the_shell_is_behind_and_no_part_of_the_cut_out(model, camera, frame):
+    blue = np.zeros((1, model.splats.table.shape[1]), np.float32)
+    blue[0, :3] = camera.camera_to_world[:3, 3] - 40 * camera.camera_to_world[:3, 2]
+    blue[0, LOG_SCALE:ROTATION], blue[0, ROTATION], blue[0, LOGIT] = np.log(60), 1, 9
+    blue[0, COLOR : COLOR + 3] = (np.array([0, 0, 1]) - 0.5) / C0
+    table = np.concatenate([model.splats.table, blue])
+    own = Model.load(model.project.folder, "cpu")
+    own.splatted.gaussians = replace(model.splats, table=table, n_background=1, visibility=None)
+    before_blue = own.render(camera)
+    assert_allclose(before_blue.opacity, frame.opacity, atol=1e-4)
+    assert_allclose(before_blue.depth, frame.depth, atol=1e-3)
+    assert own.render_background(camera)[32, 32, 2] > 0.9 and before_blue.color[0, 0, 2] > 0.8
+    assert frame.opacity.min() < 0.01 and frame.opacity.max() > 0.99
+    assert_array_equal(model.render_background(camera), np.zeros((64, 64, 3)))  # the capture's black

@@ -1,1 +1,0 @@
-"""The tables and pictures of docs/results.md, measured on the demo capture."""
