@@ -58,7 +58,9 @@ def main() -> int:
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     building = verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
-    building.add_argument("rest", nargs=argparse.REMAINDER, help="--draft: even where published tables are stale")
+    building.add_argument(
+        "rest", nargs=argparse.REMAINDER, help="--release: for publishing, refuse while a published table is stale"
+    )
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")
@@ -131,22 +133,28 @@ def run_demo(options: argparse.Namespace, rest: list[str]) -> int:
 
 
 def run_tests(options: argparse.Namespace, rest: list[str]) -> int:
-    """Format, lint, engine tests, then the tests that need Blender; the first failure ends it."""
+    """Format, lint and types, then the tests of both environments side by side, a process each."""
     if rest:  # single tests while working: pytest's own arguments
         return _run("engine", "-m", "pytest", "blender_tests/engine", *rest)
     steps = [
         ("engine", "-m", "ruff", "format", "--check", "."),
         ("engine", "-m", "ruff", "check", "."),
         ("engine", "-m", "basedpyright", "--pythonpath", str(python_of("engine"))),
-        ("engine", "-m", "pytest", "blender_tests/engine"),
-        ("blender", "-m", "pytest", "blender_tests/addon"),
     ]
     for environment, *arguments in steps:
         print(f"--- {environment}: {' '.join(arguments)}", flush=True)
         code = _run(environment, *arguments)
         if code:
             return code
-    return 0
+    with tempfile.TemporaryFile("w+") as printed:  # of the extension's tests, shown when the engine's are done
+        command = [str(python_of("blender")), "-m", "pytest", "blender_tests/addon"]
+        extension = subprocess.Popen(command, cwd=ROOT, env=_variables(), stdout=printed, stderr=printed)
+        print("--- engine: -m pytest blender_tests/engine", flush=True)
+        code = _run("engine", "-m", "pytest", "blender_tests/engine")
+        code = extension.wait() or code
+        printed.seek(0)
+        print(f"--- blender: -m pytest blender_tests/addon\n{printed.read()}", flush=True)
+    return code
 
 
 def run_matrix(options: argparse.Namespace, rest: list[str]) -> int:
@@ -201,11 +209,11 @@ def run_fuzz(options: argparse.Namespace, rest: list[str]) -> int:
 
 def run_window(options: argparse.Namespace, rest: list[str]) -> int:
     """Build the extension, then use it in a real window."""
-    return build(options, ["--draft"]) or _run("engine", "-m", "tools.window", *rest)
+    return build(options, []) or _run("engine", "-m", "tools.window", *rest)
 
 
 def build(options: argparse.Namespace, rest: list[str]) -> int:
-    """Pack the extension by this Python alone; `--draft` packs it even where published tables are stale."""
+    """Pack the extension by this Python alone; `--release` refuses while a published table is stale."""
     return subprocess.run([sys.executable, "-m", "tools.release", *rest], cwd=ROOT).returncode
 
 
@@ -240,8 +248,12 @@ def lock(options: argparse.Namespace, rest: list[str]) -> int:
 
 def _run(environment: str, *arguments: str, **variables: str) -> int:
     """Run one of the environments' Python at the root, with the engine's Python known to Blender."""
-    variables = os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))} | variables
-    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=variables).returncode
+    return subprocess.run([str(python_of(environment)), *arguments], cwd=ROOT, env=_variables() | variables).returncode
+
+
+def _variables() -> dict[str, str]:
+    """The environment of all that is run: Blender's tests start the engine's Python."""
+    return os.environ | {"KARF_ENGINE_PYTHON": str(python_of("engine"))}
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from karf_engine.commands.options import COMMANDS
 from karf_engine.io.arguments import annotations_of, union_members
 from karf_engine.io.options import Options, fields_in_help_order
 
+VERBS = (*COMMANDS, "settings", "doctor", "speed", "run")
 STUB_FILE = Path(__file__).resolve().parents[1] / "karf_engine" / "api.pyi"
 STUB = '''"""The signatures of the library's functions, with every keyword.
 
@@ -53,7 +54,7 @@ def library() -> str:
 def _described(name: str) -> str:
     thing = getattr(karf_engine, name)
     if not callable(thing):
-        return f"### {name}\nBy name: {', '.join(thing)}. See [settings](command_line.md#settings).\n"
+        return f"### {name}\nBy name: {', '.join(thing)}. See [settings](command_line.md#all-settings).\n"
     kind = "class" if inspect.isclass(thing) else "function"
     members = "   :members:\n" if kind == "class" else ""
     directive = f".. auto{kind}:: karf_engine.{name}\n   :no-index:\n{members}"
@@ -62,8 +63,8 @@ def _described(name: str) -> str:
 
 def command_line() -> str:
     """What `--help` prints of every verb, and all settings."""
-    verbs = [f"## {verb}\n```text\n{_printed(verb, '--help')}```\n" for verb in COMMANDS]
-    return "\n".join(["", *verbs, f"## Settings\n```text\n{_printed('settings')}```\n"])
+    verbs = [f"## {verb}\n```text\n{_printed(verb, '--help')}```\n" for verb in VERBS]
+    return "\n".join(["", *verbs, f"## All settings\n```text\n{_printed('settings')}```\n"])
 
 
 def _printed(*arguments: str) -> str:

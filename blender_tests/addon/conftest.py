@@ -88,6 +88,40 @@ def scene(bpy, addon):
 
 
 @pytest.fixture
+def seeing(bpy, addon):
+    """The display settings of pictures, with their defaults before and after the test."""
+
+    def reset():
+        for name in seeing.bl_rna.properties.keys():
+            seeing.property_unset(name)
+
+    seeing = bpy.context.window_manager.karf_seeing
+    reset()
+    yield seeing
+    reset()
+
+
+@pytest.fixture
+def image_editor(bpy, addon):
+    """The first area of the window, as an Image Editor."""
+    area = bpy.context.window_manager.windows[0].screen.areas[0]
+    area.type = "IMAGE_EDITOR"
+    return area
+
+
+@pytest.fixture
+def reopen(bpy, tmp_path):
+    """Save the file, open it again, and return its scene."""
+
+    def reopen(name="shot.blend"):
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / name))
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / name))
+        return bpy.context.scene
+
+    return reopen
+
+
+@pytest.fixture
 def capture_folder(bpy, addon, tmp_path):
     """An instant-ngp style capture of three 24 x 16 photos, one of them named in a nested folder."""
     return make_capture(addon, tmp_path / "pots", 3, 24, 16)

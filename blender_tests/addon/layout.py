@@ -9,17 +9,14 @@ class Layout:
     def __init__(self, bpy, drawn):
         self._bpy, self._drawn = bpy, drawn
 
+    def _add(self, *texts, icon="NONE", **_):
+        assert icon in self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
+        self._drawn.extend(texts)
+
     def row(self, **_):
         return Layout(self._bpy, self._drawn)
 
-    column = box = grid_flow = row
-
-    def _check(self, icon="NONE", **_):
-        known = self._bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items
-        assert icon in known
-
-    def split(self, **_):
-        return Layout(self._bpy, self._drawn)
+    column = box = grid_flow = split = row
 
     def panel(self, name, default_closed=False):
         return self.row(), self.row()
@@ -31,62 +28,59 @@ class Layout:
 
     def popover(self, panel, text="", **options):
         """With what it opens: that is drawn too."""
-        self._check(**options)
-        self._drawn.append(text)
+        self._add(text, **options)
         getattr(self._bpy.types, panel).draw(SimpleNamespace(layout=self.row()), self._bpy.context)
 
-    def prop_enum(self, data, name, value, **options):
-        self.prop(data, name, **options)
-        assert value in data.bl_rna.properties[name].enum_items
-
-    def template_list(self, kind, name, data, collection, active_data, active, **_):
-        assert hasattr(self._bpy.types, kind)
-        assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties
-        self._drawn.append(kind)
-
     def label(self, text="", **options):
-        self._check(**options)
-        self._drawn.append(text)
-
-    def menu(self, name, text="", **options):
-        self._check(**options)
-        assert hasattr(self._bpy.types, name)
-        self._drawn.append(name)
-
-    def template_ID(self, data, name, open=""):
-        self.prop(data, name)
+        self._add(text, **options)
 
     def separator(self):
         """A gap."""
 
     def context_pointer_set(self, name, data):
-        """What menus and operators below find in their context."""
+        """Menus and operators below find it in their context."""
 
     def progress(self, factor, text):
         assert 0 <= factor <= 1
-        self._drawn.append(text)
+        self._add(text)
 
+    # --- properties --------------------------------------------------------------------------------------------------
     def prop(self, data, name, **options):
-        self._check(**options)
         assert name in data.bl_rna.properties
-        self._drawn.append(name)
+        self._add(name, **options)
+
+    def prop_enum(self, data, name, value, **options):
+        self.prop(data, name, **options)
+        assert value in data.bl_rna.properties[name].enum_items
 
     def prop_search(self, data, name, where, collection, **options):
         assert collection in where.bl_rna.properties
         self.prop(data, name, **options)
 
-    def operator_menu_enum(self, name, enum, **options):
-        assert enum in getattr(self._bpy.ops.karf, name.partition(".")[2]).get_rna_type().properties
-        self._check(**options)
+    def template_ID(self, data, name, open=""):
+        self.prop(data, name)
+
+    def template_list(self, kind, name, data, collection, active_data, active, **_):
+        assert hasattr(self._bpy.types, kind)
+        assert collection in data.bl_rna.properties and active in active_data.bl_rna.properties
+        self._add(kind)
+
+    # --- menus and operators -----------------------------------------------------------------------------------------
+    def menu(self, name, text="", **options):
+        assert hasattr(self._bpy.types, name)
+        self._add(name, **options)
 
     def operator(self, name, text="", **options):
-        self._check(**options)
-        self._drawn.append(text)
-        group, _, verb = name.partition(".")
-        operator = getattr(getattr(self._bpy.ops, group), verb)
-        known = set(operator.get_rna_type().properties.keys())
-        self._drawn.append(name)
-        return Properties(known)
+        self._add(text, name, **options)
+        return Properties(self._properties_of(name))
+
+    def operator_menu_enum(self, name, enum, **options):
+        assert enum in self._properties_of(name)
+        self._add(**options)
+
+    def _properties_of(self, operator):
+        group, _, verb = operator.partition(".")
+        return set(getattr(getattr(self._bpy.ops, group), verb).get_rna_type().properties.keys())
 
 
 class Properties:

@@ -56,71 +56,45 @@ def colors(bpy):
 
 
 # --- what is done to an opened file --------------------------------------------------------------------------------
-def _nothing(bpy):
-    pass
+def _lid(bpy):
+    return bpy.context.scene.karf.objects["lid"]
 
 
-def _drag_linked(bpy):
+def _pot(bpy):
+    return bpy.context.scene.karf.objects["pot"]
+
+
+def _added(bpy):
+    """The lid's first added color, and its number."""
+    return next((number, each) for number, each in enumerate(_lid(bpy).swatches) if each.is_added)
+
+
+def _drag(bpy, index, start, end):
+    """Drag a swatch of the pot over some colors."""
     for share in (0.3, 0.6, 1.0):
-        bpy.context.scene.karf.objects["pot"].swatches[4].color = (
-            0.9 - 0.5 * share,
-            0.8 - 0.3 * share,
-            0.3 + 0.4 * share,
-        )
-
-
-def _drag_leader_of_merged(bpy):
-    for share in (0.3, 0.6, 1.0):
-        bpy.context.scene.karf.objects["pot"].swatches[1].color = (0.8 * (1 - share), 0.2 + 0.4 * share, 0.5 * share)
-
-
-def _drag_added(bpy):
-    lid = bpy.context.scene.karf.objects["lid"]
-    next(swatch for swatch in lid.swatches if swatch.is_added).color = (0.7, 0.3, 0.5)
+        _pot(bpy).swatches[index].color = [a + share * (b - a) for a, b in zip(start, end, strict=True)]
 
 
 def _drag_target(bpy):
-    pot = bpy.context.scene.karf.objects["pot"]
+    pot = _pot(bpy)
     pot.live = True
     pot.target = (0.5, 0.25, 0.6)
     pot.target = (0.3, 0.25, 0.6)
 
 
 def _press_becomes(bpy):
-    bpy.context.scene.karf.objects["pot"].target = (0.2, 0.6, 0.7)
+    _pot(bpy).target = (0.2, 0.6, 0.7)
     bpy.ops.karf.becomes(object_name="pot")
-
-
-def _choose_other_look(bpy):
-    bpy.ops.karf.choose_look(name="Night")
-
-
-def _flip(bpy):
-    bpy.ops.karf.flip_looks()
 
 
 def _split(bpy):
     bpy.ops.karf.split_swatch(object_name="pot", index=1)
-    bpy.context.scene.karf.objects["pot"].swatches[1].color = (0.3, 0.3, 0.9)
+    _pot(bpy).swatches[1].color = (0.3, 0.3, 0.9)
 
 
 def _reset(bpy):
-    bpy.ops.karf.reset_swatch(object_name="pot")
-    bpy.ops.karf.reset_swatch(object_name="lid")
-
-
-def _remove_added(bpy):
-    lid = bpy.context.scene.karf.objects["lid"]
-    index = next(number for number, swatch in enumerate(lid.swatches) if swatch.is_added)
-    bpy.ops.karf.remove_color(object_name="lid", index=index)
-
-
-def _show_other_view(bpy):
-    bpy.context.scene.karf.active_view = "photo_1"
-
-
-def _compositing(bpy):
-    bpy.context.scene.karf.compositing = "delta"
+    for name in ("pot", "lid"):
+        bpy.ops.karf.reset_swatch(object_name=name)
 
 
 def _at_frame(frame):
@@ -128,20 +102,20 @@ def _at_frame(frame):
 
 
 TRIALS = {
-    "opened": _nothing,
+    "opened": lambda bpy: None,
     **{f"frame {frame}": _at_frame(frame) for frame in FRAMES},
-    "linked swatch dragged": _drag_linked,
-    "leader of a merged swatch dragged": _drag_leader_of_merged,
-    "added color dragged": _drag_added,
+    "linked swatch dragged": lambda bpy: _drag(bpy, 4, (0.9, 0.8, 0.3), (0.4, 0.5, 0.7)),
+    "leader of a merged swatch dragged": lambda bpy: _drag(bpy, 1, (0.8, 0.2, 0.0), (0.0, 0.6, 0.5)),
+    "added color dragged": lambda bpy: setattr(_added(bpy)[1], "color", (0.7, 0.3, 0.5)),
     "target dragged": _drag_target,
     "becomes pressed": _press_becomes,
-    "other look chosen": _choose_other_look,
-    "looks flipped": _flip,
+    "other look chosen": lambda bpy: bpy.ops.karf.choose_look(name="Night"),
+    "looks flipped": lambda bpy: bpy.ops.karf.flip_looks(),
     "split": _split,
     "reset": _reset,
-    "added color removed": _remove_added,
-    "other view shown": _show_other_view,
-    "compositing of the photo": _compositing,
+    "added color removed": lambda bpy: bpy.ops.karf.remove_color(object_name="lid", index=_added(bpy)[0]),
+    "other view shown": lambda bpy: setattr(bpy.context.scene.karf, "active_view", "photo_1"),
+    "compositing of the photo": lambda bpy: setattr(bpy.context.scene.karf, "compositing", "delta"),
 }
 
 

@@ -11,45 +11,8 @@ import pytest
 from ..layering import violations
 
 ROOT = Path(__file__).resolve().parents[2]
-# modules of the engine that Blender's Python imports: whole rooms, and single files of others
-SHARED = [
-    "errors",
-    "version",
-    "api",
-    "io/color",
-    "io/failures",
-    "io/files",
-    "io/image_size",
-    "io/names",
-    "io/npz",
-    "io/options",
-    "compute/progress",
-    "capture/*",
-    "project/*",
-    "project/settings/*",
-    "palettes/*",
-    "palettes/matching/*",
-    "export/frame_options",
-    "export/layer_names",
-    "export/scene_points",
-    "commands/dispatch",
-    "commands/options",
-    "commands/farm/*",
-    "worker/protocol",
-    "worker/findings",
-]
-# files of those rooms that the engine alone imports
-ENGINE_ALONE = {
-    "training_images",
-    "inspection",
-    "advice",
-    "child_process",
-    "triangulation",
-    "structure_from_motion",
-    "locking",
-    "extraction",
-    "palette_weights",
-}
+# files of the extension that run without Blender
+PURE = ("engine_api", "swatches/solving", "engine/failures", "engine/processes", "engine/worker", "engine/installer/*")
 # the rooms of karf_blender from the ground up: each may import those on lower floors, and no others
 FLOORS = (
     ("session",),
@@ -127,34 +90,21 @@ def test_only_compat_asks_for_blenders_version():
     assert asking == ["compat.py"]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "engine/failures",
-        *sorted(
-            f"engine/installer/{path.stem}" for path in (ROOT / "karf_blender" / "engine" / "installer").glob("*.py")
-        ),
-        "engine/processes",
-        "engine/worker",
-    ],
-)
-def test_files_that_claim_to_need_no_blender_import_none(name):
-    assert "bpy" not in [module for _, module in imports(ROOT / "karf_blender" / f"{name}.py")]
-
-
-def test_shared_rooms_import_where_there_is_only_numpy():
-    files = [file for room in SHARED for file in (ROOT / "karf_engine").glob(f"{room}.py")]
-    files = [file for file in files if file.stem not in ENGINE_ALONE]
-    modules = [".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for file in files]
-    assert len(modules) >= 60
-    blocked = sorted(ENGINE_PACKAGES | {"bpy", "mathutils"})
+def test_what_blender_shares_with_the_engine_imports_where_there_is_only_numpy():
+    folder = ROOT / "karf_blender"
+    files = [file for name in PURE for file in sorted(folder.glob(f"{name}.py"))]
+    modules = [".".join(("shared.karf_blender", *file.relative_to(folder).with_suffix("").parts)) for file in files]
+    assert len(modules) > 8
     code = f"""
-import sys
-sys.modules.update(dict.fromkeys({blocked}))
-sys.path.insert(0, {str(ROOT)!r})
-import importlib
+import importlib, sys, types
+sys.modules.update(dict.fromkeys({sorted(ENGINE_PACKAGES | {"bpy", "mathutils"})}))
+for name, folder in (("shared", {str(ROOT)!r}), ("shared.karf_blender", {str(folder)!r})):
+    sys.modules[name] = types.ModuleType(name)
+    sys.modules[name].__path__ = [folder]  # without their own __init__, which needs Blender
 for name in {modules}:
     importlib.import_module(name)
+engine = [name for name in sys.modules if name.startswith("shared.karf_engine.")]
+assert len(engine) > 60, engine
 """
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -165,39 +115,38 @@ def test_imports_in_the_blender_side_run_down_from_floor_to_floor():
     assert violations(ROOT / "karf_blender", FLOORS) == []
 
 
-def made_up(folder, sources):
-    """A package of one-line modules, by their paths without `.py`."""
-    for name, source in sources.items():
-        path = (folder / name).with_suffix(".py")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(source)
-    return folder
+UPWARDS = "ground.wood imports tools.drill, but tools is on a higher floor."
+HOUSE = {"tools/drill": "", "tools/__init__": ""}
+CIRCLE = {"tools/a": "from .b import x", "tools/b": "from . import c", "tools/c": "from .a import y"}
+SAWS = {"saw": "from . import drill", "drill": ""}
 
 
 @pytest.mark.parametrize(
-    "source", ["from ..tools import drill", "import house.tools.drill", "def f(): from .. import tools"]
+    ("sources", "floors", "sentences"),
+    [
+        (HOUSE | {"ground/wood": "from ..tools import drill"}, (("ground",), ("tools",)), [UPWARDS]),
+        (HOUSE | {"ground/wood": "import house.tools.drill"}, (("ground",), ("tools",)), [UPWARDS]),
+        (
+            HOUSE | {"ground/wood": "def f(): from .. import tools"},
+            (("ground",), ("tools",)),
+            [UPWARDS.replace("drill", "__init__")],
+        ),
+        (SAWS, (("drill", "saw"),), ["saw imports drill, but drill is on the same floor."]),
+        (SAWS, (("drill",), ("saw",)), []),
+        (CIRCLE, (("tools",),), ["A circle: tools.a imports tools.b imports tools.c imports tools.a."]),
+        (
+            {"attic": ""},
+            (("cellar",),),
+            [
+                "The room attic is on no floor of the table.",
+                "The room cellar of the table is not in the package.",
+            ],
+        ),
+    ],
 )
-def test_an_import_upwards_is_reported_however_it_is_written(tmp_path, source):
-    house = made_up(tmp_path / "house", {"ground/wood": source, "tools/drill": "", "tools/__init__": ""})
-    (sentence,) = violations(house, (("ground",), ("tools",)))
-    assert sentence.startswith("ground.wood imports tools.") and sentence.endswith("but tools is on a higher floor.")
-
-
-def test_an_import_from_one_room_to_another_of_its_floor_is_reported(tmp_path):
-    house = made_up(tmp_path / "house", {"saw": "from . import drill", "drill": ""})
-    assert violations(house, (("drill", "saw"),)) == ["saw imports drill, but drill is on the same floor."]
-    assert violations(house, (("drill",), ("saw",))) == []
-
-
-def test_a_circle_within_a_room_is_reported(tmp_path):
-    sources = {"tools/a": "from .b import x", "tools/b": "from . import c", "tools/c": "from .a import y"}
-    (sentence,) = violations(made_up(tmp_path / "house", sources), (("tools",),))
-    assert sentence.count("imports") == 3 and "tools.a imports tools.b imports tools.c" in f"{sentence} {sentence}"
-
-
-def test_a_room_that_is_new_or_gone_is_reported(tmp_path):
-    house = made_up(tmp_path / "house", {"attic": ""})
-    assert violations(house, (("cellar",),)) == [
-        "The room attic is on no floor of the table.",
-        "The room cellar of the table is not in the package.",
-    ]
+def test_an_import_against_the_floors_is_reported(tmp_path, sources, floors, sentences):
+    for name, source in sources.items():
+        path = (tmp_path / "house" / name).with_suffix(".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(source)
+    assert violations(tmp_path / "house", floors) == sentences

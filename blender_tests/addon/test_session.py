@@ -102,41 +102,35 @@ def test_the_extension_subscribes_to_scenes_clicks_and_sidebars_anew_in_each_fil
     assert owners
 
 
-# --- no state beside the session -----------------------------------------------------------------------------------
-def changes(tree):
-    """The names that functions of a module change in place."""
-    for node in ast.walk(tree):
-        targets = node.targets if isinstance(node, ast.Assign | ast.Delete) else [getattr(node, "target", None)]
-        for target in targets if isinstance(node, ast.Assign | ast.AugAssign | ast.Delete) else ():
-            if isinstance(target, ast.Subscript | ast.Attribute) and isinstance(target.value, ast.Name):
-                yield target.value.id
-        called = getattr(node, "func", None)
-        if isinstance(called, ast.Attribute) and isinstance(called.value, ast.Name) and called.attr in METHODS:
-            yield called.value.id
-
-
+# --- no state beside the session -------------------------------------------------------------------------------------
 METHODS = set("add append clear discard extend insert pop popitem remove setdefault update cache_clear".split())
 CONTAINERS = (ast.List, ast.Dict, ast.Set, ast.ListComp, ast.DictComp, ast.SetComp)
 
 
-def names_of(node):
-    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-    return [target.id for target in targets if isinstance(target, ast.Name)]
+def assigned(*trees):
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    return {node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+
+
+def changed(tree):
+    """Yield the names of what is changed in place."""
+    owners = [node for node in ast.walk(tree) if isinstance(node, ast.Subscript | ast.Attribute)]
+    for node in (each for each in owners if isinstance(each.value, ast.Name)):
+        if not isinstance(node.ctx, ast.Load) or getattr(node, "attr", "") in METHODS:
+            yield node.value.id
 
 
 def module_state(source):
     """The names of what a module's functions change at its top, and of containers that all objects of a class share."""
     tree = ast.parse(source)
-    own = {name for node in tree.body for name in names_of(node)} | {
-        node.name for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list
-    }
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
-    local = {name for each in functions for node in ast.walk(each) for name in names_of(node)}
+    cached = {node.name for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list}
+    top = cached | assigned(*(node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)))
     found = {name for each in ast.walk(tree) if isinstance(each, ast.Global) for name in each.names}
-    found |= {name for each in functions for name in changes(each) if name in own - local}
+    found |= {name for each in functions for name in changed(each)} & (top - assigned(*functions))
     for kind in (each for each in tree.body if isinstance(each, ast.ClassDef) and not each.name.startswith("KARF_")):
         shared = [node for node in kind.body if isinstance(getattr(node, "value", None), CONTAINERS)]
-        found |= {f"{kind.name}.{name}" for node in shared for name in names_of(node) if name != "bl_options"}
+        found |= {f"{kind.name}.{name}" for name in assigned(*shared) - {"bl_options"}}
     return found
 
 

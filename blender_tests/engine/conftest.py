@@ -38,9 +38,7 @@ QUICK = (
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--device", default="cpu", help="where tensors live: cpu, cuda, cuda:NUMBER or pretend")
-    parser.addoption(
-        "--device-report", type=Path, metavar="FILE", help="write what came of each test to this JSON file"
-    )
+    parser.addoption("--device-report", type=Path, metavar="FILE", help="write what came of each test as JSON")
 
 
 @pytest.fixture
@@ -141,17 +139,8 @@ class StillLife:
     def command(self, project: Path, *more: str) -> list[str]:
         """Arguments that learn everything of it, quickly."""
         settings = [part for text in (*QUICK, *more) for part in ("--set", text)]
-        return [
-            "all",
-            str(self.capture),
-            "--masks",
-            str(self.masks),
-            "--project",
-            str(project),
-            "--threads",
-            "1",
-            *settings,
-        ]
+        places = [str(self.capture), "--masks", str(self.masks), "--project", str(project)]
+        return ["all", *places, "--threads", "1", *settings]
 
 
 @pytest.fixture(scope="session")

@@ -14,12 +14,16 @@ import numpy as np
 import pytest
 
 import karf_engine as karf
-from blender_tests.engine.conftest import QUICK, ROOT
+from blender_tests.engine.conftest import QUICK, ROOT, finish_again
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
 
 pytest.importorskip("torch")
 distance_transform_edt = pytest.importorskip("scipy.ndimage").distance_transform_edt
+
+
+RED_TO_BLUE = ("#d92619", "#1f5fbf")
+LEARNING = {"overrides": QUICK, "threads": 1, "device": "cpu"}
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +38,19 @@ def test_every_name_of_the_door_is_there_and_documented():
 
 
 def test_the_door_opens_without_torch():
-    code = "import sys, karf_engine as karf; karf.open_capture; karf.learn; karf.read_edit; assert 'torch' not in sys.modules"
+    used = "karf.open_capture; karf.learn; karf.read_edit"
+    code = f"import sys, karf_engine as karf; {used}; assert 'torch' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
 
 
-def test_a_scene_is_learned_and_told_of_in_lines(still_life, tmp_path):
-    lines = []
-    project = tmp_path / "project"
+def test_a_capture_that_was_changed_in_memory_is_learned_as_changed_and_told_of_in_lines(still_life, tmp_path):
     capture = karf.open_capture(still_life.capture)
-    model = karf.learn(
-        capture, still_life.masks, project=project, overrides=QUICK, threads=1, device="cpu", progress=lines.append
-    )
+    fewer = replace(capture, views=tuple(view for view in capture.views if view.name != "train_r_1"))
+    lines = []
+    learning = LEARNING | {"project": tmp_path / "project", "progress": lines.append}
+    model = karf.learn(fewer, still_life.masks, **learning)
     assert model.objects == ["ball", "block"] and len(model.palettes) == 2
+    assert len(model.capture.views) == len(capture.views) - 1
     assert any(line.startswith("segmentation ") for line in lines)
 
 
@@ -72,9 +77,8 @@ def test_ctrl_c_saves_what_is_learned_so_far(still_life, tmp_path):
         if kind == "progress" and values["stage"] == "geometry":
             os.kill(os.getpid(), signal.SIGINT)
 
-    learning = {"project": project, "overrides": QUICK, "threads": 1, "device": "cpu"}
     with pytest.raises(KeyboardInterrupt):
-        karf.learn_geometry(still_life.capture, **learning, emit=interrupt)
+        karf.learn_geometry(still_life.capture, project=project, **LEARNING, emit=interrupt)
     assert (project / "unfinished_geometry.safetensors").exists()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -100,7 +104,7 @@ def test_the_model_renders_what_the_command_line_writes(model, learned, tmp_path
 def test_an_edit_changes_its_object_and_nothing_else(model):
     view = model.capture.split("test")[0]
     before = model.recolor(view, model.edit())
-    edit = model.edit().becomes("ball", "#d92619", "#1f5fbf")
+    edit = model.edit().becomes("ball", *RED_TO_BLUE)
     after = model.recolor(view, edit)
     ball = model.render_view(view).masks[model.objects.index("ball")]
     assert after[ball][:, 2].mean() > before[ball][:, 2].mean() + 0.2
@@ -115,8 +119,10 @@ def test_a_pair_that_changes_nothing_holds_its_paint(model):
     assert 0 < change[1] < 0.7 * change[0]
 
 
-def test_an_edit_is_saved_and_read_back(model, tmp_path):
-    edit = model.edit().swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
+def test_an_edit_is_a_value_that_is_saved_and_read_back(model, tmp_path):
+    plain = model.edit()
+    edit = plain.swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
+    np.testing.assert_array_equal(plain.colors["block"], model.edit().colors["block"])
     edit.save(tmp_path / "edit.json")
     again = karf.read_edit(tmp_path / "edit.json", model.palettes)
     assert again.colors.keys() == edit.colors.keys()
@@ -125,21 +131,12 @@ def test_an_edit_is_saved_and_read_back(model, tmp_path):
         np.testing.assert_array_equal(model.edit(tmp_path / "edit.json").colors[name], edit.colors[name])
 
 
-def test_an_edit_is_a_value(model):
-    edit = model.edit()
-    edit.swatch("block", 1, "#2060a0")
-    np.testing.assert_array_equal(edit.colors["block"], model.edit().colors["block"])
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         (lambda edit: edit.becomes("cup", "#000000", "#ffffff"), "no object 'cup'"),
-        (lambda edit: edit.becomes("ball", "#d92619", "#1f5fbf", rule="most"), "Unknown rule 'most'"),
-        (
-            lambda edit: edit.becomes("ball", "#d92619", "#1f5fbf", "fewest", also=[("#ffffff", "#000000")]),
-            "takes one pair",
-        ),
+        (lambda edit: edit.becomes("ball", *RED_TO_BLUE, rule="most"), "Unknown rule 'most'"),
+        (lambda edit: edit.becomes("ball", *RED_TO_BLUE, "fewest", also=[("#ffffff", "#000000")]), "takes one pair"),
         (lambda edit: edit.swatch("ball", 0, "#ffffff"), "no swatch 0"),
         (lambda edit: edit.swatch("ball", 99, "#ffffff"), "no swatch 99"),
         (lambda edit: edit.swatch("ball", 1, "blue"), "'blue' is not a color"),
@@ -182,17 +179,10 @@ def options_given(monkeypatch, **options):
 
 
 def test_settings_may_be_a_dictionary(monkeypatch):
-    settings = {
-        "geometry.long_side": 512,
-        "geometry": {"space": "box", "levels": [{"voxels": 40}]},
-        "seed": np.int64(3),
-    }
-    assert options_given(monkeypatch, overrides=settings).overrides == (
-        "geometry.long_side=512",
-        'geometry.space="box"',
-        'geometry.levels=[{"voxels": 40}]',
-        "seed=3",
-    )
+    geometry = {"space": "box", "levels": [{"voxels": 40}]}
+    settings = {"geometry.long_side": 512, "geometry": geometry, "seed": np.int64(3)}
+    words = ("geometry.long_side=512", 'geometry.space="box"', 'geometry.levels=[{"voxels": 40}]', "seed=3")
+    assert options_given(monkeypatch, overrides=settings).overrides == words
     with pytest.raises(TypeError, match="overrides takes"):
         options_given(monkeypatch, overrides={"seed": object()})
 
@@ -204,13 +194,14 @@ def test_a_device_may_be_one_of_torch(monkeypatch, learned):
     assert karf.load(learned.project, device=torch.device("cpu")).device == torch.device("cpu")
 
 
-def test_a_model_of_a_learned_scene_alone_has_no_edits(still_life, tmp_path):
-    karf.learn_geometry(still_life.capture, project=tmp_path / "project", overrides=QUICK, threads=1, device="cpu")
-    model = karf.load(tmp_path / "project", device="cpu")
-    assert model.objects == [] and model.render(model.capture.views[0].camera).palette_weights is None
+def test_a_model_of_a_learned_scene_alone_has_no_edits(learned, tmp_path):
+    project = shutil.copytree(learned.project, tmp_path / "project")
+    finish_again(project, "geometry")
+    model = karf.load(project, device="cpu")
+    view = model.capture.views[0]
+    assert model.objects == [] and model.render(view.camera).palette_weights is None
     with pytest.raises(BadRequest, match="palette stage"):
         model.edit()
-    view = model.capture.views[0]
     with pytest.raises(BadRequest, match="no finished recoloring stage"):
         model.recolor(view, karf.Edit({}))
 
@@ -223,14 +214,6 @@ def test_rendering_reads_nothing_of_the_project_again(learned, tmp_path):
     assert model.recolor(view, edit).shape == (view.camera.height, view.camera.width, 3)
     assert model.capture.split("test")[0] is view
     assert not copy.exists()
-
-
-def test_a_capture_that_was_changed_in_memory_is_learned_as_changed(still_life, tmp_path):
-    capture = karf.open_capture(still_life.capture)
-    fewer = replace(capture, views=tuple(view for view in capture.views if view.name != "train_r_1"))
-    project = tmp_path / "project"
-    karf.learn_geometry(fewer, project=project, overrides=QUICK, threads=1, device="cpu")
-    assert len(karf.load(project, device="cpu").capture.views) == len(capture.views) - 1
 
 
 def test_learning_can_be_stopped(still_life, tmp_path):
@@ -255,16 +238,11 @@ def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised
         karf.extract_palettes(tmp_path)
 
 
-def test_nothing_learned_is_a_sentence(tmp_path):
-    with pytest.raises(karf.KarfError, match=r"project\.json is missing"):
-        karf.load(tmp_path)
-
-
-@pytest.mark.parametrize("place", ["typo", "capture"])
-def test_loading_what_is_no_project_makes_nothing(still_life, tmp_path, place):
+@pytest.mark.parametrize("place", ["typo", "capture", "."])
+def test_loading_what_is_no_project_is_refused_and_makes_nothing(still_life, tmp_path, place):
     shutil.copytree(still_life.capture, tmp_path / "capture")
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(karf.KarfError):
+    with pytest.raises(karf.KarfError, match=r"project\.json is missing|does not exist|no project"):
         karf.load(tmp_path / place)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -277,9 +255,3 @@ def test_masks_that_fit_no_photo_are_said_before_anything_is_learned(still_life,
             karf.learn(still_life.capture, masks, project=tmp_path / "project", overrides=QUICK)
         assert main(replace(still_life, masks=masks).command(tmp_path / "project")) == DataError.exit_code
         assert not (tmp_path / "project").exists()
-
-
-def test_what_is_shown_of_a_value_is_short(model):
-    view = model.capture.views[0]
-    for value in (model, model.capture, view, model.edit(), model.palettes[0], model.render(view.camera.reduced(8))):
-        assert len(repr(value)) < 300, type(value)

@@ -1,9 +1,9 @@
 """Make the demo capture: a still life rendered with Cycles, its true labels and depth, its true recolors and rough masks.
 
     .venv/blender/bin/python -m tools.demo.make_capture --out DIR [--only photos truth recolors masks]
-    .venv/blender/bin/python -m tools.demo.make_capture --out demo --full DIR [--full-size 1024] [--full-views 4]
+    .venv/blender/bin/python -m tools.demo.make_capture --out demo --film DIR [--size 800] [--test 20] [--samples 64]
 
-The second form copies the capture that --out has to DIR, with a few test views at a larger size and their coverage.
+The second form copies the training photos that --out has to DIR, with large test photos along an arc.
 
 Needs the bpy wheel, numpy and imageio. Everything is seeded: the same arguments give the same files.
 """
@@ -17,11 +17,13 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from ..scenes import full_size, things
+from ..scenes import things
 from ..scenes.cameras import dome_views
+from ..scenes.film import make_film
 from ..scenes.recipe import STEPS, Extent, Recipe, TrueEdit, make_capture
 
 MAGENTA = (0.62, 0.035, 0.17)
+FILM_ARC = math.radians(25.0)  # to either side
 NAMES = {"pot": 1, "mug": 2, "apple": 3}
 
 PLACE = """\
@@ -85,12 +87,11 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--samples", type=int, default=64, help="samples per pixel at most")
     parser.add_argument("--threads", type=int, default=2, help="processor threads")
     parser.add_argument("--only", nargs="+", choices=STEPS, default=STEPS, help="steps to run")
-    full_size.add_options(parser)
+    parser.add_argument("--film", type=Path, metavar="DIR", help="render large photos along an arc there")
     options = parser.parse_args(argv)
     extent = Extent(options.size, options.train, options.test, options.samples)
-    if options.full:
-        full = full_size.full_size_of(options)
-        full_size.enlarge_test_views(STILL_LIFE, extent, full, options.out, options.full, options.threads)
+    if options.film:
+        make_film(STILL_LIFE, extent, options.out, options.film, FILM_ARC, options.threads)
         return 0
     command = "python -m tools.demo.make_capture --out demo"
     make_capture(STILL_LIFE, extent, options.out, command, options.threads, options.only)

@@ -12,7 +12,6 @@ import karf_engine as karf
 from ..metrics.scores import mean_mask_scores, score_pictures
 from ..metrics.truth import Truth
 from .judging import baselines, ciede2000_of, outside_of, recolored
-from .rivals.measuring import RULES, measure
 from .store import Store
 from .table import Figures, Table
 from .views import TestViews, learn_again, matted, render_test_views, with_model
@@ -42,17 +41,6 @@ def judge_scene(store: Store, seed: int) -> Figures:
         return judged(draw_scene(store, seed), folder, store.threads)
 
     return store.take(f"{scene_name(seed)}/learned", judge)
-
-
-def measure_rivals(store: Store, seed: int) -> dict[str, Figures]:
-    """Return the figures of each rule on a scene, measured unless they are there."""
-
-    def rival(folder: Path) -> dict[str, Figures]:
-        judge_scene(store, seed)
-        model = karf.load(store.path(f"{scene_name(seed)}/learned") / "project")
-        return dict(measure(model, Truth(draw_scene(store, seed)), folder / "scratch", store.threads))
-
-    return store.take(f"{scene_name(seed)}/rivals", rival)
 
 
 def judged(capture: Path, folder: Path, threads: int) -> Figures:
@@ -94,15 +82,3 @@ def drawn_table(store: Store, seeds: Sequence[int]) -> Table:
     means = {name: float(np.mean(column)) for name, column in columns.items()}
     medians = {name: float(np.median(column)) for name, column in columns.items()}
     return Table("scene", rows | {"**mean**": means, "**median**": medians})
-
-
-def rivals_table(store: Store, seeds: Sequence[int]) -> Table:
-    """Measure the rules of others on all scenes: means over the scenes."""
-    scenes = [measure_rivals(store, seed) for seed in seeds]
-    rows: dict[str, Figures] = {}
-    for rule in RULES:
-        columns = {name: [scene[rule][name] for scene in scenes] for name in scenes[0][rule]}
-        means = {name: float(np.mean(column)) for name, column in columns.items()}
-        rows[rule] = {"ciede2000": means.pop("ciede2000"), "ciede2000_median": float(np.median(columns["ciede2000"]))}
-        rows[rule] = {**rows[rule], **means}
-    return Table("rule", rows)

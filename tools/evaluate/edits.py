@@ -10,15 +10,12 @@ from karf_engine.metrics.images import hue_shift, mse_outside
 
 from ..metrics.scores import score_recolor
 from .demo import MLP_HEADS, ONE, PLAIN, Demo
-from .matching import score_matches
 from .store import Store
 from .table import Figures, Table
 from .ways import (
     Recolor,
     composed,
-    global_recolor,
     in_mattes,
-    kmeans_recolor,
     masked_hue_shift,
     masked_recolor,
     on_photo,
@@ -82,8 +79,6 @@ def edits_table(store: Store) -> Table:
         "paper's replacement (Eq. 9) on the render, weights from F_w": projected(demo, ours, "render", "paper"),
         "plain cross-entropy on the rough masks (Eq. 12)": projected(demo, plain, "photo"),
         "plain cross-entropy, paper's replacement, weights from F_w": projected(demo, plain, "field", "paper"),
-        "k-means palette in our masks": kmeans_recolor(demo),
-        "one palette of whole pictures, no segmentation": global_recolor(demo),
         "hue shift of the whole picture": lambda edit: [
             hue_shift(photo, *next(iter(demo.pairs(edit).values()))) for photo in photos
         ],
@@ -106,27 +101,3 @@ def edit_figures(demo: Demo, recolor: Recolor) -> Figures:
         "psnr_recolored": float(np.mean([score.psnr for score in scores])),
         "mse_outside_photo": float(np.mean([score.mse_outside for score in scores])),
     }
-
-
-def matches_table(store: Store) -> Table:
-    """Measure swatches that are matched to the true recolor of one test photo, in the other ones."""
-    demo = Demo(store)
-    scores = list(score_matches(demo.model, demo.truth).values())
-
-    def mean(name: str) -> float:
-        return float(np.mean([getattr(score, name) for score in scores]))
-
-    return Table(
-        "swatches by",
-        {
-            "**match**: one photo's true recolor given, judged in the others": {
-                "ciede2000": mean("others"),
-                "ciede2000_worst": mean("worst"),
-            },
-            "the same, in the given photo itself": {"ciede2000": mean("given")},
-            "*Becomes*: one color pair an object": {"ciede2000": mean("becomes")},
-            "an added color with the same pair": {"ciede2000": mean("added")},
-            "no edit": {"ciede2000": mean("no_edit")},
-            "bound: the swatches that fit all true recolors best": {"ciede2000": mean("bound")},
-        },
-    )

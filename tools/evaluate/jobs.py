@@ -48,17 +48,16 @@ JOBS: dict[str, Job] = {
     "segmentation": Job(6, "segmentation.segmentation_table", needs=("demo",)),
     "outside": Job(1, "edits.outside_table", needs=("demo",)),
     "edits": Job(4, "edits.edits_table", needs=("demo",)),
-    "matches": Job(1, "edits.matches_table", needs=("demo",)),
     "consistency": Job(3, "consistency.consistency_table", needs=("demo",)),
     "ablations": Job(4, "ablations.ablations_table", needs=("demo",)),
     "differences": Job(3, "ablations.differences_table", needs=("demo",)),
     **{_drawn(seed): Job(7, "drawn.judge_scene", (seed,), result=f"{_drawn(seed)}/learned") for seed in SEEDS},
     "drawn": Job(0.2, "drawn.drawn_table", (SEEDS,), tuple(map(_drawn, SEEDS))),
     **{
-        f"rivals_{seed}": Job(2, "drawn.measure_rivals", (seed,), (_drawn(seed),), f"{_drawn(seed)}/rivals")
+        f"rivals_{seed}": Job(2, "rivals.measuring.measure_rivals", (seed,), (_drawn(seed),), f"{_drawn(seed)}/rivals")
         for seed in SEEDS
     },
-    "rivals": Job(0.2, "drawn.rivals_table", (SEEDS,), tuple(f"rivals_{seed}" for seed in SEEDS)),
+    "rivals": Job(0.2, "rivals.measuring.rivals_table", (SEEDS,), tuple(f"rivals_{seed}" for seed in SEEDS)),
     "heads": Job(10, "heads.heads_table", (OF_HEADS,), ("demo", *map(_drawn, OF_HEADS))),
     "heads_on_nerf": Job(30, "heads.heads_on_nerf_table"),
     "real": Job(30, "real.real_table"),

@@ -99,8 +99,7 @@ def learn_again(
     changed = settings_module.with_overrides(model.settings, list(overrides))
     own = "files", "folder"  # of the other project; a kept palette may be as recoloring has learned it
     done = {name: {key: value for key, value in state["stages"][name].items() if key not in own} for name in kept}
-    state |= {"stages": done, "settings": settings_module.to_dict(changed)}
-    write_json(scratch.state_file, state)
+    write_json(scratch.state_file, state | {"stages": done, "settings": settings_module.to_dict(changed)})
     run = {"threads": threads, "emit": TerminalEmit()}
     learn = {
         "segmentation": lambda: karf.segment(folder, masks, **run),

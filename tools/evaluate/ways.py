@@ -8,18 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 
-from karf_engine.heads.files import load_surface
-from karf_engine.heads.training_rays import object_pixels
-from karf_engine.io.color import to_bytes
-from karf_engine.palettes.color_histogram import color_cells
 from karf_engine.palettes.compositing import delta_composite, paper_composite
-from karf_engine.palettes.extraction import extract_palette
-from karf_engine.palettes.matching.becomes import match_becomes
-from karf_engine.palettes.matching.fitting import match_pixels
-from karf_engine.palettes.matching.paints import reflection_target
-from karf_engine.palettes.palette_weights import palette_weights_of_image, star_weights
 from karf_engine.recolor.field_rendering import weights_of_colors
 from karf_engine.recolor.frames import Frame
 from karf_engine.recolor.model import Model
@@ -27,8 +17,6 @@ from karf_engine.recolor.model import Model
 from ..metrics.scores import hue_shifted
 from .demo import Demo
 from .views import TestViews
-
-KMEANS_PIXELS = 20_000
 
 Recolor = Callable[[str], list[np.ndarray]]  # from an edit's name to the recolored test views
 
@@ -105,66 +93,3 @@ def masked_hue_shift(demo: Demo, masks: list[np.ndarray]) -> Recolor:
         return [hue_shifted(photo, own, pairs) for photo, own in zip(demo.photos(), chosen, strict=True)]
 
     return recolor
-
-
-def kmeans_recolor(demo: Demo) -> Recolor:
-    """The centers of the objects' colors as palettes, in our masks; weights and compositing as ours."""
-    test = demo.ours()
-    project = demo.model.project
-    surface, names = load_surface(project.verified(project.surface_file))
-    pixels = object_pixels(surface, names)
-    colors = {name: np.concatenate(views) for name, views in zip(names, pixels, strict=True)}
-    sizes = {palette.name: len(palette.colors) for palette in test.model.palettes}
-    palettes = {name: kmeans_palette(colors[name], sizes[name]) for name in names}
-
-    def edited_palette(edit: str, name: str) -> np.ndarray:
-        cells, counts = color_cells(colors[name])
-        weights = star_weights(cells, palettes[name])
-        return match_becomes(cells, counts, weights, palettes[name], *demo.truth.color_pair(edit, name))
-
-    def recolor(edit: str) -> list[np.ndarray]:
-        pictures = demo.photos()
-        for name in demo.truth.edits[edit]["objects"]:
-            number, edited = test.model.objects.index(name), edited_palette(edit, name)
-            chances = [frame.probabilities[number] for frame in test.frames]
-            weights = [image_planes(photo, palettes[name]) * p for photo, p in zip(demo.photos(), chances, strict=True)]
-            pictures = [
-                delta_composite(picture, planes[None], palettes[name][None], edited[None])
-                for picture, planes in zip(pictures, weights, strict=True)
-            ]
-        return pictures
-
-    return recolor
-
-
-def kmeans_palette(colors: np.ndarray, size: int) -> np.ndarray:
-    """Black and size - 1 centers of colors [n, 3], [size, 3] float32."""
-    random = np.random.default_rng(0)
-    drawn = colors[random.integers(len(colors), size=KMEANS_PIXELS)].astype(np.float64)
-    centers, _ = kmeans2(drawn, size - 1, minit="++", rng=random)
-    return np.concatenate([np.zeros((1, 3)), np.clip(centers, 0, 1)]).astype(np.float32)
-
-
-def global_recolor(demo: Demo) -> Recolor:
-    """One palette of all training photos; every pixel of the picture follows it."""
-    training_images = [demo.model.training_image(view) for view in demo.model.capture.split("train")]
-    cells, counts = color_cells(
-        np.concatenate([training_image.color.reshape(-1, 3) for training_image in training_images])
-    )
-    palette = extract_palette(cells, counts, tolerance=demo.model.settings.palette.tolerance)
-    weights = star_weights(cells, palette)
-
-    def recolor(edit: str) -> list[np.ndarray]:
-        moves = [reflection_target(cells, *pair) - cells for pair in demo.pairs(edit).values()]
-        edited = match_pixels(weights, cells, np.clip(cells + np.sum(moves, 0), 0, 1), palette, counts)
-        return [
-            delta_composite(photo, image_planes(photo, palette)[None], palette[None], edited[None])
-            for photo in demo.photos()
-        ]
-
-    return recolor
-
-
-def image_planes(photo: np.ndarray, palette: np.ndarray) -> np.ndarray:
-    """Star weights of a picture's colors, [M, H, W]."""
-    return palette_weights_of_image(to_bytes(photo), palette).transpose(2, 0, 1)

@@ -39,7 +39,6 @@ METRICS = {
     "ciede2000_hue_per_paint": Metric("hue shift, per paint", ".2f", "hue shifts by the same pairs in the true masks"),
     "ciede2000_hue": Metric("hue shift, per object", ".2f", "a hue shift by the same pair in the true masks"),
     "ciede2000_no_edit": Metric("no edit", ".1f", "CIEDE2000 of the photo itself"),
-    "ciede2000_worst": Metric("worst photo given", ".2f", "the same, for the worst photo to paint on"),
     "psnr_recolored": Metric("PSNR", ".1f", "of recolored photos against the true recolors, whole picture, dB"),
     "mse_outside": Metric("MSE outside", ".1e", _OUTSIDE + ", against the picture that was edited"),
     "mse_outside_photo": Metric("against the photo", ".1e", _OUTSIDE + ", against the photo"),

@@ -24,13 +24,13 @@ NOT_LISTED = ("build", "wheels")  # parts of a manifest
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder (default: dist)")
-    parser.add_argument("--draft", action="store_true", help="build even where published tables are stale")
+    parser.add_argument("--release", action="store_true", help="for publishing: refuse while a table is stale")
     options = parser.parse_args()
-    stale = {} if options.draft else stale_tables()
+    stale = stale_tables() if options.release else {}
     for name, modules in stale.items():
         print(f"error: the table {name} is stale: {', '.join(modules) or 'never measured'}", file=sys.stderr)
     if stale:
-        print("Measure them by tools/dev.py evaluate, or build a draft: tools/dev.py build --draft.", file=sys.stderr)
+        print("Measure them by: python3 tools/dev.py evaluate", file=sys.stderr)
         return 1
     return build(ROOT, options.out)
 

@@ -56,17 +56,14 @@ def set_up_photo(samples: int) -> None:
     scene.render.image_settings.color_mode = "RGBA" if scene.render.film_transparent else "RGB"
 
 
-def set_up_truth(folder: Path, subpixels: int) -> None:
-    """Make the next renders ground truth: ids and depth as float EXR in ``folder``, no light.
-
-    Each pixel is cut into ``subpixels`` times ``subpixels``, and one ray goes through the center of each.
-    """
+def set_up_truth(folder: Path) -> None:
+    """Make the next renders ground truth: ids and depth as float EXR in ``folder``, a ray through each pixel's center."""
     scene = bpy.context.scene
     scene.render.use_persistent_data = True
     layer = scene.view_layers[0]
     layer.use_pass_object_index = layer.use_pass_z = True
     layer.material_override = unlit()
-    scene.render.resolution_percentage = 100 * subpixels
+    scene.render.resolution_percentage = 100
     scene.cycles.max_bounces = 0
     scene.cycles.samples = 1
     scene.cycles.use_adaptive_sampling = False
@@ -119,33 +116,20 @@ def render_photos(out: Path, views: list[View], samples: int) -> None:
     print(f"{out}: {len(seconds)} photos, {np.mean(seconds):.2f} s each", flush=True)
 
 
-def render_truth(out: Path, views: list[View], names: dict[str, int], subpixels: int = 1) -> None:
-    """Render the label image of every view, and the depth image of every test view; ``names``: object name -> id.
-
-    With several ``subpixels``, an odd number, also each object's coverage of the pixels.
-    """
+def render_truth(out: Path, views: list[View], names: dict[str, int]) -> None:
+    """Render the label image of every view, and the depth image of every test view; ``names``: object name -> id."""
     write_json(out / "labels" / "names.json", names)
-    centers = slice(subpixels // 2, None, subpixels)
     with tempfile.TemporaryDirectory() as folder:
-        set_up_truth(Path(folder), subpixels)
+        set_up_truth(Path(folder))
         for view in views:
             file = f"{view.split}/{view.stem}.png"
             render_view(view, Path(folder) / "unused.png")
             ids = np.rint(read_pass(Path(folder), "IndexOB")).astype(np.uint8)
-            depth = read_pass(Path(folder), "Depth")[centers, centers]
-            write_labels(out / "labels" / file, ids[centers, centers])
+            depth = read_pass(Path(folder), "Depth")
+            write_labels(out / "labels" / file, ids)
             if view.split == "test":
                 steps = np.minimum(np.rint(depth / DEPTH_UNIT), NO_DEPTH).astype(np.uint16)
                 write_png(out / "depth" / file, steps)
-            for name, number in names.items() if subpixels > 1 else ():
-                write_png(out / "coverage" / name / file, coverage(ids == number, subpixels))
-
-
-def coverage(mask: np.ndarray, subpixels: int) -> np.ndarray:
-    """Return the share of each pixel that ``mask`` covers, 255 = all; it has ``subpixels`` times the pixels a side."""
-    height, width = (length // subpixels for length in mask.shape)
-    share = mask.reshape(height, subpixels, width, subpixels).mean((1, 3))
-    return np.rint(255 * share).astype(np.uint8)
 
 
 def read_pass(folder: Path, name: str) -> np.ndarray:

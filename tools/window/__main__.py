@@ -2,7 +2,7 @@
 
 The window opens on a virtual screen (Xvfb). Blender is an installed one, or one in a chroot (a debootstrap of another
 Debian, say), which needs root and leaves no mounts behind. Written to OUT: transcript.md, record.json, shots/,
-blender.log, and the desk that was worked on. The exit code is 0 where every step holds.
+blender.log, and the desk with the files. The exit code is 0 only if every step holds.
 """
 
 from __future__ import annotations
@@ -28,20 +28,21 @@ def main() -> int:
     options = read_options()
     out, begin = options.out.absolute(), time.monotonic()
     lay_out(out, is_new=not options.only)
-    pythons = [Path(sys.prefix), Path(sys.prefix).resolve(), Path(sys.base_prefix).resolve()]  # wherever links lead
-    folders = tuple(dict.fromkeys([out, INSIDE.parent, *pythons]))
+    python = Path(sys.prefix)
+    folders = tuple(dict.fromkeys([out, INSIDE.parent, python, python.resolve(), Path(sys.base_prefix).resolve()]))
     system = System("blender" if options.chroot else options.blender, options.chroot, folders)
-    log, file = out / "blender.log", out / "record.json"
-    blend = [
-        str(path) for path in (out / "desk" / "sub" / "story.blend", out / "desk" / "story.blend") if path.exists()
-    ]
-    arguments = [*blend[:1], "--enable-event-simulate", "--python", str(INSIDE), "--", str(write_job(out, options))]
+    job = {"out": str(out), "engine_python": str(python / "bin" / "python"), "threads": options.threads}
+    job["only"] = [name for name in options.only.split(",") if name]
+    blends = [out / "desk" / name for name in ("sub/story.blend", "story.blend")]
+    arguments = [str(blend) for blend in blends if blend.exists()][:1]
+    arguments += ["--enable-event-simulate", "--python", str(INSIDE), "--", json.dumps(job)]
+    log = out / "blender.log"
     with virtual_screen(system, out / "screen") as display:
-        ending = run_blender(system, display, out / "user", arguments, log, file)
+        ending = run_blender(system, display, out / "user", arguments, log)
     for dump in (out / "shots").glob("*.xwd"):
         imageio.imwrite(dump.with_suffix(".png"), pixels_of(dump.read_bytes()))
         dump.unlink()
-    steps = record.read(file)
+    steps = record.read(out / "record.json")
     findings = [*([ending] if ending else []), *found_in_logs(out, log)]
     findings += [f"still running: {each}" for each in record.engine_processes(out / "desk")]
     page = record.transcript(f"The window story, {time.monotonic() - begin:.0f} s", steps, findings)
@@ -75,21 +76,8 @@ def lay_out(out: Path, is_new: bool) -> None:
         shutil.copytree(ROOT / "demo", out / "desk" / "pots", ignore=NOT_PHOTOS)
 
 
-def write_job(out: Path, options: argparse.Namespace) -> Path:
-    """What the script inside Blender is to know, as a file."""
-    job = {
-        "out": str(out),
-        "engine_python": str(Path(sys.prefix) / "bin" / "python"),
-        "threads": options.threads,
-        "only": [name.strip() for name in options.only.split(",") if name.strip()],
-    }
-    file = out / "job.json"
-    file.write_text(json.dumps(job), encoding="utf-8")
-    return file
-
-
 def found_in_logs(out: Path, log: Path) -> list[str]:
-    """The tracebacks in what Blender and the engine have written."""
+    """Return the tracebacks in the logs of Blender and the engine."""
     return [
         f"{file.relative_to(out)}: {line}"
         for file in [log, *sorted((out / "desk").rglob("engine.log"))]

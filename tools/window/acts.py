@@ -1,4 +1,4 @@
-"""What several steps do: jobs, files, editors. Runs inside Blender."""
+"""Actions of several steps: jobs, files, editors. Runs inside Blender."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .hands import BESIDE_PICTURE, PICTURE, SIDEBAR, VIEW, Wait, Where
 from .record import Story
 
 TAB = "KaRF"
-JOB_SECONDS = 900.0  # a machine may be busy with other things
+JOB_SECONDS = 1800.0  # a machine may be busy with other things
 
 
 def choose_engine(job: dict) -> None:
@@ -23,7 +23,7 @@ def choose_engine(job: dict) -> None:
 
 # --- jobs ------------------------------------------------------------------------------------------------------------
 def begin_job(press: Wait) -> Wait:
-    """Press what starts a job, and wait for it; one may end between two looks, and leaves its text."""
+    """Press what starts a job, and wait until it has begun; a short one may have ended, and left its text."""
     progress = bpy.data.window_managers[0].karf_progress
     progress.text = progress.error = ""
     yield from press
@@ -47,7 +47,7 @@ def press_job(operator: str) -> Wait:
 
 
 def dialog_job(story: Story, operator: str) -> Wait:
-    """Click a button that asks in a dialog, take that as it is, and wait for the end of its job."""
+    """Click a button, confirm its dialog, and wait for the end of its job."""
     yield from controls.press_button(SIDEBAR, operator)
     yield 0.5
     yield from story.shoot("dialog")
@@ -57,7 +57,7 @@ def dialog_job(story: Story, operator: str) -> Wait:
 
 # --- files and editors -----------------------------------------------------------------------------------------------
 def editors(kind: str) -> int:
-    """How many editors of a type the window has."""
+    """Return the number of editors of a type in the window."""
     return sum(area.type == kind for area in hands.window().screen.areas)
 
 
@@ -77,12 +77,6 @@ def fit_picture() -> Wait:
     yield 0.5
 
 
-def open_step(name: str) -> Wait:
-    """Open a step that did not open by itself."""
-    setattr(bpy.data.window_managers[0].karf_folding, f"show_{name}", True)
-    yield from show_tab()
-
-
 def save_file() -> Wait:
     """Press Ctrl S."""
     yield from hands.press("S", hands.middle_of(VIEW), ctrl=True)
@@ -90,7 +84,7 @@ def save_file() -> Wait:
 
 
 def choose_file(path: Path) -> Wait:
-    """Choose a file or folder in the file browser that is open: the path by script, the button that takes it clicked."""
+    """Choose a file or folder in the open file browser: set the path by script, click the button."""
     yield from until(lambda: editors("FILE_BROWSER"), "the file browser")
     yield 0.5
     params = hands.area_of("FILE_BROWSER").spaces.active.params

@@ -1,15 +1,16 @@
-"""Controls in panels, found by hovering: Blender itself says what the button under the mouse does (Copy Python Command,
-Copy Data Path), so nothing depends on how panels look. Runs inside Blender.
+"""Controls in panels, found by hovering: Blender tells what the button under the mouse does (Copy Python Command, Copy Data
+Path), so nothing depends on the layout of panels. Runs inside Blender.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 
 import bpy
 
 from . import desk, hands
+from .desk import Broken
 from .hands import BESIDE_PICTURE, Place, Wait, Where
 
 SETTLED = 0.2  # seconds after which a button knows that the mouse is over it, also on a busy machine
@@ -18,18 +19,15 @@ EMPTY_ROWS = 26  # consecutive rows without a button after which the panels end
 EDGE_STEPS = 200  # at most, from a button to its edge
 RIGHT = 0.845  # where a sidebar has the small button at the end of a row
 COLUMNS = 0.45, RIGHT, 0.2, 0.68, 0.32, 0.57  # of a region's width, in the order of a search
+SWATCH = r'karf\.objects\[(0|"[^"]*")\]\.swatches\[(1|"[^"]*1")\]\.color'  # the first object's second, used throughout
 # of the color picker: its width, and the middle of its wheel from its left edge and from the swatch's upper edge
 PICKER, WHEEL_X, WHEEL_Y = 206, 91, 223
 STEPS, DRAG_PAUSE = 8, 0.12  # of a drag in it
 STATUS_BAR = 8  # pixels from the window's lower edge
 
 
-class NotFound(Exception):
-    """There is no such button."""
-
-
 def meaning(where: Where) -> str:
-    """What the button under the mouse does: `bpy.ops...` of an operator, `bpy.data...` of a property, else nothing."""
+    """Return the button under the mouse: `bpy.ops...` of an operator, `bpy.data...` of a property, else nothing."""
     manager = bpy.data.window_managers[0]
     with hands.inside(where):
         for copy, options in (
@@ -48,8 +46,10 @@ def meaning(where: Where) -> str:
 
 
 def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[float, None, Place]:
-    """The place of the first button whose meaning matches a regular expression; first: the column to begin with, a share
-    of the region's width. Raises NotFound."""
+    """Return the place of the first button whose meaning matches a regular expression, or raise Broken.
+
+    The search begins in the column `first`, a share of the region's width.
+    """
     region, seen = hands.region_of(where), set()
     top = region.y + region.height - ROW
     for share in dict.fromkeys([first, *COLUMNS]):
@@ -67,11 +67,11 @@ def find(where: Where, pattern: str, first: float = COLUMNS[0]) -> Generator[flo
             empty = 0 if meant else empty + 1
             if empty > EMPTY_ROWS:
                 break
-    raise NotFound(f"no button of {where.editor} {where.region} is {pattern}; there are {sorted(seen)}")
+    raise Broken(f"no button of {where.editor} {where.region} is {pattern}; there are {sorted(seen)}")
 
 
 def _settled(where: Where, pattern: str, place: Place) -> Generator[float, None, Place | None]:
-    """The place itself or one just above: a busy machine may have answered for where the mouse was before."""
+    """Return the place or one just above: a busy machine may have answered for where the mouse was before."""
     for above in (0, ROW, 2 * ROW):
         x, y = place[0], place[1] + above
         yield from hands.move((x, y))
@@ -88,54 +88,49 @@ def press_button(where: Where, pattern: str, first: float = COLUMNS[0]) -> Wait:
 
 
 # --- swatches --------------------------------------------------------------------------------------------------------
-def find_swatch(index: int) -> Generator[float, None, Place]:
-    """The place of the first object's swatch."""
-    return (yield from find(BESIDE_PICTURE, _swatch(index), 0.2))
+def find_swatch() -> Generator[float, None, Place]:
+    """Return the place of the swatch."""
+    return (yield from find(BESIDE_PICTURE, SWATCH, 0.2))
 
 
-def drag_swatch(index: int, way: tuple[int, int], seen: Callable[[], None] = lambda: None) -> Wait:
-    """Open a swatch's picker, drag from the middle of its wheel by some pixels, and close it; seen: called on the way.
+def drag_swatch(way: tuple[int, int]) -> Generator[float, None, int]:
+    """Open the swatch's picker, drag from the middle of its wheel by some pixels, and close it.
 
-    The picker lies above the swatch, both left edges in line, or the right ones where the window ends before; within
-    some pixels of that only Blender knows, so the other is tried where the first changes nothing.
+    The picker opens above the swatch, aligned with its left edge, or with its right one near the window's edge. If
+    the first guess changes nothing, the other is tried.
+
+    Returns:
+        The number of different pictures on the way.
     """
     before = desk.swatches()
-    field = yield from find_swatch(index)
-    left, _ = yield from _edge(field, _swatch(index), (-4, 0))
-    right, _ = yield from _edge(field, _swatch(index), (4, 0))
-    _, top = yield from _edge(field, _swatch(index), (0, 4))
+    field = yield from find_swatch()
+    left, _ = yield from _edge(field, (-4, 0))
+    right, _ = yield from _edge(field, (4, 0))
+    _, top = yield from _edge(field, (0, 4))
     starts = [left, right - PICKER]
     for start in starts if right + PICKER < hands.window().width else reversed(starts):
-        middle = start + WHEEL_X, top + WHEEL_Y
+        x, y, seen = start + WHEEL_X, top + WHEEL_Y, set()
         yield from hands.click(field)
-        yield from hands.move(middle)
-        yield from _drag(middle, way, seen)
+        yield from hands.move((x, y))
+        places = [(x + way[0] * step // STEPS, y + way[1] * step // STEPS) for step in range(STEPS + 1)]
+        for pause in hands.drag(places, DRAG_PAUSE):
+            yield pause
+            seen.add(desk.picture())
         outside = hands.window().width // 2, STATUS_BAR
         yield from hands.move(outside)
         yield from hands.click(outside)
         if desk.swatches() != before:
-            return
-    raise NotFound(f"the picker of swatch {index} is neither above its left nor above its right edge")
+            return len(seen)
+    raise Broken("the picker is neither above the left nor above the right edge of its swatch")
 
 
-def _swatch(index: int) -> str:
-    return rf'karf\.objects\[(0|"[^"]*")\]\.swatches\[({index}|"[^"]*{index}")\]\.color'
-
-
-def _edge(place: Place, pattern: str, step: Place) -> Generator[float, None, Place]:
-    """The last place along a direction that is still the button's."""
+def _edge(place: Place, step: Place) -> Generator[float, None, Place]:
+    """Return the last place of the swatch along a direction."""
     for _ in range(EDGE_STEPS):
         following = place[0] + step[0], place[1] + step[1]
         yield from hands.move(following)
         yield 0.1
-        if not re.search(pattern, meaning(BESIDE_PICTURE)):
+        if not re.search(SWATCH, meaning(BESIDE_PICTURE)):
             return place
         place = following
-    raise NotFound(f"{pattern} has no edge: a popup is open, which answers for every place")
-
-
-def _drag(start: Place, way: tuple[int, int], seen: Callable[[], None]) -> Wait:
-    places = [(start[0] + way[0] * step // STEPS, start[1] + way[1] * step // STEPS) for step in range(STEPS + 1)]
-    for pause in hands.drag(places, DRAG_PAUSE):
-        yield pause
-        seen()
+    raise Broken("the swatch has no edge: a popup is open, which answers for every place")

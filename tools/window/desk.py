@@ -1,12 +1,11 @@
-"""What the story asks of Blender and of the extension: pictures, swatches, keyframes, stages. Runs inside Blender."""
+"""Questions to Blender and the extension: pictures, swatches, keyframes, stages. Runs inside Blender."""
 
 from __future__ import annotations
 
 import hashlib
-import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -20,7 +19,7 @@ MARKED_VIEW, PHOTO_SIZE = "r_041", 256
 
 
 class Broken(Exception):
-    """What a step promises does not hold."""
+    """A step's promise does not hold."""
 
 
 def check(holds: bool, sentence: str) -> None:
@@ -38,28 +37,28 @@ def until(condition: Callable[[], object], what: str, seconds: float = 10) -> Wa
 
 
 def module(name: str):
-    """A module of the enabled extension."""
+    """Return a module of the enabled extension."""
     return sys.modules[f"{PACKAGE}.karf_blender.{name}"]
 
 
 def scene() -> bpy.types.Scene:
-    """The scene of the main window; a timer has no other context."""
+    """Return the main window's scene; a timer has no other context."""
     return hands.window().scene
 
 
 # --- pictures --------------------------------------------------------------------------------------------------------
 def pixels() -> np.ndarray:
-    """The result picture's bytes [H, W, 3]."""
+    """Return the result picture's bytes, [H, W, 3]."""
     return _bytes(scene().karf.result)
 
 
 def picture() -> str:
-    """The result picture's pixels as a short mark."""
+    """Return a short hash of the result picture's pixels."""
     return hashlib.sha1(pixels().tobytes()).hexdigest()[:12]
 
 
 def pixels_of(file: Path) -> np.ndarray:
-    """A picture file's bytes [H, W, 3]."""
+    """Return a picture file's bytes, [H, W, 3]."""
     image = bpy.data.images.load(str(file))
     try:
         return _bytes(image)
@@ -74,30 +73,30 @@ def _bytes(image: bpy.types.Image) -> np.ndarray:
 
 
 def mask() -> np.ndarray:
-    """The object's mask of the active view, as its file holds it, [H, W]."""
+    """Return the object's mask of the active view from its file, [H, W]."""
     folder = module("marking.objects").masks_folder(scene()) / scene().karf.marking.objects[0].name
     return pixels_of(folder / f"{scene().karf.active_view}.png")[..., 0]
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """By how much bytes differ."""
+    """Return by how much bytes differ."""
     return np.abs(one.astype(int) - other)
 
 
 def is_in_step() -> bool:
-    """Whether the result picture is what the swatches say."""
+    """Return whether the result picture shows the colors of the swatches."""
     wanted = module("pictures.images").upright(module("swatches.displayed").of(scene()).edited())
     return difference(pixels(), np.rint(np.clip(wanted, 0, 1) * 255)).max() <= 1
 
 
 # --- swatches --------------------------------------------------------------------------------------------------------
 def swatches() -> list[tuple[float, ...]]:
-    """The colors of the object as they stand, rounded as a person would compare them."""
+    """Return the object's current colors, rounded."""
     return [tuple(round(value, 4) for value in swatch.color) for swatch in scene().karf.objects[0].swatches]
 
 
 def middle_of_object() -> tuple[float, float]:
-    """A place well on the object in the active view, in shares of the picture from the lower left."""
+    """Return a place well inside the object in the active view, in shares of the picture from the lower left."""
     planes = module("swatches.displayed").of(scene()).prepared_view().planes
     rows, columns = np.nonzero(planes.probabilities[0] > 0.95)
     height, width = planes.base.shape[:2]
@@ -106,29 +105,13 @@ def middle_of_object() -> tuple[float, float]:
 
 
 def keyframes() -> set[tuple[str, float, float]]:
-    """The keyframes of the scene: what they animate, the frame and the value."""
-    return {
-        (re.sub(r"\[[^\]]+\]", "", curve.data_path), point.co.x, round(point.co.y, 4))
-        for curve in _curves()
-        for point in curve.keyframe_points
-    }
-
-
-def _curves() -> Iterator[bpy.types.FCurve]:
+    """Return the scene's keyframes: data path, frame and value."""
     data = scene().animation_data
-    action = data.action if data else None
-    if action is None:
-        return
-    if hasattr(action, "fcurves"):
-        yield from action.fcurves
-        return
-    for layer in action.layers:  # Blender 5
-        for strip in layer.strips:
-            for bag in strip.channelbags:
-                yield from bag.fcurves
+    curves = module("host.compat").curves_of(data) if data else []
+    return {(curve.data_path, point.co.x, round(point.co.y, 4)) for curve in curves for point in curve.keyframe_points}
 
 
 # --- the project ---------------------------------------------------------------------------------------------------
 def stages() -> set[str]:
-    """The stages of the project that are done."""
+    """Return the project's finished stages."""
     return module("project.disk").read(scene()).stages

@@ -1,6 +1,6 @@
-"""Mouse and keys in a Blender window that was started with --enable-event-simulate. Runs inside Blender.
+"""Mouse and keys in a window of Blender with --enable-event-simulate. Runs inside Blender.
 
-Every function that uses them is a generator: it yields the seconds that Blender needs to take the events in. Places are
+Each function that uses them is a generator, which yields the seconds that Blender needs for the events. Places are
 window coordinates, from the lower left corner.
 """
 
@@ -14,7 +14,7 @@ import bpy
 
 Place = tuple[int, int]
 Wait = Generator[float, None, None]
-PAUSE = 0.03  # seconds in which Blender takes an event in
+PAUSE = 0.03  # seconds that Blender needs for an event
 AFTER = 0.3  # seconds after a click or a key
 
 
@@ -31,46 +31,46 @@ SIDEBAR, BESIDE_PICTURE = Where("VIEW_3D"), Where("IMAGE_EDITOR")  # the sidebar
 
 
 def window() -> bpy.types.Window:
-    """The main window; loading a file makes a new one."""
+    """Return the main window; loading a file makes a new one."""
     return bpy.data.window_managers[0].windows[0]
 
 
 def area_of(editor: str) -> bpy.types.Area:
-    """The largest editor of a type in the window."""
+    """Return the largest editor of a type in the window."""
     found = [area for area in window().screen.areas if area.type == editor]
     return max(found, key=lambda area: area.width * area.height)
 
 
 def region_of(where: Where) -> bpy.types.Region:
-    """The region itself."""
+    """Return the region itself."""
     return next(each for each in area_of(where.editor).regions if each.type == where.region and each.width > 1)
 
 
 def middle_of(where: Where) -> Place:
-    """The middle of a region."""
+    """Return the middle of a region."""
     region = region_of(where)
     return region.x + region.width // 2, region.y + region.height // 2
 
 
 def in_picture(u: float, v: float) -> Place:
-    """A place of the picture in the Image Editor, in shares of it from the lower left."""
+    """Return where a place of the picture, in shares from the lower left, is displayed in the Image Editor."""
     region = region_of(PICTURE)
     x, y = region.view2d.view_to_region(u, v, clip=False)
     return x + region.x, y + region.y
 
 
 def inside(where: Where):
-    """The context of a region, for operators that ask for it."""
+    """Return a region's context, for operators that need it."""
     return bpy.context.temp_override(window=window(), area=area_of(where.editor), region=region_of(where))
 
 
 def send(kind: str, value: str, place: Place, **modifiers) -> None:
-    """One event."""
+    """Send one event."""
     window().event_simulate(type=kind, value=value, x=int(place[0]), y=int(place[1]), **modifiers)
 
 
 def move(place: Place) -> Wait:
-    """Move the mouse; the second event is the one that a region takes as the mouse over a button."""
+    """Move the mouse; a button notices it only at the second event."""
     for _ in range(2):
         send("MOUSEMOVE", "NOTHING", place)
         yield PAUSE
@@ -91,7 +91,7 @@ def click(place: Place) -> Wait:
 
 
 def drag(places: Sequence[Place], pause: float = PAUSE) -> Wait:
-    """Press at the first place, move through the others with pauses and let go at the last."""
+    """Press at the first place, move through the others with pauses, and release at the last."""
     yield from move(places[0])
     send("LEFTMOUSE", "PRESS", places[0])
     yield PAUSE
@@ -103,7 +103,7 @@ def drag(places: Sequence[Place], pause: float = PAUSE) -> Wait:
 
 
 def play(scenes: Wait) -> None:
-    """Go through a generator in a timer, where the window is drawn between two events, and quit Blender at its end."""
+    """Run a generator in a timer, so that the window is drawn between two events, and quit Blender at its end."""
 
     def tick() -> float | None:
         try:

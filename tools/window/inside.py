@@ -12,13 +12,13 @@ from pathlib import Path
 import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # Blender runs this file by its path
-from tools.window import acts, controls, desk, hands, learning, recoloring, record
+from tools.window import acts, desk, hands, learning, recoloring, record
 
 IDLE_SECONDS = 0.005  # that Blender sleeps between two looks for events, where they are simulated
 
 
 def tell(job: dict) -> hands.Wait:
-    """The steps that the job names, or all; a step that fails does not end the story."""
+    """Do the steps that the job names, or all; a failing step does not end the story."""
     file = Path(job["out"]) / "record.json"
     told = [*learning.CHAPTER.steps, *recoloring.CHAPTER.steps]
     told = [(step, run) for step, run in told if not job["only"] or step.name in job["only"]]
@@ -41,7 +41,7 @@ def perform(story: record.Story, run: Callable[[record.Story], hands.Wait]) -> h
     failure = ""
     try:
         yield from run(story)
-    except (desk.Broken, controls.NotFound) as broken:
+    except desk.Broken as broken:
         failure = str(broken)
     except Exception:
         failure = traceback.format_exc()
@@ -59,5 +59,5 @@ def idle() -> float:
     return 0.0
 
 
-hands.play(tell(json.loads(Path(sys.argv[-1]).read_text())))
+hands.play(tell(json.loads(sys.argv[-1])))
 bpy.app.timers.register(idle, persistent=True)

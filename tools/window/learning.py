@@ -54,7 +54,7 @@ def open_workspace(story: Story) -> Wait:
 
 @CHAPTER.step("mouse: Import Capture; path by script, button clicked; keys: Ctrl S")
 def import_capture(story: Story) -> Wait:
-    """Every photo becomes a view, the first one is there to be marked, and the project lies beside the file."""
+    """Every photo becomes a view, the first one is there to be marked, and the project is beside the file."""
     yield from controls.press_button(SIDEBAR, r"karf\.import_capture")
     yield from acts.choose_file(story.desk / "pots")
     karf = desk.scene().karf
@@ -82,7 +82,7 @@ def cancel_a_job(story: Story) -> Wait:
 
 
 def is_learning(story: Story) -> bool:
-    """Whether a process of the engine learns the scene."""
+    """Return whether a process of the engine learns the scene."""
     return any("-geometry" in process for process in engine_processes(story.desk))
 
 

@@ -1,4 +1,4 @@
-"""The record of a run: its steps, as Blender goes through them, and the transcript made of them. No bpy."""
+"""The record of a run: its steps, while Blender does them, and the transcript. No bpy."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Step:
 
 @dataclass
 class Story:
-    """What the steps are given: the job from outside, and the step's own record."""
+    """Given to each step: the job from outside, and the step's own record."""
 
     job: dict
     step: Step
 
     @property
     def desk(self) -> Path:
-        """The folder in which the artist works."""
+        """The artist's folder."""
         return Path(self.job["out"]) / "desk"
 
     def note(self, text: str) -> None:
@@ -42,7 +42,7 @@ class Story:
         self.step.found.append(text)
 
     def shoot(self, what: str = "") -> Wait:
-        """Copy the screen, of which the program outside makes a picture."""
+        """Copy the screen; the program outside converts it to a picture."""
         name, out = f"{self.step.name}_{what}" if what else self.step.name, Path(self.job["out"])
         yield 0.3
         shutil.copy(next((out / "screen").glob("Xvfb_screen*")), out / "shots" / f"{name}.xwd")
@@ -65,24 +65,24 @@ class Chapter:
 
 
 def write(file: Path, steps: Sequence[Step]) -> None:
-    """Write all steps; whoever reads meanwhile finds the former ones."""
+    """Write all steps; a crash leaves the former file."""
     new = file.with_suffix(".new")
     new.write_text(json.dumps([asdict(step) for step in steps], indent=1), encoding="utf-8")
     new.replace(file)
 
 
 def read(file: Path) -> list[Step]:
-    """The steps of a record; none where Blender has not begun."""
+    """Return the steps of a record; none if Blender has not begun."""
     return [Step(**values) for values in json.loads(file.read_text(encoding="utf-8"))] if file.exists() else []
 
 
 def is_clean(steps: Sequence[Step], findings: Sequence[str]) -> bool:
-    """Whether every step passed and nothing was found afterwards."""
+    """Return whether every step passed and nothing was found afterwards."""
     return bool(steps) and not findings and all(step.outcome == PASSED for step in steps)
 
 
 def transcript(title: str, steps: Sequence[Step], findings: Sequence[str]) -> str:
-    """The run as a page: a table of the steps, what was found wrong afterwards, and what was found in each step."""
+    """Return the run as a page: a table of the steps, findings afterwards, and findings of each step."""
     verdict = "every step holds" if is_clean(steps, findings) else "**not clean**"
     lines = [f"# {title}: {verdict}", "", "| step | promise | by | outcome | s |", "|---|---|---|---|---|"]
     for step in steps:
@@ -101,7 +101,7 @@ def _section(title: str, items: Sequence[str]) -> list[str]:
 
 # --- what a run must not leave ---------------------------------------------------------------------------------------
 def tracebacks(text: str) -> list[str]:
-    """The last line of every Python traceback in a log, which says what it was."""
+    """Return the last line of every Python traceback in a log, the error itself."""
     found, is_inside = [], False
     for line in text.splitlines():
         if line.startswith("Traceback (most recent call last)"):
@@ -113,7 +113,7 @@ def tracebacks(text: str) -> list[str]:
 
 
 def engine_processes(desk: Path) -> list[str]:
-    """The running processes that were started with a file of the desk, the story's folder."""
+    """Return the running processes with a file of the artist's folder in their command."""
     found = []
     for file in Path("/proc").glob("[0-9]*/cmdline"):
         try:

@@ -15,7 +15,7 @@ BASES = "Panel Operator Menu Header UIList PropertyGroup AddonPreferences FileHa
 
 
 def remains(package: str) -> list[str]:
-    """All that Blender still holds of a package, a line each; empty after it was disabled."""
+    """Return everything of a package that Blender still holds, a line each; empty after it was disabled."""
     return sorted({*_functions(package), *_handlers(package), *_classes(package), *_properties(package)})
 
 

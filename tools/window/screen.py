@@ -6,7 +6,6 @@ import os
 import signal
 import struct
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ import numpy as np
 
 SIZE = 1600, 1400  # pixels: every panel fits, nothing has to be scrolled
 SOFTWARE = {"LIBGL_ALWAYS_SOFTWARE": "1", "GALLIUM_DRIVER": "llvmpipe"}  # what draws the window
-PATIENCE = 1000.0  # seconds without news in the record after which Blender counts as hung
+LONGEST = 3600  # seconds after which Blender counts as hung
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class System:
     folders: tuple[Path, ...]
 
     def command(self, *command: str) -> list[str]:
-        """The command as it is started from here. Mounts are the process's own and end with it."""
+        """Return the command to start it from here. Mounts belong to the process and end with it."""
         if self.chroot is None:
             return list(command)
         mounts = [f"mount -t proc proc {self.chroot}/proc", f"mount --rbind /dev {self.chroot}/dev"]
@@ -41,7 +40,7 @@ class System:
 
 @contextmanager
 def virtual_screen(system: System, folder: Path) -> Iterator[str]:
-    """A screen of our own; yields its display. Xvfb keeps its pixels up to date in a file of the folder."""
+    """Open a virtual screen and yield its display. Xvfb keeps its pixels up to date in a file of the folder."""
     reading, writing = os.pipe()
     width, height = SIZE
     # Xvfb itself chooses a number that is free
@@ -62,15 +61,15 @@ def virtual_screen(system: System, folder: Path) -> Iterator[str]:
 
 
 def pixels_of(dump: bytes) -> np.ndarray:
-    """The pixels [H, W, 3] of a window dump, as Xvfb keeps it of a screen of 24 bits."""
+    """Return the pixels, [H, W, 3], of a window dump by Xvfb with 24 bits."""
     header = struct.unpack(">25I", dump[:100])
     size, width, height, line, n_colors = (header[number] for number in (0, 4, 5, 12, 19))
     rows = np.frombuffer(dump, np.uint8, line * height, size + 12 * n_colors).reshape(height, line // 4, 4)
     return rows[:, :width, 2::-1]  # from blue, green, red, nothing
 
 
-def run_blender(system: System, display: str, user: Path, arguments: list[str], log: Path, record: Path) -> str:
-    """Run Blender with arguments to its end; returns what went wrong, or nothing."""
+def run_blender(system: System, display: str, user: Path, arguments: list[str], log: Path) -> str:
+    """Run Blender to its end; return what went wrong, or nothing."""
     window = ["--gpu-backend", "opengl", "--window-geometry", "0", "0", *map(str, SIZE)]
     variables = {"DISPLAY": display, "HOME": str(user), "BLENDER_USER_RESOURCES": str(user), "TMPDIR": str(user)}
     with log.open("ab") as output:
@@ -82,14 +81,11 @@ def run_blender(system: System, display: str, user: Path, arguments: list[str], 
             start_new_session=True,
         )
     try:
-        begin = time.time()
-        while process.poll() is None:
-            last_news = record.stat().st_mtime if record.exists() else begin
-            if time.time() > last_news + PATIENCE:
-                return "Blender hung and was ended"
-            time.sleep(0.2)
+        code = process.wait(LONGEST)
+    except subprocess.TimeoutExpired:
+        return "Blender hung and was ended"
     finally:  # also where this program is interrupted
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-    return f"Blender ended with exit code {process.returncode}" if process.returncode else ""
+    return f"Blender ended with exit code {code}" if code else ""

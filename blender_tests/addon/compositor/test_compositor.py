@@ -8,31 +8,27 @@ import numpy as np
 import pytest
 
 NAMES = ("lid", "pot")
+LEVEL = 1 / 255
 
 
 @pytest.fixture
 def truth(layers_file):
+    """What the engine makes of the layers: `coverage`, the colors `edited`, the pictures `recolored` and `exposed`."""
     with np.load(layers_file.parents[1] / "truth.npz") as arrays:
         return dict(arrays)
 
 
 @pytest.fixture
-def compositor(bpy, addon, scene):
+def compositor(addon, scene):
     """The scene's compositing nodes, with no 3D scene to render."""
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 40, 30, 100
     scene.view_settings.view_transform = "Standard"
     return addon.compat.compositing_tree(scene)
 
 
-def rendered(bpy, addon, scene, folder):
-    """What the compositor gives, scene-linear [30, 40, 3], top row first."""
-    settings = scene.render.image_settings
-    if hasattr(settings, "media_type"):
-        settings.media_type = "IMAGE"
-    settings.file_format, settings.color_depth = "OPEN_EXR", "32"
-    scene.render.filepath = str(folder / "rendered.exr")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
+def load(bpy, addon, path):
+    """A picture in scene-linear, [30, 40, 3], top row first."""
+    image = bpy.data.images.load(str(path))
     pixels = addon.images.pixels(image)[..., :3].copy()
     bpy.data.images.remove(image)
     return pixels
@@ -42,122 +38,102 @@ def as_display(addon, light):
     return np.clip(addon.engine_api.linear_to_srgb(light), 0, 1)
 
 
+@pytest.fixture
+def composite(bpy, addon, scene, compositor, tmp_path):
+    """A function that renders, and returns what the compositor gives: scene-linear, or as it is displayed."""
+
+    def composite(is_displayed=True):
+        settings = scene.render.image_settings
+        if hasattr(settings, "media_type"):
+            settings.media_type = "IMAGE"
+        settings.file_format, settings.color_depth = "OPEN_EXR", "32"
+        scene.render.filepath = str(tmp_path / "rendered.exr")
+        bpy.ops.render.render(write_still=True)
+        pixels = load(bpy, addon, scene.render.filepath)
+        return as_display(addon, pixels) if is_displayed else pixels
+
+    return composite
+
+
+@pytest.fixture
 def set_edit(addon, scene, truth):
-    for name, colors in zip(NAMES, truth["edited"], strict=True):
-        for index in (1, 2):
-            addon.steps.set_swatch(scene, name, index, colors[index])
+    """A function that gives the swatches the edited colors."""
+
+    def set_edit():
+        for name, colors in zip(NAMES, truth["edited"], strict=True):
+            for index in (1, 2):
+                addon.steps.set_swatch(scene, name, index, colors[index])
+
+    return set_edit
 
 
-def set_sockets(addon, node, truth):
-    for name, colors in zip(NAMES, truth["edited"], strict=True):
-        for index in (1, 2):
-            node.inputs[f"{name} {index}"].default_value = (*addon.engine_api.srgb_to_linear(colors[index]), 1)
+@pytest.fixture
+def built(addon, learned, compositor, layers_file, monkeypatch):
+    """The node that recolors the active view, of a scene with swatches."""
+    monkeypatch.setenv("FAKE_LAYERS", str(layers_file))
+    return addon.steps.build_compositor(learned).wait()
 
 
 @pytest.mark.parametrize("which, name", list(enumerate(NAMES)))
 def test_blenders_cryptomatte_node_gives_an_objects_coverage(
-    bpy, addon, scene, compositor, layers_file, truth, tmp_path, which, name
+    bpy, addon, compositor, composite, layers_file, truth, which, name
 ):
     node = compositor.nodes.new("CompositorNodeCryptomatteV2")
     node.source, node.image = "IMAGE", bpy.data.images.load(str(layers_file))
     assert node.layer_name == "CryptoObject"
     node.matte_id = name
     compositor.links.new(node.outputs["Matte"], addon.compat.compositing_output(compositor))
-    matte = rendered(bpy, addon, scene, tmp_path)[..., 0]
-    np.testing.assert_allclose(matte, truth["coverage"][which], atol=1e-6)
+    np.testing.assert_allclose(composite(is_displayed=False)[..., 0], truth["coverage"][which], atol=1e-6)
 
 
-def test_the_nodes_recompose_the_engines_picture(bpy, addon, scene, compositor, layers_file, truth, tmp_path):
-    """From the file alone: the scene knows nothing of its objects."""
-    node = addon.steps.place_layers(scene, layers_file)
-    set_sockets(addon, node, truth)
-    picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
-    assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
-
-
-def test_layers_of_a_photo_that_is_exposed_otherwise_show_the_edit_as_it_would(
-    bpy, addon, scene, compositor, layers_file, truth, tmp_path
+@pytest.mark.parametrize(
+    ("file", "space", "expected"),
+    [
+        ("photo_0.exr", "", "recolored"),
+        ("exposed.exr", "", "exposed"),  # of a photo that is exposed otherwise
+        ("acescg.exr", "ACEScg", "recolored"),
+    ],
+)
+def test_the_nodes_recompose_the_engines_picture_from_the_file_alone(
+    addon, scene, composite, layers_file, truth, file, space, expected
 ):
-    node = addon.steps.place_layers(scene, layers_file.with_name("exposed.exr"))
-    set_sockets(addon, node, truth)
-    picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
-    assert np.abs(picture - truth["exposed"]).max() < 0.5 / 255
-
-
-def test_layers_in_another_color_space_recompose_the_same_picture(
-    bpy, addon, scene, compositor, layers_file, truth, tmp_path
-):
-    path = layers_file.with_name("acescg.exr")
-    if not path.exists():
+    if not layers_file.with_name(file).exists():
         pytest.skip("the engine has no OpenColorIO")
-    scene.karf.layer_space = "ACEScg"
-    node = addon.steps.place_layers(scene, path)
-    set_sockets(addon, node, truth)
-    picture = as_display(addon, rendered(bpy, addon, scene, tmp_path))
-    assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
+    scene.karf.layer_space = space
+    node = addon.steps.place_layers(scene, layers_file.with_name(file))
+    for name, colors in zip(NAMES, truth["edited"], strict=True):
+        for index in (1, 2):
+            light = addon.engine_api.srgb_to_linear(colors[index])
+            node.inputs[f"{name} {index}"].default_value = (*light, 1)
+    assert np.abs(composite() - truth[expected]).max() < 0.5 * LEVEL
 
 
-def test_a_space_that_blender_does_not_know_is_said(bpy, addon, scene, compositor, layers_file):
-    scene.karf.layer_space = "studio log"
-    addon.steps.place_layers(scene, layers_file)
-    assert "Blender does not know the color space studio log" in addon.progress.state().warnings
-
-
-def test_the_engine_is_asked_for_the_chosen_spaces(bpy, addon, learned, tmp_path):
-    learned.karf.layer_space, learned.karf.photo_space, learned.karf.ocio = "ACEScg", "ACEScct", "/show/config.ocio"
-    (request,) = addon.steps.build_compositor(learned).requests
-    options = request.options
-    assert (options["layer_space"], options["ocio"]) == ("ACEScg", "/show/config.ocio")
-    options = addon.steps.learn_scene(learned).requests[0].options
-    assert (options["photo_space"], options["ocio"]) == ("ACEScct", "/show/config.ocio")
-
-
-def test_nodes_that_change_nothing_give_the_base(bpy, addon, scene, compositor, layers_file, tmp_path):
+def test_nodes_that_change_nothing_give_the_base(addon, scene, compositor, composite, layers_file):
     node = addon.steps.place_layers(scene, layers_file)
-    ours = rendered(bpy, addon, scene, tmp_path)
+    ours = composite()
     compositor.links.new(node.inputs["Image"].links[0].from_socket, addon.compat.compositing_output(compositor))
-    base = rendered(bpy, addon, scene, tmp_path)
-    assert np.abs(as_display(addon, ours) - as_display(addon, base)).max() < 0.1 / 255
-
-
-@pytest.fixture
-def built(bpy, addon, learned, compositor, layers_file, monkeypatch):
-    """The node that recolors the active view, of a scene with swatches."""
-    monkeypatch.setenv("FAKE_LAYERS", str(layers_file))
-    return addon.steps.build_compositor(learned).wait()
+    assert np.abs(ours - composite()).max() < 0.1 * LEVEL
 
 
 @pytest.mark.parametrize("driven", [True, False])
 def test_a_changed_swatch_changes_the_rendered_picture_where_sockets_follow(
-    bpy, addon, learned, built, truth, tmp_path, driven
+    bpy, built, composite, set_edit, truth, driven
 ):
     bpy.ops.karf.build_compositor(driven=driven)
-    before = as_display(addon, rendered(bpy, addon, learned, tmp_path))
-    set_edit(addon, learned, truth)
-    after = as_display(addon, rendered(bpy, addon, learned, tmp_path))
-    expected = truth["recolored"] if driven else before
+    before = composite()
+    set_edit()
     assert np.abs(before - truth["recolored"]).max() > 0.1
-    assert np.abs(after - expected).max() < 0.5 / 255
+    assert np.abs(composite() - (truth["recolored"] if driven else before)).max() < 0.5 * LEVEL
 
 
-def test_keyframed_swatches_are_followed(bpy, addon, learned, built, truth, tmp_path):
+def test_keyframed_swatches_are_followed(addon, learned, built, composite, set_edit, truth):
     addon.steps.build_compositor(learned, driven=True).wait()
     swatch = learned.karf.objects["pot"].swatches[1]
     swatch.keyframe_insert("color", frame=1)
-    set_edit(addon, learned, truth)
+    set_edit()
     swatch.keyframe_insert("color", frame=3)
     learned.frame_set(3)
-    last = as_display(addon, rendered(bpy, addon, learned, tmp_path))
-    assert np.abs(last - truth["recolored"]).max() < 0.5 / 255
-
-
-def test_built_anew_sockets_stand_where_the_swatches_do(bpy, addon, learned, built, truth):
-    addon.steps.build_compositor(learned, driven=True).wait()
-    set_edit(addon, learned, truth)
-    addon.steps.build_compositor(learned).wait()
-    assert not built.id_data.animation_data.drivers
-    value = addon.engine_api.linear_to_srgb(built.inputs["pot 1"].default_value[:3])
-    np.testing.assert_allclose(value, truth["edited"][1, 1], atol=1e-5)
+    assert np.abs(composite() - truth["recolored"]).max() < 0.5 * LEVEL
 
 
 OPENED_BY_ANOTHER = """
@@ -172,44 +148,38 @@ os._exit(0)
 
 
 @pytest.mark.parametrize("driven", [True, False])
-def test_a_saved_file_recolors_without_the_extension(bpy, addon, learned, built, truth, tmp_path, driven):
+def test_a_saved_file_recolors_without_the_extension(
+    bpy, addon, learned, built, composite, set_edit, truth, tmp_path, driven
+):
     addon.steps.build_compositor(learned, driven=True).wait()
-    set_edit(addon, learned, truth)
-    if not driven:
+    set_edit()
+    if not driven:  # sockets stand where the swatches do
         addon.steps.build_compositor(learned).wait()
-    rendered(bpy, addon, learned, tmp_path)  # sets the output's format
+        assert not built.id_data.animation_data.drivers
+    composite()  # sets the output's format
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "recolor.blend"))
-    out = tmp_path / "opened.exr"
-    command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "recolor.blend"), str(out)]
+    command = [sys.executable, "-c", OPENED_BY_ANOTHER, str(tmp_path / "recolor.blend"), str(tmp_path / "opened.exr")]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
-    image = bpy.data.images.load(str(out))
-    picture = as_display(addon, addon.images.pixels(image)[..., :3])
-    assert np.abs(picture - truth["recolored"]).max() < 0.5 / 255
+    picture = as_display(addon, load(bpy, addon, tmp_path / "opened.exr"))
+    assert np.abs(picture - truth["recolored"]).max() < 0.5 * LEVEL
 
 
-def test_the_nodes_are_of_blenders_own_types(bpy, built):
-    trees = [built.id_data, built.node_tree]
-    types = {node.bl_idname for tree in trees for node in tree.nodes}
-    assert types and all(getattr(bpy.types, name).__module__ == "bpy.types" for name in types)
+def test_the_engine_is_asked_for_the_chosen_spaces(addon, learned):
+    learned.karf.layer_space, learned.karf.photo_space, learned.karf.ocio = "ACEScg", "ACEScct", "/show/config.ocio"
+    options = addon.steps.build_compositor(learned).requests[0].options
+    assert (options["layer_space"], options["ocio"]) == ("ACEScg", "/show/config.ocio")
+    options = addon.steps.learn_scene(learned).requests[0].options
+    assert (options["photo_space"], options["ocio"]) == ("ACEScct", "/show/config.ocio")
 
 
-def test_what_others_have_linked_stays(bpy, addon, learned, compositor, layers_file, monkeypatch):
-    monkeypatch.setenv("FAKE_LAYERS", str(layers_file))
+# --- what is in the tree, and what is said -------------------------------------------------------------------------
+def test_what_others_have_linked_stays(addon, learned, compositor, layers_file):
     own, output = compositor.nodes.new("CompositorNodeRGB"), addon.compat.compositing_output(compositor)
     compositor.links.new(own.outputs[0], output)
-    node = addon.steps.build_compositor(learned).wait()
+    node = addon.steps.place_layers(learned, layers_file)
     assert output.links[0].from_node == own
     assert [link.to_node.bl_idname for link in node.outputs[0].links] == ["CompositorNodeViewer"]
     assert "link KaRF photo_0 where you want it" in addon.progress.state().warnings
-
-
-def test_what_makes_the_rendered_picture_another_is_said(bpy, addon, learned, built):
-    assert not addon.progress.state().warnings.count("pixels, but the scene renders")
-    learned.render.resolution_x, learned.view_settings.view_transform = 80, "AgX"
-    addon.steps.build_compositor(learned).wait()
-    warnings = addon.progress.state().warnings
-    assert "The layers have 40 x 30 pixels, but the scene renders 80 x 30." in warnings
-    assert "The view transform AgX changes colors" in warnings
 
 
 def test_built_again_it_is_the_same_node_with_the_same_links(bpy, addon, learned, compositor, built):
@@ -224,16 +194,21 @@ def test_built_again_it_is_the_same_node_with_the_same_links(bpy, addon, learned
     assert (len(compositor.nodes), len(bpy.data.node_groups), len(bpy.data.images)) == count
 
 
-def test_names_that_blender_would_cut_stay_apart(bpy, addon, compositor, layers_file, tmp_path):
-    views = ["very " * 15 + end for end in ("long", "lengthy")]
-    for view in views:
-        shutil.copy(layers_file, tmp_path / f"{view}.exr")
-    nodes = [addon.steps.place_layers(bpy.context.scene, tmp_path / f"{view}.exr") for view in views]
-    again = [addon.steps.place_layers(bpy.context.scene, tmp_path / f"{view}.exr") for view in views]
-    assert nodes == again and nodes[0] != nodes[1]
+def test_what_makes_the_rendered_picture_another_is_said(addon, scene, compositor, layers_file):
+    addon.steps.place_layers(scene, layers_file)
+    assert not addon.progress.state().warnings.count("pixels, but the scene renders")
+    scene.render.resolution_x, scene.view_settings.view_transform = 80, "AgX"
+    scene.karf.layer_space = "studio log"
+    addon.steps.place_layers(scene, layers_file)
+    for warning in (
+        "The layers have 40 x 30 pixels, but the scene renders 80 x 30.",
+        "The view transform AgX changes colors",
+        "Blender does not know the color space studio log",
+    ):
+        assert warning in addon.progress.state().warnings
 
 
-def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned, compositor, layers_file):
+def test_layers_of_other_palettes_do_not_follow_the_swatches(addon, learned, compositor, layers_file):
     learned.karf.objects["pot"].swatches[1].learned = (0.1, 0.1, 0.1)
     node = addon.steps.place_layers(learned, layers_file, driven=True)
     driven = {curve.data_path for curve in node.id_data.animation_data.drivers}
@@ -242,18 +217,24 @@ def test_layers_of_other_palettes_do_not_follow_the_swatches(bpy, addon, learned
     assert "The swatches of pot belong to other palettes" in addon.progress.state().warnings
 
 
-def test_a_picture_without_layers_is_refused(bpy, addon, learned, tmp_path):
+def test_a_picture_without_layers_is_refused(addon, learned, tmp_path):
     (tmp_path / "none.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(20))
     with pytest.raises(addon.engine_api.DataError, match="holds no layers of KaRF"):
         addon.steps.place_layers(learned, tmp_path / "none.exr")
 
 
-def test_objects_of_long_names_have_sockets_of_their_own(bpy, addon, compositor):
+def test_views_and_objects_whose_names_blender_would_cut_stay_apart(
+    bpy, addon, scene, compositor, layers_file, tmp_path
+):
+    views = [tmp_path / f"{'very ' * 15}{end}.exr" for end in ("long", "lengthy")]
+    for view in views:
+        shutil.copy(layers_file, view)
+    placed = [addon.steps.place_layers(scene, view) for view in (*views, *views)]
+    assert placed[:2] == placed[2:] and placed[0] != placed[1]
     colors, names = np.zeros((2, 3)), ["鍋" * 60 + end for end in "ab"]
     layers = [addon.engine_api.ObjectLayers(n, f"{n[-1]}_all", (f"{n[-1]}_0", f"{n[-1]}_1"), colors) for n in names]
-    tree = bpy.data.node_groups.new("long", "CompositorNodeTree")
-    addon.compositor.fill(tree, layers)
     node = compositor.nodes.new("CompositorNodeGroup")
-    node.node_tree = tree
+    node.node_tree = bpy.data.node_groups.new("long", "CompositorNodeTree")
+    addon.compositor.fill(node.node_tree, layers)
     sockets = [node.inputs[addon.nodes.swatch_socket(name, 1)] for name in names]
     assert len({socket.identifier for socket in sockets}) == 2

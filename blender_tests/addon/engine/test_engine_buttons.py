@@ -1,6 +1,5 @@
-"""The preferences say whether there is an engine; their buttons install, cancel, repair and remove it."""
+"""The preferences choose the engine's Python and say how it stands; buttons install, cancel, repair and remove it."""
 
-import importlib
 from pathlib import Path
 from types import MethodType, SimpleNamespace
 
@@ -12,22 +11,23 @@ from ..timers import run_to_end
 
 @pytest.fixture
 def managed(addon, chosen, tmp_path):
-    """A folder that is KaRF's, with an environment of a few files."""
+    """A folder that is KaRF's, with an environment."""
     folder = tmp_path / "engine"
     addon.home.claim(folder, {"build": "cpu", "extras": ["photos"], "platform": "any", "python": "3.11"})
-    (folder / "env" / "lib" / "torch").mkdir(parents=True)
-    (folder / "env" / "lib" / "torch" / "big.so").write_bytes(bytes(3000))
+    (folder / "env" / "lib").mkdir(parents=True)
     chosen.engine_folder = str(folder)
     return folder
 
 
 @pytest.fixture
-def engine(addon, tmp_path):
-    """An engine as it may be found, by its state."""
+def engine(addon, monkeypatch, tmp_path):
+    """A function that makes an engine as it may be found, which the preferences then know."""
 
     def made(state, problem="", sentence="", is_managed=True):
         python = addon.home.python_of(tmp_path / "env") if is_managed else tmp_path / "another"
-        return addon.state.Engine(python, problem, tmp_path, addon.home.Status(state, sentence))
+        found = addon.state.Engine(python, problem, tmp_path, addon.home.Status(state, sentence))
+        monkeypatch.setattr(addon.state, "known", lambda: found)
+        return found
 
     return made
 
@@ -64,7 +64,60 @@ def dialog(bpy, **values):
     return " ".join(drawn)
 
 
-# ---------------------------------------------------------------------------------------------------------- the sentence
+# --- the engine's Python -------------------------------------------------------------------------------------------
+def test_the_preference_comes_before_the_variable_the_installed_engine_and_the_checkout(
+    addon, chosen, tmp_path, monkeypatch
+):
+    find = addon.preferences.engine_python
+    preferred, variable = tmp_path / "preferred", tmp_path / "variable"
+    installed = addon.home.python_of(tmp_path / "engine" / "env")
+    beside = addon.home.python_of(tmp_path / ".venv" / "engine")
+    for path in (preferred, variable, installed, beside):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
+    monkeypatch.setattr(addon.home, "python_in", lambda folder: installed if installed.exists() else None)
+    monkeypatch.setenv("KARF_ENGINE_PYTHON", str(variable))
+    chosen.engine_python = str(preferred)
+    assert find() == preferred
+    chosen.engine_python = ""
+    assert find() == variable
+    monkeypatch.delenv("KARF_ENGINE_PYTHON")
+    assert find() == installed
+    installed.unlink()
+    assert find() == beside
+    beside.unlink()
+    with pytest.raises(addon.engine_api.MissingDependency, match="no engine yet"):
+        find()
+    chosen.engine_python = str(tmp_path / "gone")
+    with pytest.raises(addon.engine_api.MissingDependency, match="gone"):
+        find()
+
+
+@pytest.mark.filterwarnings("ignore:.*blend relative")
+@pytest.mark.parametrize("path", ["//python", "python", "./python", "tools/python"])
+def test_a_python_relative_to_the_open_file_is_refused(bpy, addon, chosen, tmp_path, monkeypatch, path):
+    """A stranger's .blend may have any program beside it."""
+    (tmp_path / "python").write_text("")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("KARF_ENGINE_PYTHON", path)
+    for preferred in ("", path):
+        chosen.engine_python = preferred
+        with pytest.raises(addon.engine_api.MissingDependency, match="absolute path"):
+            addon.preferences.engine_python()
+    with pytest.raises(RuntimeError, match="absolute path"):
+        bpy.ops.karf.examine_engine()
+
+
+@pytest.mark.filterwarnings("ignore:.*blend relative")
+def test_an_engine_folder_relative_to_the_open_file_is_made_absolute(bpy, addon, chosen, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    chosen.engine_folder = "//engine"
+    assert Path(chosen.engine_folder) == tmp_path / "engine" == addon.preferences.engine_folder()
+
+
+# --- the sentence and the button -----------------------------------------------------------------------------------
 def test_without_an_engine_the_preferences_say_what_to_do(bpy, addon, chosen, monkeypatch, tmp_path):
     monkeypatch.delenv("KARF_ENGINE_PYTHON")
     monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
@@ -76,95 +129,52 @@ def test_without_an_engine_the_preferences_say_what_to_do(bpy, addon, chosen, mo
 
 
 @pytest.mark.parametrize(
-    ("state", "button"),
+    ("state", "problem", "sentence", "is_managed", "said", "button"),
     [
-        ("unfinished", "Go On"),
-        ("broken", "Repair"),
-        ("outdated", "Update"),
-        ("ready", "Repair"),
-        ("none", "Install Engine"),
+        ("ready", "", "Installed: torch.", True, "Engine ready. Installed: torch.", "Repair"),
+        ("outdated", "", "Update gets them.", True, "Update gets them.", "Update"),
+        ("broken", "No engine.", "Its Python is gone.", True, "Its Python is gone.", "Repair"),
+        ("unfinished", "No engine.", "It is not finished.", True, "It is not finished.", "Go On"),
+        ("ready", "", "", False, "another", "Repair"),
+        ("none", "", "", False, "Test Engine", "Install Engine"),
     ],
 )
-def test_the_button_is_called_by_what_it_does(bpy, addon, chosen, engine, monkeypatch, state, button):
-    monkeypatch.setattr(addon.state, "known", lambda: engine(state, sentence=f"It is {state}."))
+def test_the_sentence_says_which_python_runs_the_engine_and_the_button_what_it_does(
+    bpy, addon, chosen, engine, state, problem, sentence, is_managed, said, button
+):
+    told = addon.preferences.sentence(engine(state, problem, sentence, is_managed))
+    assert told == said if is_managed else said in told
     drawn = drawn_preferences(bpy, chosen)
-    assert f"{button} karf.install_engine" in drawn
+    assert told in drawn and f"{button} karf.install_engine" in drawn
     assert ("karf.remove_engine" in drawn) == (state != "none")
 
 
-def test_the_sentence_says_which_python_runs_the_engine(addon, engine):
-    say = addon.preferences.sentence
-    assert say(engine("ready", sentence="Installed: torch.")) == "Engine ready. Installed: torch."
-    assert say(engine("outdated", sentence="Update gets them.")) == "Update gets them."
-    assert "another" in say(engine("ready", is_managed=False)) and "Test Engine" in say(
-        engine("none", is_managed=False)
-    )
-    assert say(engine("broken", "No engine.", "Its Python is gone.")) == "Its Python is gone."
+@pytest.mark.parametrize("is_managed", [True, False])
+def test_offline_the_network_is_asked_for_unless_one_has_an_engine_of_ones_own(bpy, chosen, engine, is_managed):
+    engine("none", "There is no engine yet." if is_managed else "", is_managed=is_managed)
+    is_asked = "Allow Online Access" in drawn_preferences(bpy, chosen)
+    assert is_asked == (is_managed and not bpy.app.online_access)
 
 
-def test_offline_the_preferences_say_how_to_allow_the_network(bpy, addon, chosen, engine, monkeypatch):
-    monkeypatch.setattr(addon.state, "known", lambda: engine("none", "There is no engine yet."))
-    assert bpy.app.online_access or "Allow Online Access" in drawn_preferences(bpy, chosen)
+@pytest.mark.parametrize("kind, is_told", [("DataError", True), ("Cancelled", False)])
+def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch, kind, is_told):
+    error = getattr(addon.engine_api, kind)("The disk is full.", "Free some space.")
+    monkeypatch.setattr(addon.session.get(addon.installing._State), "error", error)
+    assert ("The disk is full. Free some space." in drawn_preferences(bpy, chosen)) == is_told
 
 
-def test_with_an_engine_of_ones_own_nobody_needs_the_network(bpy, addon, chosen, engine, monkeypatch):
-    monkeypatch.setattr(addon.state, "known", lambda: engine("none", is_managed=False))
-    assert "Allow Online Access" not in drawn_preferences(bpy, chosen)
-
-
-@pytest.mark.parametrize(
-    ("system", "processor", "builds"),
-    [
-        ("Linux", "x86_64", "cpu cuda rocm"),
-        ("Linux", "arm64", "cpu cuda"),
-        ("Darwin", "arm64", "cpu mps"),
-        ("Haiku", "x86_64", ""),
-    ],
-)
-def test_the_dialog_offers_what_there_is_for_the_system(addon, system, processor, builds):
-    computer = importlib.import_module(f"{addon.home.__package__}.computer")
-    assert computer.detect_machine(system, processor).builds == tuple(builds.split())
-
-
-def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch):
-    api = addon.engine_api
-    monkeypatch.setattr(
-        addon.session.get(addon.installing._State), "error", api.DataError("The disk is full.", "Free some space.")
-    )
-    assert "The disk is full. Free some space." in drawn_preferences(bpy, chosen)
-    monkeypatch.setattr(
-        addon.session.get(addon.installing._State), "error", api.Cancelled("The installation was cancelled.")
-    )
-    assert "cancelled" not in drawn_preferences(bpy, chosen)
-
-
-@pytest.mark.filterwarnings("ignore:.*blend relative")
-def test_a_path_of_the_open_file_is_made_whole_when_it_is_chosen(bpy, addon, chosen, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    chosen.engine_folder = "//engine"
-    assert Path(chosen.engine_folder) == tmp_path / "engine" == addon.preferences.engine_folder()
-
-
-# ------------------------------------------------------------------------------------------------------------ installing
-def test_the_dialog_says_what_will_happen_and_has_the_commands(bpy, addon, chosen, launched, tmp_path):
+# --- installing ----------------------------------------------------------------------------------------------------
+def test_the_dialog_says_what_will_happen_and_has_the_commands(bpy, chosen, launched, tmp_path):
     drawn = dialog(bpy, folder=str(tmp_path / "engine"))
     assert f"To {tmp_path / 'engine'}." in drawn and "About 351 MB." in drawn
     assert drawn.count("karf.copy_command") == 3 and not launched
 
 
-def test_the_dialog_says_why_it_cannot_be_done(bpy, addon, chosen, tmp_path):
+def test_the_dialog_says_why_it_cannot_be_done(bpy, chosen, tmp_path):
     (tmp_path / "empty").mkdir()
     drawn = dialog(bpy, folder=str(tmp_path / "engine"), wheels=str(tmp_path / "empty"), build="cpu")
     assert str(tmp_path / "empty") in drawn and "karf.copy_command" not in drawn
     assert not (tmp_path / "engine").exists()
-
-
-def test_without_network_and_wheels_the_button_explains(bpy, addon, chosen, tmp_path):
-    if bpy.app.online_access:
-        pytest.skip("this Blender may use the network")
-    assert "Blender may not use the network." in dialog(bpy, folder=str(tmp_path / "engine"))
-    with pytest.raises(RuntimeError, match="may not use the network"):
-        bpy.ops.karf.install_engine(folder=str(tmp_path / "engine"))
 
 
 def test_what_was_chosen_is_installed_and_its_folder_remembered(bpy, addon, chosen, launched, tmp_path):
@@ -188,38 +198,29 @@ def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, mo
     assert bpy.ops.karf.cancel_installation() == {"FINISHED"} and cancelled
 
 
-# -------------------------------------------------------------------------------------------------------------- removing
-def test_remove_deletes_the_environment_and_nothing_else(bpy, addon, managed, tmp_path):
-    (tmp_path / "films").mkdir()
-    (tmp_path / "films" / "pots.blend").touch()
-    (managed / "env" / "lib64").symlink_to(tmp_path / "films", target_is_directory=True)
-    assert bpy.ops.karf.remove_engine() == {"FINISHED"}
-    assert not managed.exists() and (tmp_path / "films" / "pots.blend").exists()
-
-
-def test_remove_goes_on_beside_the_interface(bpy, addon, chosen, managed):
-    installing = addon.installing
-    installing._begin(installing.Removal, managed)
-    assert "Removing the engine ..." in drawn_preferences(bpy, chosen)
-    assert not bpy.ops.karf.install_engine.poll() and not bpy.ops.karf.cancel_installation.poll()
-    run_to_end(installing._tick)
-    assert not managed.exists() and not installing.is_running() and installing.last_error() is None
-
-
-def test_what_cannot_be_removed_is_told(bpy, addon, chosen, managed, monkeypatch):
+# --- removing ------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("is_refused", [False, True])
+def test_remove_goes_on_beside_the_interface_and_says_what_cannot_be_removed(
+    bpy, addon, chosen, managed, monkeypatch, is_refused
+):
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied", "torch.dll")
 
     installing = addon.installing
-    monkeypatch.setattr(addon.home.chores, "command", lambda *arguments: ("true",))
+    if is_refused:
+        monkeypatch.setattr(addon.home.chores, "command", lambda *arguments: ("true",))
+        monkeypatch.setattr(addon.home.chores, "remove", refuse)
     installing._begin(installing.Removal, managed)
-    monkeypatch.setattr(addon.home.chores, "remove", refuse)
+    assert "Removing the engine ..." in drawn_preferences(bpy, chosen)
+    assert not bpy.ops.karf.install_engine.poll() and not bpy.ops.karf.cancel_installation.poll()
     run_to_end(installing._tick)
-    assert "torch.dll: Permission denied" in drawn_preferences(bpy, chosen)
+    assert not installing.is_running() and managed.exists() == is_refused
+    assert (installing.last_error() is not None) == is_refused
+    assert ("torch.dll: Permission denied" in drawn_preferences(bpy, chosen)) == is_refused
     addon.session.get(installing._State).error = None
 
 
-def test_a_folder_of_others_is_not_removed(bpy, addon, chosen, tmp_path):
+def test_a_folder_of_others_is_not_removed(bpy, chosen, tmp_path):
     (tmp_path / "film.blend").touch()
     chosen.engine_folder = str(tmp_path)
     with pytest.raises(RuntimeError, match="was not made by KaRF"):

@@ -6,65 +6,50 @@ from types import SimpleNamespace
 
 import pytest
 
-CREATE_NO_WINDOW, CREATE_NEW_PROCESS_GROUP = 0x08000000, 0x00000200  # as Windows has them
+NO_WINDOW, NEW_GROUP = 0x08000000, 0x00000200  # as Windows has them
 
 
 @pytest.fixture
 def windows(addon, monkeypatch):
-    """The module's system and its subprocess as on Windows; gives what was called."""
-    processes = addon.processes
-    seen = SimpleNamespace(started=[], run=[])
+    """The module's system and its subprocess as on Windows: the options of processes, and the commands that were run."""
+    seen = SimpleNamespace(started=[], run=[], has_taskkill=True)
+
+    def run(command, **options):
+        if not seen.has_taskkill:
+            raise FileNotFoundError(2, "The system cannot find the file specified")
+        seen.run.append((command, options["creationflags"]))
+
     subprocess = SimpleNamespace(
-        CREATE_NO_WINDOW=CREATE_NO_WINDOW,
-        CREATE_NEW_PROCESS_GROUP=CREATE_NEW_PROCESS_GROUP,
+        CREATE_NO_WINDOW=NO_WINDOW,
+        CREATE_NEW_PROCESS_GROUP=NEW_GROUP,
         Popen=lambda command, **options: seen.started.append(options),
-        run=lambda command, **options: seen.run.append((command, options)),
+        run=run,
     )
-    monkeypatch.setattr(processes, "os", SimpleNamespace(name="nt", environ=dict(os.environ)))
-    monkeypatch.setattr(processes, "subprocess", subprocess)
-    return SimpleNamespace(processes=processes, seen=seen, subprocess=subprocess)
+    monkeypatch.setattr(addon.processes, "os", SimpleNamespace(name="nt", environ=dict(os.environ)))
+    monkeypatch.setattr(addon.processes, "subprocess", subprocess)
+    return seen
 
 
-class Child:
-    """A process that is there, or has ended."""
+def test_a_child_opens_no_console_and_leads_a_group(addon, windows):
+    addon.processes.start(["python"])
+    (options,) = windows.started
+    assert options["creationflags"] == NO_WINDOW | NEW_GROUP and "start_new_session" not in options
 
-    def __init__(self, is_gone=False):
-        self.pid, self.is_gone, self.ended = 4711, is_gone, 0
 
-    def terminate(self):
-        if self.is_gone:
+@pytest.mark.parametrize("has_taskkill", [True, False])
+@pytest.mark.parametrize("is_gone", [True, False])
+def test_ending_a_child_ends_all_it_has_started_and_one_that_is_gone_is_no_error(addon, windows, has_taskkill, is_gone):
+    ended = []
+
+    def terminate():
+        if is_gone:
             raise PermissionError(13, "Access is denied")
-        self.ended += 1
+        ended.append(True)
 
-
-def test_a_child_opens_no_console_and_leads_a_group(windows):
-    windows.processes.start(["python"])
-    (options,) = windows.seen.started
-    assert options["creationflags"] == CREATE_NO_WINDOW | CREATE_NEW_PROCESS_GROUP
-    assert "start_new_session" not in options
-
-
-def test_ending_a_child_ends_all_it_has_started_and_opens_no_console(windows):
-    child = Child()
-    windows.processes.send(child, signal.SIGTERM)
-    ((command, options),) = windows.seen.run
-    assert command == ["taskkill", "/F", "/T", "/PID", "4711"]
-    assert options["creationflags"] == CREATE_NO_WINDOW
-    assert child.ended == 1
-
-
-def test_a_child_is_ended_where_the_system_has_no_taskkill(windows, monkeypatch):
-    def missing(command, **options):
-        raise FileNotFoundError(2, "The system cannot find the file specified")
-
-    monkeypatch.setattr(windows.subprocess, "run", missing)
-    child = Child()
-    windows.processes.send(child, signal.SIGTERM)
-    assert child.ended == 1
-
-
-def test_one_that_is_gone_already_is_no_error(windows):
-    windows.processes.send(Child(is_gone=True), signal.SIGTERM)
+    windows.has_taskkill = has_taskkill
+    addon.processes.send(SimpleNamespace(pid=4711, terminate=terminate), signal.SIGTERM)
+    assert windows.run == [(["taskkill", "/F", "/T", "/PID", "4711"], NO_WINDOW)] * has_taskkill
+    assert ended == [True] * (not is_gone)
 
 
 @pytest.mark.parametrize(("code", "said"), [(3221225477, "0xc0000005"), (1, "exit code 1"), (-9, "SIGKILL")])

@@ -1,5 +1,6 @@
-"""Engine jobs against a stand-in engine: every way a job can end is seen, named and cleaned up."""
+"""The engine's worker against a stand-in engine: every way a job can end is seen, named and cleaned up."""
 
+import itertools
 import json
 import os
 import sys
@@ -9,102 +10,224 @@ from pathlib import Path
 import pytest
 
 
-def run(addon, tmp_path, behave="", stage="geometry", python=None, threads=0, **options):
-    """A worker that begins a job of the fake engine."""
-    capture = options.pop("capture", "nowhere")
-    request = addon.engine_api.Request(stage, tmp_path / "project", {"behave": behave, "capture": capture})
-    worker = addon.worker.Worker(**options)
-    worker.begin(python or Path(sys.executable), request, tmp_path / "job", threads)
-    return worker
+@pytest.fixture
+def begin(addon, tmp_path, capture_folder):
+    """A function that begins a job of the fake engine with a new worker, or with the given one."""
+    workers, numbers = [], itertools.count()
+
+    def begin(behave="", worker=None, threads=0, python=sys.executable, **options):
+        workers.append(worker or addon.worker.Worker(**options))
+        options = {"behave": behave, "capture": str(capture_folder)}
+        request = addon.engine_api.Request("geometry", tmp_path / "project", options)
+        workers[-1].begin(Path(python), request, tmp_path / f"job_{next(numbers)}", threads)
+        return workers[-1]
+
+    yield begin
+    for worker in workers:
+        worker.end()
 
 
-def until_ended(worker, seconds=20):
+def wait(worker, seconds=20):
+    """Poll until the job has ended; returns its events."""
     events, deadline = [], time.monotonic() + seconds
     while not worker.ended:
         events += worker.poll()
         assert time.monotonic() < deadline, "the job does not end"
-        time.sleep(0.02)
+        time.sleep(0.01)
     return events
 
 
-def test_a_job_reports_hello_progress_and_done(addon, tmp_path, capture_folder):
-    worker = run(addon, tmp_path, capture=str(capture_folder), threads=3)
-    kinds = [event.kind for event in until_ended(worker)]
-    assert kinds == ["hello", "stage", "progress", "warning", "done"]
+def wait_for_hello(worker):
+    while not worker.poll():
+        time.sleep(0.01)
+
+
+def test_a_job_reports_hello_progress_and_done(begin):
+    worker = begin(threads=3)
+    assert [event.kind for event in wait(worker)] == ["hello", "stage", "progress", "warning", "done"]
     worker.check()
-    assert (tmp_path / "job" / "engine.log").read_text() == "threads: 3\n"
+    assert (worker.folder / "engine.log").read_text() == "threads: 3\n"
 
 
-def test_an_error_event_becomes_the_same_error_here(addon, tmp_path):
-    worker = run(addon, tmp_path, "error")
-    until_ended(worker)
-    with pytest.raises(addon.engine_api.DataError, match=r"photo_7.png is missing\.") as caught:
+@pytest.mark.parametrize(
+    ("behave", "error", "sentence"),
+    [
+        ("error", "DataError", r"^photo_7.png is missing\. Find it\.$"),
+        ("no torch", "MissingDependency", "torch is not installed"),
+        ("silent", "MissingDependency", "did not answer"),
+    ],
+)
+def test_a_job_that_fails_raises_its_error(addon, begin, behave, error, sentence):
+    worker = begin(behave, hello_seconds=0.5 if behave == "silent" else 60)
+    wait(worker)
+    with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         worker.check()
-    assert caught.value.hint == "Find it."
 
 
-def test_a_missing_torch_is_a_missing_dependency(addon, tmp_path):
-    worker = run(addon, tmp_path, "no torch")
-    until_ended(worker)
-    with pytest.raises(addon.engine_api.MissingDependency, match="torch is not installed"):
-        worker.check()
-
-
-def test_a_crash_is_one_sentence_that_names_the_signal(addon, tmp_path):
-    worker = run(addon, tmp_path, "crash")
-    until_ended(worker)
+@pytest.mark.parametrize("has_log", [True, False])
+def test_a_crash_is_one_sentence_that_names_the_signal(addon, begin, has_log):
+    worker = begin("crash")
+    wait(worker)
+    if not has_log:
+        (worker.folder / "engine.log").unlink()
     with pytest.raises(addon.engine_api.KarfError, match="crashed in the geometry job") as caught:
         worker.check()
     assert "SIGABRT" in caught.value.sentence or os.name == "nt"
     assert "something native went wrong" not in str(caught.value) and "\n" not in str(caught.value)
-    assert addon.failures.log_tail(worker.folder) == "something native went wrong"
+    assert addon.failures.log_tail(worker.folder) == ("something native went wrong" if has_log else "")
 
 
-def test_a_silent_engine_is_ended_at_the_hello_deadline(addon, tmp_path):
-    worker = run(addon, tmp_path, "silent", hello_seconds=0.5)
-    until_ended(worker, 10)
-    with pytest.raises(addon.engine_api.MissingDependency, match="did not answer"):
-        worker.check()
+def test_a_python_or_a_folder_that_is_none_is_named(addon, begin, tmp_path):
+    with pytest.raises(addon.engine_api.MissingDependency, match="no_python cannot be started"):
+        begin(python=tmp_path / "no_python")
+    (tmp_path / "file").touch()
+    request = addon.engine_api.Request("geometry", tmp_path / "project")
+    with pytest.raises(addon.engine_api.DataError, match="file"):
+        addon.worker.Worker().begin(Path(sys.executable), request, tmp_path / "file" / "job")
 
 
-def test_a_python_that_does_not_exist_is_a_missing_dependency(addon, tmp_path):
-    with pytest.raises(addon.engine_api.MissingDependency, match="cannot be started"):
-        run(addon, tmp_path, python=tmp_path / "no_python")
-
-
-def test_cancel_stops_the_engine_at_a_safe_point(addon, tmp_path):
-    worker = run(addon, tmp_path, "wait for cancel")
-    while not worker.poll():
-        time.sleep(0.02)
-    worker.cancel()
-    until_ended(worker)
-    with pytest.raises(addon.engine_api.Cancelled):
-        worker.check()
-
-
-def test_an_engine_that_ignores_cancel_is_ended_by_force(addon, tmp_path, monkeypatch):
+def test_an_engine_that_ignores_cancel_is_ended_by_force(addon, begin, monkeypatch):
     monkeypatch.setattr(addon.worker, "CANCEL_SECONDS", 0.2)
-    worker = run(addon, tmp_path, "deaf")
-    while not worker.poll():
-        time.sleep(0.02)
+    worker = begin("deaf")
+    wait_for_hello(worker)
     worker.cancel()
-    until_ended(worker, 5)
+    wait(worker, 5)
     with pytest.raises(addon.engine_api.Cancelled, match="SIGTERM"):
         worker.check()
 
 
-def test_end_leaves_no_process(addon, tmp_path):
-    worker = run(addon, tmp_path, "deaf")
-    worker.end()
-    assert worker.ended
-    assert worker._process.poll() is not None
+@pytest.mark.skipif(sys.platform == "win32", reason="process groups")
+def test_what_the_engine_has_started_ends_with_it(addon, begin, tmp_path, monkeypatch):
+    script = "import subprocess as s; print(s.Popen(['sleep', '60'], stdout=-3).pid, flush=True); raise SystemExit(1)"
+    (tmp_path / "engine").mkdir()
+    (tmp_path / "engine" / "__main__.py").write_text(script)
+    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "engine")
+    worker = begin()
+    wait(worker)
+    with pytest.raises(addon.engine_api.KarfError, match="exit code 1"):
+        worker.check()
+    child = int((worker.folder / "engine.log").read_text())
+    deadline = time.monotonic() + 10
+    while is_alive(child):
+        assert time.monotonic() < deadline, "the child lives on"
+        time.sleep(0.01)
 
 
-def test_the_engine_does_not_inherit_what_belongs_to_blender(addon, tmp_path, monkeypatch, capture_folder):
+def is_alive(number):
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    stat = Path(f"/proc/{number}/stat")  # one that has ended may still wait for its parent
+    return not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def test_the_engine_does_not_inherit_what_belongs_to_blender(begin, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", "/blender/python")
     monkeypatch.setenv("LD_LIBRARY_PATH", "/blender/lib")
     monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
-    until_ended(run(addon, tmp_path, "environment", capture=str(capture_folder)))
-    seen = json.loads((tmp_path / "job" / "environment.json").read_text())
+    worker = begin("environment")
+    wait(worker)
+    seen = json.loads((worker.folder / "environment.json").read_text())
     assert "PYTHONPATH" not in seen and "LD_LIBRARY_PATH" not in seen
     assert seen["CUDA_VISIBLE_DEVICES"] == "1"
+
+
+# --- one process for several jobs ----------------------------------------------------------------------------------
+@pytest.fixture
+def kept(addon):
+    """A worker whose process waits for the next job."""
+    return addon.worker.Worker(keep_seconds=60)
+
+
+@pytest.fixture
+def do(begin, kept):
+    """A function that begins a job of the kept worker, waits for its end, and returns the number of its process."""
+
+    def do(behave="", **options):
+        events = wait(begin(behave, kept, **options))
+        return next((event["pid"] for event in events if event.get("pid")), None)
+
+    return do
+
+
+def test_one_process_does_three_jobs_each_in_its_own_folder(kept, do):
+    processes, folders = set(), set()
+    for _ in range(3):
+        processes.add(do())
+        folders.add(kept.folder)
+        kept.check()
+    assert len(processes) == 1 and len(folders) == 3
+
+
+@pytest.mark.parametrize(
+    ("behave", "sentence"), [("crash", "The engine crashed in the geometry job"), ("error", "photo_7.png is missing")]
+)
+def test_a_failure_fails_its_own_job_alone_and_a_fresh_process_does_the_next(
+    addon, kept, do, tmp_path, behave, sentence
+):
+    process = do()
+    do(behave)
+    with pytest.raises(addon.engine_api.KarfError, match=sentence):
+        kept.check()
+    assert kept._process.poll() is not None
+    project = addon.engine_api.Project(tmp_path / "project")
+    assert project.geometry_file.exists() and project.finished("geometry")
+    assert do() != process
+    kept.check()
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_cancel_stops_a_job_at_a_safe_point_and_its_process_takes_no_other(addon, begin, kept, do, is_first):
+    process = None if is_first else do()
+    begin("wait for cancel", kept)
+    wait_for_hello(kept)
+    kept.cancel()
+    wait(kept)
+    with pytest.raises(addon.engine_api.Cancelled):
+        kept.check()
+    assert kept._process.poll() is not None
+    assert do() != process
+
+
+def test_a_process_that_was_told_to_stop_when_its_job_was_done_takes_no_other(begin, kept, do):
+    begin("", kept)
+    events = kept.folder / "events.jsonl"
+    while not events.exists() or '"done"' not in events.read_text():
+        time.sleep(0.01)
+    kept.cancel()
+    hello, *_ = wait(kept)
+    kept.check()
+    assert kept._process.poll() is not None
+    assert do() != hello["pid"]
+
+
+@pytest.mark.parametrize("change", ["threads", "python", "environment", "too long", "gone"])
+def test_a_fresh_process_does_the_next_job_where_the_one_before_does_not_serve(kept, do, monkeypatch, tmp_path, change):
+    process = do()
+    before, settings = kept._process, {}
+    if change == "threads":
+        settings["threads"] = 3
+    elif change == "python":
+        settings["python"] = tmp_path / "python"
+        settings["python"].symlink_to(sys.executable)
+    elif change == "environment":
+        monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "1")
+    elif change == "too long":
+        kept._waits_until = time.monotonic()
+    else:
+        before.kill()
+        before.wait()
+    assert do(**settings) != process and before.poll() is not None
+    kept.check()
+
+
+@pytest.mark.parametrize("is_busy", [True, False])
+def test_end_leaves_no_process(begin, kept, do, is_busy):
+    if is_busy:
+        begin("deaf", kept)
+    else:
+        do()
+    assert kept._process.poll() is None
+    kept.end()
+    assert kept.ended and kept._process.poll() is not None

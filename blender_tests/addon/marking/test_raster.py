@@ -1,57 +1,39 @@
-"""Brush, lasso and box: a pixel is marked where its center is covered."""
+"""Brush, lasso and box: a pixel is marked where its center is covered; and PNG files of masks."""
 
 import numpy as np
 import pytest
 
-
-@pytest.fixture
-def layer(addon):
-    return np.zeros((20, 30), np.int8)
-
-
-def centers(layer):
-    y, x = np.mgrid[0 : layer.shape[0], 0 : layer.shape[1]] + 0.5
-    return x, y
-
-
-def test_a_dab_covers_its_disc(addon, layer):
-    addon.raster.stroke(layer, (10.2, 8.7), (10.2, 8.7), 4.5, 1)
-    x, y = centers(layer)
-    np.testing.assert_array_equal(layer, np.hypot(x - 10.2, y - 8.7) <= 4.5)
-
-
-def test_a_stroke_covers_all_that_is_near_its_way(addon, layer):
-    addon.raster.stroke(layer, (5, 5), (25, 5), 2, 1)
-    x, y = centers(layer)
-    np.testing.assert_array_equal(layer, np.hypot(np.maximum(0, np.maximum(5 - x, x - 25)), y - 5) <= 2)
+Y, X = np.mgrid[0:20, 0:30] + 0.5
+DENTED = [(0, 0), (30, 0), (30, 20), (20, 20), (20, 10), (10, 10), (10, 20), (0, 20)]
+DRAWN = {
+    "dab": ("stroke", ((10.2, 8.7), (10.2, 8.7), 4.5), np.hypot(X - 10.2, Y - 8.7) <= 4.5),
+    "stroke": (
+        "stroke",
+        ((5, 5), (25, 5), 2),
+        np.hypot(np.maximum(0, np.maximum(5 - X, X - 25)), Y - 5) <= 2,
+    ),
+    "lasso": (
+        "polygon",
+        ([(2, 2), (27, 10), (2, 18)],),
+        (X > 2) & (Y - 2 > (X - 2) * 8 / 25) & (18 - Y > (X - 2) * 8 / 25),
+    ),
+    "lasso with a dent": ("polygon", (DENTED,), (Y < 10) | (X < 10) | (X > 20)),
+    "box": ("box", ((10.5, 12.4), (3.4, 2.6)), (X > 3.4) & (X < 10.5) & (Y > 2.6) & (Y < 12.4)),
+}
 
 
-def test_a_stroke_takes_away_what_another_added(addon, layer):
-    addon.raster.stroke(layer, (5, 5), (25, 15), 3, 1)
-    addon.raster.stroke(layer, (5, 5), (25, 15), 3, 0)
+@pytest.mark.parametrize("tool", DRAWN)
+def test_a_tool_covers_these_pixels_and_takes_them_away_again(addon, tool):
+    name, arguments, wanted = DRAWN[tool]
+    layer = np.zeros((20, 30), np.int8)
+    getattr(addon.raster, name)(layer, *arguments, 1)
+    np.testing.assert_array_equal(layer, wanted)
+    getattr(addon.raster, name)(layer, *arguments, 0)
     assert not layer.any()
 
 
-def test_a_lasso_fills_what_it_surrounds(addon, layer):
-    addon.raster.polygon(layer, [(2, 2), (27, 10), (2, 18)], 1)
-    x, y = centers(layer)
-    inside = (x > 2) & (y - 2 > (x - 2) * 8 / 25) & (18 - y > (x - 2) * 8 / 25)
-    np.testing.assert_array_equal(layer, inside)
-
-
-def test_a_lasso_with_a_dent_leaves_the_dent(addon, layer):
-    addon.raster.polygon(layer, [(0, 0), (30, 0), (30, 20), (20, 20), (20, 10), (10, 10), (10, 20), (0, 20)], 1)
-    assert layer[15, 15] == 0 and layer[15, 5] == layer[15, 25] == layer[5, 15] == 1
-    assert layer.sum() == 500
-
-
-def test_a_box_holds_the_centers_between_its_corners(addon, layer):
-    addon.raster.box(layer, (10.5, 12.4), (3.4, 2.6), 1)
-    x, y = centers(layer)
-    np.testing.assert_array_equal(layer, (x > 3.4) & (x < 10.5) & (y > 2.6) & (y < 12.4))
-
-
-def test_what_lies_outside_the_photo_is_left_out(addon, layer):
+def test_what_lies_outside_the_photo_is_left_out(addon):
+    layer = np.zeros((20, 30), np.int8)
     addon.raster.stroke(layer, (-50, -50), (-40, -3), 5, 1)
     addon.raster.stroke(layer, (29, 19), (90, 90), 2, 2)
     addon.raster.box(layer, (-9, -9), (1, 1), 3)
@@ -65,8 +47,7 @@ def test_png_files_are_what_other_programs_read(addon, tmp_path):
     (tmp_path / "gray.png").write_bytes(addon.raster.encode_png(picture))
     read = addon.images.read_picture(tmp_path / "gray.png")
     np.testing.assert_allclose(read * 255, picture.repeat(3, axis=-1), atol=1e-4)
-    header = addon.engine_api.find_header(tmp_path / "gray.png")
-    assert header.display_size == (6, 4)
+    assert addon.engine_api.find_header(tmp_path / "gray.png").display_size == (6, 4)
 
 
 def test_own_png_files_are_read_back_and_others_are_left_to_blender(addon, tmp_path):

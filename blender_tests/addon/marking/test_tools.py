@@ -27,12 +27,10 @@ def test_the_tools_come_and_go_with_the_extension(addon, in_toolbar):
     assert in_toolbar() == NAMES
 
 
-def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_is_drawn_on(bpy, addon):
+def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_is_drawn_on(bpy, addon, image_editor):
     window = bpy.context.window_manager.windows[0]
-    area = window.screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    with bpy.context.temp_override(window=window, area=area):
-        addon.tools.take_up(bpy.context, area)
+    with bpy.context.temp_override(window=window, area=image_editor):
+        addon.tools.take_up(bpy.context, image_editor)
     taken = window.workspace.tools.from_space_image_mode("VIEW")
     assert taken.idname == "karf.mark_box"
     addon.extension.unregister()
@@ -40,15 +38,11 @@ def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_i
     addon.extension.register()
 
 
-def test_every_key_of_the_tools_calls_an_operator_that_there_is(bpy, addon):
+def test_every_key_of_the_tools_calls_an_operator_that_there_is_and_no_two_share_a_press(bpy, addon):
     for tool in addon.tools.TOOLS:
+        presses = [tuple(sorted(event.items())) for _, event, _ in tool.bl_keymap]
+        assert len(set(presses)) == len(presses)
         for operator, _, options in tool.bl_keymap:
             room, name = operator.split(".")
             known = getattr(getattr(bpy.ops, room), name).get_rna_type().properties
             assert all(key in known for key, _ in options["properties"])
-
-
-def test_two_tools_never_share_a_press(addon):
-    for tool in addon.tools.TOOLS:
-        presses = [tuple(sorted(event.items())) for _, event, _ in tool.bl_keymap]
-        assert len(set(presses)) == len(presses)

@@ -29,34 +29,26 @@ def background(bpy, scene):
     return bpy.path.abspath(only.image.filepath)
 
 
-def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it(bpy, addon, scene, bent, tmp_path):
+@pytest.mark.parametrize("part", [1, 2])
+def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it_a_large_one_small_and_painted_whole(
+    bpy, addon, scene, bent, tmp_path, monkeypatch, part
+):
+    if part > 1:
+        monkeypatch.setattr(addon.photos, "MOST_PIXELS", WIDTH * HEIGHT // part**2, raising=False)
     folder, pixels = bent
     addon.steps.import_capture(scene, folder, tmp_path / "project")
     shown = addon.images.read_picture(background(bpy, scene))
-    assert shown.shape == (HEIGHT, WIDTH, 3)
-    for u, v in pixels:
-        column, row = int(u), int(v)
-        around = shown[row - 3 : row + 4, column - 3 : column + 4, 0]
-        assert np.unravel_index(around.argmax(), around.shape) == (3, 3)
-
-
-def test_a_large_photo_is_shown_small_and_painted_whole(bpy, addon, scene, bent, tmp_path, monkeypatch):
-    monkeypatch.setattr(addon.photos, "MOST_PIXELS", WIDTH * HEIGHT // 4, raising=False)
-    folder, pixels = bent
-    addon.steps.import_capture(scene, folder, tmp_path / "project")
-    shown = addon.images.read_picture(background(bpy, scene))
-    assert shown.shape == (HEIGHT // 2, WIDTH // 2, 3)
-    for u, v in pixels / 2:
-        column, row = int(u), int(v)
+    assert shown.shape == (HEIGHT // part, WIDTH // part, 3)
+    for column, row in (pixels / part).astype(int):
         around = shown[row - 2 : row + 3, column - 2 : column + 3, 0]
-        assert np.abs(np.subtract(np.unravel_index(around.argmax(), around.shape), 2)).max() <= 1
-    assert tuple(addon.steps.show_photo(scene).size) == (WIDTH, HEIGHT)
+        assert np.abs(np.subtract(np.unravel_index(around.argmax(), around.shape), 2)).max() <= part - 1
+    photo = addon.steps.show_photo(scene)  # masks are painted on it as stored
+    assert tuple(photo.size) == (WIDTH, HEIGHT) and photo.filepath == str(folder / "images" / "a.png")
 
 
 def test_it_is_made_once_and_kept_in_the_project(bpy, addon, scene, bent, tmp_path):
     addon.steps.import_capture(scene, bent[0], tmp_path / "project")
-    path = addon.folders.project_of(scene).photos_folder
-    (made,) = path.iterdir()
+    (made,) = addon.folders.project_of(scene).photos_folder.iterdir()
     written = made.stat().st_mtime_ns
     addon.steps.look_through(scene)
     addon.steps.import_capture(scene, bent[0], tmp_path / "project")
@@ -69,11 +61,6 @@ def test_without_photos_looking_through_adds_none(addon, scene, bent, tmp_path):
     assert not scene.camera.data.background_images
 
 
-def test_masks_are_painted_on_the_photo_as_stored(addon, scene, bent, tmp_path):
-    addon.steps.import_capture(scene, bent[0], tmp_path / "project")
-    assert addon.steps.show_photo(scene).filepath == str(bent[0] / "images" / "a.png")
-
-
 def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_path):
     photo = bent[0] / "images" / "a.png"
     photo.write_bytes(photo.read_bytes()[:60])
@@ -81,8 +68,24 @@ def test_a_damaged_photo_leaves_the_rig_and_is_remarked(addon, scene, bent, tmp_
     assert "a.png" in capture.warnings[-1] and len(scene.karf.rig.children) == 1
 
 
+@pytest.fixture
+def read(addon, monkeypatch, tmp_path):
+    """A view of a stored photo [H, W, 3], with its pixels as read; its header says other things."""
+
+    def read(stored, height, width, **header):
+        api, file = addon.engine_api, tmp_path / "photo.png"
+        addon.images.write_png(file, stored)
+        camera = api.Camera(width, height, 5.0, 5.0, width / 2, height / 2, np.eye(4))
+        told = replace(api.find_header(file), **header)
+        monkeypatch.setattr(addon.photos, "find_header", lambda path: told)
+        view = api.View("photo", "photo", camera, file, "train")
+        return view, addon.photos.read(view)
+
+    return read
+
+
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, orientation, monkeypatch, tmp_path):
+def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, read, orientation, tmp_path):
     """The letter F, which looks different in all eight orientations (Exif 2.3, table of tag 0x0112)."""
     upright = np.array([[1, 1, 1], [1, 0, 0], [1, 1, 0], [1, 0, 0]], float)[..., None].repeat(3, axis=2)
     stored = {
@@ -95,24 +98,14 @@ def test_a_turned_photo_stands_as_its_camera_was_made_for(addon, orientation, mo
         7: np.rot90(upright, 2).swapaxes(0, 1),
         8: np.rot90(upright, -1),
     }[orientation]
-    addon.images.write_png(tmp_path / "f.png", stored)
-    api = addon.engine_api
-    camera = api.Camera(3, 4, 5.0, 5.0, 1.5, 2.0, np.eye(4))
-    view = api.View("f", "f", camera, tmp_path / "f.png", "train")
-    header = replace(api.find_header(view.image), orientation=orientation)
-    monkeypatch.setattr(addon.photos, "find_header", lambda path: header)
-    np.testing.assert_array_equal(addon.photos.read(view), upright)
+    view, found = read(stored, 4, 3, orientation=orientation)
+    np.testing.assert_array_equal(found, upright)
     shown = addon.photos.taken(view, tmp_path / "photos")
     np.testing.assert_array_equal(addon.images.read_picture(shown), upright)
-    assert (shown == view.image) == (orientation == 1)
-    assert addon.photos.is_shown_as_stored(view) == (orientation == 1)
+    assert (shown == view.image) == addon.photos.is_shown_as_stored(view) == (orientation == 1)
 
 
-def test_linear_light_is_painted_on_as_srgb(addon, monkeypatch, tmp_path):
+def test_linear_light_is_painted_on_as_srgb(addon, read):
     linear = np.linspace(0, 1, 12).reshape(2, 2, 3)
-    addon.images.write_png(tmp_path / "light.png", linear)
-    api = addon.engine_api
-    view = api.View("a", "a", api.Camera(2, 2, 5.0, 5.0, 1.0, 1.0, np.eye(4)), tmp_path / "light.png", "train")
-    header = replace(api.find_header(view.image), kind="exr")
-    monkeypatch.setattr(addon.photos, "find_header", lambda path: header)
-    np.testing.assert_allclose(addon.photos.read(view), api.linear_to_srgb(linear), atol=0.03)
+    _, found = read(linear, 2, 2, kind="exr")
+    np.testing.assert_allclose(found, addon.engine_api.linear_to_srgb(linear), atol=0.03)

@@ -1,6 +1,7 @@
-"""Drawing and polls never touch the disk; what they say follows it, also where the project is gone and comes back."""
+"""What a project's files say: drawing and polls never touch the disk, follow it, and trust marks rather than clocks."""
 
 import builtins
+import json
 import os
 import shutil
 import time
@@ -9,11 +10,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from ..layout import Layout
+from karf_engine.palettes.compositing import write_planes
+
+from ..layout import Layout, drawn_preferences
+from ..prepared import write_current_planes
 
 DISK = [(os, name) for name in ("stat", "lstat", "scandir", "listdir", "open", "access")]
 DISK += [(os.path, name) for name in ("exists", "isfile", "isdir", "getmtime")]
 DISK += [(Path, name) for name in ("exists", "is_file", "is_dir", "stat", "iterdir", "glob", "open")]
+LATER, EARLIER = 4e9, 1e9
 
 
 @pytest.fixture
@@ -24,26 +29,14 @@ def timed(addon, monkeypatch):
     addon.disk.refresh()
 
 
-def context_of(bpy):
-    return SimpleNamespace(
-        scene=bpy.context.scene,
-        window_manager=bpy.context.window_manager,
-        screen=SimpleNamespace(areas=[]),
-        area=SimpleNamespace(type="VIEW_3D"),
-    )
-
-
 def draw_all(bpy, addon):
     """The panel; returns what was drawn, and the steps that are done."""
-    drawn = []
-    addon.sidebar.draw_steps(Layout(bpy, drawn), context_of(bpy))
-    states = {step: addon.states.state_of(bpy.context.scene, step) for step in addon.states.STEPS}
+    drawn, scene = [], bpy.context.scene
+    window = {"window_manager": bpy.context.window_manager, "screen": SimpleNamespace(areas=[])}
+    context = SimpleNamespace(scene=scene, area=SimpleNamespace(type="VIEW_3D"), **window)
+    addon.sidebar.draw_steps(Layout(bpy, drawn), context)
+    states = {step: addon.states.state_of(scene, step) for step in addon.states.STEPS}
     return drawn, [step for step, state in states.items() if state.kind == addon.states.DONE]
-
-
-def poll_all(bpy):
-    for name in dir(bpy.ops.karf):
-        getattr(bpy.ops.karf, name).poll()
 
 
 def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monkeypatch, tmp_path):
@@ -59,27 +52,24 @@ def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monk
         monkeypatch.setattr(owner, name, touched)
     try:
         drawn, done = draw_all(bpy, addon)
-        poll_all(bpy)
-        preferences = addon.preferences.current()
-        drawing = SimpleNamespace(layout=Layout(bpy, []), bl_rna=preferences.bl_rna)
-        type(preferences).draw(drawing, context_of(bpy))
+        for name in dir(bpy.ops.karf):
+            getattr(bpy.ops.karf, name).poll()
+        drawn_preferences(bpy, addon.preferences.current())
     finally:
         monkeypatch.undo()
     assert "Show" in drawn and "import" in done
 
 
-def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, timed, capture_folder, tmp_path):
-    addon.steps.import_capture(bpy.context.scene, capture_folder, tmp_path / "project")
+def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, project_scene, timed):
     assert not bpy.ops.karf.segment.poll()
-    addon.steps.learn_scene(bpy.context.scene).wait()
+    addon.steps.learn_scene(project_scene).wait()
     assert "learn" in draw_all(bpy, addon)[1]
-    scene = bpy.context.scene
-    addon.steps.add_object(scene, "pot")
-    addon.steps.mark_stroke(scene, [(5, 5)], 3)
+    addon.steps.add_object(project_scene, "pot")
+    addon.steps.mark_stroke(project_scene, [(5, 5)], 3)
     assert bpy.ops.karf.segment.poll()
-    addon.steps.extract_palette(scene).wait()
+    addon.steps.extract_palette(project_scene).wait()
     assert "Show" in draw_all(bpy, addon)[0]
-    scene.karf.active_view = "photo_2"
+    project_scene.karf.active_view = "photo_2"
     assert "Prepare" in draw_all(bpy, addon)[0]
 
 
@@ -89,6 +79,22 @@ def test_the_timer_notices_what_others_do_to_the_disk(bpy, addon, learned, timed
     assert addon.disk.refresh() and "Prepare" in draw_all(bpy, addon)[0]
 
 
+def test_in_background_mode_every_question_reads_the_disk(addon, learned):
+    """Scripts change files between two lines; no timer fires there."""
+    addon.folders.project_of(learned).planes_file("photo_0").unlink()
+    assert not addon.disk.contents_of(learned).is_prepared
+
+
+def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
+    def refused(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(addon.disk, "is_prepared", refused)
+    addon.disk._tick()
+    assert addon.disk.contents_of(learned) == addon.disk.Contents()
+
+
+# --- masks of other programs ---------------------------------------------------------------------------------------
 @pytest.fixture
 def many_masks(addon, learned, timed, tmp_path):
     """A folder of 500 masks of one object, some in a subfolder, which the timer has read; returns one of them."""
@@ -116,8 +122,8 @@ def test_the_timer_walks_through_no_folder_of_masks_that_is_as_before(addon, lea
     assert 0 < len(calls) < 60 and addon.disk.contents_of(learned).masks == {"pot": 500}
 
 
-@pytest.mark.parametrize("change", ["add", "remove", "overwrite"])
-def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, monkeypatch, change):
+@pytest.mark.parametrize("change, count", [("add", 501), ("remove", 499), ("overwrite", 500)])
+def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, monkeypatch, change, count):
     project, later = addon.folders.project_of(learned), time.time() + 60
     project.finish("segmentation", "s")
     project.segmentation_file.touch()
@@ -131,10 +137,10 @@ def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, m
         os.utime(many_masks.parent, (later, later))
     addon.disk._tick()
     found = addon.disk.contents_of(learned)
-    assert found.masks == {"pot": {"add": 501, "remove": 499, "overwrite": 500}[change]}
-    assert "segmentation" in found.outdated
+    assert found.masks == {"pot": count} and "segmentation" in found.outdated
 
 
+# --- a project that is missing -------------------------------------------------------------------------------------
 def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned, timed, tmp_path):
     project = addon.folders.project_of(learned).folder
     shutil.move(project, tmp_path / "elsewhere")
@@ -142,15 +148,8 @@ def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned,
     drawn, done = draw_all(bpy, addon)
     assert "The project folder is missing" in drawn and done == []
     assert str(project) in "".join(text for text in drawn if isinstance(text, str))
-    for name in (
-        "learn_scene",
-        "extract_palette",
-        "show_view",
-        "render_view",
-        "render_capture",
-        "mark",
-        "becomes",
-    ):
+    steps = "learn_scene extract_palette show_view render_view render_capture mark becomes"
+    for name in steps.split():
         with pytest.raises(RuntimeError, match="is missing: bring it back"):
             getattr(bpy.ops.karf, name)()
     assert bpy.ops.karf.import_capture.poll() and bpy.ops.karf.save_edit.poll()
@@ -168,33 +167,91 @@ def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, time
     assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
 
 
-def test_a_place_that_cannot_be_written_is_redone_and_the_cameras_come(addon, scene, capture_folder, tmp_path):
+def test_where_a_project_cannot_be_made_the_cameras_come_all_the_same(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
     capture = addon.steps.import_capture(scene, capture_folder, tmp_path / "file" / "project")
     assert "cannot be made" in capture.warnings[-1] and len(scene.karf.rig.children) == 3
 
 
-def test_reading_the_disk_never_raises(addon, learned, timed, monkeypatch):
-    def refused(*_):
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(addon.disk, "is_prepared", refused)
-    addon.disk._tick()
-    assert addon.disk.contents_of(learned) == addon.disk.Contents()
+# --- what segmentation reports -------------------------------------------------------------------------------------
+POT, MUG = {"share": 0.25, "unseen": 0.9}, {"share": 0, "unseen": 0}
 
 
-def test_in_background_mode_every_question_reads_the_disk(bpy, addon, learned):
-    """Scripts change files between two lines; no timer fires there."""
-    addon.folders.project_of(learned).planes_file("photo_0").unlink()
-    assert not addon.disk.contents_of(learned).is_prepared
+@pytest.mark.parametrize(
+    ("report", "told"),
+    [
+        ({"suggestions": {"photo_2": 0.2, "gone": 0.1, "photo_0": 0.1}}, {"suggested": ("photo_2", "photo_0")}),
+        ({"suggestions": 3}, {}),
+        ({"any_view_helps": True}, {"any_view_helps": True}),
+        *(({"any_view_helps": value}, {}) for value in (False, 3, "yes")),
+        ({"unsure": {"pot": POT, "mug": MUG}}, {"unsure": (("pot", 0.25, True), ("mug", 0.0, False))}),
+        *(({"unsure": value}, {}) for value in (3, {"pot": 1}, {"pot": {"share": "x"}})),
+        ({}, {}),
+        ([], {}),
+    ],
+)
+def test_views_to_mark_next_and_unsure_objects_are_those_of_the_report(addon, project_scene, report, told):
+    project = addon.folders.project_of(project_scene)
+    project.create("capture")
+    project.finish("geometry", "g")
+    project.finish("segmentation", "s")
+    project.segmentation_report.write_text(json.dumps(report))
+    found = addon.disk.read(project_scene)
+    assert found.suggested == told.get("suggested", ()) and found.unsure == told.get("unsure", ())
+    assert found.any_view_helps is told.get("any_view_helps", False)
 
 
-def test_disabling_the_extension_leaves_no_timer_and_no_handler(bpy, addon):
-    addon.session.start_timer(addon.disk._tick, 60, persistent=True)
-    events = addon.disk._after_change.karf_events
-    addon.extension.unregister()
-    left = [event for event in events if addon.disk._after_change in getattr(bpy.app.handlers, event)]
-    is_timed = bpy.app.timers.is_registered(addon.disk._tick)
-    addon.extension.register()
-    assert not left and not is_timed
-    assert all(addon.disk._after_change in getattr(bpy.app.handlers, event) for event in events)
+# --- what was made from what is learned now ------------------------------------------------------------------------
+def set_times(folder, seconds):
+    """Let all files of a project be of one time."""
+    for path in folder.rglob("*"):
+        os.utime(path, (seconds, seconds))
+
+
+@pytest.mark.parametrize("seconds", [LATER, EARLIER])
+def test_planes_are_current_until_a_stage_before_them_is_learned_anew(addon, learned, seconds):
+    project = addon.folders.project_of(learned)
+    set_times(project.folder, seconds)
+    assert addon.disk.is_prepared(learned)
+    project.finish("recoloring", "fake", files={"recoloring.safetensors": "of another run"})
+    os.utime(project.recoloring_file, (EARLIER, EARLIER))
+    assert not addon.disk.is_prepared(learned)
+    with pytest.raises(addon.engine_api.DataError, match="was made from other palettes"):
+        addon.displayed.of(learned).prepared_view()
+
+
+def test_planes_of_earlier_versions_and_damaged_ones_are_not_current(addon, learned):
+    file = addon.disk.planes_file(learned)
+    planes = addon.engine_api.read_planes(file)
+    write_planes(file, planes)
+    assert not addon.disk.is_prepared(learned)
+    write_current_planes(addon, learned, planes)
+    assert addon.disk.is_prepared(learned)
+    file.write_bytes(file.read_bytes()[:-100])
+    assert not addon.disk.is_prepared(learned)
+
+
+@pytest.mark.parametrize("stage", ["geometry", "segmentation"])
+def test_renderings_and_masks_are_shown_until_their_stages_are_learned_anew(bpy, addon, learned, stage):
+    project = addon.folders.project_of(learned)
+    project.uncertainty_file.touch()
+    assert bpy.ops.karf.see_view() == {"FINISHED"}
+    set_times(project.folder, EARLIER)
+    finders = addon.disk.rendering_of, addon.disk.rendered_masks, addon.disk.rendered_doubts
+    assert all(find(learned) for find in finders)
+    set_times(project.folder / "seen", LATER)
+    project.finish(stage, "anew")
+    assert not any(find(learned) for find in finders)
+
+
+def test_renderings_of_what_was_learned_before_are_removed_and_nothing_else(bpy, addon, learned, tmp_path):
+    assert bpy.ops.karf.see_view() == {"FINISHED"}
+    before = addon.disk.renderings_folder(learned)
+    others = [before.with_name("notes"), before.with_name("0123456789abcdef")]
+    (tmp_path / "films").mkdir()
+    others[0].mkdir()
+    others[1].symlink_to(tmp_path / "films", target_is_directory=True)
+    addon.folders.project_of(learned).finish("segmentation", "anew")
+    assert bpy.ops.karf.see_view() == {"FINISHED"}
+    own = addon.disk.renderings_folder(learned)
+    assert own != before and set(before.parent.iterdir()) == {own, *others} and (tmp_path / "films").is_dir()

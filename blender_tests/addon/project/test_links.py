@@ -12,9 +12,11 @@ from ..layout import Layout
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
 PLACES = (
-    *("project.json", "capture.json", "palette.json", "geometry.safetensors", "segmentation.json", "planes", "photos"),
-    *("planes/photo_0.npz", "masks", "masks/pot", "masks/pot/photo_0.png", "corrections", "corrections/pot"),
-    *("jobs", "edits", "seen", "inspection", "out", "out/recolor", "volumes.json", "colorways_edges.json", "lock"),
+    *("project.json", "capture.json", "palette.json", "jobs", "lock", "planes", "masks/pot"),
+    "geometry.safetensors segmentation.json volumes.json colorways_edges.json",
+    "photos edits masks corrections",
+    "seen inspection out",
+    "planes/photo_0.npz masks/pot/photo_0.png corrections/pot out/recolor",
 )
 
 
@@ -34,9 +36,12 @@ def files(folder):
 def use_everything(bpy, addon, scene):
     """What an artist does with a project; what is refused is refused in a sentence."""
     steps, errors = addon.steps, (addon.engine_api.KarfError, OSError, KeyError)
+    area = SimpleNamespace(type="VIEW_3D", spaces=SimpleNamespace(active=SimpleNamespace(show_region_ui=True)))
+    window = {"window_manager": bpy.context.window_manager, "screen": SimpleNamespace(areas=[area])}
+    context = SimpleNamespace(scene=scene, area=area, **window)
     actions = (
         lambda: addon.disk.refresh(),
-        lambda: addon.sidebar.draw_steps(Layout(bpy, []), context_of(bpy)),
+        lambda: addon.sidebar.draw_steps(Layout(bpy, []), context),
         lambda: addon.palettes.import_learned(scene),
         lambda: steps.show_photo(scene),
         lambda: addon.objects.sync(scene),
@@ -56,20 +61,14 @@ def use_everything(bpy, addon, scene):
             action()
 
 
-def context_of(bpy):
-    space = SimpleNamespace(show_region_ui=True)
-    areas = [SimpleNamespace(type="VIEW_3D", spaces=SimpleNamespace(active=space))]
-    scene, manager = bpy.context.scene, bpy.context.window_manager
-    return SimpleNamespace(scene=scene, window_manager=manager, area=areas[0], screen=SimpleNamespace(areas=areas))
-
-
-@pytest.mark.parametrize("place", PLACES)
-def test_a_link_in_place_of_any_file_or_folder_changes_nothing_outside(bpy, addon, learned, outside, place):
-    target = outside / "made_by_a_link" if "." in place or place == "lock" else outside
-    path = addon.folders.project_of(learned).folder / place
-    path.parent.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-    path.symlink_to(target)
+@pytest.mark.parametrize("places", PLACES)
+def test_links_in_place_of_files_and_folders_change_nothing_outside(bpy, addon, learned, outside, places):
+    for place in places.split():
+        target = outside / "made_by_a_link" if "." in place or place == "lock" else outside
+        path = addon.folders.project_of(learned).folder / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        path.symlink_to(target)
     before = files(outside)
     use_everything(bpy, addon, learned)
     assert files(outside) == before

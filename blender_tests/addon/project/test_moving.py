@@ -1,5 +1,6 @@
-"""A project begun in an unsaved file moves beside it when that is saved, and nothing is lost."""
+"""Saving and moving: a project goes beside its file, paths lead to the same places, and swatches stay the file's own."""
 
+import json
 import shutil
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 
 @pytest.fixture
-def hidden(bpy, addon, learned, capture_folder, tmp_path, monkeypatch):
+def hidden(addon, learned, tmp_path, monkeypatch):
     """The learned scene with its project in the extension's own folder, which is one of the test's."""
     own = tmp_path / "user" / "projects"
     monkeypatch.setattr(addon.moving, "_own_folder", lambda: own)
@@ -18,7 +19,7 @@ def hidden(bpy, addon, learned, capture_folder, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def saved(bpy, addon, hidden, tmp_path):
+def saved(bpy, hidden, tmp_path):
     (tmp_path / "desk").mkdir()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "desk" / "shot.blend"))
     return hidden
@@ -28,7 +29,7 @@ def folder_of(addon, scene):
     return addon.folders.project_of(scene).folder
 
 
-def test_it_moves_beside_the_file_which_is_saved_with_its_new_place(bpy, addon, saved, tmp_path):
+def test_a_project_moves_beside_its_file_which_is_saved_with_its_new_place(bpy, addon, saved, tmp_path):
     old, files = folder_of(addon, saved), sorted(path.name for path in folder_of(addon, saved).rglob("*.npz"))
     addon.steps.set_swatch(saved, "pot", 1, (0.25, 0.5, 0.75))
     addon.images.write_png(old / "photos" / "straight.png", np.zeros((4, 4, 3)))
@@ -82,20 +83,15 @@ def test_undo_across_the_move_finds_the_project_where_it_is(bpy, addon, saved, t
     assert folder_of(addon, bpy.context.scene) == tmp_path / "desk" / "pots_karf"
 
 
-def test_a_project_that_another_file_uses_stays_for_that_one(bpy, addon, saved, tmp_path):
+def test_a_project_of_two_files_is_copied_and_nothing_beside_the_file_is_overwritten(bpy, addon, saved, tmp_path):
+    (tmp_path / "desk" / "pots_karf").mkdir()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "desk" / "other.blend"))
     old = folder_of(addon, saved)
     bpy.ops.karf.move_project()
-    assert old.is_dir() and folder_of(addon, saved) == tmp_path / "desk" / "pots_karf"
+    assert old.is_dir() and folder_of(addon, saved) == tmp_path / "desk" / "pots_karf_2"
 
 
-def test_nothing_beside_the_file_is_overwritten(bpy, addon, saved, tmp_path):
-    (tmp_path / "desk" / "pots_karf").mkdir()
-    bpy.ops.karf.move_project()
-    assert folder_of(addon, saved) == tmp_path / "desk" / "pots_karf_2"
-
-
-def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved, tmp_path):
+def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved):
     asked = addon.session.get(addon.moving.AskedProjects).paths
     assert addon.moving.window_to_ask() is not None
     saved.karf.stays_hidden = True
@@ -108,5 +104,42 @@ def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved,
     assert addon.moving.window_to_ask() is None and not bpy.ops.karf.move_project.poll()
 
 
-def test_an_unsaved_file_has_no_place_beside_it(bpy, addon, hidden):
+def test_an_unsaved_file_has_no_place_beside_it(bpy, hidden):
     assert not bpy.ops.karf.move_project.poll()
+
+
+# --- saving elsewhere ----------------------------------------------------------------------------------------------
+@pytest.fixture
+def beside(bpy, addon, learned, tmp_path):
+    """The learned scene, edited, saved as root/first/shot.blend with its project beside it."""
+    first = tmp_path / "root" / "first"
+    shutil.copytree(folder_of(addon, learned), first / "project")
+    learned.karf.project = str(first / "project")
+    addon.steps.set_swatch(learned, "pot", 1, (0.25, 0.5, 0.75))
+    bpy.ops.wm.save_as_mainfile(filepath=str(first / "shot.blend"))
+    assert learned.karf.project == "//project"
+    return learned
+
+
+def colors(scene):
+    return {item.name: [tuple(swatch.color) for swatch in item.swatches] for item in scene.karf.objects}
+
+
+@pytest.mark.parametrize("as_copy", [False, True])
+def test_saving_elsewhere_never_brings_another_projects_swatches(bpy, addon, beside, tmp_path, as_copy):
+    project, before = folder_of(addon, beside), colors(beside)
+    # what the way from root/deep/er/ to the project names when it is followed from root/first/
+    decoy = tmp_path / "first" / "project"
+    decoy.mkdir(parents=True)
+    content = {"schema": "karf-palette/1", "objects": [{"name": "decoy", "colors": [[0, 0, 0], [1, 0, 0]]}]}
+    (decoy / "palette.json").write_text(json.dumps(content))
+    (tmp_path / "root" / "deep" / "er").mkdir(parents=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "root" / "deep" / "er" / "shot.blend"), copy=as_copy)
+    assert colors(beside) == before and folder_of(addon, beside) == project
+
+
+def test_a_save_that_fails_leaves_the_paths_as_they_were(bpy, beside, tmp_path):
+    before = colors(beside)
+    with pytest.raises(RuntimeError, match="Cannot open file"):
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "no such folder" / "shot.blend"))
+    assert beside.karf.project == "//project" and colors(beside) == before

@@ -1,6 +1,8 @@
-"""The extension as a package: what the build packs without Blender is what Blender's own tool would."""
+"""The extension as a package: what Blender's own tool would pack, installed, and over the version before."""
 
+import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -9,19 +11,24 @@ from pathlib import Path
 
 import pytest
 
-from blender_tests.addon.release.packages import ROOT, build
+from tools.release.manifest import engine_version
+
+from ..conftest import FAKE_ENGINE, ROOT, make_capture
+
+EXTENSION = ("__init__.py", "blender_manifest.toml", "LICENSE", "CITATION.cff", "karf_engine", "karf_blender", "tools")
+OLDER = "0.0.9"
 
 
-@pytest.fixture(scope="module")
-def blenders_tool(bpy):
-    """Run Blender's command line tool for extensions; it needs nothing but the standard library."""
-    tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+def run(*command, **options):
+    done = subprocess.run([sys.executable, *map(str, command)], capture_output=True, text=True, **options)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
-    def run(*arguments):
-        done = subprocess.run([sys.executable, "-I", tool, *arguments], capture_output=True, text=True)
-        assert done.returncode == 0, done.stdout + done.stderr
 
-    return run
+def build(checkout, out):
+    """Build a checkout, whatever its measurements, into a folder, which is returned."""
+    run("-m", "tools.release", "--draft", "--out", out, cwd=checkout)
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -35,74 +42,53 @@ def package(built):
     return next(built.glob("karf-*.zip"))
 
 
+@pytest.fixture(scope="module")
+def blenders_tool(bpy):
+    """Blender's command line tool for extensions, as a function; it needs nothing but the standard library."""
+    tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+    return lambda *arguments: run("-I", tool, *arguments)
+
+
 def contents(package):
     archive = zipfile.ZipFile(package)
     return {name: archive.read(name) for name in archive.namelist()}
 
 
-def test_blenders_tool_accepts_folder_and_package(blenders_tool, package):
+# --- the same as Blender's own tool makes --------------------------------------------------------------------------
+def test_the_package_is_what_blenders_own_tool_packs_and_accepts(blenders_tool, package, tmp_path):
     for target in (ROOT, package):
         blenders_tool("validate", target)
-
-
-def test_the_package_holds_what_blenders_own_tool_packs(blenders_tool, package, tmp_path):
     blenders_tool("build", "--source-dir", ROOT, "--output-dir", tmp_path)
     assert contents(package) == contents(tmp_path / package.name)
-
-
-def test_the_package_has_the_translations(package):
-    name = "karf_blender/translations/zh_HANS.po"
-    assert contents(package)[name] == (ROOT / name).read_bytes()
 
 
 def test_every_kind_of_pattern_means_what_it_means_to_blenders_tool(blenders_tool, tmp_path):
     from tools.release.packing import packed_files
 
-    for name in (
-        "__init__.py",
-        "out/a.py",
-        "in/out/a.py",
-        "in/b.pyc",
-        ".c",
-        "in/.d/e",
-        "f.zip",
-        "in/f.zip",
-        "out2/a",
-        "in/kept/b",
-        "in/g.md",
-        "in/kept/g.md",
-    ):
-        path = tmp_path / "source" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(name)
+    names = "__init__.py out/a.py in/out/a.py in/b.pyc .c in/.d/e f.zip in/f.zip out2/a in/kept/b in/g.md in/kept/g.md"
+    source = tmp_path / "source"
+    for name in names.split():
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_text(name)
     patterns = ["/out/", "*.pyc", ".*", "/*.zip", "out?/", "/in/*.md", "/in/out/"]
     manifest = (ROOT / "blender_manifest.toml").read_text().partition("[build]")[0]
-    (tmp_path / "source" / "blender_manifest.toml").write_text(
+    (source / "blender_manifest.toml").write_text(
         f"{manifest}[build]\npaths_exclude_pattern = {json.dumps(patterns)}\n"
     )
-    blenders_tool("build", "--source-dir", tmp_path / "source", "--output-filepath", tmp_path / "packed.zip")
-    ours = packed_files(tmp_path / "source", patterns)
+    blenders_tool("build", "--source-dir", source, "--output-filepath", tmp_path / "packed.zip")
+    ours = packed_files(source, patterns)
     assert ours == sorted(contents(tmp_path / "packed.zip"))
     assert ours == ["__init__.py", "blender_manifest.toml", "in/f.zip", "in/kept/b", "in/kept/g.md"]
 
 
 def test_the_package_holds_the_extension_and_nothing_else(package):
     names = set(contents(package))
-    assert {"__init__.py", "blender_manifest.toml", "LICENSE", "karf_engine/__init__.py"} <= names
-    assert "karf_blender/rig/cameras.py" in names
-    tops = {name.partition("/")[0] for name in names}
-    assert tops <= {
-        "__init__.py",
-        "blender_manifest.toml",
-        "LICENSE",
-        "README.md",
-        "docs",
-        "karf_engine",
-        "karf_blender",
-    }
-    assert {name for name in names if name.startswith("docs/")} == {
-        f"docs/tasks/{page.name}" for page in (ROOT / "docs" / "tasks").iterdir()
-    }
+    files = {name for name in names if "/" not in name}
+    assert {"__init__.py", "blender_manifest.toml", "LICENSE"} <= files
+    assert files <= {"__init__.py", "blender_manifest.toml", "LICENSE", "README.md"}
+    assert {name.partition("/")[0] for name in names - files} == {"docs", "karf_engine", "karf_blender"}
+    pages = {f"docs/tasks/{page.name}" for page in (ROOT / "docs" / "tasks").iterdir()}
+    assert {name for name in names if name.startswith("docs/")} == pages
     data = [name for name in names if name.endswith((".pyc", ".png", ".blend", ".npz"))]
     assert data == ["karf_blender/workspace/workspace.blend"]
 
@@ -115,3 +101,120 @@ def test_the_repository_lists_what_blenders_own_generator_lists(blenders_tool, b
         json.loads((folder / "index.json").read_text()) for folder in (built / "repository", tmp_path / "theirs")
     )
     assert ours == theirs
+
+
+# --- in a Blender of its own ---------------------------------------------------------------------------------------
+START = """
+import json, os, sys
+from importlib import import_module
+from pathlib import Path
+import bpy
+
+def install(package):
+    assert bpy.ops.extensions.package_install_files(
+        filepath=str(package), repo="user_default", enable_on_install=True) == {"FINISHED"}
+
+def karf(module):
+    return import_module(f"bl_ext.user_default.karf.{module}")
+"""
+END = "\nsys.stdout.flush()\nos._exit(0)\n"  # Blender as a module may crash where the interpreter ends by itself
+FROM_THE_REPOSITORY = """
+bpy.context.preferences.system.use_online_access = True  # Blender asks for it even where the address is a file's
+repository = bpy.context.preferences.extensions.repos.new(name="KaRF", module="karf", remote_url=sys.argv[1])
+bpy.ops.extensions.repo_sync(repo_directory=repository.directory)
+bpy.ops.extensions.package_install(repo_directory=repository.directory, pkg_id="karf", enable_on_install=True)
+print(json.dumps([addon.module for addon in bpy.context.preferences.addons if "karf" in addon.module]))
+"""
+WORK_WITH_THE_OLDER = """
+older, newer, capture, folder, fake_engine = map(Path, sys.argv[1:])
+install(older)
+preferences = bpy.context.preferences.addons["bl_ext.user_default.karf"].preferences
+preferences.engine_python, preferences.threads = sys.executable, 3
+own = Path(bpy.utils.extension_path_user("bl_ext.user_default.karf", path="engine", create=True))
+(own / "note.txt").write_text("kept")
+karf("karf_blender.engine_api").ENGINE_FOLDER = fake_engine
+steps = karf("karf_blender.steps")
+scene = bpy.context.scene
+steps.import_capture(scene, capture, folder / "project")
+steps.learn_scene(scene).wait()
+steps.extract_palette(scene).wait()
+name = scene.karf.objects[0].name
+steps.set_swatch(scene, name, 1, (0.25, 0.5, 1.25))
+bpy.ops.wm.save_as_mainfile(filepath=str(folder / "film.blend"))
+bpy.ops.wm.save_userpref()
+before = karf("karf_engine.version").__version__
+install(newer)
+swatch = bpy.context.scene.karf.objects[name].swatches[1]
+print(json.dumps([before, karf("karf_engine.version").__version__, list(swatch.color)]))
+"""
+OPEN_WITH_THE_NEWER = """
+folder = Path(sys.argv[1])
+bpy.ops.wm.read_userpref()  # which Blender as a module does not by itself
+bpy.ops.wm.open_mainfile(filepath=str(folder / "film.blend"))
+addon = bpy.context.preferences.addons["bl_ext.user_default.karf"]
+own = Path(bpy.utils.extension_path_user("bl_ext.user_default.karf", path="engine"))
+scene = bpy.context.scene.karf
+karf("karf_blender.steps").save_edit(bpy.context.scene, folder / "edit.json")
+print(json.dumps({
+    "version": karf("karf_engine.version").__version__,
+    "engine_python": addon.preferences.engine_python == sys.executable,
+    "threads": addon.preferences.threads,
+    "note": (own / "note.txt").read_text(),
+    "views": len(scene.views),
+    "learned": sorted(karf("karf_blender.project.disk").read(bpy.context.scene).stages),
+    "color": list(scene.objects[0].swatches[1].color),
+}))
+"""
+
+
+def in_blender(user, script, *arguments):
+    """Run a script in a Blender of its own, with this folder as the user's; returns what it printed last, as JSON."""
+    environment = os.environ | {"BLENDER_USER_RESOURCES": str(user)}
+    said = run("-c", START + script + END, *arguments, env=environment, timeout=300)
+    return json.loads(said.strip().splitlines()[-1])
+
+
+def build_older(folder):
+    """Build this checkout under an older version; returns the package."""
+    (folder / "checkout").mkdir(parents=True)
+    leave_out = shutil.ignore_patterns("__pycache__")
+    for name in EXTENSION:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / "checkout" / name, ignore=leave_out)
+        else:
+            shutil.copy(ROOT / name, folder / "checkout")
+    for name in ("blender_manifest.toml", "CITATION.cff", "karf_engine/version.py"):
+        path = folder / "checkout" / name
+        path.write_text(path.read_text().replace(engine_version(ROOT), OLDER, 1))
+    return build(folder / "checkout", folder / "dist") / f"karf-{OLDER}.zip"
+
+
+def digests(folder):
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def test_blender_installs_it_from_the_repository(built, tmp_path):
+    address = (built / "repository" / "index.json").as_uri()
+    assert in_blender(tmp_path, FROM_THE_REPOSITORY, address) == ["bl_ext.karf.karf"]
+
+
+def test_an_upgrade_keeps_preferences_projects_and_edits(bpy, addon, package, tmp_path):
+    if bpy.app.version < (4, 3):
+        pytest.skip("Blender 4.2 as a module crashes where it reads its own preferences")
+    capture, user = make_capture(addon, tmp_path / "pots", 3, 24, 16), tmp_path / "user"
+    older = build_older(tmp_path / "older")
+    told = in_blender(user, WORK_WITH_THE_OLDER, older, package, capture, tmp_path, FAKE_ENGINE)
+    assert told == [OLDER, engine_version(ROOT), [0.25, 0.5, 1.25]]
+    learned = digests(tmp_path / "project")
+    assert in_blender(user, OPEN_WITH_THE_NEWER, tmp_path) == {
+        "version": engine_version(ROOT),
+        "engine_python": True,
+        "threads": 3,
+        "note": "kept",
+        "views": 3,
+        "learned": ["geometry", "palette", "recoloring"],
+        "color": [0.25, 0.5, 1.25],
+    }
+    assert digests(tmp_path / "project") == learned
+    assert "1.25" in (tmp_path / "edit.json").read_text()

@@ -19,7 +19,7 @@ def scene(bpy, learned):
 
 @pytest.fixture
 def render(bpy, addon, scene, monkeypatch):
-    """Renders, and gives what Blender holds of each pass, [H, W, channels] with the highest row first."""
+    """A function that renders, and gives what Blender holds of each pass, [H, W, channels], the highest row first."""
     handed, size = {}, {}
     put, bordered = addon.still._put, addon.still._bordered
 
@@ -43,49 +43,49 @@ def render(bpy, addon, scene, monkeypatch):
     return run
 
 
-def options_are(addon, monkeypatch, **more):
-    """Let each query say this too."""
-    of = addon.camera_pixels.options_of
-    monkeypatch.setattr(addon.camera_pixels, "options_of", lambda *given: of(*given) | more)
+@pytest.fixture
+def queries(addon, monkeypatch):
+    """The options and the answers of all queries; each says `more` too."""
+    seen = SimpleNamespace(options=[], answers=[], more={})
+    of, ask = addon.camera_pixels.options_of, addon.still.ask
+
+    def options_of(*given):
+        seen.options.append(of(*given) | seen.more)
+        return seen.options[-1]
+
+    def asking(*given):
+        seen.answers.append(ask(*given))
+        return seen.answers[-1]
+
+    monkeypatch.setattr(addon.camera_pixels, "options_of", options_of)
+    monkeypatch.setattr(addon.still, "ask", asking)
+    return seen
 
 
-def test_the_picture_has_the_swatches_colors_and_stands_upright(addon, scene, render):
-    addon.steps.set_swatch(scene, "pot", 1, (0.2, 0.4, 0.8))
+@pytest.mark.parametrize("color", [(0.2, 0.4, 0.8), None])
+def test_the_picture_has_the_swatches_colors_or_those_learned_and_stands_upright(addon, scene, render, color):
+    if color is None:
+        scene.karf.objects.clear()  # before palettes are learned
+    else:
+        addon.steps.set_swatch(scene, "pot", 1, color)
     combined = render()["Combined"]
-    rows = np.linspace(1, 0.5, HEIGHT)[:, None] * np.array([0.2, 0.4, 0.8])
+    rows = np.linspace(1, 0.5, HEIGHT)[:, None] * np.array(color or (1, 1, 1))
     np.testing.assert_allclose(combined[:, 0, :3], addon.engine_api.srgb_to_linear(rows), atol=1e-4)
     assert (combined[..., 3] == 1).all()
 
 
-def test_before_palettes_are_learned_it_is_the_scene_as_learned(addon, scene, render):
-    scene.karf.objects.clear()
-    np.testing.assert_allclose(render()["Combined"][0, 0, :3], 1, atol=1e-6)
-
-
-def test_keyframed_swatches_are_those_of_the_frame(bpy, addon, scene, render):
-    swatch = addon.edits.swatch_at(scene, "pot", 1)
-    for frame, red in ((1, 0.0), (11, 1.0)):
-        swatch.color = red, 0.0, 0.0
-        swatch.keyframe_insert("color", frame=frame)
-    reds = []
-    for frame in (1, 6, 11):
-        scene.frame_set(frame)
-        reds.append(addon.engine_api.linear_to_srgb(render()["Combined"][0, 0, :3])[0])
-    np.testing.assert_allclose(reds, [0, 0.5, 1], atol=0.01)
-
-
-def test_keyframed_surfaces_are_those_of_the_frame_also_in_an_animation(bpy, addon, scene, render, monkeypatch):
-    swatch, asked, of = addon.edits.swatch_at(scene, "pot", 1), [], addon.camera_pixels.options_of
-    for frame, saturation in ((1, 1.0), (3, 0.0)):
-        swatch.saturation = saturation
-        swatch.keyframe_insert("saturation", frame=frame)
-    monkeypatch.setattr(
-        addon.camera_pixels, "options_of", lambda *given: asked.append(of(*given)["edit"]) or of(*given)
-    )
+def test_keyframed_colors_and_surfaces_are_those_of_the_frame_in_an_animation(bpy, addon, scene, queries):
+    pot, lid = (addon.edits.swatch_at(scene, name, 1) for name in ("pot", "lid"))
+    for frame, red, saturation in ((1, 0.0, 1.0), (3, 1.0, 0.0)):
+        pot.color, lid.saturation = (red, 0, 0), saturation
+        pot.keyframe_insert("color", frame=frame)
+        lid.keyframe_insert("saturation", frame=frame)
     scene.frame_start, scene.frame_end, scene.render.filepath = 1, 3, f"{addon.folders.project_of(scene).folder}/film_"
     bpy.ops.render.render(animation=True)
-    first, middle, last = (np.ptp(edit["objects"]["pot"]["colors"][1]) for edit in asked)
-    assert first == pytest.approx(0.7) and first > middle + 0.1 and middle > last + 0.1 and last < 0.03
+    edits = [options["edit"]["objects"] for options in queries.options]
+    np.testing.assert_allclose([edit["pot"]["colors"][1][0] for edit in edits], [0, 0.5, 1], atol=0.01)
+    first, middle, last = (np.ptp(edit["lid"]["colors"][1]) for edit in edits)
+    assert first == pytest.approx(0.4) and first > middle + 0.1 and middle > last + 0.1 and last < 0.03
 
 
 def test_a_transparent_film_has_alpha(scene, render):
@@ -105,7 +105,7 @@ def test_depth_is_in_blenders_units(addon, scene, render):
     assert (depth[HEIGHT // 2 :] == 1e10).all()
 
 
-def test_cryptomatte_and_weights_are_passes(addon, scene, render):
+def test_cryptomatte_and_weights_are_passes(scene, render):
     layer = scene.view_layers[0]
     layer.use_pass_cryptomatte_object, layer.pass_cryptomatte_depth, layer.karf.use_weights = True, 4, True
     passes = render()
@@ -117,24 +117,17 @@ def test_cryptomatte_and_weights_are_passes(addon, scene, render):
 
 
 @pytest.mark.parametrize("fades, seen", [(True, 0.75), (False, 0.25)])
-def test_how_well_photos_know_it_is_a_pass_and_the_checkbox_reaches_the_engine(addon, scene, render, fades, seen):
+def test_how_well_photos_know_it_is_a_pass_and_the_checkbox_reaches_the_engine(scene, render, fades, seen):
     scene.view_layers[0].karf.use_seen, scene.karf.fade_unseen = True, fades
     assert (render()["Seen"] == seen).all()
 
 
-def test_a_border_renders_that_part_of_the_picture(scene, render):
-    whole = render()["Combined"]
+def test_a_border_renders_that_part_of_the_picture_as_the_whole_camera_sees_it(addon, scene, render):
+    assert render()["Combined"].shape == (HEIGHT, WIDTH, 4)
     settings = scene.render
     settings.use_border = settings.use_crop_to_border = True
     settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.25, 0.75, 0.5, 1
-    part = render()["Combined"]
-    assert part.shape == (HEIGHT // 2, WIDTH // 2, 4) and whole.shape == (HEIGHT, WIDTH, 4)
-
-
-def test_the_camera_of_a_border_sees_what_the_whole_one_sees_there(addon, scene):
-    settings = scene.render
-    settings.use_border = True
-    settings.border_min_x, settings.border_max_x, settings.border_min_y, settings.border_max_y = 0.25, 0.75, 0.5, 1
+    assert render()["Combined"].shape == (HEIGHT // 2, WIDTH // 2, 4)
     camera = addon.lens.pinhole(scene, scene.camera)
     part = addon.still._bordered(scene, camera)
     point = camera.position[None] - 3 * camera.camera_to_world[:3, 2]
@@ -142,58 +135,49 @@ def test_the_camera_of_a_border_sees_what_the_whole_one_sees_there(addon, scene)
     assert (x, y) == pytest.approx((u - WIDTH / 4, v))
 
 
-def test_one_process_renders_an_animation_and_its_files_go(addon, scene, render, monkeypatch):
-    answers = []
-    ask = addon.still.ask
-    monkeypatch.setattr(addon.still, "ask", lambda *given: answers.append(ask(*given)) or answers[-1])
+def test_one_process_renders_all_frames_and_its_files_go(addon, scene, render, queries):
     for frame in (1, 2, 3):
         scene.frame_set(frame)
         render()
-    folders = {addon.folders.Path(each["pixels"]).parents[1] for each in answers}
-    assert len(folders) == 1  # the job's folder of one worker
-    assert not list(folders.pop().glob("answers/*"))
+    (folder,) = {addon.folders.Path(each["pixels"]).parents[1] for each in queries.answers}
+    assert not list(folder.glob("answers/*"))
     addon.session.get(addon.still.RenderWorker).close()
-    assert not any(each.exists() for each in folders)
+    assert not folder.exists()
 
 
-def test_a_cancelled_render_ends_the_worker(addon, scene, monkeypatch):
-    options_are(addon, monkeypatch, behave="busy")
+def test_a_cancelled_render_ends_the_worker(addon, scene, queries):
+    queries.more = {"behave": "busy"}
     cancelled = iter([False] * 3 + [True])
     engine = SimpleNamespace(update_stats=lambda *_: None, test_break=lambda: next(cancelled))
-    depsgraph = scene.view_layers[0].depsgraph
     with pytest.raises(addon.engine_api.Cancelled):
-        addon.still.render(engine, depsgraph)
+        addon.still.render(engine, scene.view_layers[0].depsgraph)
     assert addon.session.get(addon.still.RenderWorker).worker is None
 
 
 @pytest.mark.parametrize(
-    ("behave", "sentence"),
-    [("refuse", "photo_7.png is missing"), ("crash", "crashed"), ("idle", "exited before it answered")],
-)
-def test_what_the_engine_cannot_do_is_said(addon, scene, render, monkeypatch, behave, sentence):
-    options_are(addon, monkeypatch, behave=behave)
-    with pytest.raises(RuntimeError, match=sentence):
-        render()
-
-
-@pytest.mark.parametrize(
-    ("spoil", "sentence"),
+    ("trouble", "sentence"),
     [
-        (lambda scene: setattr(scene.camera.data, "type", "ORTHO"), "not a perspective camera"),
-        (lambda scene: setattr(scene.karf, "project", ""), "no KaRF project"),
+        ("refuse", "photo_7.png is missing"),
+        ("crash", "crashed"),
+        ("idle", "exited before it answered"),
+        ("orthographic camera", "not a perspective camera"),
+        ("no project", "no KaRF project"),
     ],
 )
-def test_what_cannot_be_rendered_is_said(scene, render, spoil, sentence):
-    spoil(scene)
+def test_what_cannot_be_rendered_is_said(scene, render, queries, trouble, sentence):
+    queries.more = {"behave": trouble}
+    if trouble == "orthographic camera":
+        scene.camera.data.type = "ORTHO"
+    elif trouble == "no project":
+        scene.karf.project = ""
     with pytest.raises(RuntimeError, match=sentence):
         render()
 
 
 def test_blenders_panels_are_there_while_the_extension_is_enabled(bpy, addon):
     def known():
-        return {
-            each.__name__ for each in bpy.types.Panel.__subclasses__() if "KARF" in getattr(each, "COMPAT_ENGINES", ())
-        }
+        panels = bpy.types.Panel.__subclasses__()
+        return {each.__name__ for each in panels if "KARF" in getattr(each, "COMPAT_ENGINES", ())}
 
     assert {"RENDER_PT_format", "RENDER_PT_output", "DATA_PT_lens", "KARF_PT_passes"} <= known()
     addon.extension.unregister()
@@ -201,3 +185,39 @@ def test_blenders_panels_are_there_while_the_extension_is_enabled(bpy, addon):
         assert known() == {"KARF_PT_passes"}
     finally:
         addon.extension.register()
+
+
+# --- Over Scene: Blender's own objects within the captured scene ---------------------------------------------------
+@pytest.fixture
+def own_objects(bpy, scene):
+    """The scene with a cube and a lamp of the artist's own, rendered by Cycles."""
+    scene.render.engine = "CYCLES"
+    for data in (bpy.data.meshes.new("vase"), bpy.data.lights.new("lamp", "SUN")):
+        scene.collection.objects.link(bpy.data.objects.new(data.name, data))
+    return scene
+
+
+def test_the_objects_scene_has_all_but_the_capture_and_the_nearer_one_is_rendered(addon, own_objects):
+    objects = addon.steps.put_objects_in(own_objects)
+    assert {each.name for each in objects.objects} == {"vase", "lamp"}
+    assert (own_objects.render.engine, objects.render.engine) == ("KARF", "CYCLES")
+    assert objects.render.film_transparent and objects.camera == own_objects.camera
+    node = addon.compat.compositing_tree(own_objects).nodes["KaRF Over Scene"]
+    sources = [(link.from_node.scene, link.from_socket.name) for each in node.inputs for link in each.links]
+    assert sources == [(each, name) for each in (objects, own_objects) for name in ("Image", "Depth")]
+    assert addon.compat.compositing_output(node.id_data).links[0].from_node == node
+
+
+def test_pressed_again_over_scene_holds_what_the_scene_holds_now(bpy, addon, own_objects):
+    objects = addon.steps.put_objects_in(own_objects)
+    bpy.data.objects.remove(bpy.data.objects["vase"])
+    own_objects.render.resolution_x = 123
+    assert addon.steps.put_objects_in(own_objects) == objects
+    assert {each.name for each in objects.objects} == {"lamp"} and objects.render.resolution_x == 123
+    tree = addon.compat.compositing_tree(own_objects)
+    assert [each.name for each in tree.nodes if each.bl_idname == "CompositorNodeZcombine"] == ["KaRF Over Scene"]
+
+
+def test_over_scene_needs_a_capture(bpy, addon, scene):
+    with pytest.raises(addon.engine_api.BadRequest, match="no captured cameras"):
+        addon.steps.put_objects_in(bpy.data.scenes.new("other"))

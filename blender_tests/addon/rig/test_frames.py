@@ -28,15 +28,6 @@ def film(bpy, scene):
     return camera
 
 
-@pytest.fixture
-def rigged(bpy, addon, scene, capture_folder, tmp_path):
-    """A capture's rig, turned and scaled."""
-    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
-    rig = scene.karf.rig
-    rig.location, rig.rotation_euler, rig.scale = (2, -1, 0.5), (0.4, -0.2, 1.0), (1.7, 1.7, 1.7)
-    return rig
-
-
 def cameras_in(addon, path):
     return [view.camera for view in addon.engine_api.open_capture(path, photos=False).views]
 
@@ -49,8 +40,10 @@ def assert_alike(found, expected):
         np.testing.assert_allclose(a.camera_to_world, b.camera_to_world, atol=2e-6)
 
 
-def test_a_round_trip_loses_nothing(bpy, addon, scene, film, tmp_path):
+def test_a_round_trip_loses_nothing(addon, scene, film, tmp_path):
     first = addon.steps.export_cameras(scene, tmp_path / "first.json")
+    scene.frame_set(5)
+    assert_alike(cameras_in(addon, first)[2:3], [addon.lens.pinhole(scene, film)])
     scene.render.resolution_percentage, scene.render.pixel_aspect_y = 100, 1.0
     scene.frame_start, scene.frame_end = 1, 250
     camera = addon.steps.import_cameras(scene, first)
@@ -61,48 +54,50 @@ def test_a_round_trip_loses_nothing(bpy, addon, scene, film, tmp_path):
     assert_alike(cameras_in(addon, second), cameras_in(addon, first))
 
 
-def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(bpy, addon, scene, film, rigged, tmp_path):
-    scene.camera = film
+def test_a_round_trip_below_a_turned_and_scaled_rig_loses_nothing(addon, project_scene, film, tmp_path):
+    rig, scene = project_scene.karf.rig, project_scene
+    rig.location, rig.rotation_euler, rig.scale = (2, -1, 0.5), (0.4, -0.2, 1.0), (1.7, 1.7, 1.7)
     first = addon.steps.export_cameras(scene, tmp_path / "first.json", frames=range(1, 13, 4))
     camera = addon.steps.import_cameras(scene, first)
-    assert camera.parent == rigged
-    rigged.location.x += 3  # the capture's world moves as a whole
+    assert camera.parent == rig
+    rig.location.x += 3  # the capture's world moves as a whole
     second = addon.steps.export_cameras(scene, tmp_path / "second.json", frames=range(1, 13, 4))
     assert_alike(cameras_in(addon, second), cameras_in(addon, first))
 
 
-def test_exported_cameras_project_as_the_blender_camera_does(addon, scene, film, tmp_path):
-    path = addon.steps.export_cameras(scene, tmp_path / "cameras.json", frames=[5])
-    scene.frame_set(5)
-    assert_alike(cameras_in(addon, path), [addon.lens.pinhole(scene, film)])
-
-
-def test_cameras_without_frame_numbers_follow_one_another(addon, scene, tmp_path):
+@pytest.fixture
+def cameras_file(addon, tmp_path):
+    """Write a file of cameras by their names, each 40 x 30 times a number, with this fy."""
     api = addon.engine_api
-    camera = api.Camera(40, 30, 35.0, 35.0, 20.0, 15.0, np.eye(4))
-    api.write_cameras(tmp_path / "c.json", [api.View(name, name, camera, None, "test") for name in ("left", "right2")])
+
+    def write(**sizes):
+        cameras = [
+            api.Camera(40 * n, 30 * n, 35.0 * n, fy * n, 21.0 * n, 15.0 * n, np.eye(4)) for n, fy in sizes.values()
+        ]
+        views = [api.View(name, name, camera, None, "test") for name, camera in zip(sizes, cameras, strict=True)]
+        api.write_cameras(tmp_path / "c.json", views)
+        return tmp_path / "c.json", cameras
+
+    return write
+
+
+def test_cameras_without_frame_numbers_follow_one_another(addon, scene, cameras_file):
     scene.frame_start = 7
-    addon.steps.import_cameras(scene, tmp_path / "c.json")
+    addon.steps.import_cameras(scene, cameras_file(left=(1, 35.0), right2=(1, 35.0))[0])
     assert (scene.frame_start, scene.frame_end) == (7, 8)
 
 
-def test_other_sizes_are_brought_to_the_first_ones(addon, scene, tmp_path):
-    api = addon.engine_api
-    cameras = [api.Camera(40 * n, 30 * n, 35.0 * n, 35.0 * n, 21.0 * n, 15.0 * n, np.eye(4)) for n in (1, 3)]
-    views = [api.View(f"f{i}", f"f{i}", camera, None, "test") for i, camera in enumerate(cameras)]
-    api.write_cameras(tmp_path / "c.json", views)
-    addon.steps.import_cameras(scene, tmp_path / "c.json")
+def test_other_sizes_are_brought_to_the_first_ones(addon, scene, cameras_file, tmp_path):
+    file, cameras = cameras_file(f0=(1, 35.0), f1=(3, 35.0))
+    addon.steps.import_cameras(scene, file)
     found = addon.steps.export_cameras(scene, tmp_path / "d.json")
     assert_alike(cameras_in(addon, found), [cameras[0], cameras[0]])
 
 
-def test_another_aspect_is_refused_and_leaves_nothing_behind(bpy, addon, scene, tmp_path):
-    api = addon.engine_api
-    cameras = [api.Camera(40, 30, 35.0, fy, 20.0, 15.0, np.eye(4)) for fy in (35.0, 30.0)]
-    views = [api.View(f"f{i}", f"f{i}", camera, None, "test") for i, camera in enumerate(cameras)]
-    api.write_cameras(tmp_path / "c.json", views)
+def test_another_aspect_is_refused_and_leaves_nothing_behind(bpy, scene, cameras_file):
+    file, _ = cameras_file(f0=(1, 35.0), f1=(1, 30.0))
     with pytest.raises(RuntimeError, match="'f1' and 'f0' have different resolutions or pixel aspects"):
-        bpy.ops.karf.import_cameras(filepath=str(tmp_path / "c.json"))
+        bpy.ops.karf.import_cameras(filepath=str(file))
     assert not bpy.data.objects
 
 

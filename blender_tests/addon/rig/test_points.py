@@ -85,14 +85,12 @@ def test_a_hundred_thousand_points_keep_their_places(bpy, addon, scene):
     np.testing.assert_allclose(item.data.vertices[n - 1].co, places[-1], atol=1e-5)
 
 
-def test_points_can_be_left_out(addon, scene, colmap_folder, tmp_path):
-    addon.steps.import_capture(scene, colmap_folder, tmp_path / "project", rig=addon.steps.RigOptions(points=False))
+def test_points_can_be_left_out_and_errors_are_those_of_the_photo_as_stored(addon, scene, colmap_folder, tmp_path):
+    file = colmap_folder / "sparse" / "0" / "images.txt"  # a file of the model is the capture of its folder
+    addon.steps.import_capture(scene, file, tmp_path / "project", rig=addon.steps.RigOptions(points=False))
+    assert addon.folders.absolute(scene.karf.capture) == colmap_folder
     assert all(child.type == "CAMERA" for child in scene.karf.rig.children)
-    assert addon.steps.reprojection_error(scene, "p2").count == 40
-
-
-def test_errors_are_those_of_the_photo_as_stored(addon, imported):
-    first, second = (addon.steps.reprojection_error(imported, name) for name in ("p1", "p2"))
+    first, second = (addon.steps.reprojection_error(scene, name) for name in ("p1", "p2"))
     assert (first.count, second.count) == (40, 40)
     assert first.median == pytest.approx(3, abs=1e-3) and first.worst == pytest.approx(3, abs=1e-3)
     assert second.worst < 1e-3
@@ -109,32 +107,21 @@ def test_the_overlay_puts_marks_where_the_pinhole_shows_them(addon, imported):
     assert (known.colors[:, 0] > known.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
 
 
-def test_another_camera_has_no_errors_until_it_is_looked_through(bpy, addon, imported):
+def test_another_camera_has_no_errors_until_it_is_looked_through_and_a_loaded_file_none(bpy, addon, imported, reopen):
     addon.steps.look_through(imported, "p1")
     imported.camera = addon.cameras.camera_of(imported, "p2")
     assert addon.reprojection.of_camera(imported, imported.camera) is None
     imported.karf.show_reprojection = True
     assert addon.reprojection.of_camera(imported, imported.camera).view == "p2"
-    imported.camera = bpy.data.objects.new("film", bpy.data.cameras.new("film"))
-    assert addon.reprojection.of_camera(imported, imported.camera) is None
-
-
-def test_the_overlay_is_off_in_a_loaded_file(bpy, addon, imported, tmp_path):
-    imported.karf.show_reprojection = True
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
-    scene = bpy.context.scene
+    scene = reopen()
     assert not scene.karf.show_reprojection
     assert addon.reprojection.of_camera(scene, scene.camera) is None
-
-
-def test_a_capture_without_points_says_so(addon, scene, capture_folder, tmp_path):
-    addon.steps.import_capture(scene, capture_folder, tmp_path / "project")
-    with pytest.raises(addon.engine_api.DataError, match="no sparse points"):
-        addon.steps.reprojection_error(scene)
+    scene.karf.show_reprojection = True
+    scene.camera = bpy.data.objects.new("film", bpy.data.cameras.new("film"))
     assert addon.reprojection.of_camera(scene, scene.camera) is None
 
 
-def test_a_model_chosen_by_a_file_in_it_is_the_capture_of_its_folder(addon, scene, colmap_folder, tmp_path):
-    addon.steps.import_capture(scene, colmap_folder / "sparse" / "0" / "images.txt", tmp_path / "project")
-    assert addon.folders.absolute(scene.karf.capture) == colmap_folder
+def test_a_capture_without_points_says_so(addon, project_scene):
+    with pytest.raises(addon.engine_api.DataError, match="no sparse points"):
+        addon.steps.reprojection_error(project_scene)
+    assert addon.reprojection.of_camera(project_scene, project_scene.camera) is None

@@ -27,25 +27,22 @@ def test_what_each_color_will_be_needs_no_engine(addon, learned, sheet, monkeypa
     pot, lid = night.predictions
     assert pot.ciede2000 < 1 and not pot.reason
     assert lid.ciede2000 > 2 and "no sRGB picture" in lid.reason
-
-
-def test_the_engine_writes_every_colorway_in_every_view(addon, learned, sheet, tmp_path):
-    addon.steps.colorways(learned, sheet, "photo_0,photo_2", tmp_path / "out").wait()
-    written = sorted(path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.png"))
-    assert written == ["Day/photo_0.png", "Day/photo_2.png", "Night/photo_0.png", "Night/photo_2.png"]
-
-
-def test_locked_swatches_stay(addon, learned, sheet):
     for swatch in learned.karf.objects["pot"].swatches[1:]:
         swatch.locked = True
     night, _ = addon.steps.predict_colorways(learned, sheet)
     assert "locked swatches" in night.predictions[0].reason
 
 
-def test_by_default_they_go_to_a_folder_of_the_sheet(bpy, addon, learned, sheet):
-    assert bpy.ops.karf.render_colorways(filepath=str(sheet), views="photo_1") == {"FINISHED"}
-    folder = addon.folders.out_folder(learned) / "colorways" / "autumn"
-    assert sorted(path.name for path in folder.iterdir()) == ["Day", "Night"]
+@pytest.mark.parametrize("is_chosen", [True, False])
+def test_the_engine_writes_every_colorway_in_every_view(bpy, addon, learned, sheet, tmp_path, is_chosen):
+    if is_chosen:
+        folder = tmp_path / "out"
+        addon.steps.colorways(learned, sheet, "photo_0,photo_2", folder).wait()
+    else:
+        folder = addon.folders.out_folder(learned) / "colorways" / "autumn"
+        assert bpy.ops.karf.render_colorways(filepath=str(sheet), views="photo_0,photo_2") == {"FINISHED"}
+    written = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*.png"))
+    assert written == ["Day/photo_0.png", "Day/photo_2.png", "Night/photo_0.png", "Night/photo_2.png"]
 
 
 def test_a_wrong_sheet_is_told_before_a_job_is_made(bpy, addon, learned, sheet):
@@ -55,28 +52,22 @@ def test_a_wrong_sheet_is_told_before_a_job_is_made(bpy, addon, learned, sheet):
     with pytest.raises(RuntimeError, match="line 4"):
         bpy.ops.karf.colorways(filepath=str(sheet))
     assert not list(addon.folders.project_of(learned).folder.glob("jobs/*colorways"))
+    learned.karf.objects.clear()
+    assert not bpy.ops.karf.colorways.poll() and not bpy.ops.karf.render_colorways.poll()
 
 
 def test_the_dialog_lists_every_color_with_its_difference_and_the_reason(bpy, addon, learned, sheet):
-    operators = addon.colorways
+    operators, drawn = addon.colorways, []
     operators.show_predictions(bpy.context, sheet)
-    shown, drawn = bpy.context.window_manager.karf_colorways, []
-    assert [(item.colorway, item.object) for item in shown.colors] == [
-        ("Night", "pot"),
-        ("Night", "lid"),
-        ("Day", "pot"),
-    ]
+    shown = bpy.context.window_manager.karf_colorways
+    listed = [(item.colorway, item.object) for item in shown.colors]
+    assert listed == [("Night", "pot"), ("Night", "lid"), ("Day", "pot")]
     for item in shown.colors:
         operators.draw_color(Layout(bpy, drawn), item)
     assert drawn.count("Night") == 2 and any("no sRGB picture" in text for text in drawn)
     assert shown.active == 1  # the first that cannot be reached
-    drawn = []
+    drawn.clear()
     dialog = SimpleNamespace(layout=Layout(bpy, drawn), bl_rna=bpy.ops.karf.render_colorways.get_rna_type())
     operators.KARF_OT_render_colorways.draw(dialog, bpy.context)
     assert "3 colors, 1 out of reach. Numbers: difference from the wanted color; 1 is just visible" in drawn
     assert any(text.startswith("Out of reach: no sRGB picture") for text in drawn)
-
-
-def test_colorways_wait_for_palettes(bpy, addon, learned):
-    learned.karf.objects.clear()
-    assert not bpy.ops.karf.colorways.poll() and not bpy.ops.karf.render_colorways.poll()

@@ -9,24 +9,30 @@ import pytest
 
 from ..timers import pretend_window
 
-LONG_SIDE = 200
+SIDES = [96, 100, 200]  # coarse, half, full
+GREEN = (0.8, 0.6, 0.1)  # the pot's red, greener by 0.4
 
 
 @pytest.fixture
-def live(bpy, addon, learned, monkeypatch):
-    """Live Camera on, as beside the interface. `look(n)` is its timer and the engine's, until n pictures came."""
+def filmed(bpy, learned):
     learned.render.resolution_x, learned.render.resolution_y = 300, 150
     learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
-    bpy.context.window_manager.karf_preview.long_side = LONG_SIDE
+    return learned
+
+
+@pytest.fixture
+def live(bpy, addon, filmed, image_editor, seeing, monkeypatch):
+    """Live Camera on, as beside the interface.
+
+    `look(n)` is its timer and the engine's, until n pictures came; `tick()` its timer alone.
+    """
+    bpy.context.window_manager.karf_preview.long_side = SIDES[-1]
     pretend_window(bpy, monkeypatch, addon.preview, addon.queries, addon.session)
-    sides = []
-    take = addon.preview._take
+    sides, take = [], addon.preview._take
 
     def taking(asked, scene, answer):
         sides.append(asked[1])
         take(asked, scene, answer)
-
-    monkeypatch.setattr(addon.preview, "_take", taking)
 
     def look(count):
         deadline, known = time.monotonic() + 20, len(sides)
@@ -37,34 +43,36 @@ def live(bpy, addon, learned, monkeypatch):
             time.sleep(0.01)
         return sides[known:]
 
-    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
-    area.type = "IMAGE_EDITOR"
-    addon.preview.start(learned)
-    return SimpleNamespace(look=look, scene=learned, sides=sides, editor=area.spaces.active)
+    def tick():
+        for _ in range(5):
+            addon.preview._tick()
+        return not addon.queries.is_waiting("preview")
+
+    monkeypatch.setattr(addon.preview, "_take", taking)
+    addon.preview.start(filmed)
+    pot, editor = filmed.karf.objects["pot"].swatches[1], image_editor.spaces.active
+    return SimpleNamespace(look=look, tick=tick, scene=filmed, pot=pot, editor=editor, seeing=seeing)
 
 
 def picture(bpy, addon):
     return addon.images.pixels(bpy.data.images["KaRF camera"])[..., :3] * 255
 
 
-def test_coarse_comes_first_then_half_then_full_and_then_nothing(bpy, addon, live):
-    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
-    for _ in range(5):
-        addon.preview._tick()
-    assert not addon.queries.is_waiting("preview")
-    assert tuple(bpy.data.images["KaRF camera"].size) == (200, 100)
-
-
-def test_a_coarse_picture_is_shown_as_large_as_the_full_one(bpy, addon, live):
-    live.look(1)
-    assert tuple(bpy.data.images["KaRF camera"].size) == (200, 100)
+def test_coarse_comes_first_then_half_then_full_all_as_large_and_then_nothing(bpy, addon, live):
+    found = []
+    for _ in SIDES:
+        found += live.look(1)
+        assert tuple(bpy.data.images["KaRF camera"].size) == (200, 100)
+    assert found == SIDES and live.tick()
+    jobs = addon.folders.project_of(live.scene).folder / "jobs"
+    assert list(jobs.glob("*-warm/answers/*")) == []  # read and removed
 
 
 def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
     live.look(3)
     before = picture(bpy, addon)
     live.scene.camera.location *= 0.5
-    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
+    assert live.look(3) == SIDES
     assert np.allclose(picture(bpy, addon), before / 2, atol=1)
     # the rig moves away under a camera that is not below it
     matrix = live.scene.camera.matrix_world.copy()
@@ -78,7 +86,7 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     live.look(3)
     addon.queries.stop()
     before = picture(bpy, addon)
-    live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.2 + 0.4, 0.1)
+    live.pot.color = GREEN
     addon.preview._tick()
     assert addon.session.get(addon.queries.QueryWorker).worker is None
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
@@ -88,12 +96,10 @@ def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_wh
     live.look(3)
     live.editor.image = bpy.data.images.new("another", 8, 8)
     live.scene.camera.location *= 0.5
-    for _ in range(5):
-        addon.preview._tick()
-    assert not addon.queries.is_waiting("preview")
+    assert live.tick()
     assert "The picture KaRF camera is only rendered while an Image Editor shows it" in addon.preview.message()
     live.editor.image = bpy.data.images["KaRF camera"]
-    assert live.look(3) == [96, LONG_SIDE // 2, LONG_SIDE]
+    assert live.look(3) == SIDES
     assert addon.preview.message() == ""
 
 
@@ -106,55 +112,43 @@ def test_a_picture_that_undo_has_taken_comes_back_into_its_editor(bpy, addon, li
     assert np.array_equal(picture(bpy, addon), before)
 
 
-@pytest.fixture
-def seeing(bpy, live):
-    """How pictures are looked at, as at the start of a session."""
-    seeing = bpy.context.window_manager.karf_seeing
-    yield seeing
-    for name in seeing.bl_rna.properties.keys():
-        seeing.property_unset(name)
+def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live):
+    def shown():
+        addon.preview._tick()
+        return picture(bpy, addon)
 
-
-def test_the_picture_is_looked_at_as_those_of_photos_are(bpy, addon, live, seeing):
     live.look(3)
-    learned = picture(bpy, addon)
-    live.scene.karf.objects["pot"].swatches[1].color = (0.8, 0.6, 0.1)
-    addon.preview._tick()
-    edited = picture(bpy, addon)
+    learned, seeing = picture(bpy, addon), live.seeing
+    live.pot.color = GREEN
+    edited = shown()
     for mode, expected in (("ORIGINAL", learned), ("LEARNED", learned), ("EDITED", edited)):
         seeing.mode = mode
-        addon.preview._tick()
-        assert np.array_equal(picture(bpy, addon), expected), mode
+        assert np.array_equal(shown(), expected), mode
     seeing.is_wiped, seeing.wipe = True, 0.25
-    addon.preview._tick()
-    assert np.array_equal(picture(bpy, addon)[:, :50], learned[:, :50])
-    assert np.array_equal(picture(bpy, addon)[:, 50:], edited[:, 50:])
+    assert np.array_equal(shown(), np.hstack([learned[:, :50], edited[:, 50:]]))
     seeing.is_wiped = False
     bpy.ops.karf.solo_swatch(object_name="pot", index=1)
-    addon.preview._tick()
-    assert np.allclose(picture(bpy, addon), 0.25 * 255, atol=1)  # of every pixel a quarter is the swatch's
+    assert np.allclose(shown(), 0.25 * 255, atol=1)  # of every pixel a quarter is the swatch's
     seeing.mode = "DIFFERENCE"
-    addon.preview._tick()
-    unchanged = addon.views.heat(np.zeros(1))[0] * 255
-    assert (picture(bpy, addon) > unchanged + 1).any()
+    assert (shown() > addon.views.heat(np.zeros(1))[0] * 255 + 1).any()
 
 
-def test_masks_lie_over_the_picture_where_they_are_looked_at(bpy, addon, live, seeing):
+def test_masks_lie_over_the_picture_where_they_are_looked_at(addon, live):
     live.look(3)
     assert addon.displayed.followed_camera().masks is None
-    seeing.show_masks = True
+    live.seeing.show_masks = True
     addon.preview._tick()
-    assert list(addon.displayed.followed_camera().masks.tints) == ["lid", "pot"]
-    assert addon.displayed.followed_camera().masks.fill.shape == (100, 200, 4)
+    masks = addon.displayed.followed_camera().masks
+    assert list(masks.tints) == ["lid", "pot"] and masks.fill.shape == (100, 200, 4)
     assert addon.displayed.is_camera_in(live.editor)
     addon.preview.stop()  # what stays is a picture as any other
     assert addon.displayed.followed_camera() is None and not addon.displayed.is_camera_in(live.editor)
 
 
-def test_what_a_camera_cannot_show_is_said(bpy, addon, live, seeing, monkeypatch):
+def test_what_a_camera_cannot_show_is_said(bpy, addon, live, monkeypatch):
     live.look(3)
     assert addon.preview.missing() == ()
-    seeing.mode = "ORIGINAL"
+    live.seeing.mode = "ORIGINAL"
     assert addon.preview.missing() == (addon.preview.NO_PHOTO,)
     taken = addon.preview._taken
 
@@ -165,19 +159,13 @@ def test_what_a_camera_cannot_show_is_said(bpy, addon, live, seeing, monkeypatch
 
     monkeypatch.setattr(addon.preview, "_taken", unlearned)
     live.scene.camera.location.x += 0.1
-    seeing.mode, seeing.show_masks = "WEIGHTS", True
+    live.seeing.mode, live.seeing.show_masks = "WEIGHTS", True
     live.look(3)
     assert addon.preview.missing() == (addon.preview.NO_PALETTES, addon.preview.NO_MASKS)
     assert np.ptp(picture(bpy, addon)) == 0  # the scene as learned, of one gray
 
 
-def test_the_files_of_answers_are_removed(addon, live):
-    live.look(3)
-    jobs = addon.folders.project_of(live.scene).folder / "jobs"
-    assert list(jobs.glob("*-warm/answers/*")) == []
-
-
-def test_a_camera_without_a_picture_says_why_and_gets_it_when_it_can(bpy, addon, live):
+def test_a_camera_without_a_picture_says_why_and_gets_it_when_it_can(addon, live):
     live.look(3)
     live.scene.camera.data.type = "ORTHO"
     addon.preview._tick()
@@ -187,7 +175,7 @@ def test_a_camera_without_a_picture_says_why_and_gets_it_when_it_can(bpy, addon,
     assert addon.preview.message() == ""
 
 
-def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_moves(bpy, addon, live, monkeypatch):
+def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_moves(addon, live, monkeypatch):
     options = addon.preview._options
     monkeypatch.setattr(addon.preview, "_options", lambda *camera: options(*camera) | {"behave": "crash"})
     deadline = time.monotonic() + 20
@@ -195,44 +183,35 @@ def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_mov
         addon.preview._tick()
         addon.queries._poll()
         assert time.monotonic() < deadline
-    for _ in range(5):
-        addon.preview._tick()
-    assert not addon.queries.is_waiting("preview")
+    assert live.tick()
     monkeypatch.setattr(addon.preview, "_options", options)
     live.scene.camera.location.x += 0.1
     live.look(1)
     assert addon.preview.message() == ""
 
 
-def test_it_ends_with_its_scene(bpy, addon, live, tmp_path):
+def test_the_picture_is_saved_with_the_file_and_it_ends_with_its_project(bpy, addon, live, tmp_path):
+    live.look(1)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    assert bpy.data.images["KaRF camera"].packed_file is not None
     live.scene.karf.project = str(tmp_path / "elsewhere")
     assert addon.preview._tick() is None and not addon.preview.is_live()
 
 
-def test_the_picture_is_saved_with_the_file(bpy, addon, live, tmp_path):
-    live.look(1)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    assert bpy.data.images["KaRF camera"].packed_file is not None
-
-
-def test_the_switch_needs_a_window(bpy, addon, learned):
-    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
+def test_the_switch_needs_a_window(bpy, filmed):
     with pytest.raises(RuntimeError, match="needs a window"):
         bpy.ops.karf.live_camera()
 
 
-def test_a_script_writes_what_a_camera_sees_with_the_swatches_as_they_stand(bpy, addon, learned, tmp_path):
-    learned.camera = next(each for each in bpy.data.objects if each.type == "CAMERA")
-    learned.render.resolution_x, learned.render.resolution_y = 300, 150
-    addon.steps.set_swatch(learned, "pot", 1, (0.8, 0.6, 0.1))
-    path = addon.steps.preview_camera(learned, tmp_path / "out" / "seen.png", long_side=100)
+def test_a_script_writes_what_a_camera_sees_with_the_swatches_as_they_stand(addon, filmed, tmp_path):
+    addon.steps.set_swatch(filmed, "pot", 1, GREEN)
+    path = addon.steps.preview_camera(filmed, tmp_path / "out" / "seen.png", long_side=100)
     seen = addon.images.read_picture(path)
     assert seen.shape == (50, 100, 3) and seen[..., 1].mean() - seen[..., 0].mean() == pytest.approx(0.1, abs=0.01)
 
 
 def test_an_enlarged_picture_keeps_its_ramp(addon):
     ramp = np.linspace(0, 1, 10, dtype=np.float32)
-    buffer = np.broadcast_to(ramp[None, :, None], (4, 10, 4))
-    large = addon.images.enlarged(buffer, 40, 8)
+    large = addon.images.enlarged(np.broadcast_to(ramp[None, :, None], (4, 10, 4)), 40, 8)
     assert large.shape == (8, 40, 4)
     assert np.allclose(np.diff(large[0, 4:-4, 0]), 1 / 36, atol=1e-5) and large.max() <= 1

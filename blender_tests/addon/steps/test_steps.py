@@ -52,20 +52,14 @@ def test_a_script_of_an_earlier_version_is_told_the_new_name(addon):
     assert not hasattr(package, "handless")
 
 
-def test_a_step_works_on_the_given_scene(addon, learned):
+def test_a_step_works_on_the_given_scene_and_a_task_gives_its_result(addon, learned):
     other = learned.copy()
     addon.steps.set_swatch(other, "pot", 1, "#00ff00")
     assert tuple(other.karf.objects["pot"].swatches[1].color) == (0, 1, 0)
     assert tuple(learned.karf.objects["pot"].swatches[1].color) != (0, 1, 0)
-
-
-def test_a_task_gives_its_result_once_it_is_done(addon, learned):
     path = addon.steps.render_view(learned).wait()
     assert path.is_file() and path.stem == learned.karf.active_view and path.parent.name == "recolor"
-
-
-def test_a_view_that_is_prepared_is_shown_at_once(addon, learned):
-    task = addon.steps.show_view(learned)
+    task = addon.steps.show_view(learned)  # prepared: it is shown at once
     assert task.requests == () and task.wait() == learned.karf.result
 
 

@@ -55,18 +55,6 @@ def colors_of(bpy, item):
     return corners[:, 0]
 
 
-def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set_them(bpy, addon, learned, points_file):
-    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
-    area.type = "VIEW_3D"
-    shading = area.spaces.active.shading
-    shading.type, shading.light, shading.color_type = "SOLID", "STUDIO", "MATERIAL"
-    addon.steps.place_points(learned, points_file)
-    assert (shading.light, shading.color_type) == ("FLAT", "VERTEX")
-    shading.light = "STUDIO"
-    addon.steps.place_points(learned, points_file)
-    assert shading.light == "STUDIO"
-
-
 def set_edit(bpy, addon):
     for (name, index), color in EDIT.items():
         addon.steps.set_swatch(bpy.context.scene, name, index, color)
@@ -77,6 +65,18 @@ def recolored(points):
     for (name, index), color in EDIT.items():
         edited[NAMES.index(name), index] = color
     return points.recolored(edited)
+
+
+def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set_them(bpy, addon, learned, points_file):
+    area = bpy.data.window_managers[0].windows[0].screen.areas[0]
+    area.type = "VIEW_3D"
+    shading = area.spaces.active.shading
+    shading.type, shading.light, shading.color_type = "SOLID", "STUDIO", "MATERIAL"
+    addon.steps.place_points(learned, points_file)
+    assert (shading.light, shading.color_type) == ("FLAT", "VERTEX")
+    shading.light = "STUDIO"
+    addon.steps.place_points(learned, points_file)
+    assert shading.light == "STUDIO"
 
 
 def test_points_are_faces_in_their_places_with_what_recoloring_needs(addon, learned, points, shown):
@@ -92,63 +92,56 @@ def test_points_are_faces_in_their_places_with_what_recoloring_needs(addon, lear
     np.testing.assert_array_equal(weights, points.palette_weights[:, 1, 2])
 
 
-def test_unchanged_swatches_show_the_colors_as_learned(bpy, points, shown):
-    np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
-
-
-def test_swatches_recolor_the_object_as_the_engine_does(bpy, addon, points, shown):
-    set_edit(bpy, addon)
-    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
+def assert_recolored(bpy, item, points):
+    assert np.abs(colors_of(bpy, item) - recolored(points)).max() < 0.51 / 255
     assert np.abs(recolored(points) - points.colors / 255).max() > 0.3
 
 
-def test_swatches_that_are_changed_already_are_those_that_it_begins_with(bpy, addon, learned, points, points_file):
+def test_swatches_recolor_the_object_as_the_engine_does_also_those_it_begins_with(
+    bpy, addon, learned, points, points_file, shown
+):
+    np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
     set_edit(bpy, addon)
-    shown = addon.steps.place_points(learned, points_file)
-    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
+    assert_recolored(bpy, shown, points)
+    bpy.data.objects.remove(shown)
+    assert addon.scene_object.find(learned) is None
+    made = addon.steps.place_points(learned, points_file)
+    assert addon.scene_object.find(learned) == made
+    assert_recolored(bpy, made, points)
 
 
 def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
-    for name, index in EDIT:
-        learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=1)
-    set_edit(bpy, addon)
-    for name, index in EDIT:
-        learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=3)
+    for frame, edit in ((1, lambda: None), (3, lambda: set_edit(bpy, addon))):
+        edit()
+        for name, index in EDIT:
+            learned.karf.objects[name].swatches[index].keyframe_insert("color", frame=frame)
     learned.frame_set(1)
     np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
     learned.frame_set(3)
-    assert np.abs(colors_of(bpy, shown) - recolored(points)).max() < 0.51 / 255
+    assert_recolored(bpy, shown, points)
 
 
-def test_the_radius_scales_faces_round_their_centers(bpy, addon, points, shown):
+def test_the_radius_scales_faces_round_their_centers_and_stays_where_the_object_is_made_again(
+    bpy, addon, learned, points, points_file, shown
+):
     def sides():
         data = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return np.array([face.area for face in data.polygons]) ** 0.5, np.array([f.center for f in data.polygons])
+
+    def count():
+        return len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)
 
     before, centers = sides()
     addon.scene_object.radius_node(shown).outputs[0].default_value = 2
     after, same = sides()
     np.testing.assert_allclose(after, 2 * before, rtol=1e-3)
     np.testing.assert_allclose(same, centers, atol=1e-5)
-
-
-def test_made_again_it_is_the_same_object_and_the_radius_stays(bpy, addon, learned, points, points_file, shown):
-    addon.scene_object.radius_node(shown).outputs[0].default_value = 1.5
-    shown.location.x, shown.hide_render = 3, True
-    meshes, groups, objects = len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)
+    shown.location.x, shown.hide_render, known = 3, True, count()
     again = addon.steps.place_points(learned, points_file)
-    assert again == shown and again.location.x == 3 and again.hide_render
-    assert (len(bpy.data.meshes), len(bpy.data.node_groups), len(bpy.data.objects)) == (meshes, groups, objects)
-    assert addon.scene_object.radius_node(again).outputs[0].default_value == 1.5
+    assert again == shown and again.location.x == 3 and again.hide_render and count() == known
+    assert addon.scene_object.radius_node(again).outputs[0].default_value == 2
     set_edit(bpy, addon)
-    assert np.abs(colors_of(bpy, again) - recolored(points)).max() < 0.51 / 255
-
-
-def test_deleted_it_is_made_anew(bpy, addon, learned, points_file, shown):
-    bpy.data.objects.remove(shown)
-    assert addon.scene_object.find(learned) is None
-    made = addon.steps.place_points(learned, points_file)
-    assert addon.scene_object.find(learned) == made
+    assert_recolored(bpy, again, points)
 
 
 OPENED_BY_ANOTHER = """
@@ -231,9 +224,13 @@ def test_a_file_has_the_colors_as_recolored(bpy, addon, points, shown, tmp_path,
             addon.steps.export_scene(bpy.context.scene, tmp_path / name, shape)
         return
     set_edit(bpy, addon)
-    kept = set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)
+
+    def in_file():
+        return bpy.data.objects.keys(), bpy.data.materials.keys(), list(bpy.context.selected_objects)
+
+    kept = in_file()
     addon.steps.export_scene(bpy.context.scene, tmp_path / name, shape)
-    assert (set(bpy.data.objects.keys()), set(bpy.data.materials.keys()), list(bpy.context.selected_objects)) == kept
+    assert in_file() == kept
     wanted, found = recolored(points) * 255, imported(bpy, addon, tmp_path / name)
     distances = np.abs(wanted[:, None] - found[None]).max(2)  # exporters round each in their own way
     assert distances.min(1).max() < 2 and distances.min(0).max() < 2

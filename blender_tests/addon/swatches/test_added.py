@@ -1,4 +1,4 @@
-"""Colors added to an object: what their swatches change, and that every tool treats them as swatches."""
+"""Colors added to an object: what their swatches change, that tools treat them as swatches, and neutrals they spare."""
 
 from pathlib import Path
 
@@ -6,74 +6,45 @@ import numpy as np
 import pytest
 
 from karf_engine.palettes.color_histogram import ColorHistogram, write_object_colors
-from karf_engine.palettes.compositing import Planes
+from karf_engine.palettes.palette import write_palettes
 
-from ..prepared import write_current_planes
+from .scenes import BLUE, GREEN, HEIGHT, RED, WIDTH, YELLOW, color, colors, halves, palettes, pixels, show
 
-RED, YELLOW, BLUE = (0.8, 0.2, 0.1), (0.9, 0.9, 0.5), (0.1, 0.3, 0.9)
-
-
-@pytest.fixture
-def pots(addon, learned):
-    """The scene with a pot that is red on the left and yellow on the right, and a lid that is nowhere."""
-    weights = np.zeros((2, 3, 16, 24), np.float16)
-    weights[1, 1, :, :12] = weights[1, 2, :, 12:] = 1
-    base = np.empty((16, 24, 3), np.uint8)
-    base[:, :12], base[:, 12:] = np.rint(255 * np.array(RED)), np.rint(255 * np.array(YELLOW))
-    planes = Planes(("lid", "pot"), weights, weights.sum(1), base)
-    write_current_planes(addon, learned, planes)
-    addon.displayed.forget(learned)
-    addon.displayed.of(learned).refresh()
-    return learned
+BLACK = (0, 0, 0)
 
 
-def shown(addon, scene):
-    """The result image's two halves, sRGB [2, 3] of the pixels in their middle."""
-    pixels = addon.images.pixels(scene.karf.result)[8, [6, 18], :3]
-    return np.array(pixels)
+def assert_shows(addon, scene, *wanted, atol=0.02):
+    np.testing.assert_allclose(halves(addon, scene), wanted, atol=atol)
 
 
-def color(scene, index, name="pot"):
-    return np.array(scene.karf.objects[name].swatches[index].color)
-
-
-def test_an_added_color_shows_as_one_swatch_and_changes_nothing(addon, pots):
-    before = addon.images.pixels(pots.karf.result).copy()
-    number = addon.steps.add_color(pots, "pot", YELLOW)
-    swatches = pots.karf.objects["pot"].swatches
-    assert [index for index, each in enumerate(swatches) if index and not each.merged] == [1, 2, number]
-    np.testing.assert_allclose(color(pots, number), YELLOW, atol=1e-6)
-    np.testing.assert_array_equal(addon.images.pixels(pots.karf.result), before)
+def test_adding_a_color_shows_one_more_swatch_and_changes_no_picture(bpy, addon, pots):
+    addon.steps.set_swatch(pots, "pot", 1, GREEN)
+    before, swatches = pixels(addon, pots), pots.karf.objects["pot"].swatches
+    assert bpy.ops.karf.add_color(object_name="pot", picked=YELLOW) == {"FINISHED"}
+    np.testing.assert_array_equal(pixels(addon, pots), before)
+    assert [index for index, each in enumerate(swatches) if index and not each.merged] == [1, 2, 3]
+    np.testing.assert_allclose(color(pots, "pot", 3), YELLOW, atol=1e-6)
     assert [len(palette.colors) for palette in addon.colors.palettes(pots)] == [3, 3]
 
 
 def test_only_its_pigment_follows_it_and_no_longer_other_swatches(addon, pots):
-    number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
-    np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-    addon.steps.set_swatch(pots, "pot", 2, (0, 0, 0))
-    np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-    addon.steps.set_swatch(pots, "pot", 1, (0, 1, 0))
-    np.testing.assert_allclose(shown(addon, pots), [(0, 1, 0), BLUE], atol=0.02)
-    addon.steps.remove_color(pots, "pot", number)
-    np.testing.assert_allclose(shown(addon, pots), [(0, 1, 0), (0, 0, 0)], atol=0.01)
+    assert addon.steps.add_color(pots, "pot", YELLOW, BLUE) == 3
+    assert_shows(addon, pots, RED, BLUE)
+    addon.steps.set_swatch(pots, "pot", 2, BLACK)
+    addon.steps.set_swatch(pots, "pot", 1, GREEN)
+    assert_shows(addon, pots, GREEN, BLUE)
+    addon.steps.remove_color(pots, "pot", 3)
+    assert_shows(addon, pots, GREEN, BLACK, atol=0.01)
     assert len(pots.karf.objects["pot"].swatches) == 3
 
 
 def test_it_begins_as_the_edited_picture_shows_it(addon, pots):
     addon.steps.set_swatch(pots, "pot", 2, BLUE)
     number = addon.steps.add_color(pots, "pot", YELLOW)
-    np.testing.assert_allclose(color(pots, number), BLUE, atol=1e-6)
-    np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
+    np.testing.assert_allclose(color(pots, "pot", number), BLUE, atol=1e-6)
+    assert_shows(addon, pots, RED, BLUE)
     addon.edits.reset(pots, "pot", number)
-    np.testing.assert_allclose(shown(addon, pots), [RED, YELLOW], atol=0.01)
-
-
-def test_adding_it_changes_no_bit_of_an_edited_picture(addon, pots):
-    for index, wanted in ((1, (0.2, 0.7, 0.4)), (2, (0.6, 0.1, 0.5))):
-        addon.steps.set_swatch(pots, "pot", index, wanted)
-    before = addon.images.pixels(pots.karf.result).copy()
-    addon.steps.add_color(pots, "pot", YELLOW)
-    np.testing.assert_array_equal(addon.images.pixels(pots.karf.result), before)
+    assert_shows(addon, pots, RED, YELLOW, atol=0.01)
 
 
 def test_the_color_at_a_place_is_that_of_the_object_as_learned(addon, pots):
@@ -85,143 +56,61 @@ def test_the_color_at_a_place_is_that_of_the_object_as_learned(addon, pots):
             addon.steps.color_at(pots, name, place)
 
 
-def test_the_operators_add_and_remove_with_undo(bpy, addon, pots):
-    bpy.ops.ed.undo_push(message="before")
-    assert bpy.ops.karf.add_color(object_name="pot", picked=YELLOW) == {"FINISHED"}
-    addon.steps.set_swatch(bpy.context.scene, "pot", 3, BLUE)
-    bpy.ops.ed.undo_push(message="added")
-    bpy.ops.karf.remove_color(object_name="pot", index=3)
-    bpy.ops.ed.undo_push(message="removed")
-    np.testing.assert_allclose(shown(addon, bpy.context.scene), [RED, YELLOW], atol=0.01)
-    bpy.ops.ed.undo()
-    np.testing.assert_allclose(shown(addon, bpy.context.scene), [RED, BLUE], atol=0.02)
-    bpy.ops.ed.undo()
-    np.testing.assert_allclose(shown(addon, bpy.context.scene), [RED, YELLOW], atol=0.01)
-    assert len(bpy.context.scene.karf.objects["pot"].swatches) == 3
-
-
-def test_keyframes_and_links_move_its_pigment(addon, pots):
-    number = addon.steps.add_color(pots, "pot", YELLOW)
-    swatch = pots.karf.objects["pot"].swatches[number]
-    swatch.keyframe_insert("color", frame=1)
-    swatch.color = BLUE
-    swatch.keyframe_insert("color", frame=11)
-    for frame, right in ((1, YELLOW), (11, BLUE)):
-        pots.frame_set(frame)
-        np.testing.assert_allclose(shown(addon, pots), [RED, right], atol=0.02)
-    pots.animation_data_clear()
-    addon.steps.link_swatches(pots, ("pot", number), ("lid", 1))
-    addon.steps.set_swatch(pots, "lid", 1, (0.3, 0.6, 0.2))
-    np.testing.assert_allclose(shown(addon, pots), [RED, (0.3, 0.6, 0.2)], atol=0.02)
-
-
-def test_reach_is_how_far_its_hue_goes(addon, pots):
+def test_reach_is_how_far_its_hue_goes_and_weights_are_shown_alone(bpy, addon, pots):
     number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
-    pots.karf.objects["pot"].swatches[number].reach = 3.0
-    left, _ = shown(addon, pots)
-    assert np.abs(left - RED).max() > 0.1
-    pots.karf.objects["pot"].swatches[number].reach = 0.5
-    np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-
-
-def test_its_weights_are_shown_alone(bpy, addon, pots):
-    number = addon.steps.add_color(pots, "pot", YELLOW)
+    swatch = pots.karf.objects["pot"].swatches[number]
+    swatch.reach = 3.0
+    assert np.abs(halves(addon, pots)[0] - RED).max() > 0.1
+    swatch.reach = 0.5
+    assert_shows(addon, pots, RED, BLUE)
     bpy.ops.karf.solo_swatch(object_name="pot", index=number)
-    np.testing.assert_allclose(shown(addon, pots)[:, 0], [0, 1], atol=0.01)
+    np.testing.assert_allclose(halves(addon, pots)[:, 0], [0, 1], atol=0.01)
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
 
 
-def test_an_edit_file_keeps_it(addon, pots, tmp_path):
-    addon.steps.add_color(pots, "pot", YELLOW, BLUE, reach=0.75)
-    addon.steps.save_edit(pots, tmp_path / "edit.json")
-    addon.steps.remove_color(pots, "pot", 3)
-    addon.steps.apply_edit(pots, tmp_path / "edit.json")
-    assert pots.karf.objects["pot"].swatches[3].reach == 0.75
-    np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-    pots.karf.objects["pot"].swatches[3].locked = True
-    addon.steps.apply_edit(pots, tmp_path / "edit.json")
-    addon.steps.save_edit(pots, tmp_path / "same.json")
-    assert (tmp_path / "same.json").read_text() == (tmp_path / "edit.json").read_text()
-    with pytest.raises(addon.engine_api.BadRequest, match="cannot hold the colors that were added to pot"):
-        addon.steps.save_edit(pots, tmp_path / "pots.gpl")
-
-
-def test_a_locked_one_stays_where_another_edit_is_loaded(addon, pots, tmp_path):
-    addon.steps.save_edit(pots, tmp_path / "edit.json")
-    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
-    pots.karf.objects["pot"].swatches[3].locked = True
-    for tool in (
-        lambda: addon.steps.apply_edit(pots, tmp_path / "edit.json"),
-        lambda: addon.steps.remove_color(pots, "pot", 3),
-    ):
-        with pytest.raises(addon.engine_api.BadRequest, match="locked"):
-            tool()
-    np.testing.assert_allclose(shown(addon, pots), [RED, BLUE], atol=0.02)
-
-
-def test_becomes_leaves_it(addon, pots):
-    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
-    addon.steps.becomes(pots, "pot", RED, (0.2, 0.7, 0.3))
-    np.testing.assert_allclose(shown(addon, pots), [(0.2, 0.7, 0.3), BLUE], atol=0.03)
-
-
-def test_a_match_leaves_it_and_sees_it(addon, pots):
-    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
+def test_links_becomes_and_matches_respect_it(addon, pots):
+    number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
+    addon.steps.becomes(pots, "pot", RED, GREEN)
+    assert_shows(addon, pots, GREEN, BLUE, atol=0.03)
     image = addon.steps.paint_over(pots)
-    pixels = addon.images.pixels(image)
-    pixels[:, :12, :3] = (0.2, 0.7, 0.3)
-    addon.images.upload(image, pixels)
+    painted = addon.images.pixels(image)
+    painted[:, :12, :3] = RED
+    addon.images.upload(image, painted)
     (found,) = addon.steps.match_picture(pots)
     assert found.after < 0.5
-    np.testing.assert_allclose(shown(addon, pots), [(0.2, 0.7, 0.3), BLUE], atol=0.03)
-
-
-def test_a_learned_swatch_is_merged_and_not_removed_and_an_added_one_removed_and_not_merged(addon, pots):
-    number = addon.steps.add_color(pots, "pot", YELLOW)
-    with pytest.raises(addon.engine_api.BadRequest, match="is a learned color"):
-        addon.steps.remove_color(pots, "pot", 1)
-    with pytest.raises(addon.engine_api.BadRequest, match="is an added color"):
-        addon.steps.merge_swatch(pots, "pot", number)
-    with pytest.raises(addon.engine_api.BadRequest, match="cannot be merged"):
-        addon.steps.merge_swatch(pots, "pot", 1, number)
-    assert addon.steps.merge_swatch(pots, "pot", 1) == 2
+    assert_shows(addon, pots, RED, BLUE, atol=0.03)
+    addon.steps.link_swatches(pots, ("pot", number), ("lid", 1))
+    addon.steps.set_swatch(pots, "lid", 1, GREEN)
+    assert_shows(addon, pots, RED, GREEN, atol=0.03)
 
 
 def test_removing_one_leaves_the_others_and_their_keyframes(addon, pots):
-    first = addon.steps.add_color(pots, "pot", YELLOW)
-    second = addon.steps.add_color(pots, "pot", RED)
-    for swatch in (pots.karf.objects["pot"].swatches[number] for number in (first, second)):
-        swatch.keyframe_insert("color", frame=1)
-    kept = addon.engine_api.rgb_to_hex(pots.karf.objects["pot"].swatches[first].learned)
+    first, second = addon.steps.add_color(pots, "pot", YELLOW), addon.steps.add_color(pots, "pot", RED)
+    swatches = pots.karf.objects["pot"].swatches
+    for number in (first, second):
+        swatches[number].keyframe_insert("color", frame=1)
+    kept = addon.engine_api.rgb_to_hex(swatches[first].learned)
     addon.steps.remove_color(pots, "pot", first)
-    assert [each.merged for each in pots.karf.objects["pot"].swatches[3:]] == [0, 3, 3]
+    assert [each.merged for each in swatches[3:]] == [0, 3, 3]
     paths = {curve.data_path for curve in addon.compat.curves_of(pots.animation_data)}
     assert paths == {"karf.objects[1].swatches[3].color", f'karf.objects["pot"].swatches["{kept}"].color'}
     addon.steps.set_swatch(pots, "pot", 3, BLUE)
-    np.testing.assert_allclose(shown(addon, pots), [BLUE, YELLOW], atol=0.02)
-
-
-def test_what_has_no_pigment_is_refused(addon, pots):
-    with pytest.raises(addon.engine_api.BadRequest, match="black"):
-        addon.steps.add_color(pots, "pot", (0, 0, 0))
-    assert len(pots.karf.objects["pot"].swatches) == 3
+    assert_shows(addon, pots, BLUE, YELLOW)
 
 
 def test_it_stays_when_palettes_are_found_anew(addon, pots):
-    number = addon.steps.add_color(pots, "pot", YELLOW, BLUE)
-    pots.karf.objects["pot"].swatches[number].keyframe_insert("color", frame=1)
-    make, known = addon.engine_api.Palette, addon.colors.palettes(pots)
-    four = np.array([(0, 0, 0), (0.1, 0.8, 0.1), RED, YELLOW], np.float32)
-    seen = {"pot": ColorHistogram(four[1:], np.ones(3), np.eye(4)[1:])}
+    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
+    pots.karf.objects["pot"].swatches[3].keyframe_insert("color", frame=1)
+    pot, lid = *palettes(addon, pot=[(0.1, 0.8, 0.1), RED, YELLOW]), addon.colors.palettes(pots)[0]
+    seen = {"pot": ColorHistogram(pot.colors[1:], np.ones(3), np.eye(4)[1:])}
     write_object_colors(addon.folders.project_of(pots).object_colors_file, seen)
-    addon.palettes.load_palettes(pots, [make("pot", four), known[0]])
+    addon.palettes.load_palettes(pots, [pot, lid])
     swatches = pots.karf.objects["pot"].swatches
     assert [index for index, each in enumerate(swatches) if index and not each.merged] == [1, 2, 3, 4]
-    np.testing.assert_allclose(color(pots, 4), BLUE, atol=1e-6)
+    np.testing.assert_allclose(color(pots, "pot", 4), BLUE, atol=1e-6)
     (curve, *_) = addon.compat.curves_of(pots.animation_data)
     assert curve.data_path == "karf.objects[0].swatches[4].color"
-    hidden = np.array([each.color for each in swatches[5:]])
-    np.testing.assert_allclose(hidden[2], BLUE, atol=0.02)
+    np.testing.assert_allclose(swatches[7].color, BLUE, atol=0.02)  # of its own set
 
 
 def test_the_compositors_layers_have_it(addon, pots):
@@ -229,31 +118,92 @@ def test_the_compositors_layers_have_it(addon, pots):
     assert request.options["edit"] is None
     addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     (request,) = addon.steps.build_compositor(pots).requests
-    palettes = addon.colors.palettes(pots)
-    edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), palettes)
+    edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), addon.colors.palettes(pots))
     assert len(edit.added["pot"]) == 1 and len(edit.colors["pot"]) == 6
 
 
-def test_the_scene_in_3d_has_it(addon, pots):
-    api, n = addon.engine_api, 2
-    none, weights = np.zeros((n, 3), np.float32), np.zeros((n, 2, 3), np.float16)
+def test_the_scene_in_3d_has_it(bpy, addon, pots):
+    none, weights = np.zeros((2, 3), np.float32), np.zeros((2, 2, 3), np.float16)
     weights[0, 1, 1] = weights[1, 1, 2] = 1
-    learned = np.stack([palette.colors for palette in addon.colors.palettes(pots)])
-    colors = np.rint(255 * np.array([RED, YELLOW])).astype(np.uint8)
-    points = api.ScenePoints(
-        ("lid", "pot"), none, none + [0, 0, 1], none[:, 0] + 1, colors, weights.sum(2), weights, learned
+    points = addon.engine_api.ScenePoints(
+        ("lid", "pot"),
+        none,
+        none + [0, 0, 1],
+        none[:, 0] + 1,
+        np.rint(255 * np.array([RED, YELLOW])).astype(np.uint8),
+        weights.sum(2),
+        weights,
+        np.stack([palette.colors for palette in addon.colors.palettes(pots)]),
     )
     file = addon.folders.project_of(pots).points_file
-    api.write_points(file, points)
-    addon.steps.add_color(pots, "pot", YELLOW, BLUE)
-    item = addon.steps.place_points(pots, file)
-    import bpy
+    addon.engine_api.write_points(file, points)
+    addon.steps.add_color(pots, "pot", YELLOW)
+    item, flat = addon.steps.place_points(pots, file), np.empty(32, np.float32)
+    for wanted in (BLUE, GREEN):
+        addon.steps.set_swatch(pots, "pot", 3, wanted)
+        data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        data.attributes["Color"].data.foreach_get("color_srgb", flat)
+        np.testing.assert_allclose(flat.reshape(2, 4, 4)[:, 0, :3], [RED, wanted], atol=0.02)
 
-    data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    flat = np.empty(16 * n, np.float32)
-    data.attributes["Color"].data.foreach_get("color_srgb", flat)
-    np.testing.assert_allclose(flat.reshape(n, 4, 4)[:, 0, :3], [RED, BLUE], atol=0.02)
-    addon.steps.set_swatch(pots, "pot", 3, (0.1, 0.6, 0.2))
-    data = item.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    data.attributes["Color"].data.foreach_get("color_srgb", flat)
-    np.testing.assert_allclose(flat.reshape(n, 4, 4)[:, 0, :3], [RED, (0.1, 0.6, 0.2)], atol=0.02)
+
+# --- neutrals --------------------------------------------------------------------------------------------------------
+CAN = np.array([[0, 0, 0], [0.9, 0.05, 0.1], [0.65, 0.85, 0.85]], np.float32)
+LETTERS, SILVER = np.array([0.1, 0.9, 0.0]), np.array([0.05, 0.2, 0.75])  # shares of the palette
+
+
+@pytest.fixture
+def can(addon, learned):
+    """A can whose letters are on the left of the picture, and its silver, which has red in it too, on the right."""
+    weights, shares = np.zeros((1, 3, HEIGHT, WIDTH)), np.stack([LETTERS, SILVER])
+    weights[0, :, :, :12], weights[0, :, :, 12:] = LETTERS[:, None, None], SILVER[:, None, None]
+    project = addon.folders.project_of(learned)
+    write_palettes(project.palette_file, palettes(addon, can=CAN[1:]), shared=False)
+    write_object_colors(project.object_colors_file, {"can": ColorHistogram(shares @ CAN, np.ones(2), shares)})
+    show(addon, learned, weights, np.moveaxis(weights[0], 0, -1) @ CAN, objects=("can",))
+    addon.palettes.import_learned(learned)
+    addon.displayed.forget(learned)
+    addon.displayed.of(learned).refresh()
+    return learned.karf.objects["can"]
+
+
+def test_protect_neutrals_gives_the_silver_back_and_the_letters_keep_their_new_color(bpy, addon, learned, can):
+    before = halves(addon, learned)
+    learned.karf.material = False  # which would hold the silver of so plain a can
+    can.swatches[1].color = GREEN
+    dragged = halves(addon, learned)
+    assert np.abs(dragged[1] - before[1]).max() > 0.05  # mint
+    assert bpy.ops.karf.protect_neutrals(object_name="can", index=1) == {"FINISHED"}
+    letters, silver = halves(addon, learned)
+    np.testing.assert_allclose(letters, dragged[0], atol=0.02)
+    np.testing.assert_allclose(silver, before[1], atol=0.01)
+    np.testing.assert_allclose(can.swatches[1].color, CAN[1], atol=1e-6)
+    can.swatches[3].color = BLUE
+    letters, silver = halves(addon, learned)
+    assert letters[2] > 0.6
+    np.testing.assert_allclose(silver, before[1], atol=0.01)
+
+
+def test_protect_neutrals_takes_back_what_had_followed_the_drag(addon, learned, can):
+    before = colors(can)
+    can.swatches[1].color = GREEN
+    assert np.abs(colors(can) - before)[1:].max(1).min() > 0
+    addon.steps.protect_neutrals(learned, "can", 1)
+    np.testing.assert_allclose(colors(can)[:3], before, atol=1e-6)
+
+
+def test_an_added_color_is_only_told_so(bpy, addon, learned, can):
+    number = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN), reach=2.0, protect=0.0)
+    bpy.ops.karf.solo_swatch(object_name="can", index=number)
+    assert halves(addon, learned)[:, 0].min() > 0.5  # its hue is all that counts
+    assert addon.steps.protect_neutrals(learned, "can", number) == number
+    letters, silver = halves(addon, learned)[:, 0]
+    bpy.context.window_manager.karf_seeing.mode = "EDITED"
+    assert letters > 0.8 and silver < 0.01
+    assert can.swatches[number].protect == pytest.approx(addon.engine_api.PROTECT)
+
+
+def test_protection_is_proposed_and_what_is_given_counts(addon, learned, can):
+    proposed = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN))
+    given = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN), reach=0.5, protect=0.0)
+    assert can.swatches[proposed].protect == pytest.approx(addon.engine_api.PROTECT)
+    assert (can.swatches[given].reach, can.swatches[given].protect) == (0.5, 0)

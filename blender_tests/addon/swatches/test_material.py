@@ -1,37 +1,44 @@
-"""Dragging one swatch moves its paint."""
+"""The paint of a swatch: its shades follow a drag, and saturation, brightness and gloss change how it is shown."""
 
 import numpy as np
+import pytest
 
 from karf_engine.palettes.color_histogram import write_object_colors
 from karf_engine.palettes.palette import write_palettes
 
-BLUE = (0.1, 0.2, 0.7)
+from .scenes import BLUE, GREEN, YELLOW, colors, palettes, set_histogram
 
 
-def colors(item):
-    return np.array([swatch.color[:] for swatch in item.swatches])
+@pytest.fixture
+def edited(addon, pot):
+    """The palette that is shown."""
+    return lambda: addon.colors.edited(pot)
 
 
+def is_gray(color):
+    return np.ptp(color) < 0.03
+
+
+# --- dragging --------------------------------------------------------------------------------------------------------
 def test_shades_of_the_paint_follow_and_other_paints_stay(pot):
     before = colors(pot)
     pot.swatches[1].color = BLUE
-    after = colors(pot)
-    np.testing.assert_allclose(after[1], BLUE, atol=1e-6)
-    assert after[2, 2] > 0.25 and after[2, 0] < 0.12
-    np.testing.assert_allclose(after[3], before[3], atol=0.02)
+    first = colors(pot)
+    np.testing.assert_allclose(first[1], BLUE, atol=1e-6)
+    assert first[2, 2] > 0.25 and first[2, 0] < 0.12
+    np.testing.assert_allclose(first[3], before[3], atol=0.02)
+    pot.swatches[3].color = YELLOW  # a second paint goes on from the first
+    np.testing.assert_allclose(colors(pot)[1:3], first[1:3], atol=0.02)
+    np.testing.assert_allclose(colors(pot)[3], YELLOW, atol=1e-6)
 
 
-def test_a_drag_ends_where_its_last_color_alone_would(pot):
-    pot.swatches[1].color = BLUE
-    direct = colors(pot)
-    for color in ((0.3, 0.9, 0.2), (0.01, 0.0, 0.0), (1.0, 1.0, 0.0), BLUE):
-        pot.swatches[1].color = color
-    np.testing.assert_array_equal(colors(pot), direct)
-
-
-def test_dragged_back_or_reset_everything_is_as_it_was(bpy, pot):
+def test_a_drag_ends_where_its_last_color_alone_would_and_back_or_reset_where_it_began(bpy, pot):
     before = colors(pot)
     pot.swatches[1].color = BLUE
+    direct = colors(pot)
+    for color in (GREEN, (0.01, 0.0, 0.0), (1.0, 1.0, 0.0), BLUE):
+        pot.swatches[1].color = color
+    np.testing.assert_array_equal(colors(pot), direct)
     pot.swatches[1].color = pot.swatches[1].learned[:]
     np.testing.assert_array_equal(colors(pot), before)
     pot.swatches[1].color = BLUE
@@ -39,58 +46,43 @@ def test_dragged_back_or_reset_everything_is_as_it_was(bpy, pot):
     np.testing.assert_array_equal(colors(pot), before)
 
 
-def test_a_second_paint_goes_on_from_the_first(pot):
+def test_so_does_a_drag_of_a_swatch_with_merged_ones(addon, learned, pot):
+    addon.steps.merge_swatch(learned, "pot", 2, 1)
+    before = colors(pot)
     pot.swatches[1].color = BLUE
-    first = colors(pot)
-    pot.swatches[3].color = (0.9, 0.8, 0.1)
-    np.testing.assert_allclose(colors(pot)[1:3], first[1:3], atol=0.02)
-    np.testing.assert_allclose(colors(pot)[3], (0.9, 0.8, 0.1), atol=1e-6)
+    direct = colors(pot)
+    np.testing.assert_allclose(direct[2] - before[2], np.maximum(direct[1] - before[1], -before[2]), atol=1e-6)
+    for color in (GREEN, BLUE):
+        pot.swatches[1].color = color
+    np.testing.assert_array_equal(colors(pot), direct)
 
 
-def test_locked_swatches_stay_and_without_material_all_others_do(learned, pot):
+def test_locked_swatches_stay_and_without_material_or_by_a_script_all_others_do(addon, learned, pot):
     before = colors(pot)
     pot.swatches[2].locked = True
     pot.swatches[1].color = BLUE
     np.testing.assert_array_equal(colors(pot)[2], before[2])
     pot.swatches[2].locked, learned.karf.material = False, False
-    pot.swatches[1].color = (0.1, 0.7, 0.7)
+    pot.swatches[1].color = GREEN
+    np.testing.assert_array_equal(colors(pot)[2:], before[2:])
+    learned.karf.material = True
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
     np.testing.assert_array_equal(colors(pot)[2:], before[2:])
 
 
-def test_what_a_program_sets_stands_alone(bpy, addon, pot):
+def test_a_linked_swatch_takes_its_own_paint_along(addon, learned, pot):
     before = colors(pot)
-    addon.steps.set_swatch(bpy.context.scene, "pot", 1, BLUE)
-    np.testing.assert_array_equal(colors(pot)[2:], before[2:])
-
-
-def test_a_linked_swatch_takes_its_own_paint_along(bpy, addon, pot):
-    before = colors(pot)
-    addon.steps.link_swatches(bpy.context.scene, ("pot", 3), ("pot", 1))
+    addon.steps.link_swatches(learned, ("pot", 3), ("pot", 1))
     pot.swatches[1].color = BLUE
-    after = colors(pot)
-    np.testing.assert_allclose(after[3], BLUE, atol=1e-6)
-    assert after[2, 2] > before[2, 2] + 0.1
-
-
-def test_keyframes_of_a_dragged_swatch_move_its_paint(learned, pot):
-    before, swatch = colors(pot), pot.swatches[1]
-    swatch.keyframe_insert("color", frame=1)
-    learned.frame_set(20)
-    swatch.color = BLUE
-    swatch.keyframe_insert("color", frame=20)
-    blue = colors(pot)
-    learned.frame_set(1)
-    np.testing.assert_allclose(colors(pot), before, atol=1e-6)
-    learned.frame_set(20)
-    np.testing.assert_allclose(colors(pot), blue, atol=1e-6)
+    np.testing.assert_allclose(colors(pot)[3], BLUE, atol=1e-6)
+    assert colors(pot)[2, 2] > before[2, 2] + 0.1
 
 
 def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
-    gold = np.array([[0, 0, 0], [0.85, 0.65, 0.35], [1, 0.95, 0.75]], np.float32)
-    addon.palettes.load_palettes(learned, [addon.engine_api.Palette("pot", gold)])
-    weights = np.repeat(np.eye(3)[1:], 20, axis=0)
-    seen = addon.engine_api.ColorHistogram(weights @ gold, np.ones(40), weights)
-    addon.displayed.of(learned).learned_histogram = lambda name: seen
+    pot.swatches[1].color = BLUE  # a drag that ends with the palette
+    (gold,) = palettes(addon, pot=[(0.85, 0.65, 0.35), (1, 0.95, 0.75)])
+    set_histogram(addon, learned, gold.colors, np.repeat(np.eye(3)[1:], 20, axis=0))
+    addon.palettes.load_palettes(learned, [gold])
     item = learned.karf.objects["pot"]
     item.swatches[1].color = BLUE
     varnish = colors(item)
@@ -102,22 +94,134 @@ def test_metal_says_that_highlights_take_the_paints_color(addon, learned, pot):
     np.testing.assert_array_equal(colors(item), varnish)
 
 
-def test_a_drag_goes_on_in_a_file_that_is_opened_again(bpy, addon, learned, pot, tmp_path):
+def test_keyframes_of_a_drag_move_its_paint_in_a_file_that_is_opened_again(addon, learned, pot, reopen):
     project, seen = addon.folders.project_of(learned), addon.displayed.of(learned).learned_histogram("pot")
     write_palettes(project.palette_file, addon.colors.palettes(learned), shared=False)
     write_object_colors(project.object_colors_file, {"pot": seen})
-    item = pot
-    for frame, color in ((1, item.swatches[1].learned[:]), (11, BLUE)):
-        item.swatches[1].color = color
-        item.swatches[1].keyframe_insert("color", frame=frame)
+    before = colors(pot)
+    for frame, color in ((1, before[1]), (11, BLUE)):
+        pot.swatches[1].color = color
+        pot.swatches[1].keyframe_insert("color", frame=frame)
     learned.frame_set(11)
-    blue = colors(item)
-    assert np.abs(blue[2] - item.swatches[2].learned[:]).max() > 1e-3
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
-    scene = bpy.context.scene
-    scene.frame_set(1)
-    item = scene.karf.objects["pot"]
-    np.testing.assert_allclose(colors(item), [swatch.learned[:] for swatch in item.swatches], atol=1e-4)
-    scene.frame_set(11)
-    np.testing.assert_allclose(colors(item), blue, atol=1e-4)
+    blue = colors(pot)
+    assert np.abs(blue[2] - before[2]).max() > 0.1
+    scene = reopen()
+    for frame, wanted in ((1, before), (11, blue)):
+        scene.frame_set(frame)
+        np.testing.assert_allclose(colors(scene.karf.objects["pot"]), wanted, atol=1e-4)
+
+
+# --- surfaces --------------------------------------------------------------------------------------------------------
+def test_a_surface_turns_the_paint_gray_and_neutral_numbers_show_the_chosen_colors_very_bits(addon, pot, edited):
+    chosen = addon.colors.chosen(pot)
+    pot.swatches[1].saturation = 0
+    assert is_gray(edited()[1]) and is_gray(edited()[2])
+    np.testing.assert_allclose(edited()[3], chosen[3], atol=0.02)
+    np.testing.assert_array_equal(addon.colors.chosen(pot), chosen)
+    pot.swatches[1].color = (0.3, 0.7, 1.2)
+    assert edited().tobytes() != addon.colors.chosen(pot).tobytes()
+    pot.swatches[1].saturation = 1
+    assert edited().tobytes() == addon.colors.chosen(pot).tobytes()
+
+
+def test_a_number_that_is_moved_to_and_fro_ends_where_it_would_at_once(pot, edited):
+    pot.swatches[1].brightness = 0.4
+    direct = edited()
+    for value in (-1, 0.9, 0.0, 1.7, 0.4):
+        pot.swatches[1].brightness = value
+    np.testing.assert_array_equal(edited(), direct)
+
+
+def test_a_color_that_is_dragged_takes_its_surface_along(pot, edited):
+    pot.swatches[1].saturation = 0
+    pot.swatches[1].color = BLUE
+    assert is_gray(edited()[1]) and edited()[1].sum() < 1.2
+
+
+def test_splitting_a_swatch_that_had_a_surface_changes_no_color(bpy, pot, edited):
+    pot.swatches[2].saturation = 0
+    bpy.ops.karf.merge_swatch(object_name="pot", index=2, into=1)
+    before = edited()
+    bpy.ops.karf.split_swatch(object_name="pot", index=1)
+    pot.choke = 1  # any change brings the displayed palette up to date
+    np.testing.assert_array_equal(edited(), before)
+
+
+def test_a_locked_swatch_keeps_what_it_shows(addon, pot, edited):
+    chosen = addon.colors.chosen(pot)
+    pot.swatches[2].locked = True
+    pot.swatches[1].saturation = 0
+    np.testing.assert_array_equal(edited()[2], chosen[2])
+    pot.swatches[2].locked = False
+    before = edited()
+    assert is_gray(before[2])
+    pot.swatches[2].locked = True  # locked as the other surface has moved it
+    np.testing.assert_allclose(edited(), before, atol=1e-5)
+    pot.swatches[1].brightness = 0.5
+    assert np.abs(edited()[1] - before[1]).max() > 0.02
+    pot.swatches[1].brightness, pot.swatches[1].saturation = 0, 1
+    np.testing.assert_array_equal(edited()[2], before[2])
+    pot.swatches[2].locked = False
+    np.testing.assert_array_equal(edited(), chosen)
+
+
+def test_linked_swatches_share_their_surface_and_an_added_color_has_its_own(addon, learned, pot, edited):
+    number = addon.steps.add_color(learned, "pot", (0.1, 0.6, 0.1))
+    before = edited()
+    addon.steps.set_surface(learned, "pot", number, saturation=0)
+    np.testing.assert_array_equal(edited()[: number + 1], before[: number + 1])
+    assert is_gray(edited()[number + 3])
+    addon.steps.set_surface(learned, "pot", number)
+    addon.steps.set_surface(learned, "pot", 3, saturation=0)
+    np.testing.assert_array_equal(edited()[number:], before[number:])
+    addon.steps.link_swatches(learned, ("pot", 3), ("pot", 1))
+    pot.swatches[1].saturation = 0.25
+    assert pot.swatches[3].saturation == 0.25
+    addon.steps.set_surface(learned, "pot", 3, gloss=0.5)
+    assert (pot.swatches[1].saturation, pot.swatches[1].gloss) == (1, 0.5)
+
+
+def test_becomes_begins_from_what_is_shown_and_leaves_no_surface(addon, learned, pot, edited):
+    addon.steps.set_surface(learned, "pot", 1, saturation=0)
+    pot.source, pot.target = edited()[1], BLUE
+    addon.edits.become_target(pot)
+    np.testing.assert_allclose(edited()[1], BLUE, atol=0.02)
+    assert addon.colors.state(pot).is_neutral
+
+
+@pytest.mark.parametrize("operator", ["reset_surface", "reset_swatch"])
+def test_reset_gives_the_learned_colors_back(bpy, addon, pot, edited, operator):
+    pot.swatches[1].gloss, pot.swatches[1].saturation = 0.5, 0.2
+    getattr(bpy.ops.karf, operator)(object_name="pot", index=1)
+    assert edited().tobytes() == addon.colors.learned(pot).tobytes()
+
+
+def test_without_counted_colors_what_was_shown_stays(addon, learned, pot, edited):
+    pot.swatches[1].saturation = 0
+    gray = edited()
+    addon.displayed.forget(learned)
+
+    def lost(name):
+        raise addon.steps.KarfError("The project is gone.", "Choose it anew.")
+
+    addon.displayed.of(learned).learned_histogram = lost
+    pot.swatches[3].gloss = 0.5
+    np.testing.assert_array_equal(edited(), gray)
+
+
+def test_a_driven_socket_follows(bpy, addon, learned, pot, edited):
+    tree, group = (bpy.data.node_groups.new(name, "ShaderNodeTree") for name in ("follows", "sockets"))
+    group.interface.new_socket("pot 1", in_out="INPUT", socket_type="NodeSocketColor")
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    addon.nodes.drive(node, "pot", 1, learned, 'karf.objects["pot"].swatches[1]')
+    material = bpy.data.materials.new("holder")
+    material.use_nodes = True
+    material.node_tree.nodes.new("ShaderNodeGroup").node_tree = tree
+    pot.swatches[1].saturation = 0
+    bpy.context.view_layer.update()
+    values = []
+    for curve in tree.animation_data.drivers:
+        names = {each.name: learned.path_resolve(each.targets[0].data_path) for each in curve.driver.variables}
+        values.append(eval(curve.driver.expression, {"pow": pow}, names))
+    np.testing.assert_allclose(values, addon.engine_api.srgb_to_linear(edited()[1].astype(float)), atol=1e-5)

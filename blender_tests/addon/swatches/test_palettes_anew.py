@@ -1,24 +1,25 @@
-"""Palettes found anew: edits, locks and keyframes stay with their object and color, and nothing is lost."""
+"""Palettes found anew: edits, looks, locks and keyframes stay with their object and color, and nothing is lost."""
 
 import json
 
 import numpy as np
 import pytest
 
+from .scenes import LID, POT, color, palettes
+
 BLUE = (0.25, 0.5, 0.75)
+GREEN = (0.1, 0.8, 0.1)
 
 
-def palettes(addon, **colors):
-    """Palettes of objects by name; black comes before the colors."""
-    make = addon.engine_api.Palette
-    return [make(name, np.array([(0, 0, 0), *rows], np.float32)) for name, rows in colors.items()]
+@pytest.fixture
+def blue(addon, learned):
+    """The scene with an edit."""
+    addon.steps.set_swatch(learned, "pot", 1, BLUE)
+    return learned
 
 
-LID, POT = [(0.2, 0.4, 0.6), (1, 1, 1)], [(0.8, 0.2, 0.1), (0.9, 0.9, 0.5)]
-
-
-def color_of(scene, name, index):
-    return tuple(scene.karf.objects[name].swatches[index].color)
+def load(addon, scene, **objects):
+    addon.palettes.load_palettes(scene, palettes(addon, **objects))
 
 
 def keyed(scene, name, index):
@@ -29,74 +30,82 @@ def keyed(scene, name, index):
         swatch.keyframe_insert("color", frame=frame)
 
 
+def at_frame_6(scene, name, index):
+    for frame in (11, 6):
+        scene.frame_set(frame)
+    return color(scene, name, index)
+
+
 def kept_files(addon, scene):
     return sorted((addon.folders.project_of(scene).folder / "edits").glob("kept-*.json"))
 
 
-def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, learned):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    learned.karf.objects["lid"].swatches[2].locked = True
-    learned.karf.objects["pot"].target = BLUE
-    addon.steps.extract_palette(learned).wait()
-    assert color_of(learned, "pot", 1) == BLUE
-    assert learned.karf.objects["lid"].swatches[2].locked
-    assert tuple(learned.karf.objects["pot"].target) == BLUE
-    assert not kept_files(addon, learned)
+def test_edits_locks_and_pairs_stay_when_palettes_are_extracted_anew(addon, blue):
+    lid, pot = blue.karf.objects
+    lid.swatches[2].locked, pot.target = True, BLUE
+    addon.steps.extract_palette(blue).wait()
+    lid, pot = blue.karf.objects
+    np.testing.assert_array_equal([pot.swatches[1].color, pot.target], [BLUE] * 2)
+    assert lid.swatches[2].locked and not kept_files(addon, blue)
 
 
-def test_edits_follow_their_object_and_color_in_another_order(addon, learned):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    learned.karf.objects["pot"].swatches[2].locked = True
-    moved = [POT[1], (0.1, 0.8, 0.1), (0.82, 0.19, 0.12)]
-    addon.palettes.load_palettes(learned, palettes(addon, new=[(0, 0, 1)], pot=moved, lid=LID))
-    np.testing.assert_allclose(color_of(learned, "pot", 3), BLUE)
-    assert [swatch.locked for swatch in learned.karf.objects["pot"].swatches] == [True, True, False, False]
-    # what was not edited is as learned now
-    np.testing.assert_allclose(color_of(learned, "pot", 2), (0.1, 0.8, 0.1))
-    assert not kept_files(addon, learned)
+def test_edits_and_looks_follow_their_object_and_color_in_another_order(addon, blue):
+    addon.steps.keep_look(blue, "blue")
+    addon.steps.set_swatch(blue, "pot", 1, GREEN)  # of no look
+    blue.karf.objects["pot"].swatches[2].locked, blue.karf.objects["pot"].swatches[2].saturation = True, 0.25
+    load(addon, blue, new=[(0, 0, 1)], pot=[POT[1], GREEN, (0.82, 0.19, 0.12)], lid=LID)
+    np.testing.assert_allclose(color(blue, "pot", 3), GREEN)
+    assert [swatch.locked for swatch in blue.karf.objects["pot"].swatches] == [True, True, False, False]
+    assert [swatch.saturation for swatch in blue.karf.objects["pot"].swatches] == [1, 0.25, 1, 1]
+    assert not kept_files(addon, blue)
+    assert blue.karf.look == "blue" and addon.looks.is_changed(blue)
+    addon.steps.choose_look(blue, "blue")
+    np.testing.assert_allclose(color(blue, "pot", 3), BLUE)
+    np.testing.assert_allclose(color(blue, "pot", 2), GREEN)  # new: as learned
 
 
-def test_keyframes_stay_with_their_objects_swatch(addon, learned):
+def test_edits_and_looks_whose_colors_are_gone_are_kept_in_files_that_a_warning_names(addon, blue):
+    addon.steps.keep_look(blue, "B")
+    wanted = json.loads(blue.karf.looks["B"].edit)
+    addon.steps.set_swatch(blue, "pot", 1, GREEN)
+    load(addon, blue, lid=LID, pot=[(0.1, 0.1, 0.9), POT[1]])
+    np.testing.assert_allclose(color(blue, "pot", 1), (0.1, 0.1, 0.9))
+    edit, look = sorted(kept_files(addon, blue), key=lambda path: path.stem.endswith("-B"))
+    np.testing.assert_allclose(json.loads(edit.read_text())["objects"]["pot"]["colors"][1], GREEN, atol=1e-6)
+    assert json.loads(look.read_text()) == wanted
+    warnings = addon.progress.state().warnings
+    assert str(edit) in warnings and str(look) in warnings and "look B" in warnings
+    addon.steps.choose_look(blue, "B")
+    addon.palettes.load_palettes(blue, ())
+    assert not len(blue.karf.looks) and not blue.karf.look
+
+
+def test_keyframes_and_drivers_stay_with_their_objects_swatch(addon, learned):
     keyed(learned, "lid", 2)
-    addon.palettes.load_palettes(learned, palettes(addon, box=LID, lid=LID[::-1], pot=POT))
-    learned.frame_set(11)
-    learned.frame_set(6)
-    np.testing.assert_allclose(color_of(learned, "lid", 1), 0.5, atol=1e-4)
-    np.testing.assert_allclose(color_of(learned, "box", 2), 1)
-    np.testing.assert_allclose(color_of(learned, "lid", 2), LID[0])
-
-
-def test_drivers_stay_with_their_objects_swatch(bpy, addon, learned):
     curve = learned.driver_add("karf.objects[1].swatches[1].color", 0)
     curve.driver.type, curve.driver.expression = "SCRIPTED", "frame / 10"
-    addon.palettes.load_palettes(learned, palettes(addon, pot=POT, lid=LID))
+    load(addon, learned, box=LID, pot=POT, lid=LID[::-1])
+    np.testing.assert_allclose(at_frame_6(learned, "lid", 1), 0.5, atol=1e-4)
+    np.testing.assert_allclose([color(learned, "box", 2), color(learned, "lid", 2)], [(1, 1, 1), LID[0]])
     learned.frame_set(5)
-    assert color_of(learned, "pot", 1)[0] == pytest.approx(0.5)
-    assert color_of(learned, "lid", 1) == pytest.approx(LID[0])
+    assert color(learned, "pot", 1)[0] == pytest.approx(0.5)
 
 
-def test_keyframes_of_an_object_that_is_gone_move_nothing_and_wait_for_it(addon, learned):
+def test_keyframes_and_drivers_of_an_object_that_is_gone_move_nothing_and_wait_for_it(addon, learned):
     keyed(learned, "lid", 2)
-    addon.palettes.load_palettes(learned, palettes(addon, pot=POT))
-    learned.frame_set(6)
-    np.testing.assert_allclose(color_of(learned, "pot", 2), POT[1])
-    addon.palettes.load_palettes(learned, palettes(addon, pot=POT, lid=[(0.5, 0, 0.5), *LID]))
-    learned.frame_set(11)
-    learned.frame_set(6)
-    np.testing.assert_allclose(color_of(learned, "lid", 3), 0.5, atol=1e-4)
-    np.testing.assert_allclose(color_of(learned, "lid", 2), LID[0])
-
-
-def test_a_driver_that_names_an_object_which_is_gone_disturbs_nothing(addon, learned):
     curve = learned.driver_add('karf.objects["lid"].swatches[1].color', 0)
-    for names in (["pot"], ["pot"], ["lid", "pot"]):
-        known = {"lid": LID, "pot": POT}
-        addon.palettes.load_palettes(learned, palettes(addon, **{name: known[name] for name in names}))
-    assert curve.data_path == "karf.objects[0].swatches[1].color"
+    for _ in range(2):
+        load(addon, learned, pot=POT)
+        np.testing.assert_allclose(at_frame_6(learned, "pot", 2), POT[1])
+    load(addon, learned, pot=POT, lid=[(0.5, 0, 0.5), *LID])
+    np.testing.assert_allclose(at_frame_6(learned, "lid", 3), 0.5, atol=1e-4)
+    assert curve.data_path == "karf.objects[1].swatches[2].color"
 
 
 def test_asking_for_edits_changes_nothing(addon, learned):
     assert not addon.palettes.has_edits(learned)
+    learned.driver_add("karf.objects[1].swatches[1].color", 0)
+    assert addon.palettes.has_edits(learned)
     keyed(learned, "lid", 2)
     addon.steps.apply_edit(learned, addon.engine_api.Edit({}, "delta"))
     other, action = learned.copy(), learned.animation_data.action
@@ -104,68 +113,60 @@ def test_asking_for_edits_changes_nothing(addon, learned):
     assert other.animation_data.action == learned.animation_data.action == action
 
 
-def test_scenes_that_share_an_action_keep_their_keyframes_each(bpy, addon, learned):
+def test_scenes_that_share_an_action_keep_their_keyframes_each(addon, learned):
     keyed(learned, "lid", 2)
-    other = learned.copy()
-    assert other.animation_data.action == learned.animation_data.action
-    for scene in (learned, other):
-        addon.palettes.load_palettes(scene, palettes(addon, pot=POT, lid=LID))
-    for scene in (learned, other):
+    scenes = learned, learned.copy()
+    assert scenes[0].animation_data.action == scenes[1].animation_data.action
+    for scene in scenes:
+        load(addon, scene, pot=POT, lid=LID)
+    for scene in scenes:
         curves = addon.compat.curves_of(scene.animation_data)
         assert {curve.data_path for curve in curves} == {"karf.objects[1].swatches[2].color"}
 
 
-def test_an_edit_whose_color_is_gone_is_kept_in_a_file_that_a_warning_names(bpy, addon, learned):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    addon.palettes.load_palettes(learned, palettes(addon, lid=LID, pot=[(0.1, 0.1, 0.9), (0.9, 0.9, 0.5)]))
-    np.testing.assert_allclose(color_of(learned, "pot", 1), (0.1, 0.1, 0.9))
-    (file,) = kept_files(addon, learned)
-    assert json.loads(file.read_text())["objects"]["pot"]["colors"][1] == list(BLUE)
-    assert str(file) in bpy.context.window_manager.karf_progress.warnings
-
-
-def test_edits_that_cannot_be_kept_are_not_replaced(bpy, addon, learned):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    project = addon.folders.project_of(learned)
-    (project.folder / "edits").write_text("in the way")
+def test_edits_that_cannot_be_kept_are_not_replaced(addon, blue):
+    (addon.folders.project_of(blue).folder / "edits").write_text("in the way")
     with pytest.raises(addon.engine_api.DataError, match="could not be saved"):
-        addon.palettes.load_palettes(learned, palettes(addon, lid=LID))
-    assert color_of(learned, "pot", 1) == BLUE
+        load(addon, blue, lid=LID)
+    np.testing.assert_array_equal(color(blue, "pot", 1), BLUE)
 
 
-def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon, learned, tmp_path):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    addon.steps.set_swatch(learned, "lid", 1, BLUE)
+def test_choosing_another_project_keeps_the_edits_that_it_has_no_place_for(addon, blue, tmp_path):
+    addon.steps.set_swatch(blue, "lid", 1, BLUE)
     content = {"schema": "karf-palette/1", "objects": [{"name": "lid", "colors": [[0, 0, 0], *LID]}]}
     other = addon.engine_api.Project(tmp_path / "other")
     other.create("lids")
     other.palette_file.write_text(json.dumps(content))
-    learned.karf.project = str(other.folder)
-    assert learned.karf.objects.keys() == ["lid"] and color_of(learned, "lid", 1) == BLUE
-    (file,) = kept_files(addon, learned)
+    blue.karf.project = str(other.folder)
+    assert blue.karf.objects.keys() == ["lid"]
+    np.testing.assert_array_equal(color(blue, "lid", 1), BLUE)
+    (file,) = kept_files(addon, blue)
     assert json.loads(file.read_text())["objects"]["pot"]["colors"][1] == list(BLUE)
 
 
+def test_choosing_the_same_project_again_keeps_the_edits(addon, blue):
+    blue.karf.project = blue.karf.project + "/../project"
+    np.testing.assert_array_equal(color(blue, "pot", 1), BLUE)
+
+
 def test_show_brings_the_palettes_that_the_project_has_learned_meanwhile(addon, learned):
-    addon.palettes.load_palettes(learned, palettes(addon, lid=LID))
+    load(addon, learned, lid=LID)
     addon.steps.show_view(learned).wait()
     assert learned.karf.objects.keys() == ["lid", "pot"]
 
 
-def test_importing_another_capture_keeps_the_edits(addon, learned, two_splits, tmp_path):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    project = addon.folders.project_of(learned)
-    addon.steps.import_capture(learned, two_splits, tmp_path / "second")
-    assert not learned.karf.objects
+def test_importing_another_capture_keeps_the_edits(addon, blue, two_splits, tmp_path):
+    project = addon.folders.project_of(blue)
+    addon.steps.import_capture(blue, two_splits, tmp_path / "second")
+    assert not blue.karf.objects
     assert len(list((project.folder / "edits").glob("kept-*.json"))) == 1
 
 
-def test_a_damaged_palette_leaves_the_swatches_and_warns_once(bpy, addon, learned, capsys):
-    addon.steps.set_swatch(learned, "pot", 1, BLUE)
-    addon.folders.project_of(learned).palette_file.write_text("{")
-    learned.karf.project = learned.karf.project
-    assert color_of(learned, "pot", 1) == BLUE
-    assert bpy.context.window_manager.karf_progress.warnings.count("broken JSON") == 1
+def test_a_damaged_palette_leaves_the_swatches_and_warns_once(addon, blue, capsys):
+    addon.folders.project_of(blue).palette_file.write_text("{")
+    blue.karf.project = blue.karf.project
+    np.testing.assert_array_equal(color(blue, "pot", 1), BLUE)
+    assert addon.progress.state().warnings.count("broken JSON") == 1
     assert "Traceback" not in capsys.readouterr().out
 
 

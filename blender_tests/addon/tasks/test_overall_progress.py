@@ -2,59 +2,22 @@
 
 import importlib
 
+import numpy as np
 import pytest
 
-# stage of the job, stage of the event, its step and total, and seconds since the task began
-PROGRESS = (
-    ("geometry", "points", 16, 60, 3.4),
-    ("geometry", "points", 60, 60, 5.1),
-    ("geometry", "geometry", 1, 650, 14.3),
-    ("geometry", "geometry", 101, 650, 17.1),
-    ("geometry", "geometry", 132, 650, 18.6),
-    ("geometry", "geometry", 169, 650, 20.1),
-    ("geometry", "geometry", 207, 650, 21.8),
-    ("geometry", "geometry", 245, 650, 23.4),
-    ("geometry", "geometry", 283, 650, 25.0),
-    ("geometry", "geometry", 301, 650, 26.8),
-    ("geometry", "geometry", 329, 650, 28.5),
-    ("geometry", "geometry", 359, 650, 30.2),
-    ("geometry", "geometry", 395, 650, 32.0),
-    ("geometry", "geometry", 428, 650, 33.6),
-    ("geometry", "geometry", 464, 650, 35.3),
-    ("geometry", "geometry", 486, 650, 36.7),
-    ("geometry", "geometry", 517, 650, 38.3),
-    ("geometry", "geometry", 550, 650, 40.0),
-    ("geometry", "geometry", 586, 650, 41.6),
-    ("geometry", "geometry", 617, 650, 43.2),
-    ("geometry", "geometry", 650, 650, 44.8),
-    ("segmentation", "surface", 65536, 442368, 45.6),
-    ("segmentation", "surface", 442368, 442368, 46.2),
-    ("segmentation", "segmentation", 1, 150, 49.5),
-    ("segmentation", "segmentation", 75, 150, 51.1),
-    ("segmentation", "segmentation", 150, 150, 52.6),
-    ("recoloring", "recoloring", 1, 250, 53.7),
-    ("recoloring", "recoloring", 52, 250, 55.3),
-    ("recoloring", "recoloring", 105, 250, 56.9),
-    ("recoloring", "recoloring", 155, 250, 58.5),
-    ("recoloring", "recoloring", 201, 250, 60.1),
-    ("recoloring", "recoloring", 241, 250, 61.8),
-    ("recoloring", "recoloring", 250, 250, 62.1),
-    ("render", "render", 1, 1, 63.7),
+# job, stage of its events; first, last and all steps; seconds since the task began at first and last; number of events
+PHASES = (
+    ("geometry", "points", 16, 60, 60, 3.4, 5.1, 2),
+    ("geometry", "geometry", 1, 101, 650, 14.3, 17.1, 2),  # the first ones are faster
+    ("geometry", "geometry", 132, 650, 650, 18.6, 44.8, 18),
+    ("segmentation", "surface", 65_536, 442_368, 442_368, 45.6, 46.2, 2),
+    ("segmentation", "segmentation", 1, 150, 150, 49.5, 52.6, 3),
+    ("recoloring", "recoloring", 1, 250, 250, 53.7, 62.1, 7),
+    ("render", "render", 1, 1, 1, 63.7, 63.7, 1),
 )
-ENDS = {
-    "geometry": 45.2,
-    "segmentation": 53.4,
-    "palette": 53.5,
-    "recoloring": 62.1,
-    "render": 63.7,
-}  # of each job, seconds since the task began
-EXPECTED = {
-    "geometry": 45.5,
-    "segmentation": 10.0,
-    "palette": 1.0,
-    "recoloring": 10.4,
-    "render": 1.0,
-}  # before it began
+# of each job: when it ended, seconds since the task began; and how long it was expected to take
+ENDS = {"geometry": 45.2, "segmentation": 53.4, "palette": 53.5, "recoloring": 62.1, "render": 63.7}
+EXPECTED = {"geometry": 45.5, "segmentation": 10.0, "palette": 1.0, "recoloring": 10.4, "render": 1.0}
 TOTAL = ENDS["render"]
 
 
@@ -67,12 +30,13 @@ class Event(dict):
 def replayed(course):
     """The times of all events, and what the course says at each: the share that is done, and the seconds left."""
     current = "geometry"
-    for job, stage, step, total, now in PROGRESS:
+    for job, stage, first, last, total, begin, end, count in PHASES:
         while job != current:
             course.begin_next(ENDS[current])
             current = list(ENDS)[list(ENDS).index(current) + 1]
-        course.take(Event(stage=stage, step=step, total=total), job, now)
-        yield now, course.share(), course.left()
+        for now, step in zip(np.linspace(begin, end, count), np.linspace(first, last, count), strict=True):
+            course.take(Event(stage=stage, step=round(step), total=total), job, now)
+            yield now, course.share(), course.left()
 
 
 @pytest.fixture

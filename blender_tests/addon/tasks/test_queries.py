@@ -3,176 +3,162 @@
 import errno
 import subprocess
 import sys
-from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from ..conftest import ROOT
 from ..timers import run_to_end
-
-ROOT = Path(__file__).parents[3]
-
-
-def query(addon, scene, **options):
-    """Query in background mode, where queries block; the answer's values."""
-    answers = []
-    addon.queries.send(scene, "echo", options, lambda found, values: answers.append((found, values)))
-    ((found, values),) = answers
-    assert found == scene
-    return values
 
 
 @pytest.fixture
-def beside(bpy, addon, monkeypatch):
-    """Queries as with an interface: they return at once. The tests are the timer."""
-    started = []
-    app = type("App", (), {"background": False, "timers": type("Timers", (), {
-        "is_registered": staticmethod(lambda tick: tick in started),
-        "register": staticmethod(lambda tick, **how: started.append(tick)),
-    })})  # fmt: skip
-    for module in (addon.queries, addon.session):
-        monkeypatch.setattr(module, "bpy", type("Bpy", (), {"app": app, "types": bpy.types}))
-    return started
+def query(addon, project_scene):
+    """A function that queries in background mode, where queries block, and returns the answer's values."""
+
+    def query(**options):
+        answers = []
+        addon.queries.send(project_scene, "echo", options, lambda *answer: answers.append(answer))
+        ((found, values),) = answers
+        assert found == project_scene
+        return values
+
+    return query
 
 
-def jobs_of(addon, scene):
-    return sorted((addon.folders.project_of(scene).folder / "jobs").glob("*-warm"))
+@pytest.fixture
+def jobs(addon, project_scene):
+    """A function that lists the folders of the queries' workers."""
+    return lambda: sorted((addon.folders.project_of(project_scene).folder / "jobs").glob("*-warm"))
 
 
-def test_one_process_answers_one_query_after_the_other_and_knows_the_project(addon, project_scene):
-    first, second = query(addon, project_scene, side=96), query(addon, project_scene, side=192)
+def test_one_process_answers_one_query_after_the_other_and_knows_the_project(addon, project_scene, query):
+    first, second = query(side=96), query(side=192)
     assert (first["options"]["side"], second["options"]["side"]) == (96, 192)
     assert first["options"]["project"] == str(addon.folders.project_of(project_scene).folder)
     assert first["pid"] == second["pid"]
 
 
-def test_what_a_blender_that_crashed_has_left_goes_with_the_next_worker(addon, project_scene):
+def test_what_a_blender_that_crashed_has_left_goes_with_the_next_worker(addon, project_scene, query, jobs):
     code = "import sys; from karf_engine.project import Project, jobs; jobs.new_job(Project(sys.argv[1]), 'warm')"
     command = [sys.executable, "-c", code, str(addon.folders.project_of(project_scene).folder)]
     subprocess.run(command, cwd=ROOT, check=True)
-    (left,) = jobs_of(addon, project_scene)
+    (left,) = jobs()
     (left / "answer.npz").touch()
-    query(addon, project_scene)
-    (job,) = jobs_of(addon, project_scene)
+    query()
+    (job,) = jobs()
     assert not (job / "answer.npz").exists()
 
 
-def test_what_the_worker_refuses_is_raised_and_the_worker_stays(addon, project_scene):
-    pid = query(addon, project_scene)["pid"]
-    with pytest.raises(addon.engine_api.DataError, match=r"photo_7.png is missing\.") as caught:
-        query(addon, project_scene, behave="refuse")
-    assert caught.value.hint == "Find it."
-    assert query(addon, project_scene)["pid"] == pid
+@pytest.mark.parametrize(
+    ("behave", "error", "sentence", "stays", "n_folders"),
+    [
+        ("refuse", "DataError", r"photo_7.png is missing\.", True, 1),
+        ("crash", "KarfError", "The engine crashed in the warm job", False, 1),  # its log is kept
+        ("idle", "KarfError", "exited before it answered", False, 0),  # so did the second one that was asked
+    ],
+)
+def test_an_error_is_raised_and_a_worker_that_ended_is_followed_by_another(
+    addon, query, jobs, behave, error, sentence, stays, n_folders
+):
+    pid = query()["pid"]
+    with pytest.raises(getattr(addon.engine_api, error), match=sentence) as caught:
+        query(behave=behave)
+    assert behave != "refuse" or caught.value.hint == "Find it."
+    assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_folders
+    assert (query()["pid"] == pid) == stays
 
 
-def test_after_a_crash_those_who_wait_are_told_and_the_next_query_starts_a_fresh_worker(addon, project_scene):
-    pid = query(addon, project_scene)["pid"]
-    with pytest.raises(addon.engine_api.KarfError, match="The engine crashed in the warm job"):
-        query(addon, project_scene, behave="crash")
-    assert query(addon, project_scene)["pid"] != pid
-
-
-def test_a_worker_that_had_just_ended_for_want_of_queries_is_followed_by_another(addon, project_scene):
-    with pytest.raises(addon.engine_api.KarfError, match="exited before it answered"):  # the second one does the same
-        query(addon, project_scene, behave="idle")
-    assert query(addon, project_scene)["pid"]
-
-
-def test_its_folder_is_there_while_it_lives_and_gone_with_it(addon, project_scene):
-    query(addon, project_scene)
-    assert len(jobs_of(addon, project_scene)) == 1
-    addon.queries.stop()
-    assert jobs_of(addon, project_scene) == []
-
-
-def test_a_crash_leaves_its_log(addon, project_scene):
-    with pytest.raises(addon.engine_api.KarfError):
-        query(addon, project_scene, behave="crash")
-    (folder,) = jobs_of(addon, project_scene)
-    assert (folder / addon.engine_api.LOG_FILE).exists()
-
-
-def test_a_scene_without_a_project_is_told_so(addon, scene):
+def test_a_scene_without_a_project_is_refused(addon, scene):
     with pytest.raises(addon.engine_api.BadRequest, match="has no KaRF project"):
-        query(addon, scene)
+        addon.queries.send(scene, "echo", {}, lambda *answer: None)
+
+
+def test_other_threads_in_the_preferences_start_another_worker(chosen, query, jobs):
+    pid = query()["pid"]
+    chosen.threads = 3
+    try:
+        assert query()["pid"] != pid
+        assert len(jobs()) == 1
+    finally:
+        chosen.threads = 0
+
+
+def test_disabling_the_extension_ends_the_worker_and_removes_its_folder(addon, query, jobs):
+    query()
+    worker = addon.session.get(addon.queries.QueryWorker).worker
+    assert jobs() == [worker.folder]
+    addon.extension.unregister()
+    addon.extension.register()
+    assert worker.ended and worker._process.poll() is not None and jobs() == []
 
 
 # --- beside the interface ------------------------------------------------------------------------------------------
-def test_beside_the_interface_a_query_returns_at_once_and_a_timer_brings_the_answer(addon, project_scene, beside):
-    answers = []
-    addon.queries.send(project_scene, "echo", {}, lambda scene, values: answers.append(values))
-    assert answers == [] and addon.queries.is_waiting("echo") and beside == [addon.queries._poll]
+@pytest.fixture
+def timers(bpy, addon, monkeypatch):
+    """The timers that were started. As with an interface queries return at once; the tests are the timer."""
+    started = []
+    timers = SimpleNamespace(
+        is_registered=lambda tick: tick in started, register=lambda tick, **how: started.append(tick)
+    )
+    with_interface = SimpleNamespace(app=SimpleNamespace(background=False, timers=timers), types=bpy.types)
+    for module in (addon.queries, addon.session):
+        monkeypatch.setattr(module, "bpy", with_interface)
+    return started
+
+
+@pytest.fixture
+def send(addon, project_scene, timers):
+    """A function that sends a query; gives what was answered, and the errors."""
+    heard = SimpleNamespace(answers=[], errors=[])
+
+    def send(on_answer=lambda scene, values: heard.answers.append(values), **options):
+        addon.queries.send(project_scene, "echo", options, on_answer, heard.errors.append)
+        return heard
+
+    return send
+
+
+def test_a_query_returns_at_once_and_a_timer_brings_the_answer(addon, send, timers):
+    heard = send()
+    assert heard.answers == [] and addon.queries.is_waiting("echo") and timers == [addon.queries._poll]
     run_to_end(addon.queries._poll)
-    assert len(answers) == 1 and not addon.queries.is_waiting("echo")
+    assert len(heard.answers) == 1 and not addon.queries.is_waiting("echo")
 
 
-def test_queries_that_wait_for_the_start_are_replaced_by_later_ones_of_their_kind(addon, project_scene, beside):
-    answers = []
+def test_queries_that_wait_for_the_start_are_replaced_by_later_ones_of_their_kind(addon, send):
     for number in range(50):
-        addon.queries.send(project_scene, "echo", {"n": number}, lambda scene, values: answers.append(values))
+        heard = send(n=number)
     run_to_end(addon.queries._poll)
-    assert [values["options"]["n"] for values in answers] == [49]
+    assert [values["options"]["n"] for values in heard.answers] == [49] and heard.errors == []
 
 
-def test_of_a_dropped_query_nothing_more_is_heard(addon, project_scene, beside):
-    heard = []
-    addon.queries.send(project_scene, "echo", {"behave": "drop"}, lambda *answer: heard.append(answer), heard.append)
+@pytest.mark.parametrize("lost", ["dropped by the engine", "of another project"])
+def test_of_a_query_that_is_lost_nothing_more_is_heard(addon, project_scene, send, tmp_path, lost):
+    heard = send(behave="drop" if lost == "dropped by the engine" else "")
+    if lost == "of another project":
+        project_scene.karf.project = str(tmp_path / "elsewhere")
     run_to_end(addon.queries._poll)
-    assert heard == []
+    assert heard.answers == heard.errors == []
 
 
-def test_an_answer_for_a_scene_with_another_project_is_not_handed_out(addon, project_scene, beside, tmp_path):
-    heard = []
-    addon.queries.send(project_scene, "echo", {}, lambda *answer: heard.append(answer), heard.append)
-    project_scene.karf.project = str(tmp_path / "elsewhere")
-    run_to_end(addon.queries._poll)
-    assert heard == []
-
-
-def test_an_error_that_nobody_takes_stands_in_the_panel(bpy, addon, project_scene, beside):
+def test_an_error_that_nobody_takes_stands_in_the_panel(bpy, addon, project_scene, timers):
     addon.queries.send(project_scene, "echo", {"behave": "refuse"}, lambda *answer: None)
     run_to_end(addon.queries._poll)
     progress = bpy.context.window_manager.karf_progress
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
 
 
-def test_an_error_in_what_follows_an_answer_is_told_too(addon, project_scene, beside):
+@pytest.mark.parametrize("kind", ["damage", "disk"])
+def test_an_error_in_what_follows_an_answer_is_told_and_later_answers_still_come(addon, send, kind):
     def refuse(scene, values):
-        raise addon.engine_api.DataError("The planes are damaged.", "Try again.")
-
-    errors = []
-    addon.queries.send(project_scene, "echo", {}, refuse, errors.append)
-    run_to_end(addon.queries._poll)
-    assert [error.sentence for error in errors] == ["The planes are damaged."]
-
-
-def test_a_disk_that_does_not_take_what_follows_an_answer_is_told_and_later_answers_still_come(
-    addon, project_scene, beside
-):
-    def write(scene, values):
+        if kind == "damage":
+            raise addon.engine_api.DataError("The planes are damaged.", "Try again.")
         raise OSError(errno.ENOSPC, "No space left on device", "mask.png")
 
-    errors, answers = [], []
-    addon.queries.send(project_scene, "echo", {}, write, errors.append)
+    heard = send(refuse)
     run_to_end(addon.queries._poll)
-    assert len(errors) == 1 and "mask.png" in errors[0].sentence + errors[0].hint
-    addon.queries.send(project_scene, "echo", {}, lambda scene, values: answers.append(values))
+    sentence = {"damage": "The planes are damaged.", "disk": "mask.png: No space left on device."}[kind]
+    assert [error.sentence for error in heard.errors] == [sentence]
+    send()
     run_to_end(addon.queries._poll)
-    assert len(answers) == 1
-
-
-def test_other_threads_in_the_preferences_start_another_worker(addon, project_scene, chosen):
-    pid = query(addon, project_scene)["pid"]
-    chosen.threads = 3
-    try:
-        assert query(addon, project_scene)["pid"] != pid
-        assert len(jobs_of(addon, project_scene)) == 1
-    finally:
-        chosen.threads = 0
-
-
-def test_disabling_the_extension_ends_the_worker(addon, project_scene):
-    query(addon, project_scene)
-    worker = addon.session.get(addon.queries.QueryWorker).worker
-    addon.extension.unregister()
-    addon.extension.register()
-    assert worker.ended and worker._process.poll() is not None
+    assert len(heard.answers) == 1

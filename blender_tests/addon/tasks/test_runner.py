@@ -1,13 +1,56 @@
-"""Tasks: beside the interface by a timer, blocking in a script; one at a time, and none outlives the extension."""
+"""Tasks: one at a time, by a timer or blocking in a script; each end is one sentence, and a report where it helps."""
+
+import shutil
 
 import pytest
 
+from ..layout import Layout
 from ..timers import run_to_end
 
+DAMAGED = (
+    '{"t": "progress", "n": 1, "time": 0}',
+    '{"t": "progress", "n": 1, "time": 0, "stage": "geometry", "step": "a", "total": null}',
+    '{"t": "progress", "n": 1, "time": 0, "stage": "geometry", "step": 1, "total": 2, "metrics": [1], "eta_s": "x"}',
+    '{"t": "warning", "n": 1, "time": 0}',
+    '{"t": "preview", "n": 1, "time": 0, "path": 7}',
+    '{"t": ["stage"], "n": 1, "time": 0}',
+    '{"t": "error", "n": 1, "time": 0}',
+    "\x00\x00 not json",
+)
 
-def failing(addon, scene, behave):
-    request = addon.engine_api.Request("geometry", addon.folders.project_of(scene).folder, {"behave": behave})
-    return addon.runner.Task("Trial", (request,), lambda request: None, addon.runner.Owner.of(scene))
+
+@pytest.fixture
+def begin(addon, project_scene):
+    """A function that begins a task of the fake engine; returns the worker."""
+
+    def begin(behave="", after=lambda request: None):
+        folder = addon.folders.project_of(project_scene).folder
+        options = {"behave": behave, "capture": str(addon.captures.path_of(project_scene))}
+        request = addon.engine_api.Request("geometry", folder, options)
+        task = addon.runner.Task("Trial", (request,), after, addon.runner.Owner.of(project_scene))
+        addon.session.get(addon.runner.Runner).begin(task)
+        return addon.session.get(addon.runner.Runner).worker
+
+    return begin
+
+
+@pytest.fixture
+def end(bpy, addon, begin):
+    """A function that begins a task and lets the timer run it to its end; returns the progress that is shown."""
+
+    def end(*arguments):
+        begin(*arguments)
+        run_to_end(addon.runner._poll)
+        assert not addon.runner.is_running()
+        return bpy.context.window_manager.karf_progress
+
+    return end
+
+
+def drawn_status(bpy, addon):
+    drawn = []
+    addon.sidebar.draw_status(Layout(bpy, drawn), bpy.context)
+    return drawn
 
 
 def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(bpy, addon, project_scene, capfd):
@@ -23,58 +66,30 @@ def test_in_background_mode_an_operator_blocks_and_raises_the_engines_sentence(b
 
 
 def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_scene):
-    runner = addon.runner
-    task = addon.steps.learn_scene(project_scene)
-    addon.session.get(addon.runner.Runner).begin(task)
+    addon.session.get(addon.runner.Runner).begin(addon.steps.learn_scene(project_scene))
     progress = bpy.context.window_manager.karf_progress
     assert progress.running and progress.stage == "Learn Scene"
-    run_to_end(runner._poll)
-    assert not progress.running and progress.text == "done" and progress.error == ""
-    assert progress.fraction == 0.5
+    run_to_end(addon.runner._poll)
+    assert (progress.running, progress.text, progress.error, progress.fraction) == (False, "done", "", 0.5)
     assert progress.warnings == "This is not a real engine."
 
 
 def test_what_an_artist_can_do_nothing_about_stays_in_the_jobs_record(bpy, addon):
-    progress = bpy.context.window_manager.karf_progress
     for code, sentence in (("convergence", "A residual is left."), ("lacking", "Nothing belongs to 'lid'.")):
         event = addon.engine_api.Event("warning", 1, 0.0, {"code": code, "sentence": sentence})
         addon.progress.show_event("Learn All", event)
-    assert progress.warnings == "Nothing belongs to 'lid'."
+    assert bpy.context.window_manager.karf_progress.warnings == "Nothing belongs to 'lid'."
 
 
-def test_the_timer_shows_a_failed_job_and_ends(bpy, addon, project_scene):
-    runner = addon.runner
-    addon.session.get(addon.runner.Runner).begin(failing(addon, project_scene, "error"))
-    run_to_end(runner._poll)
-    progress = bpy.context.window_manager.karf_progress
-    assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
-    assert not runner.is_running()
-
-
-def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, project_scene):
-    def fault(request):
-        raise ZeroDivisionError("ours")
-
-    requests, owner = addon.steps.learn_scene(project_scene).requests, addon.runner.Owner.of(project_scene)
-    task = addon.runner.Task("Trial", requests, fault, owner)
-    addon.session.get(addon.runner.Runner).begin(task)
-    with pytest.raises(ZeroDivisionError):
-        run_to_end(addon.runner._poll)
-    progress = bpy.context.window_manager.karf_progress
-    assert not progress.running and "ours" in progress.error
-
-
-def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, project_scene):
-    runner = addon.runner
-    addon.session.get(addon.runner.Runner).begin(failing(addon, project_scene, "wait for cancel"))
+def test_a_second_task_is_refused_while_one_runs_and_cancel_ends_it(bpy, addon, project_scene, begin):
+    begin("wait for cancel")
     with pytest.raises(addon.engine_api.BadRequest, match="busy: Trial"):
-        runner.wait(addon.steps.learn_scene(project_scene))
+        addon.runner.wait(addon.steps.learn_scene(project_scene))
     assert not bpy.ops.karf.learn_scene.poll()
     assert bpy.ops.karf.cancel() == {"FINISHED"}
-    run_to_end(runner._poll)
+    run_to_end(addon.runner._poll)
     progress = bpy.context.window_manager.karf_progress
-    # what the user asked for is not an error
-    assert progress.text.startswith("cancelled") and progress.error == ""
+    assert progress.text.startswith("cancelled") and progress.error == ""  # what the user asked for is no error
 
 
 def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scene, tmp_path):
@@ -86,7 +101,7 @@ def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scen
     assert not progress.running and progress.error == ""
 
 
-def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(bpy, addon, project_scene, tmp_path):
+def test_one_process_runs_what_is_learned_in_a_row_and_waits_for_more(addon, project_scene, tmp_path):
     (tmp_path / "masks" / "pot").mkdir(parents=True)
     addon.steps.learn_scene(project_scene).wait()
     addon.steps.segment(project_scene, tmp_path / "masks").wait()
@@ -94,19 +109,85 @@ def test_one_process_runs_what_is_learned_in_a_row_and_ends_with_the_extension(b
     jobs = (addon.folders.project_of(project_scene).folder / "jobs").iterdir()
     hellos = [next(iter(addon.engine_api.EventReader(job).poll())) for job in jobs]
     assert len(hellos) == 5 and len({hello["pid"] for hello in hellos}) == 1
-    process = addon.session.get(addon.runner.Runner).worker._process
-    assert process.poll() is None
-    addon.extension.unregister()
-    addon.extension.register()
-    assert process.poll() is not None
+    assert addon.session.get(addon.runner.Runner).worker._process.poll() is None
 
 
-def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, project_scene):
-    runner = addon.runner
-    addon.session.get(addon.runner.Runner).begin(failing(addon, project_scene, "deaf"))
-    addon.session.start_timer(runner._poll)
-    worker = addon.session.get(addon.runner.Runner).worker
+def test_disabling_the_extension_ends_the_job_and_its_timer(bpy, addon, begin):
+    worker = begin("deaf")
+    addon.session.start_timer(addon.runner._poll)
     addon.extension.unregister()
     addon.extension.register()
     assert worker.ended and worker._process.poll() is not None
-    assert not runner.is_running() and not bpy.app.timers.is_registered(runner._poll)
+    assert not addon.runner.is_running() and not bpy.app.timers.is_registered(addon.runner._poll)
+
+
+# --- failures ------------------------------------------------------------------------------------------------------
+def test_a_crash_is_a_sentence_with_a_report_and_a_log(bpy, addon, end, capfd):
+    progress = end("crash")
+    assert progress.error.startswith("The engine crashed in the geometry job")
+    assert "\n" not in progress.error + progress.hint and len(progress.error + progress.hint) < 200
+    drawn = drawn_status(bpy, addon)
+    assert {"karf.copy_report", "karf.open_log"} <= set(drawn)
+    assert "something native went wrong" not in "".join(drawn)
+    assert "something native went wrong" in capfd.readouterr().out  # who watches the console sees it
+    assert bpy.ops.karf.open_log() == {"FINISHED"}
+    assert "something native went wrong" in bpy.data.texts["KaRF log"].as_string()
+    assert bpy.ops.karf.copy_report() == {"FINISHED"}
+    bpy.ops.karf.dismiss()
+    assert not bpy.ops.karf.copy_report.poll() and not bpy.ops.karf.open_log.poll()
+
+
+def test_what_a_user_can_mend_needs_no_report(bpy, addon, end):
+    progress = end("error")
+    assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
+    assert not {"karf.copy_report", "karf.open_log"} & set(drawn_status(bpy, addon))
+
+
+@pytest.mark.parametrize(
+    ("damage", "sentence"), [("events", "crashed in the geometry job (SIG"), ("project", "was removed while")]
+)
+def test_damaged_events_are_passed_over_and_a_project_that_is_gone_is_named(
+    bpy, addon, project_scene, begin, damage, sentence
+):
+    worker = begin("deaf")
+    if damage == "events":
+        (worker.folder / "events.jsonl").write_text("".join(f"{line}\n" for line in DAMAGED))
+    else:
+        shutil.rmtree(addon.folders.project_of(project_scene).folder)
+    assert addon.runner._poll() is not None
+    worker.end()
+    run_to_end(addon.runner._poll)
+    assert sentence in bpy.context.window_manager.karf_progress.error
+
+
+def test_a_folder_that_cannot_be_made_is_named(bpy, addon, project_scene, tmp_path):
+    shutil.rmtree(tmp_path / "project")
+    (tmp_path / "project").mkdir()
+    (tmp_path / "project" / "jobs").touch()
+    with pytest.raises(RuntimeError, match="project") as caught:
+        bpy.ops.karf.learn_scene()
+    assert "Traceback" not in str(caught.value)
+
+
+def test_what_the_disk_refuses_after_a_job_is_said(end):
+    def full(request):
+        raise OSError(28, "No space left on device", "/film/picture.png")
+
+    assert end("", full).error == "/film/picture.png: No space left on device."
+
+
+def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, end):
+    def fault(request):
+        raise ZeroDivisionError("ours")
+
+    with pytest.raises(ZeroDivisionError):
+        end("", fault)
+    progress = bpy.context.window_manager.karf_progress
+    assert not addon.runner.is_running() and not progress.running and "ours" in progress.error
+
+
+def test_an_operator_says_what_the_disk_refuses(bpy, learned, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(RuntimeError, match="file") as caught:
+        bpy.ops.karf.save_edit(filepath=str(tmp_path / "file" / "edit.json"))
+    assert "Traceback" not in str(caught.value)

@@ -12,29 +12,25 @@ def known(addon, monkeypatch, tmp_path):
     return speed
 
 
-def test_nothing_is_said_of_a_computer_that_was_not_measured_nor_of_the_papers_preset(addon, known, monkeypatch):
-    assert addon.estimates.seconds("paper", "learn_scene", False) is None
-    monkeypatch.setattr(addon.session.get(addon.estimates.ThisComputer), "speed", None)
-    assert addon.estimates.seconds("demo", "learn_scene", False) is None
+def test_larger_presets_take_longer_and_all_steps_longer_than_one(addon, known, monkeypatch):
+    def seconds(preset, button="learn_scene"):
+        return addon.estimates.seconds(preset, button, False)
 
-
-def test_larger_presets_take_longer_and_all_steps_longer_than_one(addon, known):
-    presets = [addon.estimates.seconds(name, "learn_scene", False) for name in ("demo", "fast", "fine", "quality")]
+    presets = [seconds(name) for name in ("demo", "fast", "fine", "quality")]
     assert presets == sorted(presets) and presets[0] == pytest.approx(52)  # 650 iterations of 80,000 samples
-    assert addon.estimates.seconds("demo", "learn_all", False) > presets[0]
+    assert seconds("demo", "learn_all") > presets[0] and seconds("paper") is None
+    monkeypatch.setattr(addon.session.get(addon.estimates.ThisComputer), "speed", None)  # not measured
+    assert seconds("demo") is None
 
 
 def test_a_job_that_was_done_corrects_all_presets_and_is_kept(addon, known, tmp_path):
     once = known.learned_from("geometry", 50.0, 100.0)
     assert once.corrected({"geometry": 10.0, "segmentation": 5.0}) == {"geometry": 20.0, "segmentation": 5.0}
     assert once.learned_from("geometry", 50.0, 50.0).factors == {"geometry": 1.5}
+    assert known.learned_from("geometry", 50.0, 3.0) is known  # it only went on
     once.write(tmp_path / "speed.json")
     assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 2) == once
     assert addon.estimates.read_speed(tmp_path / "speed.json", "python", 1).samples_per_second == 0
-
-
-def test_a_job_that_only_went_on_is_no_measure(known):
-    assert known.learned_from("geometry", 50.0, 3.0) is known
 
 
 def test_the_end_of_a_job_is_taken_as_a_measure(addon, known, learned, monkeypatch):
@@ -45,7 +41,6 @@ def test_the_end_of_a_job_is_taken_as_a_measure(addon, known, learned, monkeypat
     assert addon.estimates.seconds("demo", "learn_scene", False) == pytest.approx(104)
 
 
-def test_a_duration_is_said_as_one_says_it(addon):
-    assert addon.learning.duration(50) == "About a minute on this computer"
-    assert addon.learning.duration(430) == "About 7 minutes on this computer"
-    assert addon.learning.duration(8000) == "About 2 hours on this computer"
+@pytest.mark.parametrize("seconds, said", [(50, "a minute"), (430, "7 minutes"), (8000, "2 hours")])
+def test_a_duration_is_said_as_one_says_it(addon, seconds, said):
+    assert addon.learning.duration(seconds) == f"About {said} on this computer"

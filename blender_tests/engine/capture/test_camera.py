@@ -1,26 +1,43 @@
-"""The pinhole camera: conventions by hand, round trips by random rigs."""
+"""The pinhole camera by hand and by round trips, lenses and undistorted photos against OpenCV and COLMAP, and paths."""
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
+pytest.importorskip("scipy")
+
+from blender_tests.engine.reference.capture_files import random_rig
 from karf_engine.capture.camera import Camera
+from karf_engine.capture.camera_paths import camera_spline, orbit
+from karf_engine.capture.colmap import FISHEYES, PINHOLES
+from karf_engine.capture.colmap_model import PARAMETERS
+from karf_engine.capture.distortion import BLOCK_ROWS, distort, undistort_points, undistort_points_near, undistorted
+from karf_engine.capture.reader_utils import opencv_distortion
+from karf_engine.errors import BadRequest
 
 repeatable = settings(derandomize=True, max_examples=60, deadline=None)
+COEFFICIENTS = {"k1": 0.06, "k2": -0.02, "p1": 0.004, "p2": -0.003, "k3": 0.005, "k4": 0.03, "k5": -0.01, "k6": 0.002}
+FOCAL_AND_CENTER = {"f": 510.0, "fx": 500.0, "fy": 520.0, "cx": 330.0, "cy": 235.0}
+PLANE = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 15), np.linspace(-0.5, 0.5, 11)), -1).reshape(-1, 2)
+LENSES = {
+    **{f"perspective {n}": (tuple(COEFFICIENTS.values())[:n], False) for n in (4, 5, 8)},
+    "barrel": ((-0.25, 0.06, 0.0, 0.0), False),
+    "bent": ((-0.12, 0.05, 0.011, -0.0095, 0.01), False),
+    "rational": ((0.3, -0.1, 0.001, 0.002, 0.01, 0.5, -0.1, 0.02), False),
+    "fisheye": ((0.06, -0.02, 0.005, 0.03), True),
+    "fisheye, no coefficients": ((), True),
+}
 
 
-def random_camera(seed: int) -> Camera:
-    random = np.random.default_rng(seed)
-    rotation, _ = np.linalg.qr(random.normal(size=(3, 3)))
-    pose = np.eye(4)
-    pose[:3, :3] = rotation * np.sign(np.linalg.det(rotation))
-    pose[:3, 3] = random.normal(size=3) * 5
-    width, height = (int(n) for n in random.integers(8, 900, size=2))
-    fx, fy = random.uniform(0.5, 2.0, size=2) * width
-    return Camera(width, height, fx, fy, width * 0.47, height * 0.55, pose)
+def camera_of(name, width=640, height=480, fx=500.0, fy=520.0, cx=330.0, cy=235.0):
+    return Camera(width, height, fx, fy, cx, cy, np.eye(4), *LENSES[name])
 
 
+# --------------------------------------------------------------------------------------------------------------- pinhole
 def test_a_point_to_the_upper_right_lands_in_the_upper_right_by_hand():
     camera = Camera(100, 80, 50.0, 40.0, 50.0, 40.0, np.eye(4))
     pixels, depth = camera.project(np.array([[1.0, 0.5, -2.0]]))
@@ -28,17 +45,15 @@ def test_a_point_to_the_upper_right_lands_in_the_upper_right_by_hand():
     assert_allclose(depth, [2.0])
 
 
-def test_the_central_ray_looks_down_minus_z():
-    camera = Camera(100, 80, 50.0, 40.0, 50.0, 40.0, np.eye(4))
-    origins, directions = camera.rays(np.array([[50.0, 40.0]]))
-    assert_allclose(origins, [[0, 0, 0]])
-    assert_allclose(directions, [[0, 0, -1]])
+def test_pixel_centers_run_row_by_row():
+    centers = Camera(3, 2, 1.0, 1.0, 1.5, 1.0, np.eye(4)).pixel_centers()
+    assert_allclose(centers, [[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 1.5]])
 
 
 @repeatable
 @given(st.integers(0, 10_000))
 def test_points_along_rays_project_back_to_their_pixels_and_depths(seed):
-    camera = random_camera(seed)
+    (camera,) = random_rig(seed, 1)
     random = np.random.default_rng(seed + 1)
     pixels = random.uniform(0, [camera.width, camera.height], size=(50, 2))
     depth = random.uniform(0.1, 20.0, size=50)
@@ -51,13 +66,175 @@ def test_points_along_rays_project_back_to_their_pixels_and_depths(seed):
 @repeatable
 @given(st.integers(0, 10_000), st.integers(1, 500), st.integers(1, 500))
 def test_scaled_cameras_see_the_same_point_at_the_scaled_pixel(seed, width, height):
-    camera = random_camera(seed)
-    scaled = camera.scaled(width, height)
+    (camera,) = random_rig(seed, 1)
     origins, directions = camera.rays(np.array([[0.3 * camera.width, 0.9 * camera.height]]))
-    pixels, _ = scaled.project(origins + 3.0 * directions)
-    assert_allclose(pixels, [[0.3 * width, 0.9 * height]], atol=1e-8)
+    pixels, _ = camera.scaled(width, height).project(origins + 3.0 * directions)
+    assert_allclose(pixels, [[0.3 * width, 0.9 * height]], atol=1e-7)
 
 
-def test_pixel_centers_run_row_by_row():
-    centers = Camera(3, 2, 1.0, 1.0, 1.5, 1.0, np.eye(4)).pixel_centers()
-    assert_allclose(centers, [[0.5, 0.5], [1.5, 0.5], [2.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 1.5]])
+# ----------------------------------------------------------------------------------------------------------------- lenses
+def photo_positions(camera):
+    """Where `distort` puts directions of the plane at depth one."""
+    return distort(camera, (camera.cx, camera.cy) + PLANE * (camera.fx, camera.fy))
+
+
+@pytest.mark.parametrize("model", PINHOLES + FISHEYES)
+def test_lenses_are_colmaps(model):
+    pycolmap = pytest.importorskip("pycolmap")
+    values = {name: {**COEFFICIENTS, **FOCAL_AND_CENTER}[name] for name in PARAMETERS[model].split()}
+    theirs = pycolmap.Camera(model=model, width=640, height=480, params=list(values.values()))
+    fx, fy = values.get("fx", values.get("f")), values.get("fy", values.get("f"))
+    distortion = opencv_distortion(values, model in FISHEYES)
+    camera = Camera(640, 480, fx, fy, values["cx"], values["cy"], np.eye(4), distortion, model in FISHEYES)
+    expected = theirs.img_from_cam(np.insert(PLANE, 2, 1.0, 1))
+    assert_allclose(photo_positions(camera), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_undistorting_points_takes_back_what_the_lens_does(name):
+    camera = camera_of(name, 64, 48, 50.0, 52.0, 33.0, 23.5)
+    found = undistort_points(camera, camera.pixel_centers())
+    known = ~np.isnan(found).any(1)
+    assert known.mean() > 0.9
+    assert_allclose(distort(camera, found[known]), camera.pixel_centers()[known], atol=1e-4)
+
+
+@pytest.mark.parametrize("fisheye", [False, True])
+def test_photo_pixels_near_a_point_are_found_in_the_pinholes_picture(fisheye):
+    camera = Camera(400, 300, 300.0, 310.0, 196.0, 155.0, np.eye(4), (-0.2, 0.05, 0.003, -0.002), fisheye)
+    random = np.random.default_rng(0)
+    truth = random.uniform([20, 20], [380, 280], (200, 2))
+    near = truth + random.normal(size=truth.shape) * 2
+    assert np.abs(distort(camera, truth) - truth).max() > 3
+    assert_allclose(undistort_points_near(camera, distort(camera, truth), near), truth, atol=1e-3)
+
+
+def test_what_a_lens_does_not_show_has_no_place_in_its_pinhole():
+    camera = Camera(64, 48, 20.0, 20.0, 32.0, 24.0, np.eye(4), (-0.3, 0.0, 0.0, 0.0))  # folds over at r = 1.05
+    found = undistort_points(camera, np.array([[32.0, 24.0], [33.0, 24.0], [1.0, 1.0]]))
+    assert_allclose(found[:2], [[32, 24], [33, 24]], atol=0.05)
+    assert np.isnan(found[2]).all()
+
+
+# ----------------------------------------------------------------------------------------------------- undistorted photos
+@pytest.fixture
+def undistort():
+    return pytest.importorskip("karf_engine.capture.training_images").undistort
+
+
+def opencv_map(camera):
+    """OpenCV's own undistortion map; its pixel centers lie at integers."""
+    cv2 = pytest.importorskip("cv2")
+    matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
+    size, coefficients = (camera.width, camera.height), np.array(camera.distortion)
+    make = cv2.fisheye.initUndistortRectifyMap if camera.fisheye else cv2.initUndistortRectifyMap
+    return make(matrix, coefficients, np.eye(3), matrix, size, cv2.CV_32FC1)
+
+
+@pytest.mark.parametrize("name", [name for name, (distortion, _) in LENSES.items() if distortion])
+def test_photos_are_undistorted_as_opencv_does(name, undistort):
+    cv2 = pytest.importorskip("cv2")
+    camera = camera_of(name, 320, 240, 210.0, 205.0, 166.0, 115.0)
+    map_u, map_v = opencv_map(camera)
+    assert max(np.abs(map_u - np.arange(320)).max(), np.abs(map_v.T - np.arange(240)).max()) > 3  # the lens bends
+    photo = cv2.GaussianBlur(np.random.default_rng(9).random((240, 320, 3), np.float32), (0, 0), 1.5)
+    straight, pinhole, valid = undistort(photo, camera)
+    expected = cv2.remap(photo, map_u, map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(9, 9, 9))
+    inside = (np.minimum(map_u, map_v) >= 0) & (map_u <= 319) & (map_v <= 239)
+    assert inside.mean() > 0.5
+    assert_allclose(straight[inside], expected[inside], atol=1e-4)
+    near = (np.minimum(map_u, map_v) >= -0.499) & (map_u <= 319.499) & (map_v <= 239.499)
+    far = (np.minimum(map_u, map_v) < -0.501) | (map_u > 319.501) | (map_v > 239.501)
+    assert valid[near].all() and not valid[far].any()
+    assert (pinhole.fx, pinhole.fy, pinhole.cx, pinhole.cy) == (210.0, 205.0, 166.0, 115.0)
+    assert (pinhole.width, pinhole.height, pinhole.distortion) == (320, 240, ())
+
+
+def test_pixels_beyond_the_fold_of_the_lens_model_are_invalid(undistort):
+    camera = Camera(100, 100, 40.0, 40.0, 50.0, 50.0, np.eye(4), (-0.4, 0.0, 0.0, 0.0))
+    _, _, valid = undistort(np.zeros((100, 100, 3)), camera)
+    fold = 40.0 / np.sqrt(3 * 0.4)  # d/dr (r - 0.4 r^3) = 0
+    radius = np.hypot(*(np.mgrid[0:100, 0:100] - 49.5))
+    assert_array_equal(valid, radius < fold)
+
+
+def test_a_lens_without_distortion_leaves_the_photo_alone(undistort):
+    photo = np.random.default_rng(3).random((3, 4, 3))
+    straight, pinhole, valid = undistort(photo, Camera(4, 3, 5.0, 5.0, 2.0, 1.5, np.eye(4), (0.0, 0.0, 0.0, 0.0)))
+    assert_array_equal(straight, photo)
+    assert pinhole.distortion == () and valid.all()
+    assert_array_equal(undistorted(photo, Camera(4, 3, 5.0, 5.0, 2.0, 1.5, np.eye(4))), photo)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_numpy_alone_undistorts_as_the_engine_does(name, undistort):
+    camera = camera_of(name, 120, BLOCK_ROWS + 40, 90.0, 95.0, 63.0, 80.0)
+    photo = np.random.default_rng(0).random((camera.height, camera.width, 3), np.float32)
+    expected, _, valid = undistort(photo, camera)
+    found = undistorted(photo, camera)
+    assert valid.mean() > 0.5
+    assert_allclose(found[valid], expected[valid], atol=1e-4)
+    assert not found[~valid].any()
+
+
+# ------------------------------------------------------------------------------------------------------------------ paths
+CENTER = np.array([1.0, -2.0, 0.5])
+
+
+def camera_at(azimuth, elevation=30.0, radius=4.0):
+    """Return a camera that looks at CENTER; angles in degrees, z is up."""
+    a, e = np.radians([azimuth, elevation])
+    back = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, np.cross(back, right), back, CENTER + radius * back], 1)
+    return Camera(64, 48, 80.0, 80.0, 30.0, 24.0, pose, distortion=(0.1, 0.0, 0.0, 0.0))
+
+
+RING = [camera_at(azimuth) for azimuth in range(0, 360, 30)]
+
+
+@pytest.mark.parametrize(("elevation", "expected"), [(None, 30.0), (0.0, 0.0), (60.0, 60.0)])
+def test_an_orbit_looks_at_the_center_from_the_radius_and_elevation_of_the_capture(elevation, expected):
+    path = orbit(RING, 8, elevation)
+    offsets = np.stack([camera.position for camera in path]) - CENTER
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), 4.0, rtol=1e-3)
+    np.testing.assert_allclose(np.degrees(np.arcsin(offsets[:, 2] / 4.0)), expected, atol=0.1)
+    steps = np.diff(np.unwrap(np.arctan2(offsets[:, 1], offsets[:, 0])))
+    np.testing.assert_allclose(np.abs(steps), np.pi / 4, atol=1e-3)
+    for camera in path:
+        pixels, depth = camera.project(CENTER[None])
+        np.testing.assert_allclose(pixels, [[32, 24]], atol=0.05)
+        assert depth[0] > 0 and camera.is_pinhole
+
+
+def test_an_orbit_begins_where_the_first_camera_is():
+    np.testing.assert_allclose(orbit(RING[3:], 5)[0].position, RING[3].position, atol=1e-2)
+
+
+def test_a_spline_passes_through_its_cameras_and_keeps_rotations():
+    keys = [RING[0], replace(RING[2], fx=120.0, fy=120.0), RING[3]]
+    path = camera_spline(keys, 9)
+    for key, camera in zip(keys, path[::4], strict=True):
+        np.testing.assert_allclose(camera.camera_to_world, key.camera_to_world, atol=1e-9)
+        assert camera.fx == pytest.approx(key.fx)
+    for camera in path:
+        rotation = camera.camera_to_world[:3, :3]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        assert (camera.width, camera.height) == (64, 48)
+
+
+def test_a_closed_spline_returns_to_its_first_camera_without_repeating_it():
+    path = camera_spline(RING[:4], 8, is_closed=True)
+    assert len(path) == 8
+    np.testing.assert_allclose(path[0].position, RING[0].position, atol=1e-9)
+    np.testing.assert_allclose(path[6].position, RING[3].position, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: orbit([], 3), lambda: orbit(RING, 0), lambda: orbit(RING, 3, 90.0),
+             lambda: camera_spline(RING[:1], 5), lambda: camera_spline(RING, 1)],
+)  # fmt: skip
+def test_a_path_of_too_few_cameras_is_refused(make):
+    with pytest.raises(BadRequest):
+        make()

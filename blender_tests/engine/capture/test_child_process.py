@@ -14,6 +14,8 @@ from blender_tests.engine.conftest import ROOT
 from karf_engine.capture.child_process import LOCK, child_messages, work_folder
 from karf_engine.errors import KarfError
 
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
+
 
 def count(send, task):
     for number in range(task):
@@ -29,8 +31,9 @@ def die(send, task):
     os._exit(task)
 
 
-def sleep(send, task):
-    time.sleep(task)
+def note_and_sleep(send, task):
+    Path(task).write_text(str(os.getpid()))
+    time.sleep(600)
 
 
 def test_messages_arrive_in_order_and_the_result_is_last():
@@ -45,19 +48,15 @@ def test_a_child_that_fails_or_dies_is_told_of(work, task, words):
         list(messages)
 
 
-def test_leaving_early_ends_the_child():
+def test_leaving_early_ends_the_child(tmp_path):
     start = time.monotonic()
-    with child_messages("sleeping", sleep, 600) as messages:
+    with child_messages("sleeping", note_and_sleep, str(tmp_path / "pid")) as messages:
         assert next(messages)[0] == ""
     assert time.monotonic() - start < 60
 
 
-def note_and_sleep(send, task):
-    Path(task).write_text(str(os.getpid()))
-    time.sleep(600)
-
-
-PARENT = """
+# scripts, which are given a path
+SLEEPING = """
 import sys
 from blender_tests.engine.capture.test_child_process import note_and_sleep
 from karf_engine.capture.child_process import child_messages
@@ -66,14 +65,33 @@ if __name__ == "__main__":
         for _ in messages:
             pass
 """
+LEAVING = """
+import os, sys
+from pathlib import Path
+from karf_engine.capture.child_process import work_folder
+with work_folder(Path(sys.argv[1]), "work-") as folder:
+    (folder / "large.db").write_text("x")
+    os.kill(os.getpid(), 9)
+"""
+LEARNING = """
+from blender_tests.engine.capture.test_child_process import count
+from karf_engine.capture.child_process import child_messages
+
+print("run")
+with child_messages("counting", count, 1) as messages:
+    print(list(messages)[-1])
+"""
+
+
+def start(folder, script, *arguments):
+    (folder / "script.py").write_text(script)
+    command = [sys.executable, folder / "script.py", *arguments]
+    return subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True)
 
 
 def test_a_child_ends_when_its_parent_is_killed(tmp_path):
     note = tmp_path / "pid"
-    (tmp_path / "parent.py").write_text(PARENT)
-    parent = subprocess.Popen(
-        [sys.executable, tmp_path / "parent.py", note], env=os.environ | {"PYTHONPATH": str(ROOT)}
-    )
+    parent = start(tmp_path, SLEEPING, note)
     wait_for(lambda: note.exists() and note.read_text())
     child = int(note.read_text())
     assert is_alive(child)
@@ -97,43 +115,21 @@ def wait_for(condition):
         time.sleep(0.05)
 
 
-LEAVING = """
-import os, sys
-from pathlib import Path
-from karf_engine.capture.child_process import work_folder
-with work_folder(Path(sys.argv[1]), "work-") as folder:
-    (folder / "large.db").write_text("x")
-    os.kill(os.getpid(), 9)
-"""
-
-
 def test_what_a_killed_process_has_left_is_removed_by_the_next(tmp_path):
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    subprocess.run([sys.executable, "-c", LEAVING, str(tmp_path)], env=environment, timeout=60)
-    (left,) = tmp_path.glob("work-*")
-    (tmp_path / "work-of_somebody_else").mkdir()
+    folder = tmp_path / "work"
+    folder.mkdir()
+    start(tmp_path, LEAVING, folder).wait(60)
+    (left,) = folder.glob("work-*")
+    (folder / "work-of_somebody_else").mkdir()
     os.utime(left / LOCK, (0, 0))
-    with work_folder(tmp_path, "work-") as mine:
+    with work_folder(folder, "work-") as mine:
         assert not left.exists() and mine.is_dir()
         os.utime(mine / LOCK, (0, 0))
-        with work_folder(tmp_path, "work-") as second:  # at work at the same time
+        with work_folder(folder, "work-") as second:  # at work at the same time
             assert mine.is_dir() and second.is_dir()
-    assert [path.name for path in tmp_path.iterdir()] == ["work-of_somebody_else"]
-
-
-SCRIPT = """
-from blender_tests.engine.capture.test_child_process import count
-from karf_engine.capture.child_process import child_messages
-
-print("run")
-with child_messages("counting", count, 1) as messages:
-    print(list(messages)[-1])
-"""
+    assert [path.name for path in folder.iterdir()] == ["work-of_somebody_else"]
 
 
 def test_a_script_that_learns_is_not_run_again_in_the_child(tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(SCRIPT)
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=60)
-    assert done.stdout.splitlines() == ["run", "('result', 'all told')"], done.stderr
+    printed, _ = start(tmp_path, LEARNING).communicate(timeout=60)
+    assert printed.splitlines() == ["run", "('result', 'all told')"]

@@ -1,7 +1,6 @@
 """COLMAP's sparse models: the same as pycolmap reads, wherever models and photos lie."""
 
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from blender_tests.engine.reference.capture_files import (
     COLMAP_IDS,
     ColmapModel,
-    png_bytes,
     put,
     put_photos,
     random_rig,
@@ -21,6 +19,7 @@ from karf_engine.capture.colmap_model import PARAMETERS
 from karf_engine.errors import DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
+CAMERAS = random_rig(11)
 MODELS = {  # distortion that folds nothing over in the picture
     "SIMPLE_PINHOLE": [],
     "PINHOLE": [],
@@ -35,11 +34,6 @@ MODELS = {  # distortion that folds nothing over in the picture
     "OPENCV_FISHEYE": [0.03, -0.01, 0.004, -0.001],
 }
 REFUSED = sorted(set(COLMAP_IDS) - set(MODELS))
-
-
-@pytest.fixture
-def cameras():
-    return random_rig(11)
 
 
 # -------------------------------------------------------------------------------------------------------------- referee
@@ -79,16 +73,15 @@ def test_models_that_colmap_writes_are_read_as_colmap_reads_them(tmp_path, model
     focal = [700.0] if PARAMETERS[model].startswith("f ") else [700.0, 720.0]
     options.camera_params = [*focal, 512.0, 384.0, *MODELS[model]]
     written = pycolmap.synthesize_dataset(options)
-    (tmp_path / "sparse" / "0").mkdir(parents=True)
-    (written.write_binary if suffix == ".bin" else written.write_text)(tmp_path / "sparse" / "0")
-    photo = png_bytes(1024, 768)
-    for image in written.images.values():
-        put(tmp_path / "images" / image.name, photo)
-    assert (tmp_path / "sparse" / "0" / f"frames{suffix}").exists()  # and does no harm
+    sparse = tmp_path / "sparse" / "0"
+    sparse.mkdir(parents=True)
+    (written.write_binary if suffix == ".bin" else written.write_text)(sparse)
+    put_photos(tmp_path / "images", [image.name for image in written.images.values()], (1024, 768))
+    assert (sparse / f"frames{suffix}").exists()  # and does no harm
     capture = open_capture(tmp_path)
     assert capture.warnings == ()
     assert capture.views[0].camera.fisheye == ("FISHEYE" in model)
-    assert_agrees(capture, pycolmap.Reconstruction(tmp_path / "sparse" / "0"))
+    assert_agrees(capture, pycolmap.Reconstruction(sparse))
 
 
 def test_the_table_of_camera_models_is_colmaps():
@@ -100,36 +93,20 @@ def test_the_table_of_camera_models_is_colmaps():
         assert len(camera.params) == len(parameters.split())
 
 
-def test_our_own_writer_agrees_with_colmap(tmp_path, cameras):
+@pytest.mark.parametrize("suffix", [".bin", ".txt"])
+def test_our_own_writer_agrees_with_colmap(tmp_path, suffix):
     """The other tests write models themselves."""
     pycolmap = pytest.importorskip("pycolmap")
-    for suffix in (".bin", ".txt"):
-        write_colmap(tmp_path / suffix, cameras, NAMES, suffix)
-        assert_agrees(open_capture(tmp_path / suffix), pycolmap.Reconstruction(tmp_path / suffix / "sparse" / "0"))
-
-
-def test_a_real_model_is_read_as_colmap_reads_it(scenes):
-    pycolmap = pytest.importorskip("pycolmap")
-    assert_agrees(open_capture(scenes / "bonsai"), pycolmap.Reconstruction(scenes / "bonsai" / "sparse" / "0"))
+    write_colmap(tmp_path, CAMERAS, NAMES, suffix)
+    assert_agrees(open_capture(tmp_path), pycolmap.Reconstruction(tmp_path / "sparse" / "0"))
 
 
 # ------------------------------------------------------------------------------------------------------------ the model
-def test_binary_and_text_say_the_same(tmp_path, cameras):
-    for suffix in (".bin", ".txt"):
-        write_colmap(tmp_path / suffix, cameras, NAMES, suffix)
-    binary, text = open_capture(tmp_path / ".bin"), open_capture(tmp_path / ".txt")
-    for one, other in zip(binary.views, text.views, strict=True):
-        assert_allclose(one.camera.camera_to_world, other.camera.camera_to_world, atol=1e-12)
-        assert replace(one.camera, camera_to_world=np.eye(4)) == replace(other.camera, camera_to_world=np.eye(4))
-    for key in ("positions", "colors", "errors", "view", "point", "pixels"):
-        assert_allclose(getattr(binary.points, key), getattr(text.points, key), rtol=1e-6)
-
-
 @pytest.mark.parametrize("place", [".", "sparse", "sparse/0", "colmap/sparse/0", "dense/sparse"])
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_models_are_found_where_tools_put_them(tmp_path, cameras, place, suffix):
-    put_photos(tmp_path / "images", NAMES, cameras)
-    ColmapModel(cameras, NAMES).write(tmp_path / place, suffix)
+def test_models_are_found_where_tools_put_them(tmp_path, place, suffix):
+    put_photos(tmp_path / "images", NAMES, CAMERAS)
+    ColmapModel(CAMERAS, NAMES).write(tmp_path / place, suffix)
     for chosen in (tmp_path, tmp_path / place, tmp_path / place / f"cameras{suffix}"):
         capture = open_capture(chosen)
         assert capture.format == "colmap" and capture.warnings == ()
@@ -137,10 +114,10 @@ def test_models_are_found_where_tools_put_them(tmp_path, cameras, place, suffix)
         assert len(capture.points) == 6
 
 
-def test_the_model_with_the_most_photos_is_read(tmp_path, cameras):
-    write_colmap(tmp_path, cameras[:3], NAMES[:3])
-    put_photos(tmp_path / "images", NAMES, cameras)
-    ColmapModel(cameras, NAMES).write(tmp_path / "sparse" / "1")
+def test_the_model_with_the_most_photos_is_read(tmp_path):
+    write_colmap(tmp_path, CAMERAS[:3], NAMES[:3])
+    put_photos(tmp_path / "images", NAMES, CAMERAS)
+    ColmapModel(CAMERAS, NAMES).write(tmp_path / "sparse" / "1")
     put(tmp_path / "sparse" / "2" / "cameras.bin", b"")
     put(tmp_path / "sparse" / "2" / "images.bin", b"\xff" * 80)  # claims more images than fit
     capture = open_capture(tmp_path)
@@ -150,8 +127,8 @@ def test_the_model_with_the_most_photos_is_read(tmp_path, cameras):
     )
 
 
-def test_a_model_without_points_is_read_with_a_remark(tmp_path, cameras):
-    write_colmap(tmp_path, cameras, NAMES)
+def test_a_model_without_points_is_read_with_a_remark(tmp_path):
+    write_colmap(tmp_path, CAMERAS, NAMES)
     (tmp_path / "sparse" / "0" / "points3D.bin").unlink()
     capture = open_capture(tmp_path)
     assert capture.points is None and "points3D.bin" in capture.warnings[0]
@@ -164,12 +141,12 @@ def test_every_photo_has_its_own_lens(tmp_path):
         assert_allclose([view.camera.fx, view.camera.cy, view.camera.width], [camera.fx, camera.cy, camera.width])
 
 
-def test_features_without_a_line_of_their_own_are_none(tmp_path, cameras):
+def test_features_without_a_line_of_their_own_are_none(tmp_path):
     """An editor may strip the blank line that stands for the last image's features."""
-    model = ColmapModel(cameras, NAMES)
+    model = ColmapModel(CAMERAS, NAMES)
     model.images = [(*image[:4], []) for image in model.images]
     model.points = []
-    put_photos(tmp_path / "images", NAMES, cameras)
+    put_photos(tmp_path / "images", NAMES, CAMERAS)
     model.write(tmp_path, ".txt")
     put(tmp_path / "images.txt", model.images_text().rstrip())
     capture = open_capture(tmp_path)
@@ -178,8 +155,8 @@ def test_features_without_a_line_of_their_own_are_none(tmp_path, cameras):
 
 @pytest.mark.parametrize("model", REFUSED)
 @pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_lenses_that_cannot_be_expressed_are_refused_by_name(tmp_path, cameras, model, suffix):
-    written = ColmapModel(cameras, NAMES)
+def test_lenses_that_cannot_be_expressed_are_refused_by_name(tmp_path, model, suffix):
+    written = ColmapModel(CAMERAS, NAMES)
     written.cameras = [(7, model, 8, 6, [5.0] * len(PARAMETERS[model].split()))]
     put_photos(tmp_path / "images", NAMES)
     written.write(tmp_path / "sparse", suffix)
@@ -188,62 +165,63 @@ def test_lenses_that_cannot_be_expressed_are_refused_by_name(tmp_path, cameras, 
 
 
 # --------------------------------------------------------------------------------------------------------------- photos
-@pytest.mark.parametrize("folder", ["images", "input", "images_4", "rgb", "."])
-def test_photos_are_found_where_tools_put_them(tmp_path, cameras, folder):
-    write_colmap(tmp_path, cameras, NAMES)
+NUMBERED = [f"IMG_{4000 + number}.JPG" for number in range(9)]
+IN_ORDER = [f"image{name}" for name in NAMES]
+IN_TWO_FOLDERS = [f"cam{number % 2}/{name}" for number, name in enumerate(NAMES)]
+
+
+@pytest.mark.parametrize(
+    ("in_model", "folder", "on_disk", "remark"),
+    [
+        *((NAMES, folder, NAMES, "") for folder in ("images", "input", "images_4", "rgb", ".")),
+        (IN_TWO_FOLDERS, "images", IN_TWO_FOLDERS, ""),
+        (IN_TWO_FOLDERS, "images", NAMES, ""),
+        ([name.replace(".png", ".JPG") for name in NAMES], "images_8", NAMES, ""),
+        (NUMBERED, "images_8", IN_ORDER, "taken in order"),
+    ],
+    ids=[
+        "images",
+        "input",
+        "images_4",
+        "rgb",
+        "here",
+        "subfolders",
+        "one folder for all",
+        "other suffix",
+        "other names",
+    ],
+)
+def test_photos_are_found_where_tools_put_them(tmp_path, in_model, folder, on_disk, remark):
+    write_colmap(tmp_path, CAMERAS, in_model)
     shutil.rmtree(tmp_path / "images")
-    put_photos(tmp_path / folder, NAMES, cameras)
-    assert [view.image for view in open_capture(tmp_path).views] == [tmp_path / folder / name for name in NAMES]
-
-
-def test_the_photos_nearest_to_the_model_are_taken(tmp_path, cameras):
-    """Undistorted photos lie beside their model, the original ones of the same names above."""
-    put_photos(tmp_path / "images", NAMES)
-    put_photos(tmp_path / "dense" / "images", NAMES, cameras)
-    ColmapModel(cameras, NAMES).write(tmp_path / "dense" / "sparse")
-    assert open_capture(tmp_path).views[0].image == tmp_path / "dense" / "images" / NAMES[0]
-
-
-def test_photos_in_subfolders_get_distinct_names(tmp_path, cameras):
-    names = [f"cam{number % 2}/{number // 2}.png" for number in range(9)]
-    write_colmap(tmp_path, cameras, names)
+    put_photos(tmp_path / folder, on_disk, CAMERAS)
     capture = open_capture(tmp_path)
-    assert {view.image for view in capture.views} == {tmp_path / "images" / name for name in names}
+    found = {view.image: view.camera for view in capture.views}
+    assert set(found) == {tmp_path / folder / name for name in on_disk}
+    for name, camera in zip(on_disk, CAMERAS, strict=True):
+        assert_allclose(found[tmp_path / folder / name].camera_to_world, camera.camera_to_world, atol=1e-9)
     assert len({view.name for view in capture.views}) == 9
+    assert [remark in warning for warning in capture.warnings] == [True] * bool(remark)
 
 
-def test_photos_stored_anew_are_found_by_their_stem(tmp_path, cameras):
-    write_colmap(tmp_path, cameras, [name.replace(".png", ".JPG") for name in NAMES])
-    shutil.rmtree(tmp_path / "images")
-    put_photos(tmp_path / "images_8", NAMES, cameras)
-    assert [view.image for view in open_capture(tmp_path).views] == [tmp_path / "images_8" / name for name in NAMES]
-
-
-def test_photos_put_into_one_folder_are_found_unless_names_repeat(tmp_path, cameras):
-    write_colmap(tmp_path, cameras, [f"cam{number % 2}/{name}" for number, name in enumerate(NAMES)])
-    shutil.rmtree(tmp_path / "images")
-    put_photos(tmp_path / "images", NAMES, cameras)
-    views = open_capture(tmp_path).views
-    assert {view.name: view.image.name for view in views} == {name[:3]: name for name in NAMES}
-    write_colmap(tmp_path, cameras, [f"cam{number}/000.png" for number in range(9)])
+def test_photos_of_equal_names_put_into_one_folder_are_not_guessed(tmp_path):
+    write_colmap(tmp_path, CAMERAS, [f"cam{number}/000.png" for number in range(9)])
     shutil.rmtree(tmp_path / "images")
     put_photos(tmp_path / "images", ["000.png"])
     with pytest.raises(DataError, match="none of its 9 photos"):
         open_capture(tmp_path)
 
 
-def test_reduced_photos_of_other_names_are_taken_in_order(tmp_path, cameras):
-    write_colmap(tmp_path, cameras, [f"IMG_{4000 + number}.JPG" for number in range(9)])
-    shutil.rmtree(tmp_path / "images")
-    put_photos(tmp_path / "images_8", [f"image{name}" for name in NAMES], cameras)
-    capture = open_capture(tmp_path)
-    assert [view.image.name for view in capture.views] == [f"image{name}" for name in NAMES]
-    assert_allclose(capture.views[5].camera.camera_to_world, cameras[5].camera_to_world, atol=1e-9)
-    assert "taken in order" in capture.warnings[0]
+def test_the_photos_nearest_to_the_model_are_taken(tmp_path):
+    """Undistorted photos lie beside their model, the original ones of the same names above."""
+    put_photos(tmp_path / "images", NAMES)
+    put_photos(tmp_path / "dense" / "images", NAMES, CAMERAS)
+    ColmapModel(CAMERAS, NAMES).write(tmp_path / "dense" / "sparse")
+    assert open_capture(tmp_path).views[0].image == tmp_path / "dense" / "images" / NAMES[0]
 
 
-def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_path, cameras):
-    write_colmap(tmp_path, cameras, NAMES)
+def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_path):
+    write_colmap(tmp_path, CAMERAS, NAMES)
     complete = open_capture(tmp_path)
     (tmp_path / "images" / NAMES[0]).unlink()
     put_photos(tmp_path / "images", ["x.png", "y.png"])
@@ -258,24 +236,3 @@ def test_missing_and_unposed_photos_are_counted_and_points_keep_their_views(tmp_
     assert_array_equal(capture.points.view, complete.points.view[kept] - 1)
     assert_array_equal(capture.points.pixels, complete.points.pixels[kept])
     assert_array_equal(capture.points.point, complete.points.point[kept])
-
-
-def test_intrinsics_and_observations_follow_the_real_size(tmp_path, cameras):
-    write_colmap(tmp_path, cameras, NAMES)
-    declared = open_capture(tmp_path)
-    put_photos(tmp_path / "images", NAMES, (2 * cameras[0].width, 3 * cameras[0].height))
-    capture = open_capture(tmp_path)
-    before, after = declared.views[4].camera, capture.views[4].camera
-    assert_allclose(
-        [after.fx, after.fy, after.cx, after.cy],
-        np.multiply([2, 3, 2, 3], [before.fx, before.fy, before.cx, before.cy]),
-    )
-    assert_allclose(capture.points.pixels, declared.points.pixels * (2, 3), rtol=1e-6)
-    assert "scaled" in capture.warnings[0]
-
-
-def test_bare_cameras_need_no_photos(tmp_path, cameras):
-    ColmapModel(cameras, NAMES).write(tmp_path)
-    views = open_capture(tmp_path, photos=False).views
-    assert [view.name for view in views] == [f"{number:03d}" for number in range(9)]
-    assert all(view.image is None for view in views)

@@ -1,5 +1,7 @@
-"""One rig, written in every format, is the same rig; and which format a folder is read as."""
+"""One rig, written in every format, is the same rig; which format a folder is read as; a format of one's own."""
 
+import csv
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from blender_tests.engine.capture.example_format import CSV
 from blender_tests.engine.reference.capture_files import (
     centered,
     put,
@@ -18,9 +21,10 @@ from blender_tests.engine.reference.capture_files import (
     write_nerf_synthetic,
     write_transforms,
 )
-from karf_engine.capture import open_capture
+from karf_engine import capture as captures
+from karf_engine.capture import open_capture, register_format
 from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json, with_gains
-from karf_engine.errors import DataError
+from karf_engine.errors import BadRequest, DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
 LENSES = {
@@ -66,6 +70,39 @@ def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens)
         assert view.image.is_file()
 
 
+WITH_SIZES = [name for name in FORMATS if name != "nerf-synthetic"]  # whose cameras say how large their photos are
+
+
+@pytest.mark.parametrize("name", WITH_SIZES)
+def test_intrinsics_and_observations_follow_the_real_size_of_photos(tmp_path, name):
+    write, expressible = FORMATS[name]
+    write(tmp_path, [expressible(camera) for camera in random_rig(2)])
+    before = open_capture(tmp_path)
+    width, height = before.views[0].camera.width, before.views[0].camera.height
+    put_photos(tmp_path / "images", NAMES, (2 * width, 3 * height))
+    after = open_capture(tmp_path)
+    for one, other in zip(before.views, after.views, strict=True):
+        declared, scaled = ([c.width, c.height, c.fx, c.fy, c.cx, c.cy] for c in (one.camera, other.camera))
+        assert_allclose(scaled, np.multiply([2, 3] * 3, declared))
+        assert other.camera.distortion == one.camera.distortion
+    assert f"{2 * width}x{3 * height} where" in after.warnings[0] and "scaled" in after.warnings[0]
+    if after.points is not None:
+        assert_allclose(after.points.pixels, before.points.pixels * (2, 3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", WITH_SIZES)
+def test_bare_cameras_need_no_photos(tmp_path, name):
+    write, expressible = FORMATS[name]
+    cameras = [expressible(camera) for camera in random_rig(2)]
+    write(tmp_path, cameras)
+    shutil.rmtree(tmp_path / "images")
+    views = open_capture(tmp_path, photos=False).views
+    assert [(view.name, view.image) for view in views] == [(f"{number:03d}", None) for number in range(9)]
+    for view, camera in zip(views, cameras, strict=True):
+        assert_same_camera(view.camera, camera)
+
+
+# -------------------------------------------------------------------------------------------------------- canonical JSON
 @pytest.mark.parametrize("lens", LENSES)
 def test_the_canonical_json_keeps_every_lens(tmp_path, lens):
     cameras = random_rig(5, 3, *LENSES[lens])
@@ -81,26 +118,21 @@ def test_the_canonical_json_keeps_every_lens(tmp_path, lens):
 
 
 def test_the_canonical_json_keeps_exposures_and_names_none_of_photos_exposed_alike(tmp_path):
-    camera = random_rig(5, 1)[0]
-    view = View("v", "v", camera, tmp_path / "v.png", "train")
-    content = capture_to_json(Capture(tmp_path, "colmap", (view,)))
-    assert "gains" not in content["views"][0]
-    exposed = capture_to_json(with_gains(Capture(tmp_path, "colmap", (view,)), {"v": (1.25, 1.0, 0.75)}))
+    view = View("v", "v", random_rig(5, 1)[0], tmp_path / "v.png", "train")
+    alike = Capture(tmp_path, "colmap", (view,))
+    assert "gains" not in capture_to_json(alike)["views"][0]
+    exposed = capture_to_json(with_gains(alike, {"v": (1.25, 1.0, 0.75)}))
     assert capture_from_json(exposed, tmp_path / "capture.json").views[0].gains == (1.25, 1.0, 0.75)
-    exposed["views"][0]["gains"] = [1.0, 0.0, 1.0]
-    with pytest.raises(DataError, match="gains"):
-        capture_from_json(exposed, tmp_path / "capture.json")
 
 
 def test_the_canonical_json_finds_the_splats_of_a_folder_that_moved(tmp_path):
-    (tmp_path / "then").mkdir()
-    splats = CapturedSplats(put(tmp_path / "then" / "splat.ply", b"ply"), True)
-    capture = Capture(tmp_path / "then", "transforms", (), splats=splats)
-    content = capture_to_json(capture, tmp_path / "then" / "project")
-    assert capture_from_json(content, tmp_path / "then" / "project" / "capture.json").splats == splats
-    (tmp_path / "then").rename(tmp_path / "now")
-    found = capture_from_json(content, tmp_path / "now" / "project" / "capture.json").splats
-    assert found == CapturedSplats(tmp_path / "now" / "splat.ply", True)
+    then, now = tmp_path / "then", tmp_path / "now"
+    splats = CapturedSplats(put(then / "splat.ply", b"ply"), True)
+    content = capture_to_json(Capture(then, "transforms", (), splats=splats), then / "project")
+    assert capture_from_json(content, then / "project" / "capture.json").splats == splats
+    then.rename(now)
+    found = capture_from_json(content, now / "project" / "capture.json").splats
+    assert found == CapturedSplats(now / "splat.ply", True)
 
 
 def test_older_engines_refuse_a_capture_with_splats_and_know_one_without(tmp_path):
@@ -111,12 +143,6 @@ def test_older_engines_refuse_a_capture_with_splats_and_know_one_without(tmp_pat
     assert with_splats["schema"] == "karf-capture/2"
     early = capture_from_json(with_splats | {"schema": "karf-capture/1"}, tmp_path / "capture.json")
     assert early.splats is not None, "files that were written in between are read"
-
-
-def test_splats_without_a_path_are_no_canonical_json(tmp_path):
-    content = capture_to_json(Capture(tmp_path, "transforms", ())) | {"splats": {"is_antialiased": True}}
-    with pytest.raises(DataError, match="not a canonical capture"):
-        capture_from_json(content, tmp_path / "capture.json")
 
 
 # ----------------------------------------------------------------------------------------------------------- precedence
@@ -166,8 +192,63 @@ def test_what_only_resembles_a_model_does_not_hide_other_cameras(tmp_path):
 
 def test_photos_alone_are_no_capture(tmp_path):
     put_photos(tmp_path / "images", NAMES)
+    with pytest.raises(DataError, match="does not exist"):
+        open_capture(tmp_path / "nothing")
     with pytest.raises(DataError, match="not a capture of a known format") as caught:
         open_capture(tmp_path)
     assert caught.value.hint == (
         "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."
     )
+
+
+# --------------------------------------------------------------------------------------------------- a format of one's own
+RIG = [centered(camera) for camera in random_rig(3)]
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))
+    register_format(CSV)
+
+
+def write_csv(folder):
+    put_photos(folder / "images", NAMES, RIG)
+    with (folder / "cameras.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["photo", "width", "height", "focal", "camera_to_world"])
+        for name, camera in zip(NAMES, RIG, strict=True):
+            pose = " ".join(map(repr, camera.camera_to_world.ravel().tolist()))
+            writer.writerow([f"images/{name}", camera.width, camera.height, camera.fx, pose])
+
+
+@pytest.mark.parametrize("place", [".", "cameras.csv"])
+def test_a_registered_format_is_opened_by_its_folder_or_its_file(registered, tmp_path, place):
+    write_csv(tmp_path)
+    capture = open_capture(tmp_path / place)
+    assert (capture.format, capture.warnings) == ("csv", ())
+    held_out = open_capture(tmp_path / place, holdout=8).split("test")
+    assert [view.name for view in held_out] == [capture.views[0].name, capture.views[8].name]
+    assert [view.image for view in open_capture(tmp_path, photos=False).views] == [None] * 9
+    for view, camera, name in zip(capture.views, RIG, NAMES, strict=True):
+        assert view.image == (tmp_path / "images" / name).absolute()
+        assert (view.camera.width, view.camera.height, view.camera.fx) == (camera.width, camera.height, camera.fx)
+        assert_allclose(view.camera.camera_to_world, camera.camera_to_world, rtol=1e-12)
+
+
+def test_it_is_read_before_the_formats_that_were_known(registered, tmp_path):
+    write_llff(tmp_path, RIG, NAMES)
+    write_csv(tmp_path)
+    assert open_capture(tmp_path).warnings == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
+
+
+def test_its_marker_is_named_where_no_format_is_found(registered, tmp_path):
+    with pytest.raises(DataError) as caught:
+        open_capture(tmp_path)
+    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
+
+
+def test_a_name_is_registered_once(registered):
+    register_format(CSV)  # again, as a module that is imported twice does
+    with pytest.raises(BadRequest, match="another capture format 'csv'"):
+        register_format(replace(CSV, marker="other.csv"))
+    assert [known.name for known in captures.FORMATS].count("csv") == 1

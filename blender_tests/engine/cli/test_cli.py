@@ -11,6 +11,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
 from karf_engine.palettes.calibration import ReferenceLight
@@ -18,26 +19,17 @@ from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import Project
 from karf_engine.worker.findings import VERDICT, Finding
-from tools.window.drawn_chart import CAST, CORNERS, photo_of_chart
 
-VERBS = [
-    "poses",
-    "inspect",
-    "mark",
-    "all",
-    "geometry",
-    "segmentation",
-    "palette",
-    "recoloring",
-    "splats",
-    "match",
-    "render",
-    "colorways",
-    "settings",
-    "doctor",
-    "run",
-]
+VERBS = (
+    *("poses", "inspect", "mark", "all", "geometry", "segmentation", "palette", "recoloring", "splats", "match"),
+    *("render", "colorways", "settings", "doctor", "run"),
+)
 BLOCK_TORCH = "import sys\nsys.modules['torch'] = None\n"
+PAIR = ("--from", "#d92619", "--to", "#1f5fbf")
+
+
+def runs(*arguments):
+    assert main(list(map(str, arguments))) == 0
 
 
 def fails(capsys, code, *arguments):
@@ -52,44 +44,39 @@ def fails(capsys, code, *arguments):
 
 
 # ------------------------------------------------------------------------------------------------------------------ help
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_explains_itself(verb, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main([verb, "--help"])
-    assert stopped.value.code == 0
-    assert f"usage: karf_engine {verb}" in capsys.readouterr().out
-
-
-def test_the_help_lists_every_verb_and_exit_code(capsys):
+def test_the_help_lists_every_verb_which_explains_itself_and_every_exit_code(capsys):
+    for verb in VERBS:
+        with pytest.raises(SystemExit) as stopped:
+            main([verb, "--help"])
+        assert stopped.value.code == 0 and f"usage: karf_engine {verb}" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["--help"])
     printed = capsys.readouterr().out
     assert all(f"\n    {verb} " in printed.replace("\n", " \n") for verb in VERBS)
-    assert all(
-        word in " ".join(printed.split()) for word in ("2 bad request", "4 bad data", "6 cancelled", "7 diverged")
-    )
+    codes = ("2 bad request", "4 bad data", "6 cancelled", "7 diverged")
+    assert all(code in " ".join(printed.split()) for code in codes)
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["paint"], ["geometry"], ["geometry", "c", "--project", "p", "--preset", "best"]]
-)
+@pytest.mark.parametrize("arguments", ["", "paint", "geometry", "geometry c --project p --preset best"])
 def test_commands_that_cannot_be_understood_end_with_two(arguments, capsys):
     with pytest.raises(SystemExit) as stopped:
-        main(arguments)
+        main(arguments.split())
     assert stopped.value.code == 2
     assert "usage: karf_engine" in capsys.readouterr().err
 
 
 def test_settings_are_listed(capsys):
-    assert main(["settings"]) == 0
+    runs("settings")
     assert "geometry.long_side" in capsys.readouterr().out
 
 
-def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys):
+def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys, monkeypatch):
     pytest.importorskip("torch")
-    assert main(["doctor", "--quick", "--folder", str(tmp_path)]) == 0
+    free = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: free)  # others write meanwhile
+    runs("doctor", "--quick", "--folder", tmp_path)
     text = capsys.readouterr().out
-    assert main(["doctor", "--quick", "--json", "--folder", str(tmp_path)]) == 0
+    runs("doctor", "--quick", "--json", "--folder", tmp_path)
     found = [Finding.from_line(line) for line in capsys.readouterr().out.splitlines()]
     assert text.splitlines() == [line for finding in found for line in finding.to_text().splitlines()]
     assert found[-1].name == VERDICT and all(finding.name != VERDICT for finding in found[:-1])
@@ -103,61 +90,51 @@ def test_what_is_no_finding_is_refused(line):
 
 
 # ------------------------------------------------------------------------------------------------------------ exit codes
-def test_a_missing_capture_is_named(tmp_path, capsys):
+def test_captures_and_settings_that_cannot_be_are_named_before_anything_is_made(still_life, tmp_path, capsys):
     pytest.importorskip("torch")
-    sentence, _ = fails(capsys, 4, "geometry", tmp_path / "nowhere", "--project", tmp_path / "p")
+    project = tmp_path / "p"
+    sentence, _ = fails(capsys, 4, "geometry", tmp_path / "nowhere", "--project", project)
     assert sentence == f"{tmp_path / 'nowhere'} does not exist."
-    assert not (tmp_path / "p").exists()
-
-
-def test_broken_cameras_are_named_with_their_line(still_life, tmp_path, capsys):
-    pytest.importorskip("torch")
     capture = shutil.copytree(still_life.capture, tmp_path / "capture")
     (capture / "transforms_train.json").write_text('{"frames": [\n{]}')
-    sentence, _ = fails(capsys, 4, "geometry", capture, "--project", tmp_path / "p")
+    sentence, _ = fails(capsys, 4, "geometry", capture, "--project", project)
     assert "transforms_train.json (cameras) is broken JSON at line 2" in sentence
+    override = ["--set", "geometry.max_ray=9"]
+    _, hint = fails(capsys, 2, "geometry", still_life.capture, "--project", project, *override)
+    assert "geometry.max_rays" in hint and not project.exists()
 
 
-def test_an_unknown_setting_is_refused_before_anything_is_made(still_life, tmp_path, capsys):
-    pytest.importorskip("torch")
-    options = ["--project", tmp_path / "p", "--set", "geometry.max_ray=9"]
-    _, hint = fails(capsys, 2, "geometry", still_life.capture, *options)
-    assert "geometry.max_rays" in hint and not (tmp_path / "p").exists()
-
-
-def test_masks_that_do_not_fit_are_named(still_life, learned, tmp_path, capsys):
+def test_masks_that_do_not_fit_are_named(learned, tmp_path, capsys):
     project = shutil.copytree(learned.project, tmp_path / "project")
-    before = Project(project).state()
-    masks = tmp_path / "masks"
-    command = ["segmentation", project, "--masks", masks]
-    assert "is not a folder of masks" in fails(capsys, 4, *command)[0]
+    before, masks = Project(project).state(), tmp_path / "masks"
+
+    def refused():
+        return fails(capsys, 4, "segmentation", project, "--masks", masks)[0]
+
+    assert "is not a folder of masks" in refused()
     masks.mkdir()
-    assert "holds no masks" in fails(capsys, 4, *command)[0]
+    assert "holds no masks" in refused()
     write_png(masks / "ball" / "r_0.png", np.zeros((32, 32), bool))
-    assert "r_0.png marks nothing of 'ball'" in fails(capsys, 4, *command)[0]
+    assert "r_0.png marks nothing of 'ball'" in refused()
     write_png(masks / "ball" / "r_0.png", np.ones((30, 32), bool))
-    assert "r_0.png is 32x30 pixels where its photo has 32x32" in fails(capsys, 4, *command)[0]
+    assert "r_0.png is 32x30 pixels where its photo has 32x32" in refused()
     assert Project(project).state() == before and not (project / "lock.json").exists()
 
 
-def test_a_project_folder_that_is_none_or_of_another_capture_is_refused(still_life, learned, tmp_path, capsys):
+def test_a_project_that_is_none_or_of_another_capture_or_not_learned_yet_is_refused(
+    still_life, learned, tmp_path, capsys
+):
+    pytest.importorskip("torch")
     assert "is not a KaRF project" in fails(capsys, 4, "palette", tmp_path)[0]
     assert "is not a KaRF project" in fails(capsys, 4, "render", tmp_path, "--out", tmp_path / "out")[0]
     other = shutil.copytree(still_life.capture, tmp_path / "other")
     sentence, hint = fails(capsys, 2, "geometry", other, "--project", learned.project)
     assert "already holds a project of" in sentence and str(other) in hint
-
-
-def test_stages_out_of_order_name_the_one_to_run_first(still_life, tmp_path, capsys):
-    pytest.importorskip("torch")
-    project = Project(tmp_path)
+    project = Project(tmp_path / "new")
     project.create(str(still_life.capture))
-    for verb, first in (("palette", "geometry"), ("match", "palette")):
-        more = (
-            ["--object", "ball", "--from", "#000000", "--to", "#ffffff", "--out", "e.json"] if verb == "match" else []
-        )
-        sentence, hint = fails(capsys, 2, verb, tmp_path, *more)
-        assert first in sentence + hint
+    assert "geometry" in "".join(fails(capsys, 2, "palette", project.folder))
+    words = ("--object", "ball", *PAIR, "--out", "e.json")
+    assert "palette" in "".join(fails(capsys, 2, "match", project.folder, *words))
 
 
 @pytest.mark.parametrize(
@@ -177,66 +154,20 @@ def test_edits_that_do_not_fit_are_named(learned, tmp_path, capsys, content, wor
     assert not (tmp_path / "out").exists()
 
 
-def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, capsys):
-    out = ["--out", tmp_path / "out.json"]
-    assert "has no view 'nobody'" in fails(capsys, 4, "render", learned.project, "--views", "nobody", *out)[0]
-    assert "has no val views" in fails(capsys, 4, "render", learned.project, "--views", "val", *out)[0]
-    colors = ["--from", "#ff0000", "--to", "#00ff00"]
-    assert "no object 'vase'" in fails(capsys, 2, "match", learned.project, "--object", "vase", *colors, *out)[0]
-    also = ["--object", "ball", "--also", "green", "#00ff00"]
-    assert "'green' is not a color" in fails(capsys, 4, "match", learned.project, *also, *colors, *out)[0]
-    colors = ["--from", "red", "--to", "#00ff00"]
-    assert "'red' is not a color" in fails(capsys, 4, "match", learned.project, "--object", "ball", *colors, *out)[0]
+BALL = ("match", "--object", "ball")
+WRONG_WORDS = [
+    (4, ("render", "--views", "nobody"), "has no view 'nobody'"),
+    (4, ("render", "--views", "val"), "has no val views"),
+    (2, ("match", "--object", "vase", *PAIR), "no object 'vase'"),
+    (4, (*BALL, "--also", "green", "#00ff00", *PAIR), "'green' is not a color"),
+    (4, (*BALL, "--from", "red", "--to", "#00ff00"), "'red' is not a color"),
+]
 
 
-def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, capsys):
-    def told(source, target):
-        pair = "--object", "ball", "--from", source, "--to", target, "--out", tmp_path / "edit.json"
-        assert main(["match", str(learned.project), *map(str, pair)]) == 0
-        return "".join(capsys.readouterr())
-
-    assert "is of the paint that becomes another" in told("#d92619", "#1f5fbf")
-    assert "warning" not in told("#d92619", "#1f5fbf")
-    assert "shows no color like #00ff00" in told("#00ff00", "#1f5fbf")
-
-
-def test_a_gray_card_says_what_a_books_color_looks_like_in_the_photos(learned, tmp_path):
-    def edit(name, *words):
-        out = tmp_path / name
-        pair = "match", learned.project, "--object", "ball", "--from", "#d92619", *words, "--out", out
-        assert main([*map(str, pair)]) == 0
-        return out.read_text()
-
-    light = ReferenceLight.of_card(hex_to_rgb("#a08060"))
-    seen = rgb_to_hex(light.photographed(hex_to_rgb("#1f5fbf")))
-    with_card = edit("card.json", "--to", "#1f5fbf", "--card", "#a08060")
-    assert with_card == edit("seen.json", "--to", seen) != edit("plain.json", "--to", "#1f5fbf")
-
-
-def test_a_color_chart_in_a_photo_says_the_same_found_by_itself_or_by_its_corners(learned, tmp_path, capsys):
-    photo, out = tmp_path / "chart.png", tmp_path / "edit.json"
-    write_png(photo, photo_of_chart())
-    pair = "match", learned.project, "--object", "ball", "--from", "#d92619", "--to", "#1f5fbf", "--out", out
-    wanted = edit_of(Project(learned.project)).becomes(
-        "ball", "#d92619", rgb_to_hex(ReferenceLight(CAST).photographed(hex_to_rgb("#1f5fbf")))
-    )
-    corners = ",".join(f"{value:g}" for value in CORNERS.ravel())
-    for words in (), ("--corners", corners):
-        assert main([*map(str, (*pair, "--chart", photo, *words))]) == 0
-        assert "color chart: CIEDE2000 0.1 left in the mean of 23 patches" in "".join(capsys.readouterr())
-        edit = edit_of(Project(learned.project), out)
-        np.testing.assert_allclose(edit.colors["ball"], wanted.colors["ball"], atol=0.02)
-    write_png(photo, np.full((60, 80, 3), 0.5))
-    assert f"No color chart was found in {photo}" in fails(capsys, 2, *pair, "--chart", photo)[0]
-    assert "but no photo of it" in fails(capsys, 2, *pair, "--corners", corners)[0]
-    assert "were given" in fails(capsys, 2, *pair, "--chart", photo, "--card", "#808080")[0]
-
-
-def test_a_damaged_checkpoint_is_named(learned, tmp_path, capsys):
-    project = shutil.copytree(learned.project, tmp_path / "project")
-    path = Project(project).geometry_file
-    path.write_bytes(path.read_bytes()[:-100])
-    assert f"{path} is damaged" in fails(capsys, 4, "render", project, "--out", tmp_path / "out")[0]
+@pytest.mark.parametrize(("code", "words", "sentence"), WRONG_WORDS)
+def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, capsys, code, words, sentence):
+    verb, *options = words
+    assert sentence in fails(capsys, code, verb, learned.project, *options, "--out", tmp_path / "out.json")[0]
 
 
 def test_internal_errors_end_with_seventy_and_show_their_trace(monkeypatch, capsys):
@@ -267,3 +198,45 @@ def test_without_torch_the_engine_says_what_to_install(still_life, tmp_path):
     assert "Traceback" not in done.stderr
     done = run_engine("doctor", environment=environment)
     assert done.returncode == 3 and "torch is not installed." in done.stdout and done.stderr == ""
+
+
+# ------------------------------------------------------------------------------------------------------- matching of colors
+def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, capsys):
+    def told(source, target):
+        words = ("--object", "ball", "--from", source, "--to", target, "--out", tmp_path / "edit.json")
+        runs("match", learned.project, *words)
+        return "".join(capsys.readouterr())
+
+    reached = told("#d92619", "#1f5fbf")
+    assert "is of the paint that becomes another" in reached and "warning" not in reached
+    assert "shows no color like #00ff00" in told("#00ff00", "#1f5fbf")
+
+
+def test_a_gray_card_says_what_a_books_color_looks_like_in_the_photos(learned, tmp_path):
+    def edit(name, *words):
+        out = tmp_path / name
+        runs("match", learned.project, "--object", "ball", "--from", "#d92619", *words, "--out", out)
+        return out.read_text()
+
+    light = ReferenceLight.of_card(hex_to_rgb("#a08060"))
+    seen = rgb_to_hex(light.photographed(hex_to_rgb("#1f5fbf")))
+    with_card = edit("card.json", "--to", "#1f5fbf", "--card", "#a08060")
+    assert with_card == edit("seen.json", "--to", seen) != edit("plain.json", "--to", "#1f5fbf")
+
+
+def test_a_color_chart_in_a_photo_says_the_same_found_by_itself_or_by_its_corners(learned, tmp_path, capsys):
+    photo, out = tmp_path / "chart.png", tmp_path / "edit.json"
+    write_png(photo, photo_of_chart())
+    match = ("match", learned.project, "--object", "ball", *PAIR, "--out", out)
+    seen = rgb_to_hex(ReferenceLight(CAST).photographed(hex_to_rgb("#1f5fbf")))
+    wanted = edit_of(Project(learned.project)).becomes("ball", "#d92619", seen)
+    corners = ",".join(f"{value:g}" for value in CORNERS.ravel())
+    for words in (), ("--corners", corners):
+        runs(*match, "--chart", photo, *words)
+        assert "color chart: CIEDE2000 0.1 left in the mean of 23 patches" in "".join(capsys.readouterr())
+        edit = edit_of(Project(learned.project), out)
+        np.testing.assert_allclose(edit.colors["ball"], wanted.colors["ball"], atol=0.02)
+    write_png(photo, np.full((60, 80, 3), 0.5))
+    assert f"No color chart was found in {photo}" in fails(capsys, 2, *match, "--chart", photo)[0]
+    assert "but no photo of it" in fails(capsys, 2, *match, "--corners", corners)[0]
+    assert "were given" in fails(capsys, 2, *match, "--chart", photo, "--card", "#808080")[0]

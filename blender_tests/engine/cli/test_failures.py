@@ -20,6 +20,7 @@ from karf_engine.worker import loop
 from karf_engine.worker.protocol import EventReader, Request
 
 FULL = Path("/dev/full")
+needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 
 
 @pytest.fixture(autouse=True)
@@ -27,15 +28,24 @@ def no_input(monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO())
 
 
-def end(capsys, monkeypatch, error):
-    """What a command prints and returns when its stage raises this error."""
+def engine(*arguments, **options):
+    """Run the engine in a child process."""
+    command = [sys.executable, "-m", "karf_engine", *map(str, arguments)]
+    return subprocess.run(command, **{"cwd": ROOT, "timeout": 300} | options)
 
-    def raising(*_):
-        raise error
 
-    monkeypatch.setattr("karf_engine.cli.verbs.run_command", raising)
-    code = main(["palette", "project"])
-    return code, capsys.readouterr().err
+@pytest.fixture
+def end(capsys, monkeypatch):
+    """What a command prints and returns when its stage raises an error."""
+
+    def end(error):
+        def raising(*_):
+            raise error
+
+        monkeypatch.setattr("karf_engine.cli.verbs.run_command", raising)
+        return main(["palette", "project"]), capsys.readouterr().err
+
+    return end
 
 
 def memory_errors():
@@ -49,43 +59,40 @@ def memory_errors():
         lambda: bytearray(2**62),
     )
     for attempt in attempts:
-        try:
+        with pytest.raises(Exception) as caught:
             attempt()
-        except Exception as error:
-            yield error
-        else:
-            raise AssertionError("this machine has more memory than any")
+        yield caught.value
     yield torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB")
     yield RuntimeError("std::bad_alloc")
     yield OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
     yield cv2.error("OpenCV(4.9.0) alloc.cpp:73: error: (-4:Insufficient memory) Failed to allocate 600 bytes")
 
 
-def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(capsys, monkeypatch):
+def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(end):
     from karf_engine.fields.training import is_out_of_memory
 
     for error in memory_errors():
-        code, printed = end(capsys, monkeypatch, error)
+        code, printed = end(error)
         assert code == 5 and printed.startswith("error: The computer ran out of memory."), repr(error)
         assert is_out_of_memory(error), repr(error)  # the training loop halves its batch for the same errors
 
 
-@pytest.mark.parametrize(
-    ("number", "words"),
-    [
-        (errno.ENOSPC, "The disk is full"),
-        (errno.EDQUOT, "Your share of the disk is used up"),
-        (errno.EACCES, "may not be read or written"),
-        (errno.EROFS, "can only be read"),
-        (errno.ENOENT, "is not there, or no longer"),
-        (errno.ENOTDIR, "lies in a file"),
-        (errno.ENAMETOOLONG, "a name too long"),
-        (errno.EMFILE, "Too many files are open"),
-        (errno.EIO, "cannot be read or written: Input/output error"),
-    ],
-)
-def test_faults_of_the_disk_are_sentences_with_a_remedy(capsys, monkeypatch, number, words):
-    code, printed = end(capsys, monkeypatch, OSError(number, os.strerror(number), "/film/pots/palette.json"))
+FAULTS = [
+    (errno.ENOSPC, "The disk is full"),
+    (errno.EDQUOT, "Your share of the disk is used up"),
+    (errno.EACCES, "may not be read or written"),
+    (errno.EROFS, "can only be read"),
+    (errno.ENOENT, "is not there, or no longer"),
+    (errno.ENOTDIR, "lies in a file"),
+    (errno.ENAMETOOLONG, "a name too long"),
+    (errno.EMFILE, "Too many files are open"),
+    (errno.EIO, "cannot be read or written: Input/output error"),
+]
+
+
+@pytest.mark.parametrize(("number", "words"), FAULTS)
+def test_faults_of_the_disk_are_sentences_with_a_remedy(end, number, words):
+    code, printed = end(OSError(number, os.strerror(number), "/film/pots/palette.json"))
     sentence, hint = printed.strip().split("\n")
     assert code == 4 and words in sentence and hint.strip() and "Traceback" not in printed
     assert "/film/pots/palette.json" in sentence or number == errno.EMFILE
@@ -99,55 +106,40 @@ def test_faults_of_the_disk_are_sentences_with_a_remedy(capsys, monkeypatch, num
         RuntimeError("database or disk is full"),
     ],
 )
-def test_full_disks_that_libraries_tell_only_in_words_are_known_too(capsys, monkeypatch, error):
-    code, printed = end(capsys, monkeypatch, error)
+def test_full_disks_that_libraries_tell_only_in_words_are_known_too(end, error):
+    code, printed = end(error)
     assert code == 4 and "The disk is full" in printed
-
-
-def test_only_a_fault_of_the_engine_prints_a_trace(capsys, monkeypatch):
-    code, printed = end(capsys, monkeypatch, ZeroDivisionError("division by zero"))
-    assert code == 70 and "Traceback" in printed and "Internal error" in printed
 
 
 @pytest.mark.parametrize(("error", "code"), [(OutOfMemory("None left."), 5), (Cancelled("Stopped."), 6)])
 def test_a_job_whose_events_cannot_be_written_keeps_its_exit_code_and_says_why(
     tmp_path, capsys, monkeypatch, error, code
 ):
-    class FullDisk:
-        def __call__(self, kind, /, **values):
-            if kind != "hello":
-                raise OSError(errno.ENOSPC, "No space left on device")
+    def write(kind, /, **values):
+        if kind != "hello":
+            raise OSError(errno.ENOSPC, "No space left on device")
 
     def raising(*_):
         raise error
 
     Request("palette", tmp_path).write(tmp_path / "job")
-    monkeypatch.setattr(loop, "EventWriter", lambda job: FullDisk())
+    monkeypatch.setattr(loop, "EventWriter", lambda job: write)
     monkeypatch.setattr(loop, "run_command", raising)
     assert loop.Worker().serve(tmp_path / "job", ()) == code
     assert error.sentence in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+@needs_full
 def test_a_log_on_a_full_disk_does_not_change_the_exit_code(tmp_path):
     with FULL.open("w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "karf_engine", "palette", str(tmp_path)], cwd=ROOT, stderr=full, timeout=120
-        )
-    assert done.returncode == 4
+        assert engine("palette", tmp_path, stderr=full).returncode == 4
 
 
-@pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
+@needs_full
 def test_events_on_a_full_disk_end_the_job_with_a_sentence(tmp_path):
     Request("palette", tmp_path).write(tmp_path)
     (tmp_path / "events.jsonl").symlink_to(FULL)
-    done = subprocess.run(
-        [sys.executable, "-m", "karf_engine", "run", str(tmp_path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    done = engine("run", tmp_path, capture_output=True, text=True)
     assert done.returncode == 4 and "The disk is full" in done.stderr and "Traceback" not in done.stderr
 
 
@@ -176,8 +168,7 @@ def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, thre
         ({"count": "3"}, "count = '3' is not a whole number"),
     ],
 )
-def test_options_of_another_type_are_named_to_the_caller(tmp_path, monkeypatch, options, words):
-    monkeypatch.setattr(sys, "stdin", io.StringIO())
+def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):
     Request("render", tmp_path, options).write(tmp_path)
     assert main(["run", str(tmp_path)]) == BadRequest.exit_code
     last = list(EventReader(tmp_path).poll())[-1]
@@ -186,14 +177,12 @@ def test_options_of_another_type_are_named_to_the_caller(tmp_path, monkeypatch, 
 
 # ------------------------------------------------------------------------------------------------------ standard output
 @pytest.mark.skipif(os.name == "nt", reason="pipes end otherwise there")
-@pytest.mark.parametrize("verb", ["settings", "doctor --quick"])
-@pytest.mark.parametrize("buffered", ["", "1"])
+@pytest.mark.parametrize(("verb", "buffered"), [("settings", "1"), ("settings", ""), ("doctor --quick", "")])
 def test_a_command_whose_output_nobody_reads_ends_quietly_as_by_sigpipe(verb, buffered):
     reading, writing = os.pipe()
     os.close(reading)
-    command = [sys.executable, "-m", "karf_engine", *verb.split()]
     environment = os.environ | {"PYTHONUNBUFFERED": buffered}
-    done = subprocess.run(command, cwd=ROOT, env=environment, stdout=writing, stderr=subprocess.PIPE, timeout=120)
+    done = engine(*verb.split(), env=environment, stdout=writing, stderr=subprocess.PIPE)
     os.close(writing)
     assert (done.returncode, done.stderr) == (141, b"")
 
@@ -236,5 +225,5 @@ except Exception as error:
 def test_a_package_that_memory_does_not_suffice_for_is_not_called_missing(package, use):
     pytest.importorskip(package.partition(".")[0])
     code = LITTLE_MEMORY.format(package=package, use=use)
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 5, done.stderr

@@ -1,9 +1,7 @@
 """A job that is killed outright, and run again: the same files as if nothing had happened."""
 
-import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 import time
@@ -20,7 +18,8 @@ from karf_engine.cli import main
 from karf_engine.compute.progress import Progress
 from karf_engine.errors import Cancelled, Diverged
 from karf_engine.io.checkpoints import load_tensors
-from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import Project
+from karf_engine.project.state import without_stage, write_state
 
 FEW = (
     'geometry.levels=[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 20, "iterations": 60, "step": 1.0}]',
@@ -84,19 +83,9 @@ def test_a_killed_geometry_stage_gives_the_same_file_in_the_end(still_life, tmp_
     assert not killed.checkpoint_file("geometry").exists()
 
 
-@pytest.fixture(params=["segmentation", "recoloring"])
-def half_done(request, learned, tmp_path):
-    """A copy of the learned project in which this stage and those after it are still to be done; and the stage."""
-    project = Project(shutil.copytree(learned.project, tmp_path / "project"))
-    state = project.state()
-    for later in STAGE_ORDER[STAGE_ORDER.index(request.param) :]:
-        del state["stages"][later]
-    project.state_file.write_text(json.dumps(state))
-    return project, request.param
-
-
-def test_a_cancelled_head_resumes_to_the_same_file(half_done, learned, monkeypatch, capsys):
-    project, stage = half_done
+@pytest.mark.parametrize("stage", ["segmentation", "recoloring"])
+def test_a_cancelled_head_resumes_to_the_same_file(copy, learned, stage, monkeypatch, capsys):
+    write_state(copy.state_file, without_stage(copy.state(), stage))
     count, steps = Progress.step, []
 
     def cancel(progress, number=1, **metrics):
@@ -105,16 +94,16 @@ def test_a_cancelled_head_resumes_to_the_same_file(half_done, learned, monkeypat
         if len(steps) > 25:
             raise Cancelled("The test wants it.")
 
-    masks = ["--masks", str(project.masks_folder)] if stage == "segmentation" else []
-    command = [stage, str(project.folder), *masks, "--threads", "1"]
+    masks = ["--masks", str(copy.masks_folder)] if stage == "segmentation" else []
+    command = [stage, str(copy.folder), *masks, "--threads", "1"]
     with monkeypatch.context() as patch:
         patch.setattr(Progress, "step", cancel)
         assert main(command) == Cancelled.exit_code
-    assert project.checkpoint_file(stage).exists()
+    assert copy.checkpoint_file(stage).exists()
     assert main(command) == 0
     assert "resuming at iteration 26 of" in capsys.readouterr().err
-    assert same_file(*(each.output(f"{stage}.safetensors") for each in (Project(learned.project), project)))
-    assert not project.checkpoint_file(stage).exists()
+    assert same_file(*(each.output(f"{stage}.safetensors") for each in (Project(learned.project), copy)))
+    assert not copy.checkpoint_file(stage).exists()
 
 
 def test_what_led_to_divergence_is_not_resumed(still_life, tmp_path, monkeypatch):

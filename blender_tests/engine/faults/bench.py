@@ -25,11 +25,10 @@ from karf_engine.project import STAGE_ORDER, Project
 
 SIZE, N_PHOTOS = 36, 8
 MASKED_VIEWS = ("r_0", "r_4")
-LEVELS = '[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]'
 SETTINGS = (
     "geometry.space=box",
     f"geometry.long_side={SIZE}",
-    f"geometry.levels={LEVELS}",
+    'geometry.levels=[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]',
     "geometry.samples=6000",
     "geometry.max_rays=512",
     "geometry.features=6",
@@ -127,51 +126,50 @@ class Bench:
     # --- right states ----------------------------------------------------------------------------------------------
     def _learn(self) -> None:
         """Make all right states, and the scenarios that lead from one to another."""
-        complete = None
+        start = None
         for stage in STAGE_ORDER:
-            complete = self._scenario(f"{stage}, first", stage, complete and complete.folder, self.command(stage)).end
-        self.complete = complete
+            self._add(f"{stage}, first", stage, start, self.command(stage))
+            start = self.scenarios[-1].end.folder
+        self.complete = self.scenarios[-1].end
         self._must(self.match)
         self.edit = digest(self.look / "edit.json")
         for stage in STAGE_ORDER:
-            start = complete.folder
+            start = self.complete.folder
             if stage in ("palette", "recoloring", "splats"):  # only the settings change before
                 self.restore(start)
                 self._must(self.command("geometry", True, stage))
                 start = self._snapshot(f"{stage} to be learned anew")
-            self._scenario(f"{stage}, anew", stage, start, self.command(stage, True))
-        self.restore(complete.folder)
-        seconds = time.monotonic()
-        self._must(self.render("--planes"))
-        seconds = time.monotonic() - seconds
-        self.scenarios.append(Scenario("render", "render", complete.folder, self.render("--planes"), complete, seconds))
+            self._add(f"{stage}, anew", stage, start, self.command(stage, True))
+        self.restore(self.complete.folder)
+        seconds = self._must(self.render("--planes"))
+        start = self.complete.folder
+        self.scenarios.append(Scenario("render", "render", start, self.render("--planes"), self.complete, seconds))
 
-    def _scenario(self, title: str, stage: str, start: Path | None, command: list[str]) -> Scenario:
+    def _add(self, title: str, stage: str, start: Path | None, command: list[str]) -> None:
         self.restore(start)
-        begin = time.monotonic()
-        self._must(command)
-        seconds = time.monotonic() - begin
+        seconds = self._must(command)
         chain, files, folder = self.chain(), self.files(), self._snapshot(title)
         pictures, shown = self.pictures()
         if shown.code:
             raise RuntimeError(shown.text)
-        end = State(chain, folder, files, pictures)
-        self.states[chain] = end
-        self.scenarios.append(Scenario(title, stage, start, command, end, seconds))
-        return self.scenarios[-1]
+        self.states[chain] = State(chain, folder, files, pictures)
+        self.scenarios.append(Scenario(title, stage, start, command, self.states[chain], seconds))
 
-    def _must(self, command: list[str]) -> None:
+    def _must(self, command: list[str]) -> float:
+        """Run a command, which must succeed; returns its seconds."""
+        begin = time.monotonic()
         done = run(command)
         if done.code:
             raise RuntimeError(f"{' '.join(command[:2])} fails without any fault:\n{done.text}")
+        return time.monotonic() - begin
 
     def _snapshot(self, name: str) -> Path:
-        folder = self.folder / "states" / name.replace(", ", "_").replace(" ", "_")
-        shutil.copytree(self.project, folder)
-        return folder
+        return shutil.copytree(self.project, self.folder / "states" / name.replace(", ", "_").replace(" ", "_"))
 
     def restore(self, start: Path | None) -> None:
         """Put the project into this state; None: there is none yet."""
+        if self.project.is_symlink():
+            self.project.unlink()
         shutil.rmtree(self.project, ignore_errors=True)
         if start is not None:
             shutil.copytree(start, self.project)
@@ -200,7 +198,10 @@ class Bench:
         own = [name for name in names if str(name) not in PASSING and name.parts[0] not in PASSING_FOLDERS]
         results = [f"{stage}/{name}" for stage, summary in self._stages().items() for name in summary["files"]]
         found = {str(name): digest(self.path(str(name))) for name in (*own, *results)}
-        masks = Project(self.project).masks_folder if self._is_open() else self.project / "masks"
+        try:
+            masks = Project(self.project).masks_folder
+        except KarfError:
+            masks = self.project / "masks"
         marks = sorted(masks.rglob("*.png")) if masks.is_dir() else []
         return found | {f"masks/{path.relative_to(masks).as_posix()}": digest(path) for path in marks}
 
@@ -209,12 +210,6 @@ class Bench:
         stage, _, file = name.partition("/")
         is_result = stage in STAGE_ORDER
         return self.project / "results" / self._stages()[stage]["folder"] / file if is_result else self.project / name
-
-    def _is_open(self) -> bool:
-        try:
-            return bool(Project(self.project).state())
-        except KarfError:
-            return False
 
     def _stages(self) -> dict:
         """Summaries of the finished stages, whatever the schema of project.json."""
@@ -236,7 +231,6 @@ class Bench:
         paths = [path for path in sorted(self.look.rglob("*")) if path.is_file() and path.name != "finished.jsonl"]
         return {str(path.relative_to(self.look)): digest(path) for path in paths}, shown
 
-    # --- the questions after a fault -------------------------------------------------------------------------------
     def changes(self, scenario: Scenario, flushes: bool) -> list[str]:
         """The changes of files that a scenario makes, in order."""
         self.restore(scenario.start)
@@ -265,7 +259,6 @@ class Bench:
         if not (self.project / "project.json").exists():
             return None
         try:
-            Project(self.project)  # as the engine does first
             chain = self.chain()
         except (KarfError, KeyError, TypeError) as error:
             return f"the project does not open: {error}"
@@ -291,13 +284,11 @@ class Bench:
         if self.chain() != scenario.end.chain:
             return "a rerun ends in another state"
         lost = self.lost(exact)
-        new = set(self.files()) - set(scenario.end.files) - set(self._before(scenario))
+        start = scenario.start
+        before = [str(path.relative_to(start)) for path in start.rglob("*") if path.is_file()] if start else []
+        new = set(self.files()) - set(scenario.end.files) - set(before)
         litter = sorted(name for name in new if Path(name).parts[0] != "looks")  # a cache, which `lost` fills
         return f"after a rerun {lost}" if lost else f"a rerun leaves {', '.join(litter)} behind" if litter else None
-
-    def _before(self, scenario: Scenario) -> list[str]:
-        start = scenario.start
-        return [str(path.relative_to(start)) for path in start.rglob("*") if path.is_file()] if start else []
 
 
 def digest(path: Path) -> str:

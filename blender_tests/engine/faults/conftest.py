@@ -1,4 +1,4 @@
-"""How many faults are thrown, and the project that they are thrown at."""
+"""How many faults are thrown, the project that they are thrown at, and what holds after each."""
 
 import os
 import random
@@ -39,3 +39,16 @@ def kills(request, few) -> int:
 @pytest.fixture
 def chance(request) -> random.Random:
     return random.Random(request.config.getoption("seed", 0))
+
+
+@pytest.fixture
+def throw(bench, subtests):
+    """Throws a fault at a scenario, which returns how the command ended: nothing is lost, and the command completes it."""
+
+    def throw_one(scenario, fault, exact=lambda ended: True, **named):
+        with subtests.test(stage=scenario.title, **named):
+            bench.restore(scenario.start)
+            ended = fault()
+            bench.survives(scenario, ended, exact(ended))
+
+    return throw_one

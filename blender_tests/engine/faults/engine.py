@@ -17,11 +17,10 @@ from tools.dev import ONE_THREAD
 
 TIMEOUT = 120.0
 STAGES = ("geometry", "segmentation", "palette", "recoloring", "splats", "render", "match")
-# encodings.utf_8_sig: where a child may not read Python's own files; torch._dynamo: what the first step of an optimizer imports
 IMPORTED = [
     "__main__",
-    "encodings.utf_8_sig",
-    "torch._dynamo",
+    "encodings.utf_8_sig",  # for a child that may not read Python's own files
+    "torch._dynamo",  # what the first step of an optimizer imports
     "karf_engine.cli",
     *(f"karf_engine.commands.{stage}" for stage in STAGES),
 ]
@@ -58,11 +57,7 @@ class Run:
 
 
 def prepare(patch) -> None:
-    """Let the process that all others are forked from import the engine, with one thread: forks must find no others.
-
-    Args:
-        patch: pytest's, which takes the variables back.
-    """
+    """Let the process that all others are forked from import the engine with one thread: forks must find no others."""
     for name, value in ONE_THREAD.items():
         patch.setenv(name, value)
     FORKING.set_forkserver_preload(IMPORTED)
@@ -92,9 +87,9 @@ class Child:
             return
         self._killed = self._killed or number == signal.SIGKILL
 
-    def wait(self, seconds: float = TIMEOUT) -> Run:
-        """Wait for its end; what lasts longer is ended."""
-        end = time.monotonic() + seconds
+    def wait(self) -> Run:
+        """Wait for its end; what lasts longer than TIMEOUT is ended."""
+        end = time.monotonic() + TIMEOUT
         while self._process.is_alive() and time.monotonic() < end:
             self._drain()
             self._process.join(0.005)

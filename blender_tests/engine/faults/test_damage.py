@@ -1,4 +1,4 @@
-"""Damaged files: a flipped bit, a file that is cut off, empty or gone, and numbers that are none."""
+"""Damaged files, and files of a newer version: refused in a sentence or without consequence, and never another picture."""
 
 import json
 import shutil
@@ -10,11 +10,15 @@ pytest.importorskip("torch")
 
 from blender_tests.engine.faults.bench import digest
 from blender_tests.engine.faults.engine import run
+from blender_tests.engine.readers.mutations import with_header
+from blender_tests.engine.readers.samples import renew_checksum
+from karf_engine.project import STAGE_ORDER
 
 SOME = ("geometry/geometry.safetensors", "recoloring/palette.json", "recoloring/object_colors.npz")
 FLIPS = 6  # of a bit, in each file
 
 
+# ------------------------------------------------------------------------------------------------------------- damaged files
 def flip(path, chance):
     data = bytearray(path.read_bytes())
     data[chance.randrange(len(data))] ^= 1 << chance.randrange(8)
@@ -57,6 +61,7 @@ WAYS = {"a flipped bit": flip, "cut off": cut, "empty": empty, "gone": remove, "
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_damaged_file_is_told_of_and_never_another_picture(bench, few, chance, subtests, way):
+    """The palette of the project is to be learned anew: so that every file has a reader."""
     if few and way != "a flipped bit":
         pytest.skip("thrown with --all-faults")
     names = ["project.json", *(name for name in bench.complete.files if not name.startswith("masks/"))]  # the user's
@@ -65,24 +70,19 @@ def test_a_damaged_file_is_told_of_and_never_another_picture(bench, few, chance,
     for name in SOME if few else names:
         for number in range(FLIPS if way == "a flipped bit" and not few else 1):
             with subtests.test(file=name, number=number):
-                use_damaged(bench, name, WAYS[way], chance)
+                bench.restore(bench.anew("palette").start)
+                WAYS[way](bench.path(name), chance)
+                kept = bench.folder / "damaged"
+                shutil.rmtree(kept, ignore_errors=True)
+                shutil.copytree(bench.project, kept)
+                is_refused_or_without_consequence(bench, name)
+                bench.restore(kept)
+                is_mended_by_learning_again(bench, name)
 
 
-def use_damaged(bench, name, damage, chance):
-    """Damage a project whose palette is to be learned anew: so that every file has a reader."""
-    anew = bench.anew("palette")
-    bench.restore(anew.start)
-    damage(bench.path(name), chance)
-    kept = bench.folder / "damaged"
-    shutil.rmtree(kept, ignore_errors=True)
-    shutil.copytree(bench.project, kept)
-    is_refused_or_without_consequence(bench, anew, name)
-    bench.restore(kept)
-    is_mended_by_learning_again(bench, name)
-
-
-def is_refused_or_without_consequence(bench, anew, name):
+def is_refused_or_without_consequence(bench, name):
     """Render, solve an edit and extract a palette: each gives what it gave without damage, if it gives anything."""
+    anew = bench.anew("palette")
     pictures, shown = bench.pictures(planes=True)
     solved = run(bench.match)
     edit = digest(bench.look / "edit.json") if solved.code == 0 else None
@@ -95,9 +95,63 @@ def is_refused_or_without_consequence(bench, anew, name):
 
 def is_mended_by_learning_again(bench, name):
     """A lost project.json alone cannot be told of."""
-    for stage in ("geometry", "segmentation", "palette", "recoloring", "splats"):
+    for stage in STAGE_ORDER:
         done = run(bench.command(stage))
         if done.code and name == "project.json" and done.flaw is None:
             return
         assert done.code == 0, done.text
     assert not bench.differs(bench.complete) and bench.lost() is None
+
+
+# ------------------------------------------------------------------------------------------------------- of a newer version
+def next_version(content):
+    return content | {"schema": content["schema"].rpartition("/")[0] + "/99"}
+
+
+def unknown_setting(content):
+    content["settings"]["geometry"]["invented_later"] = 1
+    return content
+
+
+def in_json(path, change):
+    content = json.loads(path.read_text())
+    content.pop("checksum", None)  # without it what it says is believed
+    path.write_text(json.dumps(change(content)))
+
+
+def in_header(path, change):
+    """Change the schema that a safetensors file has beside its facts."""
+
+    def in_metadata(header):
+        content = change(json.loads(header["__metadata__"]["karf"]))
+        return header | {"__metadata__": header["__metadata__"] | {"karf": json.dumps(content)}}
+
+    path.write_bytes(with_header(path.read_bytes(), in_metadata))
+
+
+def test_a_file_of_a_newer_version_is_refused_and_nothing_is_changed(bench, subtests):
+    tensors = [name for name in bench.complete.files if name.endswith(".safetensors")]
+    assert tensors
+    for name in (*tensors, "project.json", "geometry/capture.json", "recoloring/palette.json"):
+        with subtests.test(file=name):
+            is_refused(bench, name, in_header if name in tensors else in_json, next_version)
+
+
+def test_an_unknown_setting_is_refused_and_nothing_is_changed(bench):
+    is_refused(bench, "project.json", in_json, unknown_setting)
+
+
+def is_refused(bench, name, write, change):
+    def contents():
+        return bench.files() | {"project.json": digest(bench.project / "project.json")}
+
+    scenario = bench.anew("palette")  # reads what no render reads
+    bench.restore(scenario.start)
+    write(bench.path(name), change)
+    renew_checksum(bench.project, bench.path(name))
+    before = contents()
+    shown, learned = run(bench.render("--planes")), run(scenario.command)
+    assert (shown.flaw, learned.flaw) == (None, None)
+    assert shown.code or learned.code, "it is taken as if it were of this version"
+    if shown.code and learned.code:
+        assert {file: digest for file, digest in contents().items() if file in before} == before

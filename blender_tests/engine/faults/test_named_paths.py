@@ -52,6 +52,7 @@ COMMANDS = {
 
 STAGES = ("segmentation", "palette", "recoloring", "splats")
 LEARNING = ("all", "geometry")
+MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
 
 
 def no_bytes(_: Path) -> None:
@@ -61,12 +62,12 @@ def no_bytes(_: Path) -> None:
 
 def no_bytes_and_no_links(disk: Path) -> None:
     """The same, where the given files lie on another disk."""
+
+    def refused(*_: object) -> None:
+        raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+
     no_bytes(disk)
     os.link = refused
-
-
-def refused(*_: object) -> None:
-    raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
 
 
 FAULTS = {
@@ -102,9 +103,6 @@ class Desk:
         Request("match", project.folder, MATCH | {"out": f"{places['out']}/edit.json"}).write(self.disk / "out" / "job")
         settings = [part for text in QUICK for part in ("--set", text)] if name in LEARNING else []
         return [word.format(**places) for word in COMMANDS[name].split()] + settings
-
-
-MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
 
 
 @pytest.fixture(scope="module")

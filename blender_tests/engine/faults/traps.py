@@ -6,7 +6,6 @@ function is called in the process itself, before its work begins.
 
 from __future__ import annotations
 
-import errno
 import itertools
 import os
 import signal
@@ -31,25 +30,22 @@ def die_at_change(folder: Path, number: int) -> None:
     _at_each_change(folder, lambda event, _: next(count) == number and os.kill(os.getpid(), signal.SIGKILL), False)
 
 
-def no_room_from_change(folder: Path, number: int) -> None:
-    """Let the change of this number and each after it fail that needs room: a removal needs none."""
+def refuse_changes(folder: Path, number: int, first: int = 1, names: bool = True) -> None:
+    """Let changes fail with the system's error of this number; removals, which need no room, do not.
+
+    Args:
+        folder: Where.
+        number: The system's number of the error.
+        first: The first change that fails, counted from 1; with more than one, flushes count.
+        names: Whether the error names the path, as the system's calls do.
+    """
     count = itertools.count(1)
 
-    def act(event: str, _: str) -> None:
-        if next(count) >= number and not event.startswith(REMOVALS):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    _at_each_change(folder, act, True)
-
-
-def refuse_changes(folder: Path, number: int) -> None:
-    """Let each change fail with the system's error of this number, which names the path as the system's calls do."""
-
     def act(event: str, path: str) -> None:
-        if not event.startswith(REMOVALS):
-            raise OSError(number, os.strerror(number), path)
+        if next(count) >= first and not event.startswith(REMOVALS):
+            raise OSError(number, os.strerror(number), *([path] if names else []))
 
-    _at_each_change(folder, act, False)
+    _at_each_change(folder, act, flushes=not names)
 
 
 def no_memory_at_changes(folder: Path) -> None:

@@ -32,10 +32,12 @@ def small_inputs(n=6):
 
 @pytest.mark.parametrize("kind", HEADS)
 @pytest.mark.parametrize("n_direction", [0, 3])
-def test_both_heads_are_called_alike(kind, n_direction):
+def test_heads_are_called_alike_and_their_output_is_not_rectified(kind, n_direction):
+    torch.manual_seed(0)
     head = build_head(HeadSettings(head=kind, width=8), 9, n_direction, 7, n_out=4)
     position, features, direction = small_inputs()
-    assert head(position, features, direction if n_direction else None).shape == (6, 4)
+    logits = head(position, features, direction if n_direction else None)
+    assert logits.shape == (6, 4) and logits.min() < 0
 
 
 def test_plain_head_has_two_hidden_layers():
@@ -43,9 +45,8 @@ def test_plain_head_has_two_hidden_layers():
     assert count_parameters(head) == (319 * 64 + 64) + (64 * 64 + 64) + (64 * 2 + 2)
 
 
-def test_plain_head_output_is_not_rectified():
-    torch.manual_seed(0)
-    assert build_head(HeadSettings(head="mlp", width=8), 9, 3, 7, n_out=4)(*small_inputs()).min() < 0
+def n_parameters(**settings):
+    return count_parameters(build_head(HeadSettings(**settings), 33, 15, 12, n_out=10))
 
 
 @pytest.mark.parametrize(
@@ -60,10 +61,9 @@ def test_plain_head_output_is_not_rectified():
     ],
 )
 def test_heads_of_equal_parameters_differ_from_the_full_block_by_less_than_one_in_a_hundred(choice):
-    full = count_parameters(build_head(HeadSettings(width=64, centers=choice.get("centers", 8)), 33, 15, 12, n_out=10))
-    same_width = count_parameters(build_head(HeadSettings(width=64, **choice), 33, 15, 12, n_out=10))
-    matched = count_parameters(build_head(HeadSettings(width=64, match="parameters", **choice), 33, 15, 12, n_out=10))
-    assert abs(matched - full) < 0.01 * full < abs(same_width - full)
+    full = n_parameters(width=64, centers=choice.get("centers", 8))
+    matched = n_parameters(width=64, match="parameters", **choice)
+    assert abs(matched - full) < 0.01 * full < abs(n_parameters(width=64, **choice) - full)
 
 
 def test_the_full_block_matches_itself():
@@ -98,21 +98,18 @@ def test_settings_know_the_kinds_that_the_engine_brings():
     assert {"grbf", "bspline", "mlp"} <= set(LAYERS) == set(LAYER_KINDS)
 
 
+@pytest.mark.parametrize("stage", ["segmentation", "recoloring"])
 @pytest.mark.parametrize(("key", "known"), [("head", "kan, mlp"), ("layer", "grbf, bspline, mlp")])
-def test_an_unknown_kind_is_refused_by_the_settings_with_those_that_there_are(key, known):
-    for stage in ("segmentation", "recoloring"):
-        with pytest.raises(BadRequest) as caught:
-            with_overrides(Settings(), [f"{stage}.{key}=cnn"])
-        assert caught.value.sentence == f"{stage}.{key} = 'cnn' is not allowed."
-        assert caught.value.hint.startswith(f"Use one of: {known}")
+def test_an_unknown_kind_is_refused_by_the_settings_with_those_that_there_are(stage, key, known):
+    with pytest.raises(BadRequest) as caught:
+        with_overrides(Settings(), [f"{stage}.{key}=cnn"])
+    assert caught.value.sentence == f"{stage}.{key} = 'cnn' is not allowed."
+    assert caught.value.hint.startswith(f"Use one of: {known}")
 
 
-def test_an_unknown_head_is_refused_where_no_settings_were_read():
+def test_an_unknown_head_and_a_second_of_one_name_are_refused():
     with pytest.raises(BadRequest, match="cnn"):
         build_head(HeadSettings(head="cnn"), 9, 3, 7, n_out=4)
-
-
-def test_a_name_stands_for_one_kind():
     with pytest.raises(BadRequest, match="kan"):
         register_head("kan", lambda sizes, settings: torch.nn.Identity())
     with pytest.raises(BadRequest, match="grbf"):
@@ -139,18 +136,12 @@ def fourier(forgotten):
     return example_head
 
 
-def test_a_head_of_another_file_is_accepted_by_the_settings_and_built(fourier):
+def test_a_head_of_another_file_is_accepted_by_the_settings_built_and_matched_in_parameters(fourier):
     settings = with_overrides(Settings(), ["recoloring.head=fourier", "recoloring.width=8"]).recoloring
     head = build_head(settings, 9, 3, 7, n_out=4)
-    assert isinstance(head, fourier.FourierHead)
-    position, features, direction = small_inputs()
-    assert head(position, features, direction).shape == (6, 4)
-
-
-def test_a_head_of_another_file_matches_the_full_block_in_parameters(fourier):
-    full = count_parameters(build_head(HeadSettings(width=16), 33, 15, 12, n_out=10))
-    matched = build_head(HeadSettings(head="fourier", width=16, match="parameters"), 33, 15, 12, n_out=10)
-    assert count_parameters(matched) == pytest.approx(full, rel=0.01)
+    assert isinstance(head, fourier.FourierHead) and head(*small_inputs()).shape == (6, 4)
+    full = n_parameters(width=16)
+    assert n_parameters(head="fourier", width=16, match="parameters") == pytest.approx(full, rel=0.01)
 
 
 def test_a_head_of_another_file_learns_is_written_and_read_again(fourier, tmp_path):

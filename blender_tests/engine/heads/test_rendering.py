@@ -1,15 +1,20 @@
-"""Both heads along a frozen scene's rays: each is asked once for each distinct sample, and nothing changes by that."""
+"""The heads along a frozen scene's rays: each is asked once for each distinct sample; and what they are trained on."""
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
+pytest.importorskip("scipy")
 
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
+from karf_engine.errors import DataError
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
 from karf_engine.heads.fields import RecoloringField, SegmentationField
-from karf_engine.heads.fit import ObjectRays, fit_recoloring
+from karf_engine.heads.fit import ObjectRays, fit_on_points, fit_recoloring
 from karf_engine.heads.rendering import features_of, object_samples, render_classes, segment_cache, weigh_cache
+from karf_engine.heads.training_rays import BACKGROUND, ObjectSurface, training_rays
+from karf_engine.palettes.palette import Palette
 from karf_engine.project.settings import RecoloringSettings, SegmentationSettings
 
 
@@ -79,3 +84,51 @@ def test_features_of_a_training_are_asked_once_where_that_is_less_work(cache, he
     progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", iterations)
     fit_recoloring(karf, field, rays, palettes, settings, start_runtime(0, 1, "cpu"), progress)
     assert field.asked == asked  # first for the standardizer
+
+
+def test_a_batch_too_large_for_the_memory_is_seen_whole_in_parts(monkeypatch):
+    most, seen, events = 13, [], []
+    logits = SegmentationField.logits
+
+    def remember(karf, positions, features):
+        if len(positions) > most:
+            raise torch.OutOfMemoryError("no memory left")
+        seen.append(len(positions))
+        return logits(karf, positions, features)
+
+    monkeypatch.setattr(SegmentationField, "logits", remember)
+    runtime = start_runtime(0, 1, "cpu")
+    positions = torch.rand(200, 3, generator=runtime.generator) * 2 - 1
+    settings = SegmentationSettings(iterations=10, batch=64, width=8)
+    karf = SegmentationField(torch.tensor([[[-1.0] * 3, [1.0] * 3]]), 4, settings)
+    progress = Progress(lambda kind, **values: events.append(values), lambda: False, "segmentation", 10)
+    classes, near = (positions[:, 0] > 0).long(), positions[:, 0].abs() < 0.2
+    fit_on_points(karf, Waves(), positions, classes, torch.ones(200), near, near, settings, runtime, progress)
+    assert sum(seen) >= 10 * 0.9 * settings.batch
+    assert events[-1]["step"] == 10
+
+
+# -------------------------------------------------------------------------------------------------------- training rays
+BLACK_AND_RED = np.array([[0, 0, 0], [1, 0, 0]], np.float32)
+PALETTES = [Palette(name, BLACK_AND_RED) for name in ("ball", "block")]
+
+
+def surface_of(owners):
+    """Interior rays of one sample, red, of these object numbers."""
+    n = len(owners)
+    colors = torch.tensor([[255, 0, 0]], dtype=torch.uint8).expand(n, 3)
+    owner, view = torch.tensor(owners, dtype=torch.uint8), torch.zeros(n, dtype=torch.int16)
+    return ObjectSurface(torch.zeros(n, 1, 3), torch.zeros(n, 3), colors, owner, torch.ones(n, dtype=torch.bool), view)
+
+
+def test_a_segmentation_of_nothing_is_refused_with_the_objects_and_a_remedy():
+    with pytest.raises(DataError) as caught:
+        training_rays(None, surface_of([]), PALETTES, RecoloringSettings())
+    assert caught.value.sentence == "The segmentation has no surface points of 'ball', 'block'."
+    assert "another photo" in caught.value.hint and "mask" in caught.value.hint
+
+
+@pytest.mark.parametrize("owners", [[1], [BACKGROUND]])
+def test_one_object_or_the_background_alone_is_enough(owners):
+    rays = training_rays(None, surface_of(owners), PALETTES, RecoloringSettings())
+    assert len(rays.weights) == 1 and rays.weights.sum() == 1

@@ -11,41 +11,34 @@ import pytest
 
 pytest.importorskip("imageio")
 pytest.importorskip("scipy")
-pytest.importorskip("OpenEXR")
-
-import cv2
-import OpenEXR
+cv2 = pytest.importorskip("cv2")
+OpenEXR = pytest.importorskip("OpenEXR")
 from PIL import Image
 
 from blender_tests.engine.peak import peak_of
 from blender_tests.engine.reference.capture_files import png_bytes
-from blender_tests.engine.reference.no_files import NO_FILES
-from karf_engine.capture.training_images import background_kind
 from karf_engine.errors import DataError
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_mask, read_photo
 
+ZIP = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
 
-def huge_png(path, width, height, depth, color):
-    """A PNG whose header claims this size, with hardly any pixels."""
+
+def claiming_png(path, width, height, depth, color):
     content = bytearray(png_bytes(8, 8))
     content[16:26] = struct.pack(">IIBB", width, height, depth, color)
     content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
     path.write_bytes(content)
 
 
-def exr_of(path, window, names=("R", "G", "B")):
-    """An EXR whose windows claim this size."""
-    channels = {name: np.zeros((8, 8), np.float32) for name in names}
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, channels).write(str(path))
+def claiming_exr(path, window, last, names=("R", "G", "B")):
+    OpenEXR.File(dict(ZIP), {name: np.zeros((8, 8), np.float32) for name in names}).write(str(path))
     content = path.read_bytes()
-    for name in window:
-        start = content.index(name.encode()) + len(name) + 1 + len("box2i") + 1 + 4
-        content = content[:start] + struct.pack("<4i", 0, 0, *window[name]) + content[start + 16 :]
-    path.write_bytes(content)
+    start = content.index(window.encode()) + len(window) + 1 + len("box2i") + 1 + 4
+    path.write_bytes(content[:start] + struct.pack("<4i", 0, 0, *last) + content[start + 16 :])
 
 
-def huge_tiff(path):
+def claiming_tiff(path):
     Image.fromarray(np.zeros((8, 8, 3), np.uint8)).save(path)
     content = bytearray(path.read_bytes())
     (directory,) = struct.unpack("<I", content[4:8])
@@ -57,14 +50,14 @@ def huge_tiff(path):
 
 
 CLAIMS = {
-    "gray.png": lambda path: huge_png(path, 20_000, 20_000, 8, 0),
-    "colors.png": lambda path: huge_png(path, 13_000, 13_000, 8, 2),
-    "deep.png": lambda path: huge_png(path, 20_000, 20_000, 16, 2),
-    "no_end.png": lambda path: huge_png(path, 2**31 - 1, 2**31 - 1, 16, 6),
-    "shown.exr": lambda path: exr_of(path, {"displayWindow": (24_999, 24_999)}),
-    "stored.exr": lambda path: exr_of(path, {"dataWindow": (99_999, 9_999)}),
-    "layers.exr": lambda path: exr_of(path, {"dataWindow": (1_999, 1_999)}, [f"{n:02d}.Z" for n in range(40)]),
-    "claims.tif": huge_tiff,
+    "gray.png": lambda path: claiming_png(path, 20_000, 20_000, 8, 0),
+    "colors.png": lambda path: claiming_png(path, 13_000, 13_000, 8, 2),
+    "deep.png": lambda path: claiming_png(path, 20_000, 20_000, 16, 2),
+    "no_end.png": lambda path: claiming_png(path, 2**31 - 1, 2**31 - 1, 16, 6),
+    "shown.exr": lambda path: claiming_exr(path, "displayWindow", (24_999, 24_999)),
+    "stored.exr": lambda path: claiming_exr(path, "dataWindow", (99_999, 9_999)),
+    "layers.exr": lambda path: claiming_exr(path, "dataWindow", (1_999, 1_999), [f"{n:02d}.Z" for n in range(40)]),
+    "claims.tif": claiming_tiff,
 }
 
 
@@ -72,11 +65,10 @@ CLAIMS = {
 @pytest.mark.parametrize("read", [read_photo, read_mask])
 def test_small_files_that_claim_many_pixels_are_refused_by_their_size(tmp_path, name, read):
     CLAIMS[name](tmp_path / name)
+    words = r"has \d+x\d+ pixels in [\d,]+ bytes; at most \d+ million are read"
     tracemalloc.start()
     try:
-        with pytest.raises(
-            DataError, match=r"has \d+x\d+ pixels in [\d,]+ bytes; at most \d+ million are read"
-        ) as caught:
+        with pytest.raises(DataError, match=words) as caught:
             read(tmp_path / name)
         assert tracemalloc.get_traced_memory()[1] < 50e6
     finally:
@@ -85,7 +77,7 @@ def test_small_files_that_claim_many_pixels_are_refused_by_their_size(tmp_path, 
 
 
 def test_an_import_refuses_such_a_photo_by_its_header(tmp_path):
-    huge_png(tmp_path / "a.png", 20_000, 20_000, 8, 2)
+    claiming_png(tmp_path / "a.png", 20_000, 20_000, 8, 2)
     with pytest.raises(DataError, match=r"a\.png has 20000x20000 pixels"):
         image_header(tmp_path / "a.png")
 
@@ -110,31 +102,26 @@ def test_a_mask_of_a_large_photo_is_read_though_it_packs_well(tmp_path):
 
 
 def deep_mask(path):
-    cv2.imwrite(str(path), np.zeros((10_000, 10_000, 4), np.uint16))
+    cv2.imwrite(str(path), np.zeros((5_000, 5_000, 4), np.uint16))
 
 
-def float_photo(path):
-    cv2.imwrite(str(path), np.zeros((4_000, 4_000, 3), np.float32), [cv2.IMWRITE_TIFF_COMPRESSION, 8])
-
-
-def larger_float_photo(path):
-    cv2.imwrite(str(path), np.zeros((5_600, 5_600, 3), np.float32), [cv2.IMWRITE_TIFF_COMPRESSION, 8])
+def float_photo(side):
+    pixels = np.zeros((side, side, 3), np.float32)
+    return lambda path: cv2.imwrite(str(path), pixels, [cv2.IMWRITE_TIFF_COMPRESSION, 8])
 
 
 def photo_of_light(path):
     light = np.random.default_rng(0).random((3_000, 4_000, 4), np.float32).astype(np.float16)
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGBA": light}).write(
-        str(path)
-    )
+    OpenEXR.File(dict(ZIP), {"RGBA": light}).write(str(path))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="others have no such figures")
 @pytest.mark.parametrize(
     ("name", "make", "read", "fails_with", "megabytes"),
     [
-        ("mask.png", deep_mask, "read_mask", "", 1_900),  # of which OpenCV takes 1,600
-        ("photo.tif", float_photo, "read_photo", "", 600),
-        ("larger.tif", larger_float_photo, "read_photo", "DataError", 200),
+        ("mask.png", deep_mask, "read_mask", "", 550),  # of which OpenCV takes 400
+        ("photo.tif", float_photo(4_000), "read_photo", "", 600),
+        ("larger.tif", float_photo(5_600), "read_photo", "DataError", 200),
         ("photo.exr", photo_of_light, "read_photo", "", 700),
     ],
 )
@@ -142,22 +129,6 @@ def test_deep_pictures_take_little_more_memory_than_their_pixels(name, make, rea
     make(tmp_path / name)
     code = f"from karf_engine.io.images import {read}; {read}(Path(sys.argv[1]))"
     assert peak_of(code, tmp_path / name, fails_with=fails_with) < megabytes * 10**6
-
-
-def test_a_jpeg_with_an_empty_segment_is_named(tmp_path):
-    for length in (b"\0\0", b"\0\1"):
-        (tmp_path / "a.jpg").write_bytes(b"\xff\xd8\xff\xe0" + length + b"\0" * 50)
-        for read in (image_header, read_photo):
-            with pytest.raises(DataError, match=r"a\.jpg cannot be read as a picture"):
-                read(tmp_path / "a.jpg")
-
-
-@pytest.mark.parametrize("make", NO_FILES)
-@pytest.mark.parametrize("read", [read_photo, read_mask, image_header])
-def test_what_lies_in_place_of_a_picture_is_named_and_never_waited_for(tmp_path, make, read):
-    make(tmp_path / "a.png")
-    with pytest.raises(DataError, match=r"a\.png is a (folder|pipe or a device), not a file"):
-        read(tmp_path / "a.png")
 
 
 def test_memory_that_runs_out_while_a_photo_is_read_is_no_damage_of_the_photo(tmp_path, monkeypatch):
@@ -169,11 +140,3 @@ def test_memory_that_runs_out_while_a_photo_is_read_is_no_damage_of_the_photo(tm
     monkeypatch.setattr("karf_engine.io.images.iio.imopen", too_much)
     with pytest.raises(MemoryError):
         read_photo(tmp_path / "a.png")
-
-
-def test_photos_without_any_visible_pixel_are_no_scene():
-    hidden, seen = np.zeros((4, 4, 4), np.float32), np.full((4, 4, 4), 0.5, np.float32)
-    with pytest.raises(DataError, match="All photos are transparent everywhere") as caught:
-        background_kind([hidden] * 3)
-    assert caught.value.hint
-    assert background_kind([hidden, seen]) == "alpha"

@@ -35,15 +35,13 @@ def test_each_basis_vanishes_outside_its_four_intervals():
         assert bases[~outside, index].max() > 0.6
 
 
-def test_cubic_at_a_knot_is_one_sixth_four_sixths_one_sixth():
-    expected = torch.zeros(GRID + ORDER, dtype=torch.float64)
-    expected[1:4] = torch.tensor([1 / 6, 4 / 6, 1 / 6])
-    torch.testing.assert_close(bases_at([-2 + INTERVAL])[0], expected)
-
-
-def test_cubic_in_the_middle_of_an_interval_has_the_tabulated_values():
-    expected = torch.tensor([1, 23, 23, 1], dtype=torch.float64) / 48
-    torch.testing.assert_close(bases_at([-2 + 2.5 * INTERVAL])[0, 2:6], expected)
+@pytest.mark.parametrize(
+    ("place", "expected"), [(1, [0, 1 / 6, 4 / 6, 1 / 6, 0]), (1.5, [0, 1 / 48, 23 / 48, 23 / 48, 1 / 48])]
+)
+def test_cubic_at_a_knot_and_in_the_middle_of_an_interval_has_the_tabulated_values(place, expected):
+    bases = bases_at([-2 + place * INTERVAL])[0]
+    torch.testing.assert_close(bases[:5], torch.tensor(expected, dtype=torch.float64))
+    assert not bases[5:].any()
 
 
 def test_layer_equals_base_plus_scaled_splines():

@@ -35,9 +35,11 @@ def test_gradients_match_finite_differences(n_centers, spacings):
     assert torch.autograd.gradcheck(lambda *tensors: grbf(*tensors, n_centers), inputs, atol=1e-6)
 
 
+@pytest.mark.parametrize("kernels", ["on", "off"])
 @pytest.mark.parametrize("n_centers", [2, 5, 8])
 @pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
-def test_float32_equals_the_plain_float64_form(n_centers, spacings, device):
+def test_float32_equals_the_plain_float64_form(kernels, n_centers, spacings, device, monkeypatch):
+    monkeypatch.setenv("KARF_KERNELS", kernels)
     inputs = make_inputs(n_centers, spacings, torch.float32, n=1200, device=device)
     exact_inputs = [tensor.detach().double().requires_grad_() for tensor in inputs]
     fast = value_and_gradients(grbf, inputs, n_centers)
@@ -93,17 +95,6 @@ def test_result_does_not_depend_on_the_chunk_size(rows, monkeypatch):
         torch.testing.assert_close(chunked, expected)
 
 
-@pytest.mark.parametrize("n_centers", [2, 5, 8])
-@pytest.mark.parametrize("spacings", BANDWIDTHS_IN_SPACINGS)
-def test_kernels_and_torch_give_the_same_values_and_gradients(n_centers, spacings, monkeypatch):
-    pytest.importorskip("numba")
-    inputs = make_inputs(n_centers, spacings, torch.float32, n=600)
-    in_kernels = value_and_gradients(grbf, inputs, n_centers)
-    monkeypatch.setenv("KARF_KERNELS", "off")
-    for ours, of_torch in zip(in_kernels, value_and_gradients(grbf, inputs, n_centers), strict=True):
-        torch.testing.assert_close(ours, of_torch, rtol=1e-5, atol=1e-5 * float(of_torch.detach().abs().max()))
-
-
 def derivatives_of_gradients(layer, function, x):
     """Derivatives of |dy/dx|^2 by x and the layer's parameters, and those of their squares: of second and third order."""
     x = x.clone().requires_grad_()
@@ -127,12 +118,6 @@ def test_derivatives_of_gradients_are_those_of_the_plain_formula(kernels, monkey
         derivatives_of_gradients(layer, layer, x), derivatives_of_gradients(layer, plain, x), strict=True
     ):
         torch.testing.assert_close(ours, expected, rtol=1e-4, atol=1e-5 * float(expected.abs().max()))
-
-
-def test_second_derivatives_match_finite_differences():
-    layer = GRBFLayer(3, 2, n_centers=4).double()
-    x = torch.randn(4, 3, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradgradcheck(layer, x)
 
 
 def test_a_jacobian_is_that_of_single_gradients():
@@ -188,12 +173,10 @@ def test_layer_equals_its_formula_written_with_loops():
             assert layer(x)[row, out].item() == pytest.approx(total, abs=1e-5)
 
 
-def test_layer_has_the_published_number_of_parameters():
-    def count(layer):
-        return sum(parameter.numel() for parameter in layer.parameters())
-
-    assert count(GRBFLayer(319, 256, learn_bandwidth=False)) == 735_870
-    assert count(GRBFLayer(319, 256)) == 735_871
+@pytest.mark.parametrize(("learn_bandwidth", "expected"), [(False, 735_870), (True, 735_871)])
+def test_layer_has_the_published_number_of_parameters(learn_bandwidth, expected):
+    layer = GRBFLayer(319, 256, learn_bandwidth=learn_bandwidth)
+    assert sum(parameter.numel() for parameter in layer.parameters()) == expected
 
 
 def test_backward_keeps_no_bases():
@@ -205,11 +188,12 @@ def test_backward_keeps_no_bases():
     assert max(kept) <= max(n * n_in, layer.weight.numel())
 
 
-def test_named_bandwidths_are_those_of_the_three_sources():
-    assert resolve_bandwidth("eq5", 8) == pytest.approx(0.571429, abs=1e-6)
-    assert resolve_bandwidth("fastkan", 8) == pytest.approx(0.404061, abs=1e-6)
-    assert resolve_bandwidth("xkanerf", 8) == pytest.approx(0.707107, abs=1e-6)
-    assert GRBFLayer(2, 2, bandwidth=0.6).bandwidth().item() == pytest.approx(0.6)
+@pytest.mark.parametrize(
+    ("name", "expected"), [("eq5", 0.571429), ("fastkan", 0.404061), ("xkanerf", 0.707107), (0.6, 0.6)]
+)
+def test_named_bandwidths_are_those_of_the_three_sources(name, expected):
+    assert resolve_bandwidth(name, 8) == pytest.approx(expected, abs=1e-6)
+    assert GRBFLayer(2, 2, bandwidth=name).bandwidth().item() == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("start, limit", [(-9.0, 0.2), (9.0, 8 / 7)])
@@ -219,19 +203,6 @@ def test_learned_bandwidth_stays_between_its_limits(start, limit):
         layer.log_bandwidth.fill_(start)
     assert layer.bandwidth().item() == pytest.approx(limit, rel=1e-6)
     assert torch.isfinite(layer(torch.randn(4, 2))).all()
-
-
-def test_learning_moves_the_bandwidth_toward_the_better_fit():
-    torch.manual_seed(0)
-    x = torch.randn(256, 6)
-    teacher, student = GRBFLayer(6, 4, bandwidth=0.9), GRBFLayer(6, 4, bandwidth=0.6)
-    student.load_state_dict({**teacher.state_dict(), "log_bandwidth": student.log_bandwidth.detach()})
-    optimizer = torch.optim.Adam([student.log_bandwidth], lr=0.02)
-    for _ in range(80):
-        optimizer.zero_grad()
-        (student(x) - teacher(x).detach()).square().mean().backward()
-        optimizer.step()
-    assert student.bandwidth().item() == pytest.approx(0.9, abs=0.02)
 
 
 @pytest.mark.parametrize("arguments", [{"n_centers": 1}, {"n_centers": 9}, {"bandwidth": "wide"}, {"bandwidth": 9.0}])

@@ -61,14 +61,6 @@ def test_an_edge_moves_by_its_choke_in_every_direction(degrees, choke):
     assert shift(before, erode(before, choke), degrees) == pytest.approx(choke, abs=0.12)
 
 
-@pytest.mark.parametrize("degrees", [0, 30, 45, 90])
-@pytest.mark.parametrize("choke", [1.5, -3])
-def test_a_soft_edge_stays_as_soft_as_it_was(degrees, choke):
-    before = straight_edge(degrees, softness=6)
-    slopes = [np.hypot(*np.gradient(each))[MIDDLE, MIDDLE].max() for each in (before, erode(before, choke))]
-    assert slopes[1] == pytest.approx(slopes[0], rel=0.03)
-
-
 @pytest.mark.parametrize("distance", [0.4, 1, 1.7, 3.2])
 def test_a_moved_edge_is_the_least_of_a_disk_and_of_points_on_its_rim(distance):
     soft = np.random.default_rng(2).random((30, 40)).astype(np.float32)
@@ -83,10 +75,11 @@ def test_a_moved_edge_is_the_least_of_a_disk_and_of_points_on_its_rim(distance):
     np.testing.assert_allclose(erode(soft, distance), np.min(seen, axis=0), atol=1e-5)
 
 
-def test_whole_pixels_keep_a_hard_edge_hard():
+def test_growing_is_shrinking_of_the_rest_and_whole_pixels_keep_a_hard_edge_hard():
+    soft = np.random.default_rng(3).random((30, 40)).astype(np.float32)
+    np.testing.assert_allclose(erode(soft, -1.7), 1 - erode(1 - soft, 1.7), atol=1e-6)
     hard = (straight_edge() > 0.5).astype(np.float32)
     np.testing.assert_array_equal(erode(hard, 2)[:, 2:], hard[:, :-2])
-    np.testing.assert_array_equal(erode(hard, -2)[:, :-2], hard[:, 2:])
 
 
 @pytest.mark.parametrize("width", [0, 7])
@@ -112,11 +105,6 @@ def test_an_edge_fades_over_its_feather_and_no_further(width):
     changing = np.flatnonzero((row > 1e-3) & (row < 1 - 1e-3))
     assert width * 0.75 - 2 <= len(changing) <= width + 2
     assert (np.diff(row) >= -1e-6).all()
-
-
-def test_a_fade_is_wider_where_more_feather_is_asked_for():
-    widths = [np.sum((row := feather(straight_edge(), width)[60]) * (1 - row)) for width in (0.5, 1, 2, 4, 8, 16, 64)]
-    assert (np.diff(widths) > 0).all()
 
 
 @pytest.mark.parametrize("shape", [EdgeShape(choke=4), EdgeShape(choke=-3, feather=10), EdgeShape(feather=16)])
@@ -151,11 +139,6 @@ def test_no_edge_spreads_into_what_is_anothers(shape):
     assert not apply_edge_shape(object_, shape, room=room)[other].any()
     if shape.choke < 0:
         assert apply_edge_shape(object_, shape, room=np.ones_like(room))[other].any()
-
-
-def test_nothing_stays_nothing():
-    assert not apply_edge_shape(np.zeros((5, 7)), EdgeShape(-16, 64)).any()
-    assert apply_edge_shape(np.zeros((0, 0)), EdgeShape(1, 1)).shape == (0, 0)
 
 
 @pytest.mark.parametrize(
@@ -274,7 +257,9 @@ def test_weights_are_spread_over_the_sets_of_added_colors_whatever_the_edge(scen
     assert with_sets.weights[3:].any()
 
 
-def test_an_object_that_is_nowhere_stays_nowhere(scene):
+def test_nothing_stays_nothing(scene):
+    assert not apply_edge_shape(np.zeros((5, 7)), EdgeShape(-16, 64)).any()
+    assert apply_edge_shape(np.zeros((0, 0)), EdgeShape(1, 1)).shape == (0, 0)
     base, weights, coverage = scene
     weights[0], coverage[0] = 0, 0
     after, covered = shape_pot((base, weights, coverage), EdgeShape(-5, 20))

@@ -66,11 +66,6 @@ def paint_on_a_picture(seen, palette, is_changed, locked):
     return found[0].colors if found else palette
 
 
-def added_color(seen, palette, is_changed, locked):
-    color = AddedColor(np.float32(PINK))
-    return match_added_color(seen, palette, color, np.float32(GREEN) if is_changed else color.picked)
-
-
 EDITS = [
     becomes,
     becomes_of_metal,
@@ -110,9 +105,14 @@ def test_black_and_locked_swatches_keep_their_bits_and_others_stay_in_range(edit
         assert edited.min() >= 0 and edited.max() <= MAX_SRGB
 
 
-def test_an_added_color_that_stays_changes_no_bit_and_a_changed_one_begins_with_what_is_wanted(seen, palette):
-    same = added_color(seen, palette, False, ())
-    np.testing.assert_array_equal([*palette, *same], append_added_sets(palette, [AddedColor(np.float32(PINK))]))
-    edited = added_color(seen, palette, True, ())
-    np.testing.assert_array_equal(edited[0], np.float32(GREEN))
-    assert (edited[1:] != palette[1:]).any() and edited.dtype == np.float32
+@pytest.mark.parametrize("protect", [0.0, 0.2])
+@pytest.mark.parametrize("wanted", [PINK, GREEN])
+def test_an_added_color_begins_with_what_is_wanted_and_changes_no_bit_where_that_is_what_was_picked(
+    seen, palette, wanted, protect
+):
+    color = AddedColor(np.float32(PINK), protect=protect)
+    edited = match_added_color(seen, palette, color, np.float32(wanted))
+    np.testing.assert_array_equal(edited[0], np.float32(wanted))
+    is_same = np.array_equal([*palette, *edited], append_added_sets(palette, [color]))
+    assert is_same == (wanted is PINK) and edited.dtype == np.float32
+    assert edited.min() >= 0 and edited.max() <= MAX_SRGB

@@ -122,35 +122,22 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
 
 
 @st.composite
-def renamed_value(draw: Draw, value: Any) -> Any:
-    """The value with one hostile name where it names something that may become a path."""
+def hostile_names(draw: Draw, data: bytes) -> bytes:
+    """Put one hostile name where a JSON file names something that may become a path."""
+    value = json.loads(data)
     holder, key = draw(st.sampled_from(list(_named(value))))
-    if isinstance(holder[key], str):
-        holder[key] = draw(names)
-    else:  # a key that is a name
-        holder[draw(names)] = holder.pop(key)
-    return value
+    holder[key] = draw(names)
+    return json_bytes(value)
 
 
 def _named(value: Any, is_named: bool = False) -> Iterator[tuple[Any, Any]]:
-    """Every (container, key) of a text below one of NAME_KEYS, and of what an object's name is the key of."""
+    """Every (container, key) of a text below one of NAME_KEYS."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, inner in list(items):
         below = is_named or key in NAME_KEYS
         if below and isinstance(inner, str):
             yield value, key
-        elif key == "objects" and isinstance(inner, dict):
-            yield from ((inner, name) for name in inner)
-        else:
-            yield from _named(inner, below)
-
-
-@st.composite
-def hostile_names(draw: Draw, data: bytes) -> bytes:
-    """Put a hostile name into a JSON file, or into the facts of a safetensors file."""
-    if data.startswith(b"{"):
-        return json_bytes(draw(renamed_value(json.loads(data))))
-    return with_facts(data, lambda facts: draw(renamed_value(facts)))
+        yield from _named(inner, below)
 
 
 # --------------------------------------------------------------------------------------------------- files with parts
@@ -159,7 +146,7 @@ def changed_zip(draw: Draw, data: bytes) -> bytes:
     """Change, rename or remove one member, mostly a JSON one, and pack again; sometimes change bytes of the whole."""
     if happens(draw, 25):
         return draw(changed_bytes(data))
-    members = members_of(data)
+    members = _members(data)
     described = [name for name in members if name.endswith(".json")]
     name = draw(st.sampled_from([*described * 6, *members]))
     content = members.pop(name)
@@ -169,17 +156,15 @@ def changed_zip(draw: Draw, data: bytes) -> bytes:
     elif way == "change":
         kinds = {"json": changed_json, ".npy": changed_npy}
         members[name] = draw(kinds.get(name[-4:], changed_bytes)(content))
-    return zip_of(members)
+    return _packed(members)
 
 
-def members_of(data: bytes) -> dict[str, bytes]:
-    """The members of a zip file by name."""
+def _members(data: bytes) -> dict[str, bytes]:
     with zipfile.ZipFile(io.BytesIO(data)) as stored:
         return {name: stored.read(name) for name in stored.namelist()}
 
 
-def zip_of(members: dict[str, bytes]) -> bytes:
-    """A zip file of these members."""
+def _packed(members: dict[str, bytes]) -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
         for member, content in members.items():

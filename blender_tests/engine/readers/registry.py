@@ -10,17 +10,7 @@ from pathlib import Path
 
 import karf_engine as karf
 from blender_tests.engine.readers import mutations, samples
-from blender_tests.engine.readers.mutations import (
-    changed_bytes,
-    changed_glb,
-    changed_gzip,
-    changed_json,
-    changed_npy,
-    changed_safetensors,
-    changed_text,
-    changed_zip,
-    hostile_names,
-)
+from blender_tests.engine.readers.mutations import changed_bytes, changed_json, changed_safetensors, changed_text
 from karf_engine.capture import open_capture
 from karf_engine.capture.capture import capture_from_json, capture_to_json
 from karf_engine.capture.sparse_points import read_points
@@ -64,29 +54,15 @@ PLAIN = re.compile(r"(train_|test_)?r_\d+")  # names of views and photos as the 
 
 @dataclass(frozen=True)
 class Reader:
-    """How the engine reads files of one kind.
+    """How the engine reads files of one kind."""
 
-    Attributes:
-        name: As tests are called.
-        make: Writes valid files into an empty folder.
-        files: Which of them are changed.
-        mutation: How.
-        read: Reads the changed one; it may write into its folder.
-        share: It gets so many times fewer mutants, as it starts a process or renders.
-        direct: `read` without a process of its own.
-    """
-
-    name: str
-    make: Callable[[Path], None]
-    files: tuple[str, ...]
+    name: str  # as tests are called
+    make: Callable[[Path], None]  # writes valid files into an empty folder
+    files: tuple[str, ...]  # those that are changed
     mutation: mutations.Mutation
-    read: Callable[[Path], object]
-    share: int = 1
-    direct: Callable[[Path], object] | None = None
-
-    @property
-    def renders(self) -> bool:
-        return self.share == RENDERS
+    read: Callable[[Path], object]  # of a changed file, in whose folder it may write
+    share: int = 1  # it gets so many times fewer mutants, as it starts a process or renders
+    direct: Callable[[Path], object] | None = None  # `read` without a process of its own
 
 
 STARTS, RENDERS = 3, 10  # values of `share`
@@ -177,15 +153,16 @@ def rendered(path: Path) -> None:
 
 
 def renamed(path: Path) -> None:
-    """Give the objects the names of palette.json everywhere, then solve an edit and render."""
+    """Give the objects the names of palette.json everywhere, then solve an edit of each and render."""
     project, folder = project_of(path), project_of(path).folder
     names = [entry["name"] for entry in json.loads(path.read_text())["objects"]]
     for file in (project.segmentation_file, project.surface_file):
         file.write_bytes(mutations.with_facts(file.read_bytes(), lambda facts: facts | {"objects": names}))
         samples.renew_checksum(folder, file)
-    edits = json.loads((folder / "edit.json").read_text())
-    edits["objects"] = dict(zip(names, edits["objects"].values(), strict=True))
-    (folder / "edit.json").write_text(json.dumps(edits))
+    edit = edit_of(project)
+    for name in names:
+        edit = edit.becomes(name, "#b5302c", "#3059b8")
+    edit.save(folder / "edit.json")
     _render(path, samples.RENDERED)
 
 
@@ -196,13 +173,6 @@ def rendered_cameras(path: Path) -> None:
 def _render(path: Path, views: str) -> None:
     folder = project_of(path).folder
     karf.render(folder, folder / "out", views=views, edit=folder / "edit.json", planes=True, threads=1)
-
-
-def matched(path: Path) -> None:
-    """Solve an edit for whatever objects the palettes name."""
-    for palette in read_palettes(path):
-        edit = edit_of(project_of(path))
-        edit.becomes(palette.name, "#b5302c", "#3059b8").save(edit.project.folder / "out.json")
 
 
 def project_of(path: Path) -> Project:
@@ -227,10 +197,10 @@ def readers(project: Path | None) -> list[Reader]:
         "text.ply": changed_text,
         "cloud.splat": changed_bytes,
         "cloud.compressed.ply": changed_text,
-        "cloud.spz": changed_gzip,
+        "cloud.spz": mutations.changed_gzip,
         "streams.spz": changed_bytes,
-        "cloud.sog": changed_zip,
-        "cloud.glb": changed_glb,
+        "cloud.sog": mutations.changed_zip,
+        "cloud.glb": mutations.changed_glb,
         "cloud.gltf": changed_json,
         "cloud.usda": changed_text,
         "cloud.usdc": changed_bytes,
@@ -247,8 +217,8 @@ def readers(project: Path | None) -> list[Reader]:
             for suffix, mutation in ((".bin", changed_bytes), (".txt", changed_text))
             for table in ("cameras", "images", "points3D")
         ),
-        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), changed_npy, capture),
-        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), changed_npy, capture),
+        Reader("LLFF", samples.llff(17), ("poses_bounds.npy",), mutations.changed_npy, capture),
+        Reader("NeX", samples.llff(14), ("hwf_cxcy.npy",), mutations.changed_npy, capture),
         Reader("points in PLY", samples.ply, ("text.ply", "binary.ply"), changed_text, read_points),
         *(
             Reader(f"splats, {file}", samples.splats, (file,), mutation, read_splats,
@@ -291,21 +261,17 @@ def _project_readers(project: Path | None) -> list[Reader]:
         ("recoloring.safetensors", changed_safetensors, learned),
         ("splats.safetensors", changed_safetensors, learned),
         ("surface.safetensors", changed_safetensors, surface),
-        ("object_colors.npz", changed_zip, object_colors),
-        (f"planes/{samples.RENDERED}.npz", changed_zip, read_planes),
+        ("object_colors.npz", mutations.changed_zip, object_colors),
+        (f"planes/{samples.RENDERED}.npz", mutations.changed_zip, read_planes),
     ]
     named = [
         ("capture.json", copied, rendered),
-        ("palette.json", copied, matched),
-        ("palette.json and all others", copied, renamed),
-        ("segmentation.safetensors", copied, rendered),
-        ("edit.json", copied, rendered),
+        ("palette.json", copied, renamed),
         ("cameras.json", with_cameras, rendered_cameras),
     ]
     found = [Reader(file.partition("/")[0], copied, (_place(file),), mutation, read) for file, mutation, read in kinds]
-    for title, make, read in named:
-        file, share = _place(title.partition(" ")[0]), 1 if read is matched else RENDERS
-        found.append(Reader(f"hostile names in {title}", make, (file,), hostile_names, read, share))
+    for file, make, read in named:
+        found.append(Reader(f"hostile names in {file}", make, (_place(file),), mutations.hostile_names, read, RENDERS))
     return found
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import json
 import shutil
 import struct
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -53,20 +56,14 @@ def transforms(folder: Path) -> None:
 
 def splat_cameras(folder: Path) -> None:
     """The cameras that lie beside a splat."""
-    lenses = [{key: getattr(camera, key) for key in ("width", "height", "fx", "fy")} for camera in cameras(2, 8)]
-    poses = [
-        {"position": camera.position.tolist(), "rotation": camera.camera_to_world[:3, :3].tolist()}
-        for camera in cameras(2, 8)
-    ]
-    (folder / "cameras.json").write_text(json.dumps([a | b for a, b in zip(lenses, poses, strict=True)]))
+    entry = {"width": 8, "height": 8, "fx": 9.0, "fy": 9.0, "position": [1.0, 2, 3], "rotation": np.eye(3).tolist()}
+    (folder / "cameras.json").write_text(json.dumps([entry, entry]))
 
 
 def camera_file(folder: Path) -> None:
     """New cameras for a render."""
-    frames = [
-        {"file_path": f"frame_{number}", "transform_matrix": camera.camera_to_world.tolist()}
-        for number, camera in enumerate(cameras(2, 8))
-    ]
+    poses = [camera.camera_to_world.tolist() for camera in cameras(2, 8)]
+    frames = [{"file_path": f"frame_{n}", "transform_matrix": pose} for n, pose in enumerate(poses)]
     content = {"w": 8, "h": 6, "fl_x": 9.0, "fl_y": 9.0, "cx": 4, "cy": 3, "k1": 0.1, "frames": frames}
     (folder / "cameras.json").write_text(json.dumps(content))
 
@@ -136,13 +133,10 @@ def other_pictures(folder: Path) -> None:
 
 
 def exr(folder: Path) -> None:
-    for name, compression, kind, channels in (
-        ("zip", OpenEXR.ZIP_COMPRESSION, np.float32, "RGB"),
-        ("plain", OpenEXR.NO_COMPRESSION, np.float16, "RGBA"),
-    ):
+    for name, compression, channels in (("zip", OpenEXR.ZIP_COMPRESSION, 3), ("plain", OpenEXR.NO_COMPRESSION, 4)):
         header = {"compression": compression, "type": OpenEXR.scanlineimage}
-        pixels = (_pixels(len(channels)) / 255).astype(kind)
-        OpenEXR.File(header, {channels: pixels}).write(str(folder / f"{name}.exr"))
+        pixels = (_pixels(channels) / 255).astype(np.float32 if channels == 3 else np.float16)
+        OpenEXR.File(header, {"RGBA"[:channels]: pixels}).write(str(folder / f"{name}.exr"))
 
 
 # ------------------------------------------------------------------------------------------------- given to other programs
@@ -182,9 +176,16 @@ def nerfs(folder: Path) -> None:
 
 # ---------------------------------------------------------------------------------------------------------------- splats
 def splats(folder: Path) -> None:
-    """Some Gaussians in every kind of file; read once, so that packages have compiled what they do."""
+    """Some Gaussians in every kind of file."""
+    shutil.copytree(_splats(), folder, dirs_exist_ok=True)
+
+
+@cache
+def _splats() -> Path:
+    """A folder of them; each was read once, so that packages have compiled what they do."""
     gsply, usd_utils = pytest.importorskip("gsply"), pytest.importorskip("pxr.UsdUtils")
-    table = unit_cloud(12, 1)
+    folder, table = Path(tempfile.mkdtemp()), unit_cloud(12, 1)
+    atexit.register(shutil.rmtree, folder)
     for end in ENDS:
         write_splats(folder / f"cloud{end}", SplatFile(table, True, {"label": np.arange(12, dtype=np.int32)}))
     write_sog(folder / "cloud.sog", table)
@@ -198,6 +199,7 @@ def splats(folder: Path) -> None:
     for path in folder.iterdir():
         if path.suffix != ".bin":
             read_splats(path)
+    return folder
 
 
 # ---------------------------------------------------------------------------------------------------------------- messages
@@ -206,16 +208,13 @@ def request(folder: Path) -> None:
 
 
 def events(folder: Path) -> None:
-    lines = [
-        Event("hello", 0, 1.0, {"protocol": 1, "pid": 3}),
-        Event(
-            "progress", 1, 2.0, {"stage": "geometry", "step": 1, "total": 2, "rate": 1.0, "eta_s": 1.0, "metrics": {}}
-        ),
-        Event("done", 2, 3.0, {"summary": {}}),
-    ]
-    (folder / "events.jsonl").write_text("".join(line.encode() + "\n" for line in lines))
+    progress = {"stage": "geometry", "step": 1, "total": 2, "rate": 1.0, "eta_s": 1.0, "metrics": {}}
+    told = {"hello": {"protocol": 1, "pid": 3}, "progress": progress, "done": {"summary": {}}}
+    lines = [Event(kind, number, 1.0 + number, values).encode() for number, (kind, values) in enumerate(told.items())]
+    (folder / "events.jsonl").write_text("\n".join(lines) + "\n")
 
 
+# ---------------------------------------------------------------------------------------------------------------- projects
 def project(learned: Path | None) -> Callable[[Path], None]:
     """A copy of a learned project, whose project.json says nothing of its own checksum: else no change would be read."""
 

@@ -104,26 +104,20 @@ def lens(kind, width, height, *parameters):
     return model(lambda whole: whole.cameras.__setitem__(0, (7, kind, width, height, list(parameters))))
 
 
-def entry(table, index, **values):
-    """Change an image or a point of a model."""
-    keys = {
-        "images": ("number", "pose", "camera", "name", "features"),
-        "points": ("number", "position", "color", "error", "track"),
-    }[table]
+IMAGE_KEYS = ("number", "pose", "camera", "name", "features")
+POINT_KEYS = ("number", "position", "color", "error", "track")
 
-    def change(whole):
-        rows = getattr(whole, table)
-        rows[index] = tuple((dict(zip(keys, rows[index], strict=True)) | values).values())
 
-    return model(change)
+def with_values(row, keys, values):
+    return tuple((dict(zip(keys, row, strict=True)) | values).values())
 
 
 def image(index, **values):
-    return entry("images", index, **values)
+    return model(lambda whole: whole.images.insert(index, with_values(whole.images.pop(index), IMAGE_KEYS, values)))
 
 
 def point(**values):
-    return entry("points", 0, **values)
+    return model(lambda whole: whole.points.insert(0, with_values(whole.points.pop(0), POINT_KEYS, values)))
 
 
 def array(function):

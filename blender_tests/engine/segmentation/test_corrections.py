@@ -20,59 +20,57 @@ from karf_engine.segmentation.corrections import (
     spread,
 )
 from karf_engine.segmentation.label_propagation import neighbor_graph
-from karf_engine.segmentation.surface_points import Labels, SurfacePoints
+from karf_engine.segmentation.surface_points import Labels
 
 CAMERA = Camera(18, 12, 20.0, 20.0, 9.0, 6.0, np.eye(4))
 
 
 @pytest.fixture
-def capture(tmp_path):
-    return Capture(tmp_path, "test", tuple(View(name, name, CAMERA, None, split) for name, split in SPLITS))
+def read(tmp_path):
+    """Read the corrections of the pot that are drawn on a view: places that are it, and places that are not."""
+
+    def read(name, is_it=(), is_not=()):
+        picture = np.zeros((12, 18, 2), np.uint8)
+        for value, pixels in ((255, is_it), (0, is_not)):
+            for place in pixels:
+                picture[place] = value, 255
+        (tmp_path / "pot").mkdir()
+        iio.imwrite(tmp_path / "pot" / f"{name}.png", picture)
+        return find_corrections(tmp_path, capture(tmp_path))
+
+    return read
 
 
-SPLITS = (("a", "train"), ("held", "test"))
+def capture(folder):
+    views = [View(name, name, CAMERA, None, split) for name, split in (("a", "train"), ("held", "test"))]
+    return Capture(folder, "test", tuple(views))
 
 
-def draw(path, is_it=(), is_not=(), shape=(12, 18)):
-    picture = np.zeros((*shape, 2), np.uint8)
-    for value, pixels in ((255, is_it), (0, is_not)):
-        for place in pixels:
-            picture[place] = value, 255
-    path.parent.mkdir(parents=True, exist_ok=True)
-    iio.imwrite(path, picture)
-
-
-def test_there_may_be_none_and_folders_may_be_empty(tmp_path, capture):
-    assert find_corrections(tmp_path / "corrections", capture) == []
+def test_there_may_be_none_and_folders_may_be_empty(tmp_path):
+    assert find_corrections(tmp_path / "corrections", capture(tmp_path)) == []
     (tmp_path / "corrections" / "pot").mkdir(parents=True)
-    assert find_corrections(tmp_path / "corrections", capture) == []
+    assert find_corrections(tmp_path / "corrections", capture(tmp_path)) == []
 
 
-def test_they_may_lie_on_any_view(tmp_path, capture):
-    draw(tmp_path / "pot" / "held.png", is_it=[np.s_[2:4, 3:9]])
-    (found,) = find_corrections(tmp_path, capture)
-    assert (found.object_name, found.view.name) == ("pot", "held")
-
-
-def test_white_is_the_object_black_is_not_and_nothing_is_said_of_the_rest(tmp_path, capture):
-    draw(tmp_path / "pot" / "a.png", is_it=[np.s_[2:4, 3:9]], is_not=[np.s_[8:10, :]])
-    (found,) = find_corrections(tmp_path, capture)
+@pytest.mark.parametrize("name", ["a", "held"])
+def test_white_is_the_object_black_is_not_and_nothing_is_said_of_the_rest(read, name):
+    (found,) = read(name, is_it=[np.s_[2:4, 3:9]], is_not=[np.s_[8:10, :]])
+    assert (found.object_name, found.view.name) == ("pot", name)
     expected = np.zeros((12, 18), int)
     expected[2:4, 3:9], expected[8:10] = OBJECT, NOT_OBJECT
     np.testing.assert_array_equal(load_correction(found, CAMERA), expected)
 
 
-def test_a_stroke_thinner_than_a_reduced_pixel_is_not_lost(tmp_path, capture):
-    draw(tmp_path / "pot" / "a.png", is_it=[np.s_[4:5, :]])
-    (found,) = find_corrections(tmp_path, capture)
+def test_a_stroke_thinner_than_a_reduced_pixel_is_not_lost(read):
+    (found,) = read("a", is_it=[np.s_[4:5, :]])
     assert (load_correction(found, CAMERA.scaled(6, 4))[1] == OBJECT).all()
 
 
-def test_a_picture_that_says_something_of_every_pixel_is_refused(tmp_path, capture):
-    (tmp_path / "pot").mkdir()
-    iio.imwrite(tmp_path / "pot" / "a.png", np.zeros((12, 18), np.uint8))
+def test_a_picture_that_says_something_of_every_pixel_is_refused(read):
+    (found,) = read("a")
+    iio.imwrite(found.path, np.zeros((12, 18), np.uint8))
     with pytest.raises(DataError, match="has no alpha"):
-        load_correction(find_corrections(tmp_path, capture)[0], CAMERA)
+        load_correction(found, CAMERA)
 
 
 def test_a_pixel_is_what_one_correction_says_or_none_of_what_others_exclude():
@@ -85,53 +83,47 @@ def test_a_pixel_is_what_one_correction_says_or_none_of_what_others_exclude():
 
 
 # --------------------------------------------------------------------------------------------------------------- spreading
-@pytest.fixture
-def wall():
-    """A wall of 60 x 20 points, red on the left, green on the right; the labels say object up to column 40 of 30."""
-    grid = np.stack(np.meshgrid(np.arange(60.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
-    positions = np.column_stack([grid, np.zeros(len(grid))])
-    red = positions[:, 0] < 30
-    lab = np.where(red[:, None], [50.0, 60.0, 40.0], [60.0, -40.0, 40.0])
-    points = SurfacePoints(positions, lab, np.zeros((0, 3), int), 1.0)
-    graph = neighbor_graph(positions, lab, np.tile([0.0, 0.0, 1.0], (len(grid), 1)), 1.0)
-    found = np.where((positions[:, 0] < 40)[:, None], [0.1, 0.9], [0.9, 0.1])
-    return points, graph, Labels(found, np.ones(1), found), red
+# a wall of 60 x 20 points, red on the left, green on the right; the labels say object up to column 40 of 30
+PLACES = np.stack(np.meshgrid(np.arange(60.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
+COLUMN = PLACES[:, 0]
+IS_RED = COLUMN < 30
+LABELLED = np.where((COLUMN < 40)[:, None], [0.1, 0.9], [0.9, 0.1])
 
 
-def constraints(points, fixed, *target):
-    targets = np.where(fixed[:, None], np.array(target, float), 1 / len(target))
-    return Constraints(targets, fixed)
+def spot(radius):
+    """A stroke on the red."""
+    return np.linalg.norm(PLACES - [15, 10], axis=1) < radius
 
 
-def test_a_stroke_takes_with_it_what_is_near_and_alike(wall):
-    points, graph, labels, red = wall
-    x, y = points.positions[:, 0], points.positions[:, 1]
-    stroke = (abs(x - 35) <= 1) & (abs(y - 10) <= 7)
-    corrected = spread(labels, graph, constraints(points, stroke, 1, 0))
-    assert (corrected.classes[(x >= 30) & (x < 40)] == 0).mean() > 0.9
-    assert (corrected.classes[red] == 1).mean() > 0.98
-    np.testing.assert_allclose(corrected.probabilities.sum(1), 1)
+def corrected(stroke, *target, labelled=LABELLED):
+    """The labels before and after a stroke says these probabilities."""
+    positions = np.column_stack([PLACES, np.zeros(len(PLACES))])
+    lab = np.where(IS_RED[:, None], [50.0, 60.0, 40.0], [60.0, -40.0, 40.0])
+    graph = neighbor_graph(positions, lab, np.tile([0.0, 0.0, 1.0], (len(lab), 1)), 1.0)
+    targets = np.where(stroke[:, None], np.array(target, float), 1 / len(target))
+    before = Labels(labelled, np.ones(len(target) - 1), labelled)
+    return before, spread(before, graph, Constraints(targets, stroke))
 
 
-def test_a_slip_of_the_hand_changes_little_but_is_obeyed(wall):
-    points, graph, labels, _ = wall
-    stroke = np.linalg.norm(points.positions[:, :2] - [15, 10], axis=1) < 1.2
-    corrected = spread(labels, graph, constraints(points, stroke, 1, 0))
-    assert (corrected.classes[stroke] == 0).all()
-    assert (corrected.classes != labels.classes).sum() <= 5 * stroke.sum()
+def test_a_stroke_takes_with_it_what_is_near_and_alike():
+    _, after = corrected((abs(COLUMN - 35) <= 1) & (abs(PLACES[:, 1] - 10) <= 7), 1, 0)
+    assert (after.classes[~IS_RED & (COLUMN < 40)] == 0).mean() > 0.9
+    assert (after.classes[IS_RED] == 1).mean() > 0.98
+    np.testing.assert_allclose(after.probabilities.sum(1), 1)
 
 
-def test_a_stroke_that_agrees_changes_no_other_point(wall):
-    points, graph, labels, _ = wall
-    stroke = np.linalg.norm(points.positions[:, :2] - [15, 10], axis=1) < 5
-    corrected = spread(labels, graph, constraints(points, stroke, 0, 1))
-    assert (corrected.classes == labels.classes).all()
-    np.testing.assert_allclose(corrected.probabilities[~stroke], labels.probabilities[~stroke], atol=1e-8)
+def test_a_slip_of_the_hand_changes_little_but_is_obeyed():
+    before, after = corrected(spot(1.2), 1, 0)
+    assert (after.classes[spot(1.2)] == 0).all()
+    assert (after.classes != before.classes).sum() <= 5 * spot(1.2).sum()
 
 
-def test_not_this_object_leaves_it_to_the_labels_which_other_it_is(wall):
-    points, graph, _, _ = wall
-    found = np.tile([0.1, 0.6, 0.3], (len(points), 1))
-    stroke = np.linalg.norm(points.positions[:, :2] - [15, 10], axis=1) < 3
-    corrected = spread(Labels(found, np.ones(2), found), graph, constraints(points, stroke, 0.5, 0, 0.5))
-    assert (corrected.classes[stroke] == 2).all()
+def test_a_stroke_that_agrees_changes_no_other_point():
+    before, after = corrected(spot(5), 0, 1)
+    assert (after.classes == before.classes).all()
+    np.testing.assert_allclose(after.probabilities[~spot(5)], before.probabilities[~spot(5)], atol=1e-8)
+
+
+def test_not_this_object_leaves_it_to_the_labels_which_other_it_is():
+    _, after = corrected(spot(3), 0.5, 0, 0.5, labelled=np.tile([0.1, 0.6, 0.3], (len(PLACES), 1)))
+    assert (after.classes[spot(3)] == 2).all()

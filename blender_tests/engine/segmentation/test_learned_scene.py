@@ -24,12 +24,19 @@ from karf_engine.segmentation.surface_points import surface_points
 from karf_engine.segmentation.views import cache_views, farthest_point_views, load_masked_views
 
 
-def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch):
-    project = Project(learned.project)
+@pytest.fixture(scope="module")
+def project(learned):
+    return Project(learned.project)
+
+
+@pytest.fixture(scope="module")
+def capture(project):
+    return capture_from_json(read_json(project.capture_file, "capture"), project.capture_file)
+
+
+def test_the_surface_has_no_more_points_than_rays_can_fill(project, capture, monkeypatch):
     settings = from_dict(project.state()["settings"])
-    field = load_scene(project.geometry_file).field
-    capture = capture_from_json(read_json(project.capture_file, "capture"), project.capture_file)
-    masks = find_masks(project.masks_folder, capture)
+    field, masks = load_scene(project.geometry_file).field, find_masks(project.masks_folder, capture)
     views = load_masked_views(masks, capture.split("train"), settings.geometry.long_side, settings.segmentation)
     progress = Progress(lambda *_, **__: None, lambda: False, "surface", views.n_pixels)
     cached = cache_views(field, views, settings.segmentation.samples_per_ray, progress)
@@ -41,41 +48,30 @@ def test_the_surface_has_no_more_points_than_rays_can_fill(learned, monkeypatch)
     assert len(fine) / 6 < len(coarse) < len(fine) / 2
 
 
-def test_views_are_those_asked_for_and_then_the_farthest(learned):
-    project = Project(learned.project)
-    capture = capture_from_json(read_json(project.capture_file, "capture"), project.capture_file)
-    train = capture.split("train")
-    line = [replace(train[0], name=f"v{x}", camera=_moved(train[0].camera, x)) for x in (0.0, 1.0, 2.0, 5.0)]
+def test_views_are_those_asked_for_and_then_the_farthest(capture):
+    first, line = capture.split("train")[0], []
+    for x in (0.0, 1.0, 2.0, 5.0):
+        pose = first.camera.camera_to_world.copy()
+        pose[:3, 3] = [x, 0, 0]
+        line.append(replace(first, name=f"v{x}", camera=replace(first.camera, camera_to_world=pose)))
     assert [view.name for view in farthest_point_views(line, ["v2.0"], 3)] == ["v2.0", "v5.0", "v0.0"]
     assert [view.name for view in farthest_point_views(line, [], 2)] == ["v0.0", "v5.0"]
     assert len(farthest_point_views(line, [], 9)) == 4
 
 
-def _moved(camera, x):
-    pose = camera.camera_to_world.copy()
-    pose[:3, 3] = [x, 0, 0]
-    return replace(camera, camera_to_world=pose)
-
-
-def test_a_report_is_read_as_it_was_written(learned, tmp_path):
-    path = shutil.copyfile(Project(learned.project).segmentation_report, tmp_path / "segmentation.json")
-    report = SegmentationReport.read(path)
+def test_a_report_is_read_as_it_was_written_and_suggests_unmarked_views_the_best_first(project, tmp_path):
+    report = SegmentationReport.read(project.segmentation_report)
     assert set(report.masked_views) < set(report.views) and report.objects == ["ball", "block"]
+    scores = report.suggestions.scores
+    assert scores and set(scores) <= set(report.views) - set(report.masked_views)
+    assert list(scores.values()) == sorted(scores.values(), reverse=True)
     report.write(tmp_path / "again.json")
-    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
-
-
-def test_the_views_to_mark_next_are_unmarked_ones_and_the_best_comes_first(learned):
-    report = SegmentationReport.read(Project(learned.project).segmentation_report)
-    found = report.suggestions.scores
-    assert found and set(found) <= set(report.views) - set(report.masked_views)
-    scores = list(found.values())
-    assert scores == sorted(scores, reverse=True)
+    assert (tmp_path / "again.json").read_bytes() == project.segmentation_report.read_bytes()
 
 
 def test_that_any_view_helps_is_said_beside_the_views(learned, tmp_path, capsys):
-    written = read_json(Project(learned.project).segmentation_report, "report")
     project = Project(shutil.copytree(learned.project, tmp_path / "project"))
+    written = read_json(project.segmentation_report, "report")
     for any_view_helps in (True, False):
         write_json(project.segmentation_report, written | {"any_view_helps": any_view_helps})
         assert main(["segmentation", str(project.folder), "--suggest"]) == 0
@@ -84,12 +80,12 @@ def test_that_any_view_helps_is_said_beside_the_views(learned, tmp_path, capsys)
         assert ("Any view helps about as much." in said) == any_view_helps
 
 
-def test_reports_of_before_there_were_suggestions_have_none(learned, tmp_path):
-    content = json.loads(Project(learned.project).segmentation_report.read_text())
+def test_reports_of_before_there_were_suggestions_have_none(project, tmp_path):
+    content = json.loads(project.segmentation_report.read_text())
     del content["suggestions"], content["any_view_helps"]
-    path = tmp_path / "segmentation.json"
-    path.write_text(json.dumps(content))
-    assert SegmentationReport.read(path).suggestions == Suggestions({}, any_view_helps=False)
+    (tmp_path / "segmentation.json").write_text(json.dumps(content))
+    read = SegmentationReport.read(tmp_path / "segmentation.json")
+    assert read.suggestions == Suggestions({}, any_view_helps=False)
 
 
 @pytest.mark.parametrize(
@@ -97,10 +93,9 @@ def test_reports_of_before_there_were_suggestions_have_none(learned, tmp_path):
     ["objects", "precision", "iou_with_marks", "views", "marked", "surface_points", "suggestions", "any_view_helps"],
 )
 @pytest.mark.parametrize("value", [None, -3, "ball", [{}], {"ball": float("nan")}, {"ball": 2, "block": 0.5}])
-def test_a_report_of_other_values_is_refused_in_a_sentence(learned, tmp_path, key, value):
-    content = json.loads(Project(learned.project).segmentation_report.read_text())
+def test_a_report_of_other_values_is_refused_in_a_sentence(project, tmp_path, key, value):
     path = tmp_path / "segmentation.json"
-    path.write_text(json.dumps(content | {key: value}))
+    path.write_text(json.dumps(json.loads(project.segmentation_report.read_text()) | {key: value}))
     with pytest.raises(DataError) as caught:
         SegmentationReport.read(path)
     assert "segmentation.json" in caught.value.sentence and caught.value.hint

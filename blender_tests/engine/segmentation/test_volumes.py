@@ -21,11 +21,9 @@ POINTS = torch.tensor([[2.5, 0.0, 0.0], [0.3, 0.3, 0.3], [9.0, 9.0, 9.0]])
 
 
 def test_volumes_are_read_as_they_were_written(tmp_path):
-    path = tmp_path / "volumes.json"
+    path, mesh = tmp_path / "volumes.json", Volume("outside", None, CORNERS, np.array([[0, 1, 2]]))
     assert read_volumes(path) == {}
-    write_volumes(
-        path, {"pot": [Volume("inside", MOVED)], "lid": [Volume("outside", None, CORNERS, np.array([[0, 1, 2]]))]}
-    )
+    write_volumes(path, {"pot": [Volume("inside", MOVED)], "lid": [mesh]})
     read = read_volumes(path)
     np.testing.assert_array_equal(read["pot"][0].matrix, MOVED)
     np.testing.assert_array_equal(read["lid"][0].vertices, CORNERS)
@@ -37,9 +35,6 @@ def test_an_object_is_inside_its_boxes_and_outside_of_its_meshes_and_others_are_
     allowed = Volumes.from_objects(volumes, ["lid", "pot"])(POINTS, 2)
     assert allowed[:, 1].tolist() == [True, False, False]
     assert allowed[:, 0].all()
-
-
-def test_without_volumes_objects_can_be_anywhere():
     assert Volumes.from_objects({}, ["lid", "pot"])(POINTS, 2).all()
 
 
@@ -70,18 +65,15 @@ def test_an_object_has_no_probability_where_its_volumes_do_not_let_it_be(bounded
     torch.testing.assert_close(probabilities.sum(1), torch.ones(500))
 
 
-def test_volumes_are_kept_with_f_s(bounded, tmp_path):
-    path, positions = tmp_path / "f_s.safetensors", torch.rand(50, 3) * 2 - 1
+def test_volumes_are_kept_with_f_s_and_those_of_no_object_are_named_with_their_file(bounded, tmp_path):
+    path, positions, features = tmp_path / "f_s.safetensors", torch.rand(50, 3) * 2 - 1, torch.zeros(50, 4)
     save_segmentation(path, bounded, ["lid", "pot"], SegmentationSettings(width=8))
     again, _ = load_segmentation(path, 4, space=bounded.space)
-    assert torch.equal(again(positions, torch.zeros(50, 4)), bounded(positions, torch.zeros(50, 4)))
-
-
-def test_volumes_of_no_object_are_named_with_their_file(bounded, tmp_path):
+    assert torch.equal(again(positions, features), bounded(positions, features))
     bounded.volumes.rules[0, 0] = 7
-    save_segmentation(tmp_path / "f_s.safetensors", bounded, ["lid", "pot"], SegmentationSettings(width=8))
+    save_segmentation(path, bounded, ["lid", "pot"], SegmentationSettings(width=8))
     with pytest.raises(DataError, match=r"f_s\.safetensors"):
-        load_segmentation(tmp_path / "f_s.safetensors", 4)
+        load_segmentation(path, 4)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What masks say: votes, confidence and their sums on points, by hand."""
+"""What masks say: votes, confidence and their sums on points, and how unsure labels are, by hand."""
 
 import numpy as np
 import pytest
@@ -6,59 +6,50 @@ from numpy.testing import assert_allclose
 
 pytest.importorskip("scipy")
 
-from karf_engine.segmentation.surface_points import merge_samples
+from karf_engine.errors import DataError
+from karf_engine.segmentation.surface_points import Labels, ObjectDoubt, SurfaceUncertainty, merge_samples
 from karf_engine.segmentation.views import mask_confidence, mask_targets, vote_on_points
 
 
-def mask_of(*rows):
-    return np.array([[c == "#" for c in row] for row in rows])
+def mask_of(row):
+    return np.array([[c == "#" for c in row]])
 
 
-def test_a_pixel_votes_for_its_object_and_outside_for_everything_without_a_mask():
+def box(rows, columns):
+    mask = np.zeros((200, 200), bool)
+    mask[rows, columns] = True
+    return mask
+
+
+BODY = box(slice(50, 150), slice(50, 150))
+
+
+def test_a_pixel_votes_for_its_objects_and_outside_for_everything_without_a_mask():
     targets = mask_targets({1: mask_of("#.."), 3: mask_of(".#.")}, 4)
-    assert_allclose(targets[0, 0], [0, 1, 0, 0])
-    assert_allclose(targets[0, 1], [0, 0, 0, 1])
     # object 2 has no mask in this view: it may be what is seen outside
-    assert_allclose(targets[0, 2], [0.5, 0, 0.5, 0])
-
-
-def test_overlapping_masks_share_the_pixel():
-    targets = mask_targets({1: mask_of("##"), 2: mask_of(".#")}, 3)
-    assert_allclose(targets[0], [[0, 1, 0], [0, 0.5, 0.5]])
+    assert_allclose(targets[0], [[0, 1, 0, 0], [0, 0, 0, 1], [0.5, 0, 0.5, 0]])
+    assert_allclose(mask_targets({1: mask_of("##"), 2: mask_of(".#")}, 3)[0], [[0, 1, 0], [0, 0.5, 0.5]])
 
 
 def test_confidence_grows_from_the_border_and_is_whole_far_from_it():
-    mask = np.zeros((200, 200), bool)
-    mask[50:150, 50:150] = True
-    confidence = mask_confidence({1: mask})
+    confidence = mask_confidence({1: BODY})
     # the band is 6 pixels wide at 200 pixels of height
-    assert_allclose(
-        confidence[100, 44:56], [1, 5 / 6, 4 / 6, 3 / 6, 2 / 6, 1 / 6, 1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6, 1]
-    )
+    assert_allclose(confidence[100, 44:56], np.r_[np.arange(6, 0, -1), np.arange(1, 7)] / 6)
     assert confidence[0, 0] == confidence[100, 100] == 1
-    assert_allclose(mask_confidence({1: mask, 2: np.zeros_like(mask)}), confidence)
+    assert_allclose(mask_confidence({1: BODY, 2: np.zeros_like(BODY)}), confidence)
 
 
-def test_small_masks_have_a_narrow_band_so_that_their_middle_still_counts():
-    mask = np.zeros((200, 200), bool)
-    mask[100:105, 100:105] = True
-    assert mask_confidence({1: mask})[102, 102] == 1
-
-
-def test_the_middle_of_a_thin_handle_counts_as_much_as_the_body():
-    mask = np.zeros((200, 200), bool)
-    mask[50:150, 50:150] = True
-    mask[99:102, 150:190] = True  # three pixels wide: it never leaves the band along the border
-    confidence = mask_confidence({1: mask})
+def test_the_middle_of_small_masks_and_of_thin_handles_counts_nevertheless():
+    assert mask_confidence({1: box(slice(100, 105), slice(100, 105))})[102, 102] == 1
+    handle = box(slice(99, 102), slice(150, 190))  # three pixels wide: it never leaves the band along the border
+    confidence = mask_confidence({1: BODY | handle})
     assert confidence[100, 160:189].min() >= 0.8
-    assert_allclose(
-        confidence[70, 144:156], np.r_[np.arange(6, 0, -1), np.arange(1, 7)] / 6
-    )  # the body's border is as it was
+    assert_allclose(confidence[70, 144:156], mask_confidence({1: BODY})[70, 144:156])
 
 
-def test_masks_of_everything_or_nothing_have_no_border():
-    for fill in (True, False):
-        assert (mask_confidence({1: np.full((4, 6), fill)}) == 1).all()
+@pytest.mark.parametrize("fill", [True, False])
+def test_masks_of_everything_or_nothing_have_no_border(fill):
+    assert (mask_confidence({1: np.full((4, 6), fill)}) == 1).all()
 
 
 def test_votes_of_rays_are_summed_on_the_points_of_their_samples():
@@ -93,3 +84,31 @@ def test_merging_agrees_with_a_loop_over_cells():
         assert len(np.unique(cells[own], axis=0)) == 1
         assert_allclose(points.positions[number], np.average(flat[own], 0, weight[own]))
         assert_allclose(points.lab[number], np.average(color[own], 0, weight[own]))
+
+
+# ---------------------------------------------------------------------------------------------------------------- doubts
+def test_a_label_is_doubted_as_far_as_opinions_contradict_it():
+    probabilities, opinion = np.array([[0.1, 0.9], [0.9, 0.1]]), np.array([[0.4, 0.6], [0.75, 0.25]])
+    assert_allclose(Labels(probabilities, np.ones(1), opinion).doubt, [[0.4], [0.25]])
+
+
+def test_doubts_are_those_of_the_nearest_point_and_survive_their_file(tmp_path):
+    positions, doubts = np.array([[0, 0, 0], [1, 0, 0]], np.float32), np.array([[255, 0], [0, 51]], np.uint8)
+    SurfaceUncertainty(["mug", "pot"], positions, doubts).write(tmp_path / "doubts.npz")
+    found = SurfaceUncertainty.read(tmp_path / "doubts.npz")
+    assert found.objects == ["mug", "pot"]
+    assert_allclose(found.at(np.array([[0.1, 0, 0], [2.0, 0, 0]])), [[1, 0], [0, 0.2]])
+
+
+@pytest.mark.parametrize("doubts", [np.zeros((2, 2), np.uint8), np.zeros((3, 1), np.uint8), np.zeros((2, 1))])
+def test_a_file_of_other_shapes_or_types_is_refused(tmp_path, doubts):
+    path = tmp_path / "doubts.npz"
+    SurfaceUncertainty(["mug"], np.zeros((2, 3), np.float32), doubts).write(path)
+    with pytest.raises(DataError, match="doubts"):
+        SurfaceUncertainty.read(path)
+
+
+def test_the_sentence_says_how_much_is_unsure_and_why():
+    sentence = ObjectDoubt(0.12, 0.9).sentence("mug")
+    assert sentence == "12% of 'mug' is unsure, most of it where no marked photo shows it."
+    assert "masks and colors contradict each other" in ObjectDoubt(0.12, 0.1).sentence("mug")

@@ -1,6 +1,8 @@
 """Published tables: their sources, when they are stale, what the pages show, and how parts follow one another."""
 
 import shutil
+import subprocess
+import sys
 
 import pytest
 
@@ -8,6 +10,7 @@ from tools.evaluate import pages, sources, table
 from tools.evaluate.jobs import JOBS, TABLES, with_needed
 from tools.evaluate.store import Store
 from tools.metrics import METRICS
+from tools.metrics.truth import Truth
 
 MEASURED = [name for name in TABLES if table.read(name)]
 
@@ -60,6 +63,14 @@ def test_a_changed_module_makes_the_tables_stale_that_depend_on_it(checkout, mod
     assert before <= set(pages.stale_tables(checkout))
 
 
+def test_a_release_is_refused_while_a_table_is_stale(checkout):
+    (checkout / "karf_engine/metrics/masks.py").write_text("# no code is left of it\n")
+    command = [sys.executable, "-m", "tools.release", "--release", "--out", str(checkout / "dist")]
+    done = subprocess.run(command, cwd=checkout, capture_output=True, text=True)
+    assert done.returncode == 1 and "error: the table segmentation is stale" in done.stderr
+    assert not (checkout / "dist").exists()
+
+
 def test_comments_docstrings_and_formatting_make_no_table_stale(tmp_path):
     texts = (
         'def area(r):\n    """Return the area."""\n    return 3 * r**2\n',
@@ -76,9 +87,9 @@ def test_comments_docstrings_and_formatting_make_no_table_stale(tmp_path):
 def test_a_module_counts_where_its_functions_ran_or_its_constants_are_used():
     trace = sources.Trace()
     trace.start()
-    table.Table("way", {"a": {"iou": 1.0}}).content()
+    Truth()
     trace.stop()
-    assert "tools/evaluate/table.py" in trace.modules()
+    assert "tools/metrics/truth.py" in trace.modules()
     assert "tools/evaluate/edits.py" not in trace.modules()
     assert "karf_engine/fields/voxels/fused/arrays.py" in sources.constants_of(
         "karf_engine/fields/voxels/fused/frozen.py"

@@ -116,50 +116,38 @@ def test_of_a_kind_only_the_latest_that_waits_is_answered(worker, stream, kinds)
     assert [values["id"] for kind, values in events if kind == "answer"] == [1, 4, 5]
 
 
-def test_an_answer_that_takes_long_stops_where_a_later_query_of_its_kind_waits(worker, stream, kinds):
+@pytest.mark.parametrize("why", ["a later query", "the caller is gone"])
+def test_an_answer_that_takes_long_stops_where_nobody_waits_for_it(worker, stream, kinds, why):
     begun = threading.Event()
 
-    def until_superseded(session, options):
+    def until_stopped(session, options):
         begun.set()
         while options.get("is_long"):
             session.check()
         return {}
 
-    kinds["echo"] = until_superseded
+    kinds["echo"] = until_stopped
     stream.write(line(1, is_long=True))
     begun.wait(20)
-    stream.write(line(2))
-    assert [worker.next() for _ in range(2)] == [("dropped", {"id": 1}), ("answer", {"id": 2})]
+    if why == "a later query":
+        stream.write(line(2))
+        assert [worker.next() for _ in range(2)] == [("dropped", {"id": 1}), ("answer", {"id": 2})]
+    else:
+        stream.close()
+        worker.ended()
 
 
-def test_an_answer_that_takes_long_stops_where_the_caller_is_gone(worker, stream, kinds):
-    begun = threading.Event()
-
-    def endless(session, options):
-        begun.set()
-        while True:
-            session.check()
-
-    kinds["echo"] = endless
-    stream.write(line(1))
-    begun.wait(20)
-    stream.close()
-    worker.ended()
-
-
-@pytest.mark.parametrize("end", ["end of input", "word"])
-def test_the_end_of_input_or_the_word_ends_it(worker, stream, end):
-    stream.write("cancel\n") if end == "word" else stream.close()
+@pytest.mark.parametrize("end", ["end of input", "word", "another job"])
+def test_the_end_of_input_the_word_or_another_job_ends_it(worker, stream, tmp_path, end):
+    if end == "end of input":
+        stream.close()
+    else:
+        stream.write("cancel\n" if end == "word" else folder_line(tmp_path / "another") + "\n")
     assert worker.ended() == 0 and worker.next()[0] == "done"
 
 
 def test_no_query_for_a_while_ends_it(tmp_path, stream, kinds):
     assert Beside(tmp_path, stream, idle_minutes=0).ended() == 0
-
-
-def test_a_job_that_follows_ends_the_wait_for_queries(worker, stream, tmp_path):
-    stream.write(folder_line(tmp_path / "another") + "\n")
-    assert worker.ended() == 0 and worker.next()[0] == "done"
 
 
 def test_what_fails_is_refused_in_a_sentence_and_the_next_is_answered(worker, stream, kinds):

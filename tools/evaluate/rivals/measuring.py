@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
+import karf_engine as karf
 from karf_engine.io.images import alpha_composite
 from karf_engine.palettes.compositing import hard_masks
 from karf_engine.recolor.field_rendering import frame_of
@@ -16,7 +17,9 @@ from karf_engine.recolor.model import Model
 
 from ...metrics.scores import score_masks, score_recolor
 from ...metrics.truth import Truth
-from ..table import Figures
+from ..drawn import draw_scene, judge_scene, scene_name
+from ..store import Store
+from ..table import Figures, Table
 from ..views import TestViews
 from .laenerf import LaeNerf
 from .palettenerf import PaletteNerf
@@ -129,3 +132,26 @@ def mean_iou(masks: Masks, objects: list[str], truth: Truth) -> float:
     hard, true = [hard_masks(each) for each in masks], truth.masks("test")
     scores = [score_masks([each[k] for each in hard], true[name]) for k, name in enumerate(objects)]
     return float(np.mean([score.iou for score in scores]))
+
+
+def measure_rivals(store: Store, seed: int) -> dict[str, Figures]:
+    """Return the figures of each rule on a scene, measured unless they are there."""
+
+    def measured(folder: Path) -> dict[str, Figures]:
+        judge_scene(store, seed)
+        model = karf.load(store.path(f"{scene_name(seed)}/learned") / "project")
+        return dict(measure(model, Truth(draw_scene(store, seed)), folder / "scratch", store.threads))
+
+    return store.take(f"{scene_name(seed)}/rivals", measured)
+
+
+def rivals_table(store: Store, seeds: Sequence[int]) -> Table:
+    """Measure the rules of others on all scenes: means over the scenes."""
+    scenes = [measure_rivals(store, seed) for seed in seeds]
+    rows: dict[str, Figures] = {}
+    for rule in RULES:
+        columns = {name: [scene[rule][name] for scene in scenes] for name in scenes[0][rule]}
+        means = {name: float(np.mean(column)) for name, column in columns.items()}
+        rows[rule] = {"ciede2000": means.pop("ciede2000"), "ciede2000_median": float(np.median(columns["ciede2000"]))}
+        rows[rule] = {**rows[rule], **means}
+    return Table("rule", rows)

@@ -1,35 +1,38 @@
-"""Which device torch could use, by files of drivers on made computers; and who can make an environment."""
+"""This computer: which device torch could use, who can make an environment, and what its shells are given."""
 
+import shutil
+import subprocess
 import sys
 
 import pytest
 
 NODE = "sys/class/kfd/kfd/topology/nodes/1/properties"
+AMD, NO_AMD = ({"dev/kfd": "", NODE: f"gfx_target_version {number}\n"} for number in (110000, 0))
 
 
 @pytest.mark.parametrize(
-    ("system", "processor", "files", "platform", "devices"),
+    ("system", "processor", "files", "platform", "devices", "builds"),
     [
-        ("Linux", "x86_64", {}, "linux-x86_64", ()),
-        ("Linux", "x86_64", {"proc/driver/nvidia/version": ""}, "linux-x86_64", ("cuda",)),
-        ("Linux", "aarch64", {"dev/nvidiactl": ""}, "linux-aarch64", ("cuda",)),
-        ("Linux", "x86_64", {"usr/lib/wsl/lib/libcuda.so.1": ""}, "linux-x86_64", ("cuda",)),
-        ("Linux", "x86_64", {"dev/kfd": "", NODE: "gfx_target_version 110000\n"}, "linux-x86_64", ("rocm",)),
-        ("Linux", "x86_64", {"dev/kfd": "", NODE: "gfx_target_version 0\n"}, "linux-x86_64", ()),
-        ("Windows", "AMD64", {"Windows/System32/nvcuda.dll": ""}, "windows-x86_64", ("cuda",)),
-        ("Windows", "AMD64", {}, "windows-x86_64", ()),
-        ("Darwin", "arm64", {}, "macos-arm64", ("mps",)),
-        ("Darwin", "x86_64", {}, "macos-x86_64", ()),
-        ("FreeBSD", "amd64", {}, "freebsd-x86_64", ()),
+        ("Linux", "x86_64", {}, "linux-x86_64", (), "cpu cuda rocm"),
+        ("Linux", "x86_64", {"proc/driver/nvidia/version": ""}, "linux-x86_64", ("cuda",), "cpu cuda rocm"),
+        ("Linux", "aarch64", {"dev/nvidiactl": ""}, "linux-aarch64", ("cuda",), "cpu cuda"),
+        ("Linux", "x86_64", {"usr/lib/wsl/lib/libcuda.so.1": ""}, "linux-x86_64", ("cuda",), "cpu cuda rocm"),
+        ("Linux", "x86_64", AMD, "linux-x86_64", ("rocm",), "cpu cuda rocm"),
+        ("Linux", "x86_64", NO_AMD, "linux-x86_64", (), "cpu cuda rocm"),
+        ("Windows", "AMD64", {"Windows/System32/nvcuda.dll": ""}, "windows-x86_64", ("cuda",), "cpu cuda"),
+        ("Windows", "AMD64", {}, "windows-x86_64", (), "cpu cuda"),
+        ("Darwin", "arm64", {}, "macos-arm64", ("mps",), "cpu mps"),
+        ("Darwin", "x86_64", {}, "macos-x86_64", (), ""),
+        ("FreeBSD", "amd64", {}, "freebsd-x86_64", (), ""),
     ],
 )
-def test_drivers_are_found_without_torch(managed, tmp_path, system, processor, files, platform, devices):
+def test_drivers_are_found_without_torch(managed, tmp_path, system, processor, files, platform, devices, builds):
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     here = managed.computer.detect_machine(system, processor, tmp_path)
-    assert (here.platform, here.devices) == (platform, devices)
-    assert here.device_sentence.endswith(".")
+    assert (here.platform, here.devices, here.builds) == (platform, devices, tuple(builds.split()))
+    assert here.device_sentence.startswith("Found " if devices else "No graphics driver")
 
 
 # --- starters -----------------------------------------------------------------------------------------------------
@@ -45,20 +48,15 @@ def python(path, version="3 12", has_venv=True, bits=64):
 
 
 @pytest.fixture
-def find(managed, tmp_path):
+def find(managed, tmp_path, monkeypatch):
     """A function that looks for a starter where the PATH is a made folder."""
-
-    def run(own, chosen=""):
-        return managed.computer.find_starter(chosen, own, {"PATH": str(tmp_path / "bin")})
-
-    return run
-
-
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the made programs are shell scripts")
-
-
-def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_path, monkeypatch):
+    if sys.platform == "win32":
+        pytest.skip("the made programs are shell scripts")
     monkeypatch.setattr(managed.computer, "UNIX_FOLDERS", ())
+    return lambda own, chosen="": managed.computer.find_starter(chosen, own, {"PATH": str(tmp_path / "bin")})
+
+
+def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_path):
     starter = managed.computer.Starter
     can, cannot = python(tmp_path / "own"), python(tmp_path / "bare", "3 14", has_venv=False)
     other = python(tmp_path / "bin" / "python3.13", "3 13")
@@ -71,14 +69,37 @@ def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_
     assert find(can, chosen=uv).uv == uv
 
 
-def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(managed, find, tmp_path, monkeypatch):
-    monkeypatch.setattr(managed.computer, "UNIX_FOLDERS", ())
+def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(managed, find, tmp_path):
     python(tmp_path / "bin" / "python3.11", "3 11", bits=32)
     program(tmp_path / "bin" / "python3", "exit 1")
     with pytest.raises(managed.api.MissingDependency) as caught:
         find(python(tmp_path / "own", has_venv=False))
-    text = str(caught.value)
     for part in ("own (Python 3.12 without venv),", "python3.11 (Python 3.11 of 32 bits)", "python3.", "python3-venv"):
-        assert part in text
+        assert part in str(caught.value)
     with pytest.raises(managed.api.MissingDependency, match="gone"):
         find(python(tmp_path / "own"), chosen=str(tmp_path / "gone"))
+
+
+# --- shells -------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(
+    ("word", "powershell", "cmd"),
+    [
+        ("plain", "plain", "plain"),
+        (r"C:\env\x.exe", r"C:\env\x.exe", r"C:\env\x.exe"),
+        ("ü", "ü", "ü"),
+        ("a b", "'a b'", '"a b"'),
+        ("it's", "'it''s'", '"it\'s"'),
+        ("50%", "'50%'", '"50%"'),
+        ("(x86)", "'(x86)'", '"(x86)"'),
+        ("a&b", "'a&b'", '"a&b"'),
+        ("$HOME", "'$HOME'", '"$HOME"'),
+        ("a;b", "'a;b'", '"a;b"'),
+    ],
+)
+def test_words_survive_every_shell(managed, word, powershell, cmd):
+    line = managed.computer.shell_line
+    assert line(["run", word], "powershell") == f"& run {powershell}"
+    assert line(["run", word], "cmd") == f"run {cmd}"
+    if shutil.which("sh"):
+        echo = line([sys.executable, "-c", "import sys; print(ascii(sys.argv[1]))", word], "posix")
+        assert subprocess.run(["sh", "-c", echo], capture_output=True, text=True).stdout.strip() == ascii(word)

@@ -1,8 +1,7 @@
-"""What a plan says before anything happens: sizes, places, commands, and why it cannot be."""
+"""A plan says sizes, places and commands before anything happens, or why it cannot be; failures are sentences."""
 
 import shlex
 import shutil
-import subprocess
 import sys
 from collections import namedtuple
 from pathlib import Path
@@ -12,8 +11,6 @@ import pytest
 from .conftest import PYTHON
 
 LINUX, WINDOWS, MAC = "linux-x86_64", "windows-x86_64", "macos-arm64"
-
-
 USAGE = namedtuple("USAGE", "total used free")
 
 
@@ -41,6 +38,9 @@ def test_it_says_how_much_from_where_and_where_to_and_changes_nothing(managed, p
     assert f"To {tmp_path / 'my engine'}, about " in text and "are free" in text
     assert f"made by {sys.executable} (Python {PYTHON})" in text
     assert list(tmp_path.iterdir()) == []
+    assert [shlex.split(line) for line in made.commands("posix").splitlines()] == [
+        list(step.command) for step in made.steps()
+    ]
 
 
 @pytest.mark.parametrize(
@@ -69,23 +69,24 @@ def test_each_build_comes_from_where_it_is(plan, platform, devices, choice, buil
         assert "--require-hashes" in made.steps()[-1].command
 
 
-@pytest.mark.parametrize(("platform", "build"), [(LINUX, "mps"), (WINDOWS, "rocm"), (MAC, "cuda"), (LINUX, "tpu")])
-def test_a_build_that_does_not_exist_is_refused(managed, plan, platform, build):
-    with pytest.raises(managed.api.BadRequest, match=build):
-        plan(platform, build=build)
-
-
-def test_a_computer_without_recipe_is_told_so(managed, plan):
-    with pytest.raises(managed.api.MissingDependency, match="no engine for freebsd-x86_64"):
-        plan("freebsd-x86_64")
-    with pytest.raises(managed.api.MissingDependency, match="photos cannot be had"):
-        plan("linux-aarch64", ("cuda",), extras=("photos",))
-
-
-def test_without_leave_to_use_the_network_the_preference_is_named(managed, plan):
-    with pytest.raises(managed.api.BadRequest, match="may not use the network") as caught:
-        plan(is_online=False)
-    assert "Allow Online Access" in caught.value.hint and "folder of wheels" in caught.value.hint
+@pytest.mark.parametrize(
+    ("options", "error", "sentence"),
+    [
+        ({"build": "mps"}, "BadRequest", "no mps build"),
+        ({"platform": WINDOWS, "build": "rocm"}, "BadRequest", "no rocm build"),
+        ({"platform": MAC, "build": "cuda"}, "BadRequest", "no cuda build"),
+        ({"build": "tpu"}, "BadRequest", "'tpu' is not a build"),
+        ({"extras": ("fast",)}, "BadRequest", "fast is not an extra"),
+        ({"platform": "freebsd-x86_64"}, "MissingDependency", "no engine for freebsd-x86_64"),
+        ({"platform": "linux-aarch64", "extras": ("photos",)}, "MissingDependency", "photos cannot be had"),
+        ({"is_online": False}, "BadRequest", "may not use the network.*Allow Online Access.*folder of wheels"),
+        ({"folder": Path("engine")}, "BadRequest", "whole path"),
+        ({"folder": Path(__file__)}, "DataError", "is a file"),
+    ],
+)
+def test_what_cannot_be_is_refused(managed, plan, options, error, sentence):
+    with pytest.raises(getattr(managed.api, error), match=sentence):
+        plan(**options)
 
 
 def test_the_source_is_that_of_this_computer_without_its_password(plan, tmp_path):
@@ -93,11 +94,14 @@ def test_the_source_is_that_of_this_computer_without_its_password(plan, tmp_path
         return plan(variables={"PATH": "", **variables}).source
 
     secret = "https://name:secret@mirror.example/simple"
-    for name in ("UV_DEFAULT_INDEX", "UV_INDEX_URL"):
+    for name, told in (
+        ("UV_DEFAULT_INDEX", {}),
+        ("UV_INDEX_URL", {}),
+        ("PIP_INDEX_URL", {"UV_DEFAULT_INDEX": secret}),
+    ):
         found = source(**{name: secret})
         assert "https://mirror.example/simple" in found.sentence and "secret" not in found.sentence
-        assert found.variables == {}
-    assert source(PIP_INDEX_URL=secret).variables == {"UV_DEFAULT_INDEX": secret}
+        assert found.variables == told
     settings = tmp_path / "pip.conf"
     settings.write_text("[global]\nindex-url = https://mirror.example/other\n")
     found = source(PIP_CONFIG_FILE=str(settings))
@@ -117,24 +121,12 @@ def test_a_lock_file_is_read_for_one_python(managed):
         managed.locks.read(LINUX, "cpu", "3.9")
 
 
-def test_a_disk_without_space_is_named_with_what_is_needed(managed, plan, monkeypatch):
+def test_a_disk_without_space_is_named_unless_what_is_there_makes_up_for_it(managed, plan, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
     with pytest.raises(managed.api.DataError, match=r"has 1\.0 GB free; the engine needs about 5\.\d GB"):
         plan(devices=("cuda",))
-
-
-def test_what_is_there_already_needs_no_more_space(managed, plan, tmp_path, monkeypatch):
-    monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
     monkeypatch.setattr(managed.home, "measure", lambda folder: iter([1_000_000, 4_900_000_000]))
     assert plan(devices=("cuda",)).free_bytes < 1.1e9
-
-
-def test_a_folder_that_cannot_be_is_refused(managed, plan, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(managed.api.DataError, match="is a file"):
-        plan(folder=tmp_path / "file")
-    with pytest.raises(managed.api.BadRequest, match="whole path"):
-        plan(folder=Path("engine"))
 
 
 def test_long_paths_are_a_warning_on_windows_alone(plan, tmp_path):
@@ -143,48 +135,20 @@ def test_long_paths_are_a_warning_on_windows_alone(plan, tmp_path):
     assert not any("long paths" in line for line in plan(MAC, ("mps",), folder=deep).sentences)
 
 
-# --- commands by hand ---------------------------------------------------------------------------------------------
-def test_commands_for_posix_shells_are_those_that_run(plan):
-    made = plan()
-    assert [tuple(shlex.split(line)) for line in made.commands("posix").splitlines()] == [
-        step.command for step in made.steps()
-    ]
-
-
-@pytest.mark.parametrize(
-    "word", ["a b", "it's", "50%", "(x86)", "a&b", "ü", "plain", r"C:\my env\x.exe", "$HOME", "a;b"]
-)
-def test_words_survive_every_shell(managed, word):
-    line = managed.computer.shell_line
-    echo = [sys.executable, "-c", "import sys; print(ascii(sys.argv[1]))", word]
-    done = (
-        subprocess.run(["sh", "-c", line(echo, "posix")], capture_output=True, text=True)
-        if shutil.which("sh")
-        else None
-    )
-    assert done is None or done.stdout.strip() == ascii(word)
-    quoted = line(["run", word], "powershell").removeprefix("& run ")
-    assert quoted == word or quoted == "'" + word.replace("'", "''") + "'"
-    assert line(["run", word], "cmd").removeprefix("run ").strip('"') == word
-    for special in " &()';$":
-        assert special not in word or (line(["run", word], "cmd").endswith('"') and quoted.startswith("'"))
-
-
 # --- without network ----------------------------------------------------------------------------------------------
-def test_a_folder_that_lacks_files_names_them(managed, kitchen, planned):
+def test_a_folder_that_lacks_files_or_has_half_of_one_names_them(managed, kitchen, planned):
+    half = next(kitchen.folder.glob("numpy-*"))
+    whole = half.read_bytes()
+    half.write_bytes(whole[:100])
+    with pytest.raises(managed.api.DataError, match=r"numpy-1\.0-py3-none-any\.whl has 100 bytes in place of"):
+        planned()
+    half.write_bytes(whole)
     for path in [*kitchen.folder.glob("scipy-*"), *kitchen.folder.glob("pillow-*")]:
         path.unlink()
     with pytest.raises(managed.api.DataError, match=r"lacks 2 of 10 files: scipy-1\.0.*whl, pillow-1\.0.*whl\."):
         planned()
     next(kitchen.folder.glob("torch-*")).unlink()
     with pytest.raises(managed.api.DataError, match=r"lacks 3 of 10 files: .*torch-2\.0"):
-        planned()
-
-
-def test_a_file_that_is_not_whole_is_named(managed, kitchen, planned):
-    path = next(kitchen.folder.glob("numpy-*"))
-    path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(managed.api.DataError, match=r"numpy-1\.0-py3-none-any\.whl has 100 bytes in place of"):
         planned()
 
 
@@ -195,3 +159,41 @@ def test_what_must_be_fetched_elsewhere_is_listed_with_hashes(addon, managed):
     assert [line.partition("  #")[0] for line in listing.splitlines()] == [wheel.requirement for wheel in wheels]
     assert all(wheel.file in listing for wheel in wheels)
     assert "--platform win_amd64" in command and "--python-version 3.12" in command and "--require-hashes" in command
+
+
+# --- what pip and uv say when they fail ---------------------------------------------------------------------------
+PIP_HASH = """Collecting uv==0.13.9
+ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.
+    uv==0.13.9 from file:///wheels/uv.whl (from -r uv.txt (line 1)):
+        Expected sha256 aa
+             Got        bb"""
+CERTIFICATE = "error: Request failed after 3 retries\n  cause: invalid peer certificate: UnknownIssuer"
+PIP_NETWORK = """WARNING: Retrying: Failed to establish a new connection: [Errno -3] Temporary failure in name resolution
+ERROR: No matching distribution found for uv==0.13.9"""
+
+
+@pytest.mark.parametrize(
+    ("said", "sentence"),
+    [
+        (PIP_HASH, "uv==0.13.9 is not the file that KaRF was tested with"),
+        (CERTIFICATE, "The certificate of "),
+        (PIP_NETWORK, "No connection to .*temporary failure in name resolution"),
+        ("error: failed to write\n  cause: No space left on device (os error 28)", "The disk of .* is full"),
+        ("error: No solution found when resolving dependencies", "A file that the engine needs is not to be had from"),
+        ("error: something new\n", r"Installing packages failed \(exit code 2\): something new"),
+        ("", r"Installing packages failed \(exit code 2\): it said nothing"),
+    ],
+)
+def test_each_failure_is_a_sentence_with_a_remedy(managed, plan, said, sentence):
+    made = plan()
+    error = managed.installation.explain(made, made.steps()[-1], said.splitlines(), "exit code 2")
+    assert error.hint.endswith("Install goes on from there.")
+    with pytest.raises(managed.api.KarfError, match=sentence):
+        raise error
+
+
+@pytest.mark.parametrize("devices, is_offered", [((), True), (("cuda",), False)])
+def test_where_torchs_own_index_cannot_be_reached_the_usual_one_is_offered(managed, plan, devices, is_offered):
+    made = plan(devices=devices)
+    error = managed.installation.explain(made, made.steps()[-1], ["dns error"], "exit code 2")
+    assert ("build cuda" in error.hint) == ("torch's own index" in error.sentence) == is_offered

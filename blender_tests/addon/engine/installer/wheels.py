@@ -33,11 +33,16 @@ MODULES = {  # package -> what is imported
 }
 
 
-def make(folder, name, version, files, tag="py3-none-any"):
-    """Write a wheel; returns its path."""
+def torch(version, cuda=None):
+    """The code of a package that looks like torch."""
+    return TORCH.format(version=version, cuda=cuda)
+
+
+def make(folder, name, version, code=None, tag="py3-none-any", more=None):
+    """Write the wheel of a package whose module has this code, with more files; returns its path."""
     stem = f"{name.replace('-', '_')}-{version}"
     info = f"{stem}.dist-info"
-    files = dict(files)
+    files = {f"{MODULES.get(name, name)}/__init__.py": code or f"name = {name!r}\n", **(more or {})}
     files[f"{info}/METADATA"] = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
     files[f"{info}/WHEEL"] = f"Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: {tag}\n"
     rows = [f"{path},sha256={_hash(text)},{len(text.encode())}" for path, text in files.items()]
@@ -51,10 +56,6 @@ def make(folder, name, version, files, tag="py3-none-any"):
     return path
 
 
-def make_torch(folder, version, cuda=None, tag="py3-none-any"):
-    return make(folder, "torch", version, {"torch/__init__.py": TORCH.format(version=version, cuda=cuda)}, tag)
-
-
 def locked(path, name, version):
     """What a lock file says of a wheel."""
     data = path.read_bytes()
@@ -65,63 +66,54 @@ def _hash(text):
     return base64.urlsafe_b64encode(hashlib.sha256(text.encode()).digest()).rstrip(b"=").decode()
 
 
-class Index:
+class Index(ThreadingHTTPServer):
     """A package index of a folder's wheels. `fetched` counts whole files by name; `holding` names one to hold back."""
 
+    daemon_threads = True
+
     def __init__(self, folder):
+        super().__init__(("127.0.0.1", 0), _Handler)
         self.folder, self.fetched, self.begun = folder, [], threading.Event()
         self.holding, self.release = "", threading.Event()
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), self._handler())
-        self._server.daemon_threads = True
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
-        self.url = f"http://127.0.0.1:{self._server.server_port}/simple"
+        self.url = f"http://127.0.0.1:{self.server_port}/simple"
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    @property
+    def packages(self):
+        """What was fetched, without versions."""
+        return {name.partition("-")[0] for name in self.fetched}
 
     def close(self):
         self.release.set()
-        self._server.shutdown()
-        self._server.server_close()
+        self.shutdown()
+        self.server_close()
 
-    def _handler(index):
-        class Handler(BaseHTTPRequestHandler):
-            def do_GET(self):
-                kind, name = self.path.strip("/").split("/")
-                if kind == "simple":
-                    stem = name.replace("-", "_")
-                    found = [path.name for path in index.folder.glob(f"{stem}-*.whl")]
-                    links = [f'<a data-core-metadata="true" href="/files/{file}">{file}</a>' for file in found]
-                    self.answer(
-                        "".join(["<!DOCTYPE html><html><body>", *links, "</body></html>"]).encode(), "text/html"
-                    )
-                elif name.endswith(".metadata"):
-                    path = index.folder / name.removesuffix(".metadata")
-                    info = "-".join(path.name.split("-")[:2]) + ".dist-info/METADATA"
-                    self.answer(zipfile.ZipFile(path).read(info), "text/plain")
-                else:
-                    self.send_wheel(name)
 
-            def send_wheel(self, name):
-                data = (index.folder / name).read_bytes()
-                self.send_response(200)
-                self.send_header("Content-Type", "application/octet-stream")
-                self.send_header("Content-Length", str(len(data)))
-                self.end_headers()
-                if index.holding and name.startswith(index.holding):
-                    self.wfile.write(data[: len(data) // 2])
-                    self.wfile.flush()
-                    index.begun.set()
-                    index.release.wait(60)
-                    data = data[len(data) // 2 :]
-                self.wfile.write(data)
-                index.fetched.append(name)
+class _Handler(BaseHTTPRequestHandler):
+    def do_GET(self):
+        index, (kind, name) = self.server, self.path.strip("/").split("/")
+        if kind == "simple":
+            found = [path.name for path in index.folder.glob(f"{name.replace('-', '_')}-*.whl")]
+            links = [f'<a data-core-metadata="true" href="/files/{file}">{file}</a>' for file in found]
+            data = f"<!DOCTYPE html><html><body>{''.join(links)}</body></html>".encode()
+        elif name.endswith(".metadata"):
+            info = "-".join(name.split("-")[:2]) + ".dist-info/METADATA"
+            data = zipfile.ZipFile(index.folder / name.removesuffix(".metadata")).read(info)
+        else:
+            data = (index.folder / name).read_bytes()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html" if kind == "simple" else "application/octet-stream")
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        if index.holding and name.startswith(index.holding) and name.endswith(".whl"):
+            self.wfile.write(data[: len(data) // 2])
+            self.wfile.flush()
+            index.begun.set()
+            index.release.wait(60)
+            data = data[len(data) // 2 :]
+        self.wfile.write(data)
+        if name.endswith(".whl"):
+            index.fetched.append(name)
 
-            def answer(self, data, kind):
-                self.send_response(200)
-                self.send_header("Content-Type", kind)
-                self.send_header("Content-Length", str(len(data)))
-                self.end_headers()
-                self.wfile.write(data)
-
-            def log_message(self, *_):
-                pass
-
-        return Handler
+    def log_message(self, *_):
+        """Say nothing."""

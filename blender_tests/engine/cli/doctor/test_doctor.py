@@ -32,7 +32,7 @@ def examined(folder, **options):
 
 @pytest.fixture
 def lacking(monkeypatch):
-    """Takes packages away from this Python: `lacking(name, error)`."""
+    """Takes packages away from this Python: `lacking(errors)`, by their names."""
     errors, load = {}, importlib.import_module
 
     def load_or_fail(name):
@@ -41,38 +41,33 @@ def lacking(monkeypatch):
         return load(name)
 
     monkeypatch.setattr(doctor, "import_module", load_or_fail)
-    return lambda name, error: errors.update({name: error})
+    return errors.update
 
 
-def test_this_computer_passes(tmp_path):
-    found = examined(tmp_path)
+def missing(*names):
+    return {name: ModuleNotFoundError(f"No module named {name!r}", name=name) for name in names}
+
+
+def test_this_computer_passes_also_before_the_folder_is_made(tmp_path):
+    found = examined(tmp_path / "films" / "pots_karf")
     assert {finding.status for finding in found.values()} <= {OK, WARNING}
     assert found["engine"].exit_code == 0 and "torch" in found["engine"].sentence
+    assert {each.name for each in REQUIRED} <= set(found)
+    assert str(tmp_path) in found["disk"].sentence and not (tmp_path / "films").exists()
 
 
-def test_every_required_package_is_looked_at(tmp_path):
-    assert {each.name for each in REQUIRED} <= set(examined(tmp_path))
-
-
-def test_without_torch_it_says_so_and_how_to_install_it(lacking, tmp_path):
-    lacking("torch", ModuleNotFoundError("No module named 'torch'", name="torch"))
+def test_without_packages_it_says_so_and_one_command_installs_all(lacking, tmp_path):
+    lacking(missing("torch", "cv2"))
     found = examined(tmp_path)
-    assert found["torch"].sentence == "torch is not installed."
+    assert found["torch"].sentence == "torch is not installed." and "device" not in found
     assert f'"{sys.executable}" -m pip install "torch>=' in found["torch"].command
-    assert "device" not in found
     assert found["engine"].exit_code == 3 and "torch" in found["engine"].sentence
-
-
-def test_one_command_installs_all_that_is_missing(lacking, tmp_path):
-    for name in ("scipy", "cv2"):
-        lacking(name, ModuleNotFoundError(f"No module named {name!r}", name=name))
-    command = examined(tmp_path)["engine"].command
-    assert command.count("pip install") == 1 and '"scipy>=' in command and '"opencv-python-headless>=' in command
+    command = found["engine"].command
+    assert command.count("pip install") == 1 and '"torch>=' in command and '"opencv-python-headless>=' in command
 
 
 def test_a_package_that_cannot_be_loaded_is_told_from_one_that_is_missing(lacking):
-    lacking("torch", OSError("libcudart.so.12: cannot open shared object file"))
-    lacking("scipy", ModuleNotFoundError("No module named 'numpy'", name="numpy"))
+    lacking({"torch": OSError("libcudart.so.12: cannot open shared object file"), "scipy": missing("numpy")["numpy"]})
     broken, incomplete = doctor.check_package(package("torch")), doctor.check_package(package("scipy"))
     assert broken.status == ERROR and "libcudart.so.12" in broken.sentence and "--force-reinstall" in broken.command
     assert incomplete.sentence == "scipy needs numpy, which is not installed."
@@ -86,7 +81,7 @@ def test_without_what_learns_fast_the_engine_works_and_the_doctor_says_what_it_w
 
 
 def test_what_learns_fast_is_no_reason_to_fail_where_it_cannot_be_loaded(monkeypatch, lacking):
-    lacking("numba", ImportError("Numba needs NumPy 2.4 or less"))
+    lacking({"numba": ImportError("Numba needs NumPy 2.4 or less")})
     monkeypatch.setattr(doctor, "installed_version", lambda package: "0.68.1")
     found = doctor.fast()
     assert found.status == WARNING and found.exit_code == 0
@@ -119,11 +114,6 @@ def test_the_free_disk_is_judged(monkeypatch, tmp_path, free, status):
 def test_the_memory_is_judged(monkeypatch, total, status):
     monkeypatch.setattr(doctor, "total_memory", lambda: total)
     assert doctor.memory().status == status
-
-
-def test_a_disk_that_is_asked_before_the_folder_is_made_answers(tmp_path):
-    found = examined(tmp_path / "films" / "pots_karf")
-    assert str(tmp_path) in found["disk"].sentence and not (tmp_path / "films").exists()
 
 
 def test_locks_are_tried_and_nothing_is_left(tmp_path):

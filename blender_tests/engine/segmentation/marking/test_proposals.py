@@ -1,4 +1,4 @@
-"""Masks proposed for prompts: a ball and a striped block before a gray wall, whose masks are known."""
+"""Prompts, and masks proposed for them: a ball and a striped block before a gray wall, whose masks are known."""
 
 import numpy as np
 import pytest
@@ -23,6 +23,56 @@ LEFT_HALF = BLOCK & (COLUMNS < 70)
 ON_BALL, ON_LEFT, ON_RIGHT, ON_WALL = (28.5, 40.5, True), (62.5, 40.5, True), (78.5, 40.5, True), (48.5, 12.5, False)
 
 
+# --------------------------------------------------------------------------------------------------------------- prompts
+def test_prompts_survive_json():
+    prompts = Prompts(
+        (1.0, 2.0, 30.0, 40.0), ((4.5, 5.5, True), (6.5, 7.5, False)), ((0.0, 0.0), (9.0, 0.0), (9.0, 9.0))
+    )
+    assert Prompts.from_json(prompts.to_json()) == prompts
+    assert Prompts.from_json({"box": None, "points": [], "lasso": None}) == Prompts()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        [],
+        {"box": [1, 2, 3]},
+        {"box": "wide"},
+        {"box": [0, 0, float("nan"), 5]},
+        {"points": [[1, 2]]},
+        {"points": [5]},
+        {"lasso": [[1, 2, 3]]},
+    ],
+)
+def test_what_is_no_prompts_is_refused(content):
+    with pytest.raises(BadRequest, match="not a box, clicks or a lasso"):
+        Prompts.from_json(content)
+
+
+@pytest.mark.parametrize(
+    "prompts",
+    [
+        Prompts(),
+        Prompts(points=((5.5, 5.5, False),)),
+        Prompts(points=((100.0, 5.5, True),)),
+        Prompts(points=((5.5, -0.5, True),)),
+        Prompts(box=(120.0, 0.0, 140.0, 50.0)),
+        Prompts(box=(50.0, 0.0, 40.0, 50.0)),
+        Prompts(lasso=((1.0, 1.0), (9.0, 9.0))),
+        Prompts(lasso=((-9.0, 1.0), (-1.0, 1.0), (-1.0, 9.0))),
+    ],
+)
+def test_prompts_that_mean_nothing_in_a_photo_are_refused_with_a_remedy(prompts):
+    with pytest.raises(BadRequest) as refused:
+        prompts.check(100, 80)
+    assert refused.value.sentence.endswith(".") and refused.value.hint
+
+
+def test_a_box_may_reach_beyond_the_photo():
+    Prompts(box=(-20.0, -20.0, 200.0, 50.0)).check(100, 80)
+
+
+# ------------------------------------------------------------------------------------------------------------- proposals
 @pytest.fixture(scope="module")
 def photo():
     """Float sRGB [72, 96, 3], with a little noise."""
@@ -31,28 +81,26 @@ def photo():
     return np.clip(colors + np.random.default_rng(0).normal(0, 0.01, colors.shape), 0, 1).astype(np.float32)
 
 
+AROUND_BALL = (8.0, 20.0, 48.0, 60.0)
+
+
 @pytest.mark.parametrize(
-    "prompts",
+    ("prompts", "expected"),
     [
-        Prompts(points=(ON_BALL,)),
-        Prompts(box=(8.0, 20.0, 48.0, 60.0)),
-        Prompts(lasso=((28.0, 18.0), (50.0, 40.0), (28.0, 64.0), (6.0, 40.0))),
-        Prompts(box=(8.0, 20.0, 48.0, 60.0), points=(ON_BALL, ON_WALL)),
+        (Prompts(points=(ON_BALL,)), BALL),
+        (Prompts(box=AROUND_BALL), BALL),
+        (Prompts(lasso=((28.0, 18.0), (50.0, 40.0), (28.0, 64.0), (6.0, 40.0))), BALL),
+        (Prompts(box=AROUND_BALL, points=(ON_BALL, ON_WALL)), BALL),
+        (Prompts(points=(ON_LEFT,)), LEFT_HALF),
+        (Prompts(points=(ON_LEFT, ON_RIGHT)), BLOCK),
     ],
 )
-def test_a_click_a_box_or_a_lasso_is_enough_for_a_plain_object(photo, prompts):
-    assert iou(propose(photo, prompts), BALL) > 0.95
-
-
-def test_a_second_click_adds_the_other_part_of_an_object(photo):
-    marker = Marker(photo)
-    assert iou(marker.propose(Prompts(points=(ON_LEFT,))), LEFT_HALF) > 0.95
-    assert iou(marker.propose(Prompts(points=(ON_LEFT, ON_RIGHT))), BLOCK) > 0.95
+def test_a_click_a_box_or_a_lasso_is_enough_for_a_plain_object_and_clicks_add_its_parts(photo, prompts, expected):
+    assert iou(propose(photo, prompts), expected) > 0.95
 
 
 def test_a_click_on_what_is_not_the_object_takes_it_away_and_leaves_the_rest(photo):
-    both = Prompts(points=(ON_BALL, ON_RIGHT))
-    mask = propose(photo, Prompts(points=(*both.points, (78.5, 44.5, False))))
+    mask = propose(photo, Prompts(points=(ON_BALL, ON_RIGHT, (78.5, 44.5, False))))
     assert iou(mask & ~BLOCK, BALL) > 0.95 and not mask[44, 78]
 
 
@@ -67,13 +115,13 @@ def test_every_pixel_that_was_clicked_is_what_the_click_has_said(photo, clicks):
 
 def test_a_proposal_does_not_depend_on_what_was_asked_before(photo):
     marker = Marker(photo)
-    asked = [
+    for prompts in (
         Prompts(points=(ON_LEFT, ON_RIGHT)),
-        Prompts(box=(8.0, 20.0, 48.0, 60.0)),
+        Prompts(box=AROUND_BALL),
         Prompts(points=(ON_LEFT, ON_WALL)),
         Prompts(points=(ON_LEFT,)),
-    ]
-    assert all((marker.propose(prompts) == propose(photo, prompts)).all() for prompts in asked)
+    ):
+        assert (marker.propose(prompts) == propose(photo, prompts)).all()
 
 
 def test_a_large_photo_gets_a_mask_of_its_own_size(photo):

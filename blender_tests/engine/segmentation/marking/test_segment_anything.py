@@ -41,18 +41,12 @@ def test_every_kind_of_prompts_gets_a_mask_as_large_as_the_photo(folder, prompts
     assert all(mask[int(y), int(x)] == is_object for x, y, is_object in prompts.points)
 
 
-def test_weights_that_are_pickled_are_not_read(folder, tmp_path):
-    for name in ("config.json", "processor_config.json"):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    (tmp_path / "pytorch_model.bin").write_bytes(b"pickled")
-    with pytest.raises(DataError, match="cannot be used"):
-        SegmentAnything(PHOTO, tmp_path)
-
-
-def test_damaged_weights_are_told(folder, tmp_path):
+@pytest.mark.parametrize("weights", ["pytorch_model.bin", "model.safetensors"], ids=["pickled", "damaged"])
+def test_weights_that_are_pickled_or_damaged_are_told(folder, tmp_path, weights):
     for path in folder.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    (tmp_path / "model.safetensors").write_bytes(b"0" * 100)
+        if path.suffix == ".json":
+            (tmp_path / path.name).write_bytes(path.read_bytes())
+    (tmp_path / weights).write_bytes(b"0" * 100)
     with pytest.raises(DataError, match="cannot be used"):
         SegmentAnything(PHOTO, tmp_path)
 

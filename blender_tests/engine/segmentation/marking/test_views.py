@@ -11,6 +11,7 @@ pytest.importorskip("imageio")
 from blender_tests.engine.conftest import run_engine
 from karf_engine import KarfError, mark, open_capture
 from karf_engine.io.images import read_mask, read_photo
+from karf_engine.segmentation.marking import proposals
 from karf_engine.segmentation.marking.prompts import Prompts
 from karf_engine.segmentation.marking.proposals import propose
 from karf_engine.worker.queries import QUERIES
@@ -57,8 +58,6 @@ def test_what_cannot_be_marked_is_told_and_nothing_is_written(still_life, view, 
 
 
 def test_a_worker_reads_a_photo_once(still_life, view, middle, wanted, tmp_path, monkeypatch):
-    from karf_engine.segmentation.marking import proposals
-
     read = []
     monkeypatch.setattr(proposals, "read_photo_of_view", lambda view: read.append(view) or read_photo(view.image))
     session, options = Session(tmp_path), {"capture": str(still_life.capture), "view": view.name}

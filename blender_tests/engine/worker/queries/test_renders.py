@@ -1,0 +1,242 @@
+"""Pictures, planes and colors of splats of any camera, asked of the engine as Blender asks it."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+pytest.importorskip("torch")
+pytest.importorskip("numba")
+
+from blender_tests.engine.conftest import finish_again, of_field
+from blender_tests.engine.worker.queries.conftest import arrays_of
+from karf_engine.capture.transforms import camera_to_json
+from karf_engine.errors import BadRequest, Cancelled, DataError
+from karf_engine.export.cryptomatte import channels, header
+from karf_engine.palettes.compositing import read_planes
+from karf_engine.palettes.palette import edit_to_json
+from karf_engine.recolor.frames import remove_background
+from karf_engine.recolor.model import Model
+from karf_engine.splats.kernels.arrays import COLOR
+from karf_engine.splats.similarity import transform_gaussians
+
+MOVED = np.array([[0, -2.0, 0, 5], [0, 0, -2, 1], [2, 0, 0, 0], [0, 0, 0, 1]])  # turned, twice as large, shifted
+
+
+@pytest.fixture(scope="module")
+def camera(model):
+    return model.capture.views[0].camera.scaled(90, 60)
+
+
+@pytest.fixture
+def show(ask, camera):
+    """Ask for a picture of the camera; the answer and its arrays."""
+
+    def show(**options):
+        answer = ask("show", **{"camera": camera_to_json(camera)} | options)
+        return answer, arrays_of(answer)
+
+    return show
+
+
+@pytest.fixture
+def preview(ask, camera):
+    """Ask for planes of the camera; the answer and the planes."""
+
+    def preview(**options):
+        wanted = {"camera": camera_to_json(camera.scaled(450, 300)), "long_side": 300}
+        answer = ask("preview", **wanted | options)
+        return answer, read_planes(Path(answer["planes"]))
+
+    return preview
+
+
+def unfinished(learned, folder, *kept):
+    """A copy of the project in which stages after these are not finished."""
+    project = shutil.copytree(learned.project, folder / "of fewer stages")
+    finish_again(project, *kept)
+    return str(project)
+
+
+# ---------------------------------------------------------------------------------------------------------------- pictures
+def test_the_color_is_what_the_model_shows_with_the_edit_or_as_learned(show, model, camera, edit):
+    answer, found = show()
+    assert list(found) == ["color"] and answer["size"] == [90, 60] and answer["seconds"] > 0
+    as_learned = model.render_recolored(camera, model.edit())
+    assert_array_equal(found["color"], model.render_recolored(camera, edit))
+    assert np.abs(found["color"] - as_learned).max() > 0.1
+    assert_array_equal(show(edit=None)[1]["color"], as_learned)
+
+
+def test_before_palettes_are_learned_it_is_the_scene_as_learned(show, learned, camera, tmp_path):
+    project = unfinished(learned, tmp_path, "geometry")
+    assert_array_equal(show(project=project)[1]["color"], Model.load(project).render(camera).base)
+
+
+@pytest.mark.parametrize("source", ["splats", "field"])
+def test_edges_are_those_of_the_whole_frame_whatever_it_is_made_of(
+    show, session, model, camera, edit, source, monkeypatch
+):
+    known = of_field(model) if source == "field" else model
+    monkeypatch.setattr(session, "model", lambda project: known)
+    if source == "field":
+        monkeypatch.setattr("karf_engine.worker.queries.renders.BAND_RAYS", 1000)
+    shaped = edit.edge("ball", choke=-3, feather=8)
+    frame = known.render(camera)
+    whole = known.composite(frame, shaped)
+    assert np.abs(whole - known.composite(frame, edit)).max() > 0.02
+    for passes in (["color"], ["color", "weights"]):
+        found = show(edit=edit_to_json(shaped), passes=passes)[1]
+        tolerance = 0.03 if source == "splats" and passes == ["color"] else 1e-5  # baked, as without edges
+        assert_allclose(found["color"], whole, atol=tolerance)
+    assert_allclose(found["weights"], known.with_edges(frame, shaped.edges).palette_weights, atol=1e-5)
+    if source == "field":
+        assert_array_equal(known.render_recolored(camera, shaped), whole)
+
+
+def test_what_no_photo_shows_fades_unless_it_is_asked_for(show, camera):
+    behind = replace(camera, camera_to_world=np.diag([1.0, -1, -1, 1]) @ camera.camera_to_world)
+    asked = {"camera": camera_to_json(behind), "edit": None, "passes": ["color", "seen"]}
+    faded, shown = (show(**asked, unseen=each)[1] for each in ("faded", "shown"))
+    unknown = faded["seen"] < 0.1
+    assert_array_equal(faded["seen"], shown["seen"])
+    assert_array_equal(show(**asked)[1]["color"], faded["color"])
+    assert np.abs(faded["color"][unknown] - 0.5).max() < 0.06 and np.abs(shown["color"][unknown] - 0.5).max() > 0.3
+
+
+def test_passes_are_those_of_the_frame(show, model, camera, edit):
+    passes = ["color", "alpha", "depth", "cryptomatte"]
+    answer, found = show(passes=passes, cryptomatte="Layer.CryptoObject")
+    frame = model.render(camera)
+    assert list(found) == passes
+    expected = remove_background(model.composite(frame, edit), frame.opacity, model.render_background(camera))
+    assert_allclose(np.dstack([found["color"], found["alpha"]]), expected, atol=1e-6)
+    is_covered = frame.opacity >= 0.5
+    assert_allclose(found["depth"][is_covered], frame.depth[is_covered], atol=1e-6)
+    assert is_covered.any() and not found["depth"][~is_covered].any()
+    layers = channels(model.objects, frame.probabilities)
+    for number, name in enumerate(layers):
+        assert_array_equal(found["cryptomatte"][number // 4, ..., number % 4], layers[name])
+    assert answer["metadata"] == header(model.objects, "Layer.CryptoObject")
+
+
+# ------------------------------------------------------------------------------------------------------------------ planes
+def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(preview, model, camera):
+    answer, planes = preview()
+    frame = model.render(camera.scaled(300, 200))
+    assert answer["size"] == [300, 200] and planes.base.shape == (200, 300, 3)
+    assert planes.objects == tuple(model.objects)
+    assert np.abs(planes.palette_weights - frame.palette_weights).max() < 2e-3
+    assert np.abs(planes.base / 255 - frame.color).max() < 0.6 / 255
+
+
+def test_a_coarse_preview_looks_the_same_and_loads_the_model_once(preview, model, camera, session, learned):
+    _, planes = preview(long_side=96)
+    frame = model.render(camera.scaled(96, 64))
+    assert np.abs(planes.base / 255 - frame.color).mean() < 1 / 255
+    assert np.abs(planes.palette_weights - frame.palette_weights).mean() < 0.02
+    assert session.model(str(learned.project)) is session.model(str(learned.project))
+
+
+def test_before_palettes_are_learned_the_planes_have_masks_and_no_swatches(preview, learned, model, camera, tmp_path):
+    _, planes = preview(project=unfinished(learned, tmp_path, "geometry", "segmentation"))
+    frame = of_field(model).render(camera.scaled(300, 200))  # its splats went with the geometry
+    assert planes.objects == tuple(model.objects) and planes.palette_weights.shape[1] == 0
+    assert np.abs(planes.probabilities - frame.probabilities).max() < 0.02
+
+
+def test_before_segmentation_the_planes_have_no_objects(preview, learned, tmp_path):
+    _, planes = preview(project=unfinished(learned, tmp_path, "geometry"), long_side=32)
+    assert planes.objects == () and planes.palette_weights.shape == (0, 0, 21, 32)
+    assert planes.base.std() > 0
+
+
+# -------------------------------------------------------------------------------------------------------- colors of splats
+def points_of(table, count):
+    rows = np.linspace(0, count - 1, 20).astype(int)
+    return {"count": count, "rows": rows.tolist(), "positions": table[rows, :3].tolist()}
+
+
+def test_colors_are_the_recolored_table_row_by_row_or_as_learned(ask, model, edit, learned, tmp_path):
+    answer = ask("harmonics")
+    assert list(answer["arrays"]) == ["harmonics"] and answer["arrays"]["harmonics"]["offset"] == 0
+    found, as_learned = arrays_of(answer)["harmonics"], model.splats.table[:, COLOR:]
+    assert_array_equal(found, model.recolored_splats(edit).table[:, COLOR:])
+    assert answer["n_solid"] == model.splats.n_foreground and answer["seconds"] >= 0
+    assert (found != as_learned).any()
+    for options in ({"edit": None}, {"project": unfinished(learned, tmp_path, "segmentation")}):
+        assert_array_equal(arrays_of(ask("harmonics", **options))["harmonics"], as_learned)
+
+
+@pytest.mark.parametrize("is_solid", [False, True])
+def test_an_object_gets_as_many_colors_as_it_has_points(ask, model, edit, is_solid):
+    count = model.splats.n_foreground if is_solid else len(model.splats)
+    found = arrays_of(ask("harmonics", points=points_of(model.splats.table, count)))["harmonics"]
+    assert_array_equal(found, model.recolored_splats(edit).table[:count, COLOR:])
+
+
+def test_colors_are_turned_as_the_object_is(ask, model, edit):
+    there = transform_gaussians(model.recolored_splats(edit), MOVED).table
+    found = arrays_of(ask("harmonics", points=points_of(there, len(there))))["harmonics"]
+    assert_allclose(found, there[:, COLOR:], atol=2e-5)
+    assert found.shape[1] > 3 and (found != model.recolored_splats(edit).table[:, COLOR:]).any()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"positions": np.random.default_rng(0).normal(size=(20, 3)).tolist()},
+        {"positions": [[0, 0, 0]]},
+        {"rows": [10**6] * 20},
+        {"rows": None},
+        {"count": 7},
+    ],
+)
+def test_other_points_are_refused(ask, model, wrong):
+    splats = len(model.splats)
+    words = f"7 points, and the scene {splats} splats" if "count" in wrong else "not where the scene's splats are"
+    with pytest.raises(BadRequest, match=words):
+        ask("harmonics", points=points_of(model.splats.table, splats) | wrong)
+
+
+def test_a_project_without_splats_says_so(ask, learned, tmp_path):
+    with pytest.raises(BadRequest, match="shows no splats"):
+        ask("harmonics", project=unfinished(learned, tmp_path, "geometry"))
+
+
+# ---------------------------------------------------------------------------------------------------------------- every kind
+ALL = ("show", "preview", "harmonics")
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_it_stops_where_another_answer_is_wanted(kind, request, session):
+    session.is_superseded = lambda: True
+    with pytest.raises(Cancelled):
+        request.getfixturevalue("ask")(kind) if kind == "harmonics" else request.getfixturevalue(kind)()
+    assert not (session.folder / "answers").exists()
+
+
+WRONG = [
+    (ALL, {"project": None}, BadRequest, "project = None is not of type str"),
+    (ALL[:2], {"camera": [1]}, BadRequest, "is not of type dict"),
+    (ALL[:2], {"camera": {"w": 10}}, DataError, "the query.* declares no picture size"),
+    (ALL[1:2], {"long_side": "96"}, BadRequest, "long_side = '96' is not of type int"),
+    (ALL[1:2], {"long_side": 0}, BadRequest, "long_side = 0 is out of range"),
+    (ALL[:1], {"passes": ["Z"]}, BadRequest, "no passes"),
+    (ALL[::2], {"edit": [1]}, BadRequest, "edit = .* is not of type dict"),
+    (ALL[::2], {"edit": {"objects": {"cat": {"colors": []}}}}, DataError, "the query edits the unknown object 'cat'"),
+    (ALL[2:], {"points": [1]}, BadRequest, "points = .* is not of type dict"),
+    (ALL[2:], {"points": {}}, BadRequest, "count = None is not of type int"),
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong", "error", "sentence"), [(kind, *row) for kinds, *row in WRONG for kind in kinds]
+)
+def test_what_is_wrong_with_a_query_is_named(ask, camera, kind, wrong, error, sentence):
+    whole = {} if kind == "harmonics" else {"camera": camera_to_json(camera), "long_side": 90}
+    with pytest.raises(error, match=sentence):
+        ask(kind, **whole | wrong)
