@@ -72,21 +72,22 @@ def test_the_preference_comes_before_the_variable_the_installed_engine_and_the_c
     preferred, variable = tmp_path / "preferred", tmp_path / "variable"
     installed = addon.home.python_of(tmp_path / "engine" / "env")
     beside = addon.home.python_of(tmp_path / ".venv" / "engine")
-    for path in (preferred, variable, installed, beside):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
     monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
     monkeypatch.setattr(addon.home, "python_in", lambda folder: installed if installed.exists() else None)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", str(variable))
     chosen.engine_python = str(preferred)
-    assert find() == preferred
-    chosen.engine_python = ""
-    assert find() == variable
-    monkeypatch.delenv("KARF_ENGINE_PYTHON")
-    assert find() == installed
-    installed.unlink()
-    assert find() == beside
-    beside.unlink()
+    ways = {
+        preferred: lambda: setattr(chosen, "engine_python", ""),
+        variable: lambda: monkeypatch.delenv("KARF_ENGINE_PYTHON"),
+        installed: installed.unlink,
+        beside: beside.unlink,
+    }
+    for path in ways:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    for path, forget in ways.items():
+        assert find() == path
+        forget()
     with pytest.raises(addon.engine_api.MissingDependency, match="no engine yet"):
         find()
     chosen.engine_python = str(tmp_path / "gone")

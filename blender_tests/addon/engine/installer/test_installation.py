@@ -116,39 +116,27 @@ def test_an_installation_keeps_finished_files_and_goes_on_from_there(
 
 # --- repairing and updating ----------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
-    ("damage", "state", "has_engine", "fetched"),
-    [
-        ("files of packages", "ready", True, {"imageio", "scipy"}),
-        ("its Python", "broken", False, set()),
-        ("the mark of an earlier version", "outdated", True, set()),
-        ("another recipe", "outdated", True, {"scipy"}),
-    ],
+    ("change", "state", "fetched"),
+    [("damaged files", "ready", {"imageio", "scipy"}), ("another recipe", "outdated", {"scipy"})],
 )
 def test_repair_and_update_fetch_only_what_is_missing_or_new(
-    kitchen, managed, install, planned, index, place, damage, state, has_engine, fetched
+    kitchen, managed, install, planned, index, place, change, state, fetched
 ):
     install(planned(index))
-    if damage == "files of packages":
+    if change == "damaged files":
         (site(place) / "scipy" / "__init__.py").write_text("name = 'other'\n")  # the cache's file is the same
         (site(place) / "cv2" / "__init__.py").unlink()
         for half in place.glob("cache/archive-v*/*/imageio-*.dist-info/RECORD"):
             half.unlink()
-    elif damage == "its Python":
-        managed.home.python_in(place).unlink()
-    elif damage == "the mark of an earlier version":
-        installed = json.loads((place / "installed.json").read_text())
-        del installed["environment"], installed["chosen"]
-        (place / "installed.json").write_text(json.dumps(installed | {"digest": ""}))
     else:
         kitchen.add("scipy", "1.1", "name = 'newer'\n")
-    status = managed.home.status(place)
-    assert status.state == state and (managed.home.python_in(place) is not None) == has_engine
+    assert managed.home.status(place).state == state
     index.fetched.clear()
     plan = planned(index)
     assert any("whole is not fetched again" in line for line in plan.sentences)
     assert install(plan).state == "ready"
     assert index.packages == fetched
-    assert said_by(managed.home.python_in(place)) == ("newer" if damage == "another recipe" else "scipy")
+    assert said_by(managed.home.python_in(place)) == ("newer" if change == "another recipe" else "scipy")
     assert (site(place) / "cv2" / "__init__.py").is_file()
 
 
