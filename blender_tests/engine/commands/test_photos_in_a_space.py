@@ -37,7 +37,7 @@ def test_an_unknown_space_is_told_before_anything_is_learned(wide, tmp_path, cap
 
 def test_such_photos_are_recolored_as_those_in_srgb_are(still_life, learned, wide, tmp_path, capsys):
     project, edit = tmp_path / "project", tmp_path / "edit.json"
-    _, _, *words = still_life.command(project, "splats.iterations=1")
+    _, _, *words = still_life.command(project, "splats.iterations=1", "recoloring.iterations=20")
     assert main(["all", str(wide), *words, "--photo-space", SPACE]) == 0
     assert {view.space.name for view in read_capture(Project(project)).views} == {SPACE}
     pictures = []

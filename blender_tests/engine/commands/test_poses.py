@@ -14,10 +14,13 @@ pytest.importorskip("pycolmap")
 pytest.importorskip("cv2")
 
 import cv2
+from PIL import Image
 
-from blender_tests.engine.conftest import ROOT, run_engine
+from blender_tests.engine.commands.conftest import Events
+from blender_tests.engine.conftest import ROOT
 from karf_engine.capture import open_capture
 from karf_engine.capture.structure_from_motion import SfmResult, _sampson_errors, write_sharpest_frames
+from karf_engine.cli import main
 from karf_engine.commands import poses
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import PosesOptions
@@ -28,10 +31,9 @@ from karf_engine.worker.protocol import EventReader, Request
 
 
 def run(photos, out, should_stop=lambda: False, **options):
-    """Run the stage with one thread; returns its events as (kind, values)."""
-    events = []
-    found = PosesOptions.of(photos=photos, out=out, threads=1, **options)
-    run_command(found, lambda kind, /, **values: events.append((kind, values)), should_stop)
+    """Run the stage with one thread; returns its events."""
+    events = Events()
+    run_command(PosesOptions.of(photos=photos, out=out, threads=1, **options), events, should_stop)
     return events
 
 
@@ -81,10 +83,10 @@ def test_small_smooth_photos_of_the_demo_are_placed_near_their_true_poses(tmp_pa
     assert len(capture.points) > 100
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture", "photos"]
     assert sorted(path.name for path in (tmp_path / "capture").iterdir()) == ["images", "sparse"]
-    last = {values["stage"]: values for kind, values in events if kind == "progress"}
+    last = {values["stage"]: values for kind, values in events.told if kind == "progress"}
     assert list(last)[-3:] == ["features", "matching", "mapping"]
     assert all(values["step"] == values["total"] for values in last.values())
-    assert events[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
+    assert events.told[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
 
 
 def test_real_photos_are_placed_as_their_published_model_says(scenes, tmp_path):
@@ -96,8 +98,6 @@ def test_real_photos_are_placed_as_their_published_model_says(scenes, tmp_path):
 
 
 def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
-    from PIL import Image
-
     (tmp_path / "out").mkdir()
     pixels = np.random.default_rng(1).integers(0, 256, size=(16, 32, 3), dtype=np.uint8)
     exif = Image.Exif()
@@ -150,23 +150,24 @@ def test_photos_with_nothing_in_common_are_refused_with_a_remedy(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
-@pytest.mark.parametrize(("placed", "outcome"), [(29, DataError), (30, "warning"), (89, "warning"), (90, None)])
-def test_how_many_photos_must_be_placed(placed, outcome):
-    events = []
-    if outcome is DataError:
-        with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
-            poses._judge(Path("p"), SfmResult(placed, 1.0), 100, events.append)
-        return
-    emit = lambda kind, /, **values: events.append((kind, values["sentence"]))  # noqa: E731
-    poses._judge(Path("p"), SfmResult(placed, 1.0), 100, emit)
-    assert [kind for kind, _ in events] == ([outcome] if outcome else [])
-    assert all(f"{placed} of the 100 photos" in sentence for _, sentence in events)
+@pytest.mark.parametrize(
+    ("placed", "share", "words"),
+    [
+        (30, 1.0, "30 of the 100 photos"),
+        (89, 1.0, "89 of the 100 photos"),
+        (90, 1.0, None),
+        (100, 0.63, "Only 63% of the matches"),
+    ],
+)
+def test_photos_that_were_not_placed_and_matches_that_contradict_are_warned_of(events, placed, share, words):
+    poses._judge(Path("p"), SfmResult(placed, share), 100, events)
+    assert [kind for kind, _ in events.told] == (["warning"] if words else [])
+    assert all(words in sentence for sentence in events.values("warning", "sentence"))
 
 
-def test_poses_that_the_matches_contradict_come_with_a_warning():
-    sentences = []
-    poses._judge(Path("p"), SfmResult(100, 0.63), 100, lambda kind, /, **values: sentences.append(values["sentence"]))
-    assert len(sentences) == 1 and "Only 63% of the matches" in sentences[0]
+def test_too_few_placed_photos_are_refused(events):
+    with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
+        poses._judge(Path("p"), SfmResult(29, 1.0), 100, events)
 
 
 def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
@@ -183,22 +184,25 @@ def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
     np.testing.assert_allclose(_sampson_errors(turn, first, moved), 0.01 / np.sqrt(2), rtol=1e-9)
 
 
-def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
-    photos = noise(tmp_path / "photos", 2, size=8)
+def test_wrong_requests_are_named_before_anything_is_made(tmp_path, capsys):
+    photos, capture = noise(tmp_path / "photos", 2, size=8), tmp_path / "capture"
     (photos / "damaged.jpg").write_bytes(b"")
     with pytest.raises(DataError, match=r"damaged\.jpg is empty"):
-        run(photos, tmp_path / "capture")
+        run(photos, capture)
     (photos / "damaged.jpg").unlink()
     with pytest.raises(DataError, match="holds 2 photos; poses need at least 3"):
-        run(photos, tmp_path / "capture")
+        run(photos, capture)
     with pytest.raises(DataError, match="nowhere does not exist"):
-        run(tmp_path / "nowhere", tmp_path / "capture")
+        run(tmp_path / "nowhere", capture)
     with pytest.raises(BadRequest, match="already exists and is not empty"):
         run(photos, photos)
     with pytest.raises(BadRequest, match="matching = 'all' is unknown"):
-        run(photos, tmp_path / "capture", matching="all")
+        run(photos, capture, matching="all")
     with pytest.raises(BadRequest, match="was given no out"):
-        run_command(PosesOptions.of(photos=photos), lambda *_, **__: None, lambda: False)
+        run_command(PosesOptions.of(photos=photos), Events(), lambda: False)
+    assert main(["poses", str(photos), "--out", str(capture)]) == 4
+    printed = capsys.readouterr().err
+    assert "error: " in printed and "poses need at least 3" in printed
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
@@ -207,11 +211,6 @@ def test_without_pycolmap_the_remedy_is_named(tmp_path, monkeypatch):
     with pytest.raises(MissingDependency, match="has no package 'pycolmap'") as caught:
         run(noise(tmp_path / "photos", 3, size=8), tmp_path / "capture")
     assert caught.value.hint == f"Install it there: {sys.executable} -m pip install pycolmap"
-
-
-def test_the_command_line_says_the_same(tmp_path):
-    done = run_engine("poses", noise(tmp_path / "photos", 2, size=8), "--out", tmp_path / "capture")
-    assert done.returncode == 4 and "error: " in done.stderr and "poses need at least 3" in done.stderr
 
 
 # ---------------------------------------------------------------------------------------------------------------- cancel

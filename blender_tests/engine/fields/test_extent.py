@@ -113,7 +113,7 @@ def test_free_depth_is_that_of_the_nearest_point_or_the_depth_bounds():
     bounds = [replace(view, depth_bounds=(nearest, 9.0)) for view, nearest in zip(views[:2], (2.0, 3.0), strict=True)]
     assert free_depths([views[0], *bounds], None) == [0.0, FREE_SHARE * 2.0, FREE_SHARE * 3.0]
     of_points = pytest.approx(FREE_SHARE * 2.6, abs=0.1)
-    assert free_depths([views[0], bounds[0]], observed_by_all(ball_of_points(), 2)) == [of_points, FREE_SHARE * 2.0]
+    assert free_depths([views[0], bounds[0]], observed_by_all(ball_of_points(), 3)) == [of_points, FREE_SHARE * 2.0]
     assert free_depths(views, observed_by_all(ball_of_points(40), 6))[0] == 0.0
     points = observed_by_all(np.concatenate([ball_of_points(100, 0.5), ball_of_points(900, 8.0)]), 6)
     kept = (points.view != 0) | (points.point >= 100)

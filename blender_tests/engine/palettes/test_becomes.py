@@ -3,37 +3,26 @@
 import numpy as np
 import pytest
 
-from blender_tests.engine.palettes.conftest import (
-    BLUE,
-    CREAM,
-    GREEN,
-    RED,
-    YELLOW,
-    glossy_sphere,
-    lit,
-    seen_of,
-    shown,
-    sphere_normals,
-)
+from blender_tests.engine.palettes import conftest
+from blender_tests.engine.palettes.conftest import BLUE, CREAM, GREEN, RED, YELLOW, lit, seen_of, shown
 from karf_engine.errors import BadRequest
-from karf_engine.io.color import ciede2000, linear_to_srgb, srgb_to_lab, srgb_to_linear
+from karf_engine.io.color import linear_to_srgb, srgb_to_linear
 from karf_engine.metrics.images import hue_shift, mean_ciede2000
 from karf_engine.palettes.matching.becomes import match_becomes, match_dragged, match_fewest, nearest_weights
 from karf_engine.palettes.matching.fitting import bounded_least_squares, match_perceptually, match_pixels
 from karf_engine.palettes.matching.paints import reflection_target
 
-IS_PAINT = sphere_normals()[1]  # of a striped sphere
+IS_PAINT = conftest.sphere_normals()[1]  # of a striped sphere
 PALETTE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
 
 
 def repainted_sphere(first, second, stripes=None):
     """A sphere before and after, and the paint's color before and after as an eyedropper takes it."""
-    before, after = (glossy_sphere(paint, stripes=stripes) for paint in (first, second))
+    before, after = (conftest.glossy_sphere(paint, stripes=stripes) for paint in (first, second))
     picked = IS_PAINT if stripes is not None else slice(None)
     return before, after, *(np.median(each[picked], axis=0) for each in (before, after))
 
 
-# ------------------------------------------------------------------------------------------------------ the model of light
 @pytest.mark.parametrize(
     ("first", "second", "stripes"),
     [(RED, BLUE, None), (RED, GREEN, None), (BLUE, YELLOW, None), (YELLOW, RED, None), (RED, BLUE, CREAM)],
@@ -48,43 +37,41 @@ def test_model_repaints_the_sphere_and_leaves_its_stripes(first, second, stripes
         assert mean_ciede2000(result, before, ~is_paint) < 0.5
 
 
+def mixed(*lights):
+    """The color, sRGB [1, 3], of the mean of these colors' light."""
+    return linear_to_srgb(np.mean([srgb_to_linear(np.array(each)) for each in lights], axis=0))[None]
+
+
+def in_shades(paint, noise=0.0):
+    light = np.linspace(0.2, 1, 9)[:, None] * srgb_to_linear(np.array(paint))
+    return linear_to_srgb(light + np.random.default_rng(0).normal(0, noise, (9, 3)))
+
+
+GREY, PALE = np.full(3, 0.7), (0.75, 0.75, 0.85)
+
+
 @pytest.mark.parametrize(
-    ("source", "target"), [(RED, BLUE), (CREAM, GREEN), (np.full(3, 0.6), RED), (YELLOW, np.ones(3))]
+    ("colors", "sources", "targets", "expected", "tolerance"),
+    [
+        *((one[None], one, other, other[None], 1e-4) for one, other in ((RED, BLUE), (CREAM, GREEN), (GREY, YELLOW))),
+        (in_shades(GREY), GREY, RED, in_shades(RED), 1e-4),
+        (in_shades(BLUE), GREY, RED, in_shades(BLUE), 1e-4),  # a gray source leaves strong colors alone
+        (mixed(GREEN, RED), [GREEN, RED], [GREEN, BLUE], mixed(GREEN, BLUE), 1),
+        (in_shades(PALE, noise=0.004), PALE, (0.5, 0.6, 0.75), in_shades((0.5, 0.6, 0.75)), 2),  # no gloss
+    ],
 )
-def test_source_itself_becomes_the_target(source, target):
-    np.testing.assert_allclose(reflection_target(source[None], source, target)[0], target, atol=1e-6)
+def test_a_paint_alone_in_shade_or_mixed_becomes_the_target(colors, sources, targets, expected, tolerance):
+    moved = reflection_target(colors, np.array(sources), np.array(targets))
+    assert mean_ciede2000(moved, expected) < tolerance
 
 
 def test_gloss_is_never_negative():
     r, t = srgb_to_linear(np.array([0.8, 0.5, 0.4])), srgb_to_linear(np.array([0.8, 0.6, 0.3]))
     # a more saturated red than the source: the plain split would be 0.8 r - 0.05 (1, 1, 1)
     light = 0.8 * r - 0.05
-    shading = light @ r / (r @ r)
     moved = reflection_target(linear_to_srgb(light)[None], linear_to_srgb(r), linear_to_srgb(t))[0]
-    full = np.linalg.norm(shading * (t - r))
+    full = np.linalg.norm(light @ r / (r @ r) * (t - r))
     assert 0.9 < np.linalg.norm(srgb_to_linear(moved) - light) / full <= 1 + 1e-6
-
-
-def test_black_source_is_refused():
-    with pytest.raises(BadRequest, match="black"):
-        reflection_target(np.ones((1, 3)), np.zeros(3), RED)
-
-
-def test_grey_source_leaves_strong_colors_alone():
-    grey, target = np.full(3, 0.7), np.array([0.7, 0.2, 0.2])
-    moved = reflection_target(np.array([[0.5, 0.5, 0.5], [0.1, 0.2, 0.9]]), grey, target)
-    np.testing.assert_allclose(moved[1], [0.1, 0.2, 0.9], atol=1e-6)
-    # half grey becomes the darker red: linear light in proportion
-    expected = srgb_to_linear(0.5) / srgb_to_linear(0.7) * srgb_to_linear(target)
-    np.testing.assert_allclose(srgb_to_linear(moved[0]), expected, atol=1e-6)
-
-
-def test_what_lies_between_two_paints_is_repainted_as_their_mixture():
-    light = srgb_to_linear(np.stack([GREEN, RED]))
-    mixed = linear_to_srgb(light.mean(axis=0, keepdims=True))
-    moved = reflection_target(mixed, np.stack([GREEN, RED]), np.stack([GREEN, BLUE]))
-    expected = linear_to_srgb((light[:1] + srgb_to_linear(BLUE)) / 2)
-    assert mean_ciede2000(moved, expected) < 1
 
 
 def test_colored_light_tints_the_new_paint_as_the_old():
@@ -94,12 +81,9 @@ def test_colored_light_tints_the_new_paint_as_the_old():
     assert mean_ciede2000(moved, tinted) < 0.85 * mean_ciede2000(plain, tinted)
 
 
-def test_a_pale_paints_shades_are_paint_and_no_gloss():
-    pale, darker = np.array([0.75, 0.75, 0.85]), np.array([0.5, 0.6, 0.75])
-    shades = np.linspace(0.2, 1, 9)[:, None]
-    light = shades * srgb_to_linear(pale) + np.random.default_rng(0).normal(0, 0.004, (9, 3))  # a photo's noise
-    moved = reflection_target(linear_to_srgb(light), pale, darker)
-    assert mean_ciede2000(moved, linear_to_srgb(shades * srgb_to_linear(darker))) < 2
+def test_black_source_is_refused():
+    with pytest.raises(BadRequest, match="black"):
+        reflection_target(np.ones((1, 3)), np.zeros(3), RED)
 
 
 # ------------------------------------------------------------------------------------------------------- whole objects
@@ -140,8 +124,7 @@ def test_a_paint_that_nobody_asked_to_change_holds():
 
 def test_two_picks_that_look_alike_do_not_spoil_what_is_not_picked():
     palette = np.array([[0, 0, 0], [0.87, 1, 0.92], [0.97, 0.96, 1], [0, 0.68, 0.69]], np.float32)
-    weights = np.random.default_rng(3).dirichlet([3, 5, 2, 1], 300)
-    seen = seen_of(weights @ palette, palette)
+    seen = seen_of(np.random.default_rng(3).dirichlet([3, 5, 2, 1], 300) @ palette, palette)
     sources = np.array([[0.596, 0.694, 0.659], [0.573, 0.663, 0.643]])
     targets = np.array([[0.706, 0.635, 0.522], [0.663, 0.647, 0.494]])
     result = shown(seen, palette, match_becomes(*seen, palette, sources, targets))
@@ -154,62 +137,63 @@ def test_brighter_paint_takes_swatches_beyond_white():
     palette = np.array([[0, 0, 0], [0.1, 0.75, 0.25], [1, 1, 0.95], [0.95, 1, 1]], np.float32)
     seen = seen_of(before, palette)
     edited = match_becomes(*seen, palette, source, target)
-    assert edited.max() > 1
     held_to_white = mean_ciede2000(shown(seen, palette, edited.clip(0, 1)), after)
-    assert mean_ciede2000(shown(seen, palette, edited), after) < 0.6 * held_to_white
-
-
-def metal_and_varnish():
-    """What a metal shows of a room, by two reflectances: its floor is dark and brown, its ceiling is light and white."""
-    room = np.concatenate([np.linspace(0.05, 1.0, 30), np.linspace(1.0, 2.0, 10)])[:, None]
-    room = room ** np.where(room < 1, [0.8, 1.0, 1.3], 1.0)
-    blue, gold = srgb_to_linear(np.array([0.35, 0.5, 0.85])), srgb_to_linear(np.array([0.85, 0.65, 0.35]))
-    return [np.clip(linear_to_srgb(room * reflectance), 0, 1) for reflectance in (gold, blue)]
+    assert edited.max() > 1 and mean_ciede2000(shown(seen, palette, edited), after) < 0.6 * held_to_white
 
 
 def test_a_metals_highlights_take_its_color_by_becomes_and_by_a_drag():
-    gold, blue = metal_and_varnish()
+    # a room as the metal shows it: its floor is dark and brown, its ceiling is light and white
+    room = np.concatenate([np.linspace(0.05, 1.0, 30), np.linspace(1.0, 2.0, 10)])[:, None]
+    room = room ** np.where(room < 1, [0.8, 1.0, 1.3], 1.0)
+    gold, blue = (
+        linear_to_srgb(room * srgb_to_linear(np.array(each))).clip(0, 1)
+        for each in ((0.85, 0.65, 0.35), (0.35, 0.5, 0.85))
+    )
     source, target = gold[29], blue[29]
     as_metal = mean_ciede2000(reflection_target(gold, source, target, True), blue)
     assert as_metal < 1 and as_metal < mean_ciede2000(reflection_target(gold, source, target), blue) / 2
     palette = np.array([[0, 0, 0], [1, 0.77, 0.42], [1, 1, 0.6]], np.float32)
     seen = seen_of(gold, palette)
     solved = match_becomes(*seen, palette, source, target, is_metal=True)
-    dragged = match_dragged(*seen, palette, 1, solved[1], is_metal=True)
-    plain = match_dragged(*seen, palette, 1, solved[1])
+    dragged, plain = (match_dragged(*seen, palette, 1, solved[1], is_metal=is_metal) for is_metal in (True, False))
     errors = [mean_ciede2000(shown(seen, palette, edited), blue) for edited in (solved, dragged, plain)]
     assert errors[0] < 4 and errors[1] < errors[2]
 
 
+def test_a_dragged_swatch_is_what_it_is_given_and_its_shade_follows_also_beyond_white():
+    palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.35, 0.05, 0.05], [0.001, 0.001, 0.001]], np.float32)
+    weights = np.repeat(np.eye(4)[1:3], 10, axis=0)
+    seen = weights @ palette, np.ones(20), weights
+    red, brighter = (match_dragged(*seen, palette, 1, np.float32([value, 0.2, 0.3])) for value in (1.4, 1.8))
+    np.testing.assert_array_equal(red[:2], np.float32([[0, 0, 0], [1.4, 0.2, 0.3]]))
+    assert red[2, 0] > 0.6  # half as bright in sRGB, as before
+    assert brighter[2, 0] > red[2, 0] + 0.1
+    black = match_dragged(*seen, palette, 3, np.float32([0.1, 0.2, 0.9]))  # takes nothing along
+    np.testing.assert_array_equal(black, [*palette[:3], np.float32([0.1, 0.2, 0.9])])
+
+
 # -------------------------------------------------------------------------------------------------------------- the fits
-def test_painted_view_is_matched_exactly_where_a_palette_can():
-    weights = np.random.default_rng(5).dirichlet(np.ones(4), 500)
-    wanted = np.array([[0, 0, 0], [0.2, 0.7, 0.4], [0.9, 0.3, 0.1], [0.3, 0.3, 0.6]])
-    edited = match_pixels(weights, weights @ PALETTE, weights @ wanted, PALETTE)
-    # the ridge, one thousandth of the counts, holds back a little
-    np.testing.assert_allclose(edited, wanted, atol=0.03)
-
-
 def test_what_cannot_be_moved_apart_pulls_less_by_what_is_seen_than_by_squares():
-    random = np.random.default_rng(8)
-    weights = np.repeat(random.dirichlet(np.ones(4), 60), 2, axis=0)  # pairs of one color, of which one is to stay
-    colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)
+    weights = np.repeat(np.random.default_rng(8).dirichlet(np.ones(4), 60), 2, axis=0)
+    colors, counts = weights @ PALETTE, np.tile([3.0, 1.0], 60)  # pairs of one color, the first of which is to stay
     targets = np.where(np.arange(120)[:, None] % 2, weights @ PALETTE[[0, 2, 3, 1]], colors)
-    means = []
+    stays = np.arange(120) % 2 == 0
+    off = []
     for match in (match_pixels, match_perceptually):
         edited = match(weights, colors, targets, PALETTE, counts, (2,))
         result = np.clip(colors + weights @ (edited - PALETTE), 0, 1)
-        means.append(np.average(ciede2000(srgb_to_lab(result), srgb_to_lab(targets)), weights=counts))
-    assert means[1] < 0.9 * means[0]
+        off.append(0.75 * mean_ciede2000(result, targets, stays) + 0.25 * mean_ciede2000(result, targets, ~stays))
+    assert off[1] < 0.9 * off[0]
 
 
-def test_counts_weigh_like_repeated_pixels():
+def test_pixels_are_matched_exactly_where_a_palette_can_and_counts_weigh_like_repeated_pixels():
     random = np.random.default_rng(6)
-    weights, colors, targets = random.dirichlet(np.ones(4), 20), random.random((20, 3)), random.random((20, 3))
-    counts = random.integers(1, 5, 20)
-    weighted = match_pixels(weights, colors, targets, PALETTE, counts)
-    repeated = match_pixels(*(np.repeat(each, counts, axis=0) for each in (weights, colors, targets)), PALETTE)
-    np.testing.assert_allclose(weighted, repeated, atol=1e-6)
+    weights, wanted = random.dirichlet(np.ones(4), 500), np.vstack([np.zeros(3), 0.1 + 0.8 * random.random((3, 3))])
+    edited = match_pixels(weights, weights @ PALETTE, weights @ wanted, PALETTE)
+    np.testing.assert_allclose(edited, wanted, atol=0.03)  # the ridge holds back a little
+    pixels, counts = (weights[:20], random.random((20, 3)), random.random((20, 3))), random.integers(1, 5, 20)
+    repeated = match_pixels(*(np.repeat(each, counts, axis=0) for each in pixels), PALETTE)
+    np.testing.assert_allclose(match_pixels(*pixels, PALETTE, counts), repeated, atol=1e-6)
 
 
 def test_least_squares_meets_its_optimality_conditions():
@@ -230,21 +214,21 @@ def test_least_squares_meets_its_optimality_conditions():
         assert gradient[(x == upper) & (lower < upper)].max(initial=0) < 1e-8
 
 
-GREY = [0.5, 0.5, 0.5]
+HALF = [0.5, 0.5, 0.5]
 
 
 @pytest.mark.parametrize(
     ("swatches", "weights", "shown", "change", "expected"),
     [
         # the swatch that has most of the pixel takes the whole change over its weight 0.6
-        ([GREY, [0.4, 0.5, 0.6], [0.5, 0.3, 0.5]], [0.1, 0.2, 0.6, 0.1], None, [0.06, -0.12, 0.18],
-         [GREY, [0.5, 0.3, 0.9], [0.5, 0.3, 0.5]]),
+        ([HALF, [0.4, 0.5, 0.6], [0.5, 0.3, 0.5]], [0.1, 0.2, 0.6, 0.1], None, [0.06, -0.12, 0.18],
+         [HALF, [0.5, 0.3, 0.9], [0.5, 0.3, 0.5]]),
         # the second has room for 0.1 x 0.6 = 0.06, the first gives the other 0.04
-        ([GREY, [0.9, 0.5, 0.5]], [0, 0.4, 0.6], None, [0.1, 0, 0], [[0.6, 0.5, 0.5], [1, 0.5, 0.5]]),
+        ([HALF, [0.9, 0.5, 0.5]], [0, 0.4, 0.6], None, [0.1, 0, 0], [[0.6, 0.5, 0.5], [1, 0.5, 0.5]]),
         # out of reach: as close as the range of colors allows
-        ([GREY], [0.5, 0.5], None, [0.75, -0.25, 0.05], [[1, 0, 0.6]]),
+        ([HALF], [0.5, 0.5], None, [0.75, -0.25, 0.05], [[1, 0, 0.6]]),
         # the photo shows 0.1 more than the palette gives
-        ([GREY], [0.5, 0.5], [0.35] * 3, [0.15] * 3, [[0.6] * 3]),
+        ([HALF], [0.5, 0.5], [0.35] * 3, [0.15] * 3, [[0.6] * 3]),
     ],
 )  # fmt: skip
 def test_fewest_moves_as_few_swatches_as_reach_the_color_shown(swatches, weights, shown, change, expected):
@@ -258,23 +242,3 @@ def test_fewest_moves_as_few_swatches_as_reach_the_color_shown(swatches, weights
 def test_eyedropper_takes_the_weights_of_the_nearest_color():
     colors = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0.1, 0.1]])
     np.testing.assert_array_equal(nearest_weights(colors, np.eye(3), np.array([0.8, 0.2, 0.1])), [1, 0, 0])
-
-
-def test_a_dragged_swatch_is_what_it_is_given_and_its_shade_follows_also_beyond_white():
-    palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.35, 0.05, 0.05]], np.float32)
-    weights = np.repeat(np.eye(3)[1:], 10, axis=0)
-    red, brighter = (
-        match_dragged(weights @ palette, np.ones(20), weights, palette, 1, np.array([value, 0.2, 0.3], np.float32))
-        for value in (1.4, 1.8)
-    )
-    np.testing.assert_array_equal(red[:2], np.float32([[0, 0, 0], [1.4, 0.2, 0.3]]))
-    assert red[2, 0] > 0.6  # half as bright in sRGB, as before
-    assert brighter[2, 0] > red[2, 0] + 0.1
-
-
-def test_a_drag_of_black_takes_nothing_along():
-    palette = np.array([[0, 0, 0], [0.7, 0.1, 0.1], [0.001, 0.001, 0.001]], np.float32)
-    weights = np.repeat(np.eye(3)[1:], 10, axis=0)
-    seen = np.repeat(np.array([[0.7, 0.1, 0.1], [0.35, 0.05, 0.05]]), 10, axis=0), np.ones(20), weights
-    edited = match_dragged(*seen, palette, 2, np.array([0.1, 0.2, 0.9], np.float32))
-    np.testing.assert_array_equal(edited, [*palette[:2], np.float32([0.1, 0.2, 0.9])])

@@ -41,8 +41,8 @@ def picture_of(planes):
     return planes.base.astype(np.float32) / np.float32(255)
 
 
-def delta(planes, learned, edited):
-    return delta_composite(picture_of(planes), planes.palette_weights.astype(np.float32), learned, edited)
+def delta(planes, learned, edited, kind=np.float32):
+    return delta_composite(picture_of(planes), planes.palette_weights.astype(kind), learned, edited)
 
 
 def paper(planes, edited):
@@ -57,26 +57,18 @@ def test_unchanged_palette_gives_identical_bytes(planes, learned):
     assert result.tobytes() == base.tobytes() and result is not base
 
 
-def test_delta_is_base_plus_weights_times_change_and_nothing_where_no_changed_swatch_is(planes, learned):
+@pytest.mark.parametrize("kind", [np.float16, np.float32])
+def test_delta_is_base_plus_weights_times_change_and_nothing_where_no_changed_swatch_is(planes, learned, kind):
     edited = learned.copy()
     edited[0, 2], edited[1, 3], edited[1, 2] = [1, 0.2, 0], [0, 0.9, 0.3], [0, 0.9, 0.3]
     weights = planes.palette_weights.astype(float)
     change = np.einsum("kjhw,kjc->hwc", weights, (edited - learned).astype(float))
-    result = delta(planes, learned, edited)
+    result = delta(planes, learned, edited, kind)
     assert result.dtype == np.float32
     np.testing.assert_allclose(result, np.clip(picture_of(planes) + change, 0, 1), atol=3e-7)
     elsewhere = (weights[0, 2] == 0) & (weights[1, 2] == 0)
     assert elsewhere.any()
     np.testing.assert_array_equal(result[elsewhere], picture_of(planes)[elsewhere])
-
-
-def test_half_precision_planes_differ_by_less_than_a_byte_step(planes, learned):
-    weights = np.random.default_rng(7).random(planes.palette_weights.shape).astype(np.float32) / 8
-    exact, half = (
-        delta_composite(picture_of(planes), each, learned, 1 - learned)
-        for each in (weights, weights.astype(np.float16))
-    )
-    assert 0 < np.abs(exact - half).max() < 0.5 / 255
 
 
 def test_paper_composite_repaints_the_hard_mask_and_nothing_else():
@@ -177,19 +169,6 @@ def test_planes_come_back_bit_by_bit_with_how_their_photo_is_exposed(tmp_path, s
             assert getattr(read, name).dtype == getattr(small, name).dtype
             np.testing.assert_array_equal(getattr(read, name), getattr(small, name))
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_damaged_planes_are_refused_by_name(tmp_path, small):
-    path = tmp_path / "view.npz"
-    with pytest.raises(DataError, match=r"view\.npz.*does not exist"):
-        read_planes(path)
-    write_planes(path, small)
-    content = path.read_bytes()
-    scrambled = content[:200] + bytes(100) + content[300:]
-    for broken in (b"not a zip", content[: len(content) // 2], b"", scrambled):
-        path.write_bytes(broken)
-        with pytest.raises(DataError, match=r"view\.npz"):
-            read_planes(path)
 
 
 @pytest.mark.parametrize(

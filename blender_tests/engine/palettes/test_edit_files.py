@@ -52,12 +52,6 @@ def test_hex_and_rgb_are_inverse_for_every_byte():
     assert rgb_to_hex(np.array([-1, 0.5, 2])) == "#0080ff"
 
 
-@pytest.mark.parametrize("text", ["#12345", "#gg0000", "red", ""])
-def test_what_is_no_hex_color_is_refused(text):
-    with pytest.raises(DataError, match="color"):
-        hex_to_rgb(text)
-
-
 # -------------------------------------------------------------------------------------------------------- palette.json
 def test_palettes_come_back_bit_by_bit(tmp_path):
     path = tmp_path / "palette.json"
@@ -111,8 +105,7 @@ def test_an_edit_comes_back_bit_by_bit(tmp_path, edit):
 
 
 def test_what_an_edit_does_not_have_is_not_written():
-    plain = edit_to_json(EDIT)
-    assert plain == edit_to_json(Edit(EDIT.colors, edges={"pot": EdgeShape()}))
+    plain = edit_to_json(Edit(EDIT.colors, edges={"pot": EdgeShape()}))
     assert all(set(entry) == {"colors"} for entry in plain["objects"].values())
     added = edit_to_json(WITH_ADDED)["objects"]["pot"]["added"]
     assert ["protect" in each for each in added] == [False, True]
@@ -146,7 +139,7 @@ def with_added(**values):
     ("entry", "words"),
     [
         ({"colors": [None]}, "has 1 colors, its palette has 2"),
-        ({"colors": [None, "#12"]}, "'#12' is not a color"),
+        *(({"colors": [None, text]}, f"'{text}' is not a color") for text in ("#12345", "#gg0000", "red", "")),
         ({"colors": [None, [0, 0, 2.5]]}, "from 0 to 2"),
         ({"colors": [None, [0, 0]]}, "has the color"),
         ({"colors": [None, [True, 0, 0]]}, "has the color"),
@@ -175,16 +168,15 @@ def test_a_wrong_edit_of_an_object_is_refused_by_name(edit_of, entry, words):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ({"objects": {"jug": {"colors": ["#000000"]}}}, "unknown object 'jug'"),
-        ({"objects": []}, "not a table"),
-        ({"compositing": "multiply", "objects": {}}, "multiply"),
-        ({"schema": "karf-edit/9", "objects": {}}, "karf-edit/9"),
+        ({"objects": {"jug": {"colors": ["#000000"]}}}, "edit.json edits the unknown object 'jug'"),
+        ({"objects": []}, "edit.json: 'objects' is not a table"),
+        ({"compositing": "multiply"}, "edit.json has compositing 'multiply'"),
+        ({"schema": "karf-edit/9"}, "edit.json .* has schema 'karf-edit/9'"),
     ],
 )
 def test_a_wrong_file_is_refused_by_name(edit_of, content, words):
-    with pytest.raises(DataError, match=words) as caught:
+    with pytest.raises(DataError, match=words):
         edit_of(**content)
-    assert "edit.json" in caught.value.sentence and caught.value.hint
 
 
 def test_edges_of_another_object_are_refused():
@@ -214,18 +206,14 @@ def test_a_palette_file_refuses_added_colors(suffix, tmp_path):
         write_edit_file(tmp_path / f"pots{suffix}", WITH_ADDED)
 
 
-def test_a_gimp_palette_is_text_with_a_name_a_line(tmp_path):
+def test_the_bytes_are_those_of_the_formats(tmp_path):
     write_edit_file(tmp_path / "blue.gpl", EDIT)
     lines = ["GIMP Palette", "Name: blue", "#", " 51 102  85\tpot 1", "  0   0 255\tpot 2", "230 204 178\tmy mug 1"]
     assert (tmp_path / "blue.gpl").read_text().splitlines() == lines
-
-
-def test_a_swatch_exchange_file_has_a_group_an_object(tmp_path):
     write_edit_file(tmp_path / "blue.ase", Edit({"ä": np.array([[0, 0, 0], [0.5, 1, 1.5]])}))
     group = struct.pack(">HIH", 0xC001, 6, 2) + "ä\0".encode("utf-16-be")
-    assert (tmp_path / "blue.ase").read_bytes() == (
-        ase(group, color_block("ä 1", b"RGB ", 0.5, 1, 1)[:-1] + b"\0", struct.pack(">HI", 0xC002, 0))
-    )
+    color = color_block("ä 1", b"RGB ", 0.5, 1, 1)[:-1] + b"\0"
+    assert (tmp_path / "blue.ase").read_bytes() == ase(group, color, struct.pack(">HI", 0xC002, 0))
 
 
 def test_names_decide_and_what_is_not_named_stays_as_learned(tmp_path):

@@ -91,17 +91,6 @@ def test_the_recolor_of_a_darker_photo_is_the_same_recolor_made_darker(kind, ste
     assert np.abs(as_if_alike.over_white(as_if_alike.recolor(edit)) - expected).max() > 0.05
 
 
-def test_weights_are_those_of_the_mean_exposure():
-    alike, darker = (np.rint(255 * each).astype(np.uint8) for each in (POT, POT * GAINS))
-    whole = np.ones((1, SIDE, SIDE), np.float32)
-    expected, found, as_if_alike = (
-        dense_weights([picture], [TEAL], whole, gains)[..., : SIDE // 2]
-        for picture, gains in ((alike, (1.0, 1.0, 1.0)), (darker, GAINS), (darker, (1.0, 1.0, 1.0)))
-    )
-    np.testing.assert_allclose(found, expected, atol=0.03)
-    assert np.abs(as_if_alike - expected).max() > 0.2
-
-
 def test_objects_learn_their_colors_in_the_mean_exposure():
     camera = Camera(SIDE, SIDE, 8.0, 8.0, 4.0, 4.0, np.eye(4))
     exposures = {"alike": (1.0, 1.0, 1.0), "darker": GAINS}

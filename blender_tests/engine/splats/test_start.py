@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
-from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, BOXES
+from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, BOXES, camera_at
 from blender_tests.engine.splats.clouds import GROUPS
 from blender_tests.engine.splats.torch_splats import rotations
 from karf_engine.capture.camera import Camera
@@ -127,19 +127,16 @@ def test_the_surface_is_sampled_by_evenly_spread_views_and_can_be_cancelled_afte
 
 
 # ------------------------------------------------------------------------------------------------------------ pseudo cameras
-def looking(direction, distance=4.0):
-    """A camera that looks at MIDDLE from a direction, [3]."""
-    back = np.asarray(direction) / np.linalg.norm(direction)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3] = np.stack([right, np.cross(back, right), back, MIDDLE + distance * back], 1)
-    return Camera(80, 60, 90.0, 90.0, 40.0, 30.0, pose)
 
 
 def ring(count):
-    turns = 2 * np.pi * np.arange(count) / count
-    return [looking((np.cos(turn), np.sin(turn), 0.4 + 0.4 * (number % 2))) for number, turn in enumerate(turns)]
+    """Cameras all round MIDDLE, in two heights."""
+    found = []
+    for number in range(count):
+        pose = camera_at(2 * np.pi * number / count, (0.38, 0.67)[number % 2], distance=4.0).camera_to_world
+        pose[:3, 3] += MIDDLE
+        found.append(Camera(80, 60, 90.0, 90.0, 40.0, 30.0, pose))
+    return found
 
 
 def scene(kind="opaque"):

@@ -5,10 +5,15 @@ import tracemalloc
 import numpy as np
 import pytest
 
-pytest.importorskip("gsply")
-pytest.importorskip("pxr")
-
-from blender_tests.engine.splats.formats.files import ENDS, distances, unit_cloud, write_sog, write_splat, write_text
+from blender_tests.engine.splats.formats.files import (
+    ENDS,
+    distances,
+    packaged,
+    unit_cloud,
+    write_sog,
+    write_splat,
+    write_text,
+)
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.splats.formats import gltf, packed, ply
 from karf_engine.splats.formats.registry import read_splats, write_splats
@@ -37,6 +42,7 @@ def check(found, wanted, end):
 @pytest.mark.parametrize("degree", range(4))
 @pytest.mark.parametrize("end", ENDS)
 def test_every_kind_is_read_as_it_was_written(end, degree, tmp_path):
+    packaged(end)
     table = unit_cloud(degree=degree)
     table[:, 14:] = np.clip(table[:, 14:], -0.99, 0.99)  # as far as SPZ goes
     write_splats(tmp_path / f"cloud{end}", SplatFile(table))
@@ -46,6 +52,7 @@ def test_every_kind_is_read_as_it_was_written(end, degree, tmp_path):
 
 @pytest.mark.parametrize(("end", "degree"), [*((".sog", degree) for degree in range(4)), (".splat", 0), (".usdz", 1)])
 def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path):
+    packaged(end)
     table, path = unit_cloud(degree=degree), tmp_path / f"cloud{end}"
     if end == ".sog":
         write_sog(path, table)
@@ -71,6 +78,7 @@ def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path
 @pytest.mark.parametrize("end", [".ply", ".spz"])
 @pytest.mark.parametrize("is_antialiased", [True, False])
 def test_the_screen_filter_is_kept(end, is_antialiased, tmp_path):
+    packaged(end)
     write_splats(tmp_path / f"cloud{end}", SplatFile(unit_cloud(4), is_antialiased))
     assert read_splats(tmp_path / f"cloud{end}").is_antialiased is is_antialiased
 
@@ -78,12 +86,14 @@ def test_the_screen_filter_is_kept(end, is_antialiased, tmp_path):
 def test_extreme_opacities_are_kept(tmp_path):
     table = unit_cloud(3, 0)
     table[:, 10] = [-87, 16, 0]
-    for end in (".glb", ".usdc", ".ply"):
+    for end in (".glb", ".ply", ".usdc"):
+        packaged(end)
         write_splats(tmp_path / f"cloud{end}", SplatFile(table))
         np.testing.assert_allclose(read_splats(tmp_path / f"cloud{end}").table[:, 10], table[:, 10], atol=1)
 
 
 def test_far_centers_of_spz_are_kept_as_far_as_it_holds_them(tmp_path):
+    packaged(".spz")
     table = unit_cloud(3, 0)
     for far in (1e5, 2**22 - 1):
         table[0, 0] = far
