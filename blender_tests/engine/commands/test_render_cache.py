@@ -10,7 +10,6 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 from blender_tests.engine.conftest import finish_again
-from karf_engine.cli import main
 from karf_engine.fields.scene import Scene
 from karf_engine.io.checkpoints import load_tensors, save_tensors
 from karf_engine.io.images import write_png
@@ -85,19 +84,6 @@ def test_a_rendering_is_taken_again_for_the_same_camera_and_scene_alone(unseen, 
     finish_again(unseen.folder, "segmentation")
     rendered(unseen)
     assert len(renders) == 3 and len(cached(unseen, render_cache.SCHEMA)) == 1  # those of the scene before are gone
-
-
-def test_frames_of_a_second_render_are_those_of_a_project_that_was_never_looked_at(unseen, renders, tmp_path):
-    def frames(name):
-        out = tmp_path / name
-        options = ["--views", "test", "--depth", "--out", str(out), "--threads", "1"]
-        assert main(["render", str(unseen.folder), *options]) == 0
-        files = [path for path in sorted(out.rglob("*")) if path.is_file() and path.suffix != ".jsonl"]
-        return {path.relative_to(out): path.read_bytes() for path in files}
-
-    first = frames("first")
-    count = len(renders)
-    assert frames("second") == first and len(renders) == count
 
 
 def changed(path, schema, is_noted, tensors, **facts):

@@ -150,26 +150,18 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
 
 
 # -------------------------------------------------------------------------------------------------------------- rendering
-def test_held_out_views_show_the_scene_and_its_objects(still_life, frames):
+def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_life, frames):
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
         assert psnr(read_photo(frames / "render" / f"test_{stem}.png"), truth.color) > 20
         for label, name in ((1, "ball"), (2, "block")):
             assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > 0.6
-
-
-def test_depth_is_that_of_the_still_life(still_life, frames):
-    truth = still_life.photos["test/r_0"]
-    depth = np.load(frames / "depth" / "test_r_0.npy")
-    assert depth.dtype == np.float32 and depth.shape == (32, 32)
-    _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
-    assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
-
-
-def test_what_is_unsure_lies_where_objects_are_and_what_shows_nothing_is_not(frames):
-    for name in ("ball", "block"):
-        unsure = read_photo(frames / "unsure" / name / "test_r_0.png")[..., 0]
-        assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+            unsure = read_photo(frames / "unsure" / name / f"test_{stem}.png")[..., 0]
+            assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+        depth = np.load(frames / "depth" / f"test_{stem}.npy")
+        assert depth.dtype == np.float32 and depth.shape == (32, 32)
+        _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
+        assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
 
 
 def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
