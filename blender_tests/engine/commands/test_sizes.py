@@ -181,14 +181,6 @@ def test_layers_of_a_photo_recolor_it_with_an_added_color(model, added, photo, t
     assert_allclose(result, ready.over_white(ready.recolor(added)), atol=1.6 / 255)
 
 
-def test_other_edits_of_the_object_leave_its_added_colors(model, added):
-    size = len(model.edit().colors["ball"])
-    for edit in (added.becomes("ball", "#c0221a", "#2040c0"), added.swatch("ball", 1, "#ffffff")):
-        assert_array_equal(edit.colors["ball"][size:], added.colors["ball"][size:])
-        assert (edit.colors["ball"][:size] != added.colors["ball"][:size]).any()
-        assert edit.added == added.added
-
-
 def test_an_edit_with_an_added_color_is_another_frame(model, added):
     further = replace(added, added={"ball": (replace(added.added["ball"][0], reach=2.0),)})
     assert len({frame_fingerprint("view", each) for each in (model.edit(), added, further)}) == 3
@@ -244,14 +236,6 @@ def test_what_photo_and_scene_disagree_about_is_told_once(render, capsys, disput
     printed = "".join(capsys.readouterr())
     assert printed.count("disagree") == 1
     assert "disagree about ball in test_r_0, train_r_0: its edges there are the scene's" in printed
-
-
-def test_colorways_tell_what_photo_and_scene_disagree_about(learned, tmp_path, capsys, disputed):
-    sheet = tmp_path / "sheet.csv"
-    sheet.write_text("colorway,object,hex\nGreen,ball,#1ec040\nViolet,ball,#8040c0\n")
-    options = ("--sheet", sheet, "--views", "test_r_0", "--out", tmp_path / "out", "--threads", 1)
-    assert main(["colorways", *map(str, (learned.project, *options))]) == 0
-    assert "".join(capsys.readouterr()).count("disagree about ball in test_r_0:") == 1
 
 
 def test_settings_of_rendering_are_in_no_fingerprint_and_may_be_missing(copy):

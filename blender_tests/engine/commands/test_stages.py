@@ -1,7 +1,6 @@
 """All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
 
 import json
-import shutil
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -124,15 +123,6 @@ def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_
     assert karf_engine.load(copy.folder, "cpu").recoloring is not None
     assert run(*untrained, "palette.colors=3") == 2
     assert "Only settings of recoloring" in capsys.readouterr().err
-
-
-def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, capsys):
-    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
-    for name, other in (("block", "ball"), ("ball", "block")):
-        shutil.copy(still_life.masks / other / "r_0.png", masks / name / "r_0.png")
-    assert run("segmentation", copy.folder, "--masks", masks, "--threads", 1) == 0
-    assert "already done" not in capsys.readouterr().err
-    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False, True]
 
 
 def test_no_view_shows_an_object_beyond_its_volume(copy):
