@@ -1,5 +1,6 @@
 """Captured views recolored in their photos' own pixels, and cameras of any size: on the learned still life."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ torch = pytest.importorskip("torch")
 Image = pytest.importorskip("PIL.Image")
 
 import karf_engine as karf
-from blender_tests.engine.commands.conftest import cameras_file
+from blender_tests.engine.commands.conftest import cameras_file, geometry_command
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture.capture import View
 from karf_engine.capture.distortion import undistort_points
@@ -18,10 +19,18 @@ from karf_engine.cli import main
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.export.finished_frames import frame_fingerprint
 from karf_engine.io.color import to_bytes
-from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation_copy, read_mask, read_photo
+from karf_engine.io.color_spaces import color_space
+from karf_engine.io.images import (
+    INVERSE_EXIF_ORIENTATION,
+    apply_exif_orientation_copy,
+    encode_image,
+    read_mask,
+    read_photo,
+)
 from karf_engine.metrics.masks import iou
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
-from karf_engine.project import STAGE_ORDER
+from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project.contents import read_capture
 from karf_engine.project.state import write_state
 from karf_engine.recolor.full_resolution import make_photo_view
 from karf_engine.recolor.matting.photo_mattes import field_mattes
@@ -247,15 +256,15 @@ def test_settings_of_rendering_are_in_no_fingerprint_and_may_be_missing(copy):
     assert karf.load(copy.folder, device="cpu").settings.render.edges == "photo"
 
 
-def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(render, green, tmp_path):
+@pytest.mark.parametrize(("kind", "suffix"), [("png8", "png"), ("exr16", "exr")])
+def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(render, green, tmp_path, kind, suffix):
     cameras, truth = cameras_file(tmp_path / "path.json", size=24), take_photo(camera_at(1.0, 0.5, size=24))
     green.save(tmp_path / "green.json")
     options = ("--edit", tmp_path / "green.json", "--alpha", "--depth", "--set", "render.supersampling=3")
-    assert render("--views", cameras, *options) == 0
-    for kind in ("render", "recolor"):
-        picture = read_photo(tmp_path / "out" / kind / "frame_0.png")
+    assert render("--views", cameras, *options, "--format", kind) == 0
+    shown, recolored = (read_photo(tmp_path / "out" / name / f"frame_0.{suffix}") for name in ("render", "recolor"))
+    for picture in (shown, recolored):
         assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.08
-    shown = read_photo(tmp_path / "out" / "render" / "frame_0.png")
     solid = truth.alpha > 0.99
     assert np.abs(shown[solid][:, :3] - truth.color[solid]).mean() < 0.1
     depth = np.load(tmp_path / "out" / "depth" / "frame_0.npy")
@@ -269,3 +278,46 @@ def test_bands_of_rows_are_the_whole_picture(model, monkeypatch):
     bands = model.render(camera, 2)
     for name in ("color", "depth", "opacity", "probabilities", "palette_weights", "base"):
         assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)
+
+
+# ---------------------------------------------------------------------------------------------------------- other color spaces
+SPACE = "sRGB Encoded P3-D65"
+
+
+@pytest.fixture(scope="module")
+def wide(still_life, tmp_path_factory):
+    """The still life with photos of 16 bits in a wide gamut."""
+    pytest.importorskip("PyOpenColorIO")
+    folder = shutil.copytree(still_life.capture, tmp_path_factory.mktemp("wide") / "capture")
+    for path in folder.rglob("*.png"):
+        stored = color_space(SPACE).from_srgb(read_photo(path)[..., :3])
+        path.write_bytes(encode_image(".png", np.rint(np.clip(stored, 0, 1) * 65535).astype(np.uint16)))
+    return folder
+
+
+def test_photos_in_another_space_are_recolored_as_those_in_srgb_are(still_life, learned, wide, tmp_path, capsys):
+    project, edit = tmp_path / "project", tmp_path / "edit.json"
+    unknown = ["geometry", str(wide), "--project", str(project), "--photo-space", "P3 sRGB"]
+    assert main(unknown) == BadRequest.exit_code and not project.exists()
+    told = capsys.readouterr().err
+    assert "no color space 'P3 sRGB'" in told and "Nearest: " in told and SPACE in told
+
+    of_wide = replace(still_life, capture=wide)
+    command = of_wide.command(project, "splats.iterations=1", "recoloring.iterations=20")
+    assert main([*command, "--photo-space", SPACE]) == 0
+    assert {view.space.name for view in read_capture(Project(project)).views} == {SPACE}
+    pictures = []
+    for each, space in ((learned.project, None), (project, color_space(SPACE))):
+        out = tmp_path / f"of {each.parent.name}"
+        pair = ("--object", "ball", "--from", "#d92619", "--to", "#1f5fbf", "--out", edit)
+        assert main(["match", *map(str, (each, *pair))]) == 0
+        assert main(["render", *map(str, (each, "--views", "test_r_0", "--edit", edit, "--out", out))]) == 0
+        pictures.append(read_photo(out / "recolor" / "test_r_0.png", space=space)[..., :3])
+    change = np.abs(pictures[0] - pictures[1])
+    assert change.mean() < 0.01 and change.max() < 0.1
+    before, after = open_photo(wide / "test" / "r_0.png"), open_photo(out / "recolor" / "test_r_0.png")
+    assert after.pixels.dtype == np.uint16
+    assert 0.5 < (before.pixels == after.pixels).all(-1).mean() < 0.99
+    capsys.readouterr()
+    assert main(geometry_command(of_wide, project)) == 0  # without the option a project stays as it was learned
+    assert "already done" in capsys.readouterr().err

@@ -1,6 +1,8 @@
 """All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
 
+import inspect
 import json
+from importlib import import_module
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -18,7 +20,8 @@ from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture
 from karf_engine.cli import main
 from karf_engine.commands import render
-from karf_engine.commands.options import RenderOptions
+from karf_engine.commands.dispatch import run_command
+from karf_engine.commands.options import COMMANDS, InspectOptions, LearnOptions, MarkOptions, RenderOptions
 from karf_engine.errors import BadRequest
 from karf_engine.export.layer_names import read_layer_names
 from karf_engine.export.scene_points import read_points
@@ -33,6 +36,7 @@ from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
+from karf_engine.worker.protocol import STAGES, WARM
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
 SAME = '{"schema": "karf-edit/1", "objects": {}}'
@@ -302,3 +306,21 @@ def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, t
     assert np.array_equal(first.colors["ball"], both.colors["ball"])
     assert np.array_equal(first.colors["block"], block) and not np.array_equal(both.colors["block"], block)
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
+
+
+# ---------------------------------------------------------------------------------------------------------- every command
+def test_every_command_is_run_in_the_same_way_and_may_be_a_job():
+    for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
+        run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run
+        assert list(inspect.signature(run).parameters)[:3] == ["options", "emit", "should_stop"], name
+    assert STAGES == (*COMMANDS, WARM)
+
+
+def test_what_a_command_answers_is_returned(still_life, tmp_path, events):
+    inspect_options = InspectOptions.of(capture=still_life.capture, out=tmp_path / "inspected")
+    advice = run_command(inspect_options, events, lambda: False)
+    assert advice.findings and (tmp_path / "inspected" / "inspection.json").exists()
+    box = {"view": "train_r_0", "object_name": "ball", "box": (8, 8, 20, 20)}
+    mark_options = MarkOptions.of(capture=still_life.capture, masks=tmp_path / "masks", **box)
+    mask = run_command(mark_options, events, lambda: False)
+    assert mask.is_file() and events.values("artifact", "path") == [str(tmp_path / "inspected"), str(mask)]
