@@ -38,7 +38,7 @@ def test_a_child_opens_no_console_and_leads_a_group(addon, windows):
 
 @pytest.mark.parametrize("has_taskkill", [True, False])
 @pytest.mark.parametrize("is_gone", [True, False])
-def test_ending_a_child_ends_all_it_has_started_and_one_that_is_gone_is_no_error(addon, windows, has_taskkill, is_gone):
+def test_send_ends_the_process_tree_even_without_taskkill(addon, windows, has_taskkill, is_gone):
     ended = []
 
     def terminate():
@@ -53,5 +53,5 @@ def test_ending_a_child_ends_all_it_has_started_and_one_that_is_gone_is_no_error
 
 
 @pytest.mark.parametrize(("code", "said"), [(3221225477, "0xc0000005"), (1, "exit code 1"), (-9, "SIGKILL")])
-def test_a_crash_is_told_by_the_number_that_windows_manuals_have(addon, code, said):
+def test_exit_codes_of_crashes_are_hexadecimal(addon, code, said):
     assert said in addon.processes.ending(SimpleNamespace(returncode=code))

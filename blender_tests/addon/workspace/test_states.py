@@ -27,12 +27,12 @@ def kinds(addon, scene):
     return {step: addon.states.state_of(scene, step).kind for step in addon.states.STEPS}
 
 
-def test_a_step_is_done_when_what_it_makes_is_there(addon, learned):
+def test_step_is_done_when_its_result_exists(addon, learned):
     assert kinds(addon, learned) == NEW | dict.fromkeys(("import", "learn", "palette"), "done")
 
 
 @pytest.mark.parametrize("mark", ["../masks/pot/photo_0.png", "corrections/pot/photo_0.png", "volumes.json"])
-def test_a_mark_that_is_newer_than_the_segments_makes_them_stale(addon, project_scene, project, mark):
+def test_newer_mark_makes_segments_stale(addon, project_scene, project, mark):
     file = project / mark
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
@@ -43,21 +43,21 @@ def test_a_mark_that_is_newer_than_the_segments_makes_them_stale(addon, project_
     assert state.kind == "stale" and "Marks have changed" in state.reason
 
 
-def test_a_stage_that_ran_anew_makes_the_later_ones_stale(addon, project_scene, project):
+def test_rerun_stage_makes_later_ones_stale(addon, project_scene, project):
     addon.steps.learn_scene(project_scene).wait()
     for step, reason in (("segment", "learned again"), ("palette", "segmented again")):
         state = addon.states.state_of(project_scene, step)
         assert state.kind == "stale" and reason in state.reason
 
 
-def test_another_preset_than_was_learned_with_says_so(addon, learned, monkeypatch):
+def test_another_preset_than_learned_with_is_shown(addon, learned, monkeypatch):
     monkeypatch.setattr(addon.disk, "_learned_with", lambda state: ("fine", ""))
     assert "another preset" in addon.states.state_of(learned, "learn").reason
     learned.karf.preset = "fine"
     assert kinds(addon, learned)["learn"] == "done"
 
 
-def test_the_step_whose_job_runs_says_so(addon, learned, monkeypatch):
+def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
     request = addon.engine_api.Request("segmentation", addon.folders.project_of(learned).folder, {})
     monkeypatch.setattr(addon.runner, "current_request", lambda scene: request)
     assert kinds(addon, learned)["segment"] == "running"
@@ -79,11 +79,11 @@ def test_the_step_whose_job_runs_says_so(addon, learned, monkeypatch):
         (DONE, DONE | {"segment": "stale"}, {"segment": True}),
     ],
 )
-def test_steps_that_are_done_fold_and_the_next_or_a_stale_one_opens(addon, before, after, changes):
+def test_done_steps_fold_and_the_next_or_stale_one_opens(addon, before, after, changes):
     assert addon.states.opened(before, after) == changes
 
 
-def test_what_is_opened_by_hand_stays_until_a_step_is_done(bpy, addon, project_scene):
+def test_panels_opened_by_hand_stay_open_until_a_step_is_done(bpy, addon, project_scene):
     folding = bpy.context.window_manager.karf_folding
     addon.states.update()
     assert folding.show_learn and not folding.show_import

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("torch")
 
+from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.conftest import QUICK
 from karf_engine.cli import main
 from karf_engine.commands.dispatch import run_command
@@ -52,7 +53,7 @@ def stages_run(printed):
 
 
 # ------------------------------------------------------------------------------------------------------------- cancelling
-@pytest.mark.parametrize("change", ["geometry.long_side=40", "seed=7", "segmentation.width=8", "recoloring.width=8"])
+@pytest.mark.parametrize("change", ["seed=7", "segmentation.width=8"])
 def test_a_cancelled_job_leaves_the_project_as_it_was(still_life, copy, tmp_path, change):
     before, shown = contents(copy.folder), pictures(copy, tmp_path / "before")
     options = {"capture": str(still_life.capture), "masks": str(still_life.masks), "threads": 1}
@@ -134,9 +135,7 @@ def test_a_stage_whose_code_gives_another_result_runs_again(still_life, copy, ca
 
 
 def test_photos_count_by_what_they_show_and_not_by_their_time(still_life, copy, capsys):
-    words = still_life.command(copy.folder)
-    masks = words.index("--masks")
-    geometry = ["geometry", words[1], *words[2:masks], *words[masks + 2 :]]
+    geometry = geometry_command(still_life, copy.folder)
     photo, other, *_ = (still_life.capture / "train").iterdir()
     kept, stamp = photo.read_bytes(), photo.stat()
     try:

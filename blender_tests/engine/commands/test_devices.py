@@ -12,6 +12,7 @@ pytest.importorskip("scipy")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
+from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.nerf import still_life as views_and_photos
 from blender_tests.engine.reference.still_life import camera_at
@@ -164,9 +165,7 @@ def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, copy, elsew
 
 def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, tmp_path):
     few = 'geometry.levels=[{"voxels": 12, "iterations": 20, "step": 1.0}]'
-    arguments = still_life.command(tmp_path / "project", few)
-    arguments = [part for part in arguments if part not in ("--masks", str(still_life.masks))]
-    runs("geometry", *arguments[1:], "--device", elsewhere)
+    runs(*geometry_command(still_life, tmp_path / "project", few), "--device", elsewhere)
     assert (tmp_path / "project" / "preview.png").exists()
 
 

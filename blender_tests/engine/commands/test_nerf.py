@@ -13,13 +13,12 @@ pytest.importorskip("scipy")
 from karf_engine.cli import main
 from karf_engine.errors import Cancelled
 from karf_engine.fields.files import SCHEMA
-from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.io.checkpoints import load_tensors
 from karf_engine.io.images import read_mask, read_photo, resize
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
 from karf_engine.palettes.palette import read_palettes
 from karf_engine.project import Project
-from karf_engine.project.state import write_state
 
 SMALL = (
     "geometry.nerf.depth=4",
@@ -97,7 +96,7 @@ def test_the_papers_preset_learns_all_stages_on_a_nerf(project, still_life, tmp_
     judge(rendered(project, tmp_path), still_life, 22, 0.6)
 
 
-def test_an_unfinished_geometry_is_resumed_unless_it_is_damaged_old_or_of_other_settings(
+def test_a_killed_job_resumes_where_it_was_last_saved_and_has_only_to_validate_in_the_end(
     still_life, tmp_path, monkeypatch, capsys
 ):
     """120 iterations with a preview every 40, saved after every iteration."""
@@ -105,37 +104,14 @@ def test_an_unfinished_geometry_is_resumed_unless_it_is_damaged_old_or_of_other_
     project = Project(tmp_path / "project")
     words = ("geometry", still_life.capture, "--project", project.folder, "--preset", "paper", "--threads", 1)
     few = sets(*SMALL, "geometry.nerf.iterations=120", "geometry.nerf.look_every=40")
-
-    def learn(*more, until=0):
-        """The exit code, and what the terminal was told; `until`: a kill at this preview."""
-        with monkeypatch.context() as patch:
-            if until:
-                previews = Mock(side_effect=[*[None] * (until - 1), KeyboardInterrupt])
-                patch.setattr("karf_engine.commands.geometry.preview", previews)
-            return run(*words, *few, *sets(*more)), capsys.readouterr().err
-
-    code, _ = learn(until=2)
-    assert code == Cancelled.exit_code and project.finished("geometry") is None
-    code, told = learn(until=2)  # after its last iteration
-    assert code == Cancelled.exit_code and "resuming at iteration 80 of 120" in told
-    left = project.checkpoint_file("geometry").read_bytes()
-    code, told = learn()
-    assert code == 0 and "resuming at iteration 120 of 120" in told
+    with monkeypatch.context() as patch:
+        for told in ("geometry", "resuming at iteration 80 of 120"):
+            killed_in_the_second = Mock(side_effect=[None, KeyboardInterrupt])
+            patch.setattr("karf_engine.commands.geometry.preview", killed_in_the_second)
+            assert run(*words, *few) == Cancelled.exit_code and told in capsys.readouterr().err
+            assert project.finished("geometry") is None
+    assert run(*words, *few) == 0 and "resuming at iteration 120 of 120" in capsys.readouterr().err
     assert project.finished("geometry") and not project.checkpoint_file("geometry").exists()
-
-    project.checkpoint_file("geometry").write_bytes(left)
-    code, told = learn("geometry.nerf.rate=0.004")
-    assert code == 0 and "resuming" not in told
-    project.checkpoint_file("geometry").write_bytes(b"cut off")
-    code, told = learn()
-    assert code == 0 and "Learning begins anew" in told and "damaged" in told
-    state = project.state()
-    facts = {"fingerprint": state["stages"].pop("geometry")["fingerprint"]}
-    write_state(project.state_file, state)
-    tensors = {"done_and_loss": torch.zeros(2)}
-    save_tensors(project.checkpoint_file("geometry"), tensors, "karf-unfinished-nerf/1", facts)
-    code, told = learn()
-    assert code == 0 and "Learning begins anew" in told and not project.checkpoint_file("geometry").exists()
 
 
 def test_an_edit_that_does_not_say_is_composited_as_the_paper_does(project, tmp_path):

@@ -60,14 +60,11 @@ def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame)
     assert (both.sum((1, 2)) / (frame.masks | truth.masks).sum((1, 2))).min() > 0.7
     solid = (frame.opacity > 0.95) & (truth.opacity > 0.95)
     assert np.median(np.abs(frame.depth - truth.depth)[solid]) < 0.3  # the scene is two units wide
-
-
-def test_weights_of_an_object_sum_to_its_probability(frame):
     assert_allclose(frame.palette_weights.sum(1), frame.probabilities, atol=1e-5)
     assert (frame.palette_weights >= 0).all() and frame.probabilities.sum(0).max() <= 1 + 1e-5
 
 
-def test_the_field_shows_what_it_showed_before(model, camera):
+def test_the_field_is_shown_where_it_is_asked_for_or_numba_is_off(model, camera, monkeypatch):
     field = of_field(model)
     found = field.render(camera)
     assert field.splats is None and model.splats is not None
@@ -77,22 +74,18 @@ def test_the_field_shows_what_it_showed_before(model, camera):
     assert_array_equal(found.palette_weights, field_rendering.weights_of_field(model, picture))
     with pytest.raises(BadRequest, match="no finished splats"):
         field.recolored_splats(field.edit())
-
-
-def test_without_numba_the_field_is_shown(learned, monkeypatch):
     monkeypatch.setenv("KARF_KERNELS", "off")
-    assert Model.load(learned.project, "cpu").splats is None
+    assert Model.load(model.project.folder, "cpu").splats is None
 
 
-def test_large_pictures_are_rendered_in_bands_that_fit_together(model, camera, frame, monkeypatch):
+def test_bands_of_large_pictures_fit_together_and_a_finer_picture_averages_to_the_plain_one(
+    model, camera, frame, monkeypatch
+):
     bands_of = field_rendering.split_bands
     monkeypatch.setattr(field_rendering, "split_bands", lambda camera, count: bands_of(camera, count, 64 * 16))
     parts = model.render(camera)
     for name in ("color", "opacity", "probabilities", "palette_weights"):
         assert_allclose(getattr(parts, name), getattr(frame, name), atol=5e-3, err_msg=name)
-
-
-def test_a_finer_picture_averages_to_the_plain_one(model, camera, frame):
     assert psnr(frame.color, model.render(camera, 2).color) > 25
 
 
@@ -112,6 +105,9 @@ def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, frame
     planes, baked = model.composite(frame, green), shown(model, green, camera)
     assert np.abs(planes - frame.color).max() > 0.3
     assert psnr(baked, planes) > 30 and np.abs(baked - planes).mean() < 0.01
+    with pytest.raises(BadRequest, match="cannot be baked") as caught:
+        model.recolored_splats(replace(green, compositing="paper"))  # which replaces colors
+    assert caught.value.hint
 
 
 def test_only_the_edited_object_changes(model, green):
@@ -120,11 +116,7 @@ def test_only_the_edited_object_changes(model, green):
     assert changed.any() and (model.splatted.shares[changed, model.objects.index("ball")] > 0).all()
     assert not changed[model.splats.n_foreground :].any()
     assert_array_equal(model.recolored_splats(green).table[:, :COLOR], model.splats.table[:, :COLOR])
-
-
-def test_the_last_edit_is_kept(model, green):
-    assert model.recolored_splats(green) is model.recolored_splats(green)
-    assert model.recolored_splats(model.edit()) is not model.recolored_splats(green)
+    assert model.recolored_splats(green) is model.recolored_splats(green)  # the last edit is kept
 
 
 def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
@@ -138,12 +130,6 @@ def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
     assert (shares[~inside] == 0).all() and (shares >= 0).all() and (shares.sum(1) <= 1 + 1e-5).all()
     behind = replace(model.splats, n_background=len(model.splats))
     assert not shares_of_objects(behind, model.segmentation, model.scene).any()
-
-
-def test_an_edit_that_replaces_colors_cannot_be_baked(model):
-    with pytest.raises(BadRequest, match="cannot be baked") as caught:
-        model.recolored_splats(replace(model.edit(), compositing="paper"))
-    assert caught.value.hint
 
 
 def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):

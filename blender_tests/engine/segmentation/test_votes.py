@@ -37,6 +37,8 @@ def test_confidence_grows_from_the_border_and_is_whole_far_from_it():
     assert_allclose(confidence[100, 44:56], np.r_[np.arange(6, 0, -1), np.arange(1, 7)] / 6)
     assert confidence[0, 0] == confidence[100, 100] == 1
     assert_allclose(mask_confidence({1: BODY, 2: np.zeros_like(BODY)}), confidence)
+    for fill in (True, False):  # masks of everything or nothing have no border
+        assert (mask_confidence({1: np.full((4, 6), fill)}) == 1).all()
 
 
 def test_the_middle_of_small_masks_and_of_thin_handles_counts_nevertheless():
@@ -45,11 +47,6 @@ def test_the_middle_of_small_masks_and_of_thin_handles_counts_nevertheless():
     confidence = mask_confidence({1: BODY | handle})
     assert confidence[100, 160:189].min() >= 0.8
     assert_allclose(confidence[70, 144:156], mask_confidence({1: BODY})[70, 144:156])
-
-
-@pytest.mark.parametrize("fill", [True, False])
-def test_masks_of_everything_or_nothing_have_no_border(fill):
-    assert (mask_confidence({1: np.full((4, 6), fill)}) == 1).all()
 
 
 def test_votes_of_rays_are_summed_on_the_points_of_their_samples():

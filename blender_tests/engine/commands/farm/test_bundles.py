@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine as karf
+from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.commands.farm.sequences import write_sequence
 from karf_engine.cli import main
 from karf_engine.commands.farm import run as write_bundle
@@ -195,10 +197,9 @@ def test_a_part_of_the_views_is_rendered_as_it_is_among_all_and_an_empty_one_is_
 
 def test_a_project_that_moves_with_its_photos_still_finds_them(still_life, tmp_path):
     film, elsewhere = tmp_path / "film", tmp_path / "elsewhere"
-    shutil.copytree(still_life.capture, film / "capture")
-    command = still_life.command(film / "project", 'geometry.levels=[{"voxels": 8, "iterations": 1, "step": 1.0}]')
-    masks = command.index("--masks")
-    assert main(["geometry", str(film / "capture"), *command[2:masks], *command[masks + 2 :]]) == 0
+    capture = shutil.copytree(still_life.capture, film / "capture")
+    few = 'geometry.levels=[{"voxels": 8, "iterations": 1, "step": 1.0}]'
+    assert main(geometry_command(replace(still_life, capture=capture), film / "project", few)) == 0
     film.rename(elsewhere)
     for view in read_capture(Project(elsewhere / "project")).views:
         assert view.image.is_relative_to(elsewhere / "capture") and view.image.is_file()
