@@ -1,8 +1,7 @@
 """Heads by name: how they are called, how large they are, what is refused, and one of another file."""
 
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from karf_engine.errors import BadRequest
 from karf_engine.heads import registry

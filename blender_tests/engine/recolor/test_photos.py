@@ -1,13 +1,11 @@
 """Edited copies of photos: own format, depth, profile and metadata; what no edit reaches keeps its bits."""
 
+import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-
-cv2 = pytest.importorskip("cv2")
-Image = pytest.importorskip("PIL.Image")
-ImageCms = pytest.importorskip("PIL.ImageCms")
-OpenEXR = pytest.importorskip("OpenEXR")
+from PIL import Image, ImageCms
 from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-pytest.importorskip("scipy")
-
 from karf_engine.io.color import srgb_to_lab
 from karf_engine.segmentation.gaussian_mixtures import class_log_densities
 from karf_engine.segmentation.label_propagation import (
