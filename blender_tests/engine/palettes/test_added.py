@@ -111,7 +111,7 @@ def test_black_has_no_pigment():
 
 # ----------------------------------------------------------------------------------------------------- neutrals, proposals
 def lettered(share_of_silver=0.5):
-    """What is seen of a silver thing with red letters."""
+    """The histogram of a silver thing with red letters."""
     seen = seen_of(np.concatenate([lit(RED), lit(SILVER)]).astype(np.float32), PALETTE)
     return seen._replace(counts=np.repeat([1 - share_of_silver, share_of_silver], 20))
 
