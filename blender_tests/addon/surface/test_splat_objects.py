@@ -58,14 +58,6 @@ def test_another_number_of_points_is_refused_with_both(bpy, addon, harmonics, ki
     np.testing.assert_array_equal(colors_of(item)[0], before)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_points_are_told_by_their_number_and_some_places(bpy, addon, kind):
-    item = make(bpy, kind, 4)
-    points = addon.splat_objects.points_of(item)
-    assert points["count"] == N and points["rows"] == list(range(N))
-    np.testing.assert_array_equal(points["positions"], [[row, row**2, -row] for row in range(N)])
-
-
 def test_of_many_points_the_first_the_last_and_some_between_are_told(bpy, addon):
     points = addon.splat_objects.points_of(make(bpy, "kiri", 1, 1000))
     rows = points["rows"]

@@ -286,18 +286,13 @@ def test_gestures_in_any_order_are_undone_and_redone_to_where_they_began(bpy, ad
         assert_same(state(hand), wanted)
 
 
-def test_one_color_travels_as_text(hand):
+def test_colors_travel_as_text_and_palettes_of_other_programs_leave_the_way_of_compositing(hand):
     assert hand.edit("copied", *POT1) == "#cc331a"
-    hand.edit("paste", "lid", 1, "#cc331a")
-    np.testing.assert_allclose(color(hand.scene, *LID1) * 255, (204, 51, 26), atol=1e-3)
-
-
-@pytest.mark.parametrize("suffix", [".gpl", ".ase"])
-def test_a_palette_of_another_program_leaves_the_way_of_compositing(hand, suffix):
-    hand.keep_file(f"a{suffix}", TEAL)
-    hand.scene.karf.compositing = "paper"
-    hand.apply_edit(hand.folder / f"a{suffix}")
-    assert hand.scene.karf.compositing == "paper"
+    for name in ("a.gpl", "a.ase"):
+        hand.keep_file(name, TEAL)
+        hand.scene.karf.compositing = "paper"
+        hand.apply_edit(hand.folder / name)
+        assert hand.scene.karf.compositing == "paper"
 
 
 def test_becomes_moves_merged_swatches_as_one(hand):
