@@ -153,6 +153,7 @@ GESTURES = {
     "swap": (then(), operator("swap_swatches", **SWAP), {POT1: LID[1], LID2: RED}),
     "reset": (BLUE_LID, operator("reset_swatch", object_name="lid"), {}),
     "paste": (set_to(POT2, BRIGHT), do("paste", "lid"), {LID1: RED, LID2: BRIGHT, POT2: BRIGHT}),
+    "paste of one": (then(), do("edit", "paste", *LID1, "#993366"), {LID1: (0.6, 0.2, 0.4)}),
     "preset": (BLUE_LID, do("preset"), {LID2: BLUE, POT1: LID[0], POT2: BLUE}),
     "edit file": (do("keep_file", "a.json", BRIGHT), do("load_file", "a.json"), {POT2: BRIGHT}),
     "palette of GIMP": (do("keep_file", "a.gpl", TEAL), do("load_file", "a.gpl"), {POT2: TEAL}),
