@@ -256,7 +256,7 @@ def filmed(bpy, keyed):
     return keyed
 
 
-def test_the_job_has_the_cameras_and_swatches_of_each_frame_and_renders_as_the_panel_says(addon, filmed, tmp_path):
+def test_a_farms_job_has_cameras_and_swatches_of_each_frame_and_a_new_folder_each_time(bpy, addon, filmed, tmp_path):
     filmed.karf.file_format, filmed.karf.color_depth, filmed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
     bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job", per_task=3)
     names = [f"frame_{number:04d}" for number in range(1, 5)]
@@ -270,9 +270,6 @@ def test_the_job_has_the_cameras_and_swatches_of_each_frame_and_renders_as_the_p
     assert (told["FirstFrame"], told["LastFrame"], told["FramesPerTask"]) == (1, 4, 3)
     arguments = " ".join(template["steps"][0]["script"]["actions"]["onRun"]["args"])
     assert "--base render --alpha --format exr16" in arguments
-
-
-def test_the_button_writes_a_new_folder_each_time(bpy, addon, filmed):
     for name in ("Path", "Path_2"):
         assert bpy.ops.karf.farm_bundle(per_task=2) == {"FINISHED"}
         bundle = addon.folders.out_folder(filmed) / "farm" / name

@@ -124,15 +124,13 @@ def test_a_surface_turns_the_paint_gray_and_neutral_numbers_show_the_chosen_colo
     assert edited().tobytes() == addon.colors.chosen(pot).tobytes()
 
 
-def test_a_number_that_is_moved_to_and_fro_ends_where_it_would_at_once(pot, edited):
+def test_a_number_ends_where_it_would_at_once_and_goes_along_with_a_dragged_color(pot, edited):
     pot.swatches[1].brightness = 0.4
     direct = edited()
     for value in (-1, 0.9, 0.0, 1.7, 0.4):
         pot.swatches[1].brightness = value
     np.testing.assert_array_equal(edited(), direct)
-
-
-def test_a_color_that_is_dragged_takes_its_surface_along(pot, edited):
+    pot.swatches[1].brightness = 0
     pot.swatches[1].saturation = 0
     pot.swatches[1].color = BLUE
     assert is_gray(edited()[1]) and edited()[1].sum() < 1.2
