@@ -121,9 +121,7 @@ def test_a_mask_of_any_view_is_reopened_and_corrected(addon, marked):
     np.testing.assert_array_equal(mask(addon, marked, view="photo_1"), disc(9, 9, 2))
 
 
-def test_a_mask_of_the_users_own_folder_is_corrected_in_its_file_and_undo_brings_it_back_byte_for_byte(
-    bpy, addon, marked, tmp_path
-):
+def test_a_given_mask_file_is_corrected_and_restored_by_undo(bpy, addon, marked, tmp_path):
     given = tmp_path / "given"
     for name in ("lid/images/photo_0.png", "lid/photo_1.png", "pot/photo_2.png"):
         write_disc(addon, given / name)
@@ -231,7 +229,7 @@ def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy
     addon.tools.lay_down()
 
 
-def test_corrections_say_is_is_not_and_nothing_and_the_corrected_masks_are_shown_at_once(addon, correcting):
+def test_corrections_are_written_and_solved_at_once(addon, correcting):
     file = addon.objects.mark_folders(correcting)[1] / "pot" / "photo_0.png"
     solved = addon.mask_layers.open_layers(correcting).solved["pot"]
     assert solved.pixels[:, :12].all() and not solved.pixels[:, 12:].any()

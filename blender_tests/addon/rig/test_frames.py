@@ -81,7 +81,7 @@ def cameras_file(addon, tmp_path):
     return write
 
 
-def test_cameras_without_frame_numbers_follow_one_another_in_the_first_ones_size(addon, scene, cameras_file, tmp_path):
+def test_imported_cameras_get_frames_and_one_size(addon, scene, cameras_file, tmp_path):
     scene.frame_start = 7
     addon.steps.import_cameras(scene, cameras_file(left=(1, 35.0), right2=(1, 35.0))[0])
     assert (scene.frame_start, scene.frame_end) == (7, 8)

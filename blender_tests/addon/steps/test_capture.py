@@ -35,7 +35,7 @@ def test_the_scene_looks_through_the_first_view_at_its_size(bpy, imported):
     assert imported.camera.karf_view == "photo_2"
 
 
-def test_options_change_the_rig_never_the_pinholes_and_can_be_a_preset(bpy, addon, scene, capture_folder, tmp_path):
+def test_import_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
     options = {"orientation": "UPRIGHT", "size": 10.0, "photos": False, "camera_size": 5.0}
     bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project"), **options)
     capture, cameras = addon.captures.of(scene), scene.karf.rig.children
@@ -81,7 +81,7 @@ def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, cap
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.5])
-def test_blenders_own_cube_leaves_a_new_file_unless_it_was_touched_and_undo_takes_the_import_back(
+def test_the_import_removes_an_untouched_default_cube_and_undo_brings_it_back(
     bpy, addon, capture_folder, tmp_path, moved
 ):
     bpy.ops.wm.read_homefile(use_factory_startup=True)
@@ -96,9 +96,7 @@ def test_blenders_own_cube_leaves_a_new_file_unless_it_was_touched_and_undo_take
 
 
 # --- the project -----------------------------------------------------------------------------------------------------
-def test_a_project_is_beside_a_saved_file_else_in_the_extensions_own_folder(
-    bpy, addon, scene, capture_folder, tmp_path, monkeypatch
-):
+def test_the_default_project_folder(bpy, addon, scene, capture_folder, tmp_path, monkeypatch):
     def user_folder(package, path, create):
         return str(tmp_path / package.rpartition(".")[2] / path)
 
@@ -152,9 +150,7 @@ def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
     assert addon.disk.read(imported).stages == {"geometry", "palette", "recoloring"}
 
 
-def test_poses_are_found_in_projects_beside_the_file_that_leave_earlier_ones_alone(
-    bpy, addon, scene, capture_folder, tmp_path
-):
+def test_found_poses_get_a_new_project_beside_the_file(bpy, addon, scene, capture_folder, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.ops.karf.find_poses(filepath=str(capture_folder / "images")) == {"FINISHED"}
     assert scene.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
@@ -207,9 +203,7 @@ def test_all_photos_are_learned_from_unless_some_are_held_out(bpy, addon, import
 
 
 # --- check -----------------------------------------------------------------------------------------------------------
-def test_the_engines_advice_and_its_map_are_shown_and_stay_with_the_capture(
-    bpy, addon, project_scene, capture_folder, two_splits, tmp_path
-):
+def test_advice_belongs_to_the_capture(bpy, addon, project_scene, capture_folder, two_splits, tmp_path):
     karf = project_scene.karf
     assert bpy.ops.karf.check_capture() == {"FINISHED"}
     assert karf.is_poor and karf.advice.splitlines() == [

@@ -63,9 +63,7 @@ def assert_shows(item, color):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_script_gives_an_object_the_colors_of_now_and_the_button_goes_on_and_off(
-    bpy, addon, with_splats, kind, set_pot
-):
+def test_a_script_and_the_button_give_the_current_colors(bpy, addon, with_splats, kind, set_pot):
     item, surface = make(bpy, kind, 4), with_splats.karf.surface
     for color in (BLUE, RED):
         set_pot(color)
@@ -77,9 +75,7 @@ def test_a_script_gives_an_object_the_colors_of_now_and_the_button_goes_on_and_o
     assert_shows(item, BLUE)
 
 
-def test_it_follows_swatches_asks_no_more_than_they_change_and_keeps_its_colors_after_all(
-    bpy, addon, beside, followed, set_pot
-):
+def test_it_follows_each_change_once_until_it_is_released(bpy, addon, beside, followed, set_pot):
     (options,) = beside.asked
     assert options["points"]["count"] == N and options["points"]["positions"][2] == [2, 4, -2]
     assert_shows(followed, LEARNED)
@@ -144,9 +140,7 @@ def test_it_waits_in_edit_mode_for_tasks_and_for_a_project(bpy, addon, beside, i
     assert beside.settle() == 0
 
 
-def test_refusals_and_an_engine_that_cannot_start_are_said_and_the_next_change_is_asked_for(
-    bpy, addon, beside, set_pot, monkeypatch
-):
+def test_errors_are_reported_and_the_next_change_is_asked_for(bpy, addon, beside, set_pot, monkeypatch):
     item, points_of = make(bpy, "kiri", 4), addon.splat_objects.points_of
     monkeypatch.setattr(addon.splat_objects, "points_of", lambda item: points_of(item) | {"count": 3})
     addon.steps.follow_splat(bpy.context.scene, item)

@@ -92,9 +92,7 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 
-def test_nothing_is_rendered_while_no_editor_shows_the_picture_which_comes_back_when_undo_has_taken_it(
-    bpy, addon, live
-):
+def test_a_hidden_picture_is_not_rendered_and_a_removed_one_comes_back(bpy, addon, live):
     live.look(3)
     live.editor.image = bpy.data.images.new("another", 8, 8)
     live.scene.camera.location *= 0.5
@@ -163,9 +161,7 @@ def test_what_a_camera_cannot_show_is_said(bpy, addon, live, monkeypatch):
     assert np.ptp(picture(bpy, addon)) == 0  # the scene as learned, of one gray
 
 
-def test_a_crash_or_a_camera_without_a_picture_is_said_and_tried_again_when_the_camera_changes(
-    addon, live, monkeypatch
-):
+def test_errors_are_reported_and_the_next_camera_is_tried(addon, live, monkeypatch):
     options = addon.preview._options
     monkeypatch.setattr(addon.preview, "_options", lambda *camera: options(*camera) | {"behave": "crash"})
     deadline = time.monotonic() + 20

@@ -29,7 +29,7 @@ def test_each_point_gets_the_harmonics_that_both_sides_have_and_keeps_all_else(b
         np.testing.assert_array_equal(after, opacities)
 
 
-def test_kiris_color_is_the_direct_part_within_what_can_be_shown_where_it_is_there(bpy, addon, harmonics):
+def test_kiris_color_is_the_clipped_direct_part(bpy, addon, harmonics):
     item = make(bpy, "kiri", 4)
     harmonics[0, :3] = 9, -9, 0
     addon.splat_objects.write(item, harmonics)

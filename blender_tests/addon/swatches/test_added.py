@@ -17,7 +17,7 @@ def assert_shows(addon, scene, *wanted, atol=0.02):
     np.testing.assert_allclose(halves(addon, scene), wanted, atol=atol)
 
 
-def test_adding_a_color_shows_one_more_swatch_and_changes_no_picture(bpy, addon, pots):
+def test_an_added_color_changes_no_picture(bpy, addon, pots):
     addon.steps.set_swatch(pots, "pot", 1, GREEN)
     before, swatches = pixels(addon, pots), pots.karf.objects["pot"].swatches
     assert bpy.ops.karf.add_color(object_name="pot", picked=YELLOW) == {"FINISHED"}

@@ -26,7 +26,7 @@ def row(addon, pot):
     return pixels(addon, pot.id_data)[8]
 
 
-def test_the_picture_follows_colors_and_edges_and_both_at_0_bring_the_same_bits_back(addon, block, blue):
+def test_the_picture_follows_edges_and_colors(addon, block, blue):
     before = pixels(addon, block)
     blue.choke = 2
     np.testing.assert_allclose(row(addon, blue)[[6, 7, 16, 17]], [RED] * 4, atol=0.01)

@@ -287,7 +287,7 @@ def test_gestures_in_any_order_are_undone_and_redone_to_where_they_began(bpy, ad
         assert_same(state(hand), wanted)
 
 
-def test_colors_travel_as_text_and_palettes_of_other_programs_leave_the_way_of_compositing(hand):
+def test_colors_as_text_and_palettes_without_compositing(hand):
     assert hand.edit("copied", *POT1) == "#cc331a"
     for name in ("a.gpl", "a.ase"):
         hand.keep_file(name, TEAL)
