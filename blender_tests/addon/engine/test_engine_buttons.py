@@ -66,7 +66,7 @@ def dialog(bpy, **values):
 
 # --- the engine's Python -------------------------------------------------------------------------------------------
 def test_the_preference_comes_before_the_variable_the_installed_engine_and_the_checkout(
-    addon, chosen, tmp_path, monkeypatch
+    bpy, addon, chosen, tmp_path, monkeypatch
 ):
     find = addon.preferences.engine_python
     preferred, variable = tmp_path / "preferred", tmp_path / "variable"
@@ -90,6 +90,9 @@ def test_the_preference_comes_before_the_variable_the_installed_engine_and_the_c
         forget()
     with pytest.raises(addon.engine_api.MissingDependency, match="no engine yet"):
         find()
+    drawn = drawn_preferences(bpy, chosen)
+    assert "There is no engine yet. Press Install Engine, or set Engine Python below" in drawn
+    assert "in the KaRF preferences" not in drawn and not bpy.ops.karf.examine_engine.poll()
     chosen.engine_python = str(tmp_path / "gone")
     with pytest.raises(addon.engine_api.MissingDependency, match="gone"):
         find()
@@ -119,16 +122,6 @@ def test_an_engine_folder_relative_to_the_open_file_is_made_absolute(bpy, addon,
 
 
 # --- the sentence and the button -----------------------------------------------------------------------------------
-def test_preferences_without_an_engine_say_what_to_do(bpy, addon, chosen, monkeypatch, tmp_path):
-    monkeypatch.delenv("KARF_ENGINE_PYTHON")
-    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
-    chosen.engine_folder = str(tmp_path / "engine")
-    drawn = drawn_preferences(bpy, chosen)
-    assert "There is no engine yet. Press Install Engine, or set Engine Python below" in drawn
-    assert "in the KaRF preferences" not in drawn and "karf.remove_engine" not in drawn
-    assert not bpy.ops.karf.examine_engine.poll()
-
-
 @pytest.mark.parametrize(
     ("state", "problem", "sentence", "is_managed", "said", "button"),
     [

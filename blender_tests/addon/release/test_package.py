@@ -26,8 +26,8 @@ def run(*command, **options):
 
 
 def build(checkout, out):
-    """Build a checkout, whatever its measurements, into a folder, which is returned."""
-    run("-m", "tools.release", "--draft", "--out", out, cwd=checkout)
+    """Build a checkout into a folder, which is returned."""
+    run("-m", "tools.release", "--out", out, cwd=checkout)
     return out
 
 

@@ -20,26 +20,18 @@ def scene(bpy, learned):
 @pytest.fixture
 def render(bpy, addon, scene, monkeypatch):
     """A function that renders, and gives what Blender holds of each pass, [H, W, channels], the highest row first."""
-    handed, size = {}, {}
-    put, bordered = addon.still._put, addon.still._bordered
+    handed, put = {}, addon.still._put
 
     def putting(target, pixels):
         put(target, pixels)
-        handed[target.name] = np.array(target.rect).reshape(*size["still"], -1)[::-1]
-
-    def remembering(*given):
-        camera = bordered(*given)
-        size["still"] = camera.height, camera.width
-        return camera
-
-    monkeypatch.setattr(addon.still, "_put", putting)
-    monkeypatch.setattr(addon.still, "_bordered", remembering)
+        handed[target.name] = np.array(target.rect).reshape(pixels.shape)[::-1]
 
     def run():
         handed.clear()
         bpy.ops.render.render()
         return dict(handed)
 
+    monkeypatch.setattr(addon.still, "_put", putting)
     return run
 
 

@@ -50,18 +50,22 @@ def test_leftovers_of_a_crashed_blender_are_removed(addon, project_scene, query,
 
 
 @pytest.mark.parametrize(
-    ("behave", "error", "sentence", "stays", "n_folders"),
+    ("behave", "error", "sentence", "stays", "n_workers", "n_folders"),
     [
-        ("refuse", "DataError", r"photo_7.png is missing\.", True, 1),
-        ("crash", "KarfError", "The engine crashed in the warm job", False, 1),  # its log is kept
-        ("idle", "KarfError", "exited before it answered", False, 0),  # so did the second one that was asked
+        ("refuse", "DataError", r"photo_7.png is missing\. Find it\.", True, 1, 1),
+        ("crash", "KarfError", "The engine crashed in the warm job", False, 1, 1),  # its log is kept
+        ("idle", "KarfError", "exited before it answered", False, 2, 0),
     ],
 )
-def test_error_is_raised_and_a_dead_worker_is_replaced(addon, query, jobs, behave, error, sentence, stays, n_folders):
+def test_error_is_raised_and_a_dead_worker_is_replaced(
+    addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_folders
+):
+    started, begin_job = [], addon.queries.begin_job
+    monkeypatch.setattr(addon.queries, "begin_job", lambda *given: (started.append(given), begin_job(*given)))
     pid = query()["pid"]
-    with pytest.raises(getattr(addon.engine_api, error), match=sentence) as caught:
+    with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         query(behave=behave)
-    assert behave != "refuse" or caught.value.hint == "Find it."
+    assert len(started) == n_workers
     assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_folders
     assert (query()["pid"] == pid) == stays
 

@@ -184,10 +184,3 @@ def test_bug_after_a_job_ends_the_task_and_is_raised(bpy, addon, end):
         end("", fault)
     progress = bpy.context.window_manager.karf_progress
     assert not addon.runner.is_running() and not progress.running and "ours" in progress.error
-
-
-def test_operator_reports_disk_errors(bpy, learned, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(RuntimeError, match="file") as caught:
-        bpy.ops.karf.save_edit(filepath=str(tmp_path / "file" / "edit.json"))
-    assert "Traceback" not in str(caught.value)

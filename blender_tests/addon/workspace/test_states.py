@@ -12,15 +12,15 @@ LEARNED, MARKED = IMPORTED | {"learn": "done"}, IMPORTED | {"mark": "done"}
 
 
 @pytest.fixture
-def project(addon, project_scene, tmp_path):
-    """The folder of the scene's project, learned with a mask of the pot, tmp_path/masks/pot/photo_0.png."""
+def project(addon, learned, tmp_path):
+    """The scene's project, segmented by a mask of the pot, tmp_path/masks/pot/photo_0.png, and recolored."""
     addon.images.write_png(tmp_path / "masks" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
-    project_scene.karf.masks = str(tmp_path / "masks")
-    addon.steps.learn_scene(project_scene).wait()
-    addon.steps.segment(project_scene).wait()
-    addon.folders.project_of(project_scene).segmentation_file.touch()
-    addon.steps.extract_palette(project_scene).wait()
-    return tmp_path / "project"
+    learned.karf.masks = str(tmp_path / "masks")
+    project = addon.folders.project_of(learned)
+    project.finish("segmentation", "fake")
+    project.segmentation_file.touch()
+    project.finish("recoloring", "fake")
+    return project
 
 
 def kinds(addon, scene):
@@ -32,21 +32,22 @@ def test_step_is_done_when_its_result_exists(addon, learned):
 
 
 @pytest.mark.parametrize("mark", ["../masks/pot/photo_0.png", "corrections/pot/photo_0.png", "volumes.json"])
-def test_newer_mark_makes_segments_stale(addon, project_scene, project, mark):
-    file = project / mark
+def test_newer_mark_makes_segments_stale(addon, learned, project, mark):
+    file = project.folder / mark
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
-    assert kinds(addon, project_scene)["segment"] == "done"
+    assert kinds(addon, learned)["segment"] == "done"
     later = file.stat().st_mtime + 60
     os.utime(file, (later, later))
-    state = addon.states.state_of(project_scene, "segment")
+    state = addon.states.state_of(learned, "segment")
     assert state.kind == "stale" and "Marks have changed" in state.reason
 
 
-def test_rerun_stage_makes_later_ones_stale(addon, project_scene, project):
-    addon.steps.learn_scene(project_scene).wait()
+def test_rerun_stage_makes_later_ones_stale(addon, learned, project):
+    assert kinds(addon, learned)["palette"] == "done"
+    project.finish("geometry", "anew")
     for step, reason in (("segment", "learned again"), ("palette", "segmented again")):
-        state = addon.states.state_of(project_scene, step)
+        state = addon.states.state_of(learned, step)
         assert state.kind == "stale" and reason in state.reason
 
 

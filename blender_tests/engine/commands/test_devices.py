@@ -116,18 +116,6 @@ def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, els
         assert values.device.type == elsewhere.type and len(values) == len(positions)
 
 
-def test_an_interrupted_nerf_resumes_away_from_the_cpu(elsewhere):
-    fit, _ = started("alpha", "box", "nerf", elsewhere)
-    scenes = fit.scenes(SILENT)
-    next(scenes)
-    state = {name: value.cpu().clone() for name, value in fit.state().items()}
-    other, _ = started("alpha", "box", "nerf", elsewhere)
-    other.resume(state)
-    next(scenes)
-    next(other.scenes(SILENT))
-    assert all(torch.equal(a, b) for a, b in zip(fit.field.parameters(), other.field.parameters(), strict=True))
-
-
 def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
     monkeypatch.setattr(importing, "MIN_PSNR", 0.0)
     fit, dataset = started("opaque", "frustum", "nerf", elsewhere)

@@ -1,7 +1,8 @@
 """All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
 
+import inspect
 import json
-import shutil
+from importlib import import_module
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -19,7 +20,8 @@ from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture
 from karf_engine.cli import main
 from karf_engine.commands import render
-from karf_engine.commands.options import RenderOptions
+from karf_engine.commands.dispatch import run_command
+from karf_engine.commands.options import COMMANDS, InspectOptions, LearnOptions, MarkOptions, RenderOptions
 from karf_engine.errors import BadRequest
 from karf_engine.export.layer_names import read_layer_names
 from karf_engine.export.scene_points import read_points
@@ -34,6 +36,7 @@ from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
+from karf_engine.worker.protocol import STAGES, WARM
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
 SAME = '{"schema": "karf-edit/1", "objects": {}}'
@@ -126,15 +129,6 @@ def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_
     assert "Only settings of recoloring" in capsys.readouterr().err
 
 
-def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, capsys):
-    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
-    for name, other in (("block", "ball"), ("ball", "block")):
-        shutil.copy(still_life.masks / other / "r_0.png", masks / name / "r_0.png")
-    assert run("segmentation", copy.folder, "--masks", masks, "--threads", 1) == 0
-    assert "already done" not in capsys.readouterr().err
-    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False, True]
-
-
 def test_no_view_shows_an_object_beyond_its_volume(copy):
     half = np.diag([0.2, 2.0, 2.0, 1.0])
     half[0, 3] = 0.25  # x from 0.05 to 0.45; the block's is from 0.15 to 0.75
@@ -150,26 +144,18 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
 
 
 # -------------------------------------------------------------------------------------------------------------- rendering
-def test_held_out_views_show_the_scene_and_its_objects(still_life, frames):
+def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_life, frames):
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
         assert psnr(read_photo(frames / "render" / f"test_{stem}.png"), truth.color) > 20
         for label, name in ((1, "ball"), (2, "block")):
             assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > 0.6
-
-
-def test_depth_is_that_of_the_still_life(still_life, frames):
-    truth = still_life.photos["test/r_0"]
-    depth = np.load(frames / "depth" / "test_r_0.npy")
-    assert depth.dtype == np.float32 and depth.shape == (32, 32)
-    _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
-    assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
-
-
-def test_what_is_unsure_lies_where_objects_are_and_what_shows_nothing_is_not(frames):
-    for name in ("ball", "block"):
-        unsure = read_photo(frames / "unsure" / name / "test_r_0.png")[..., 0]
-        assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+            unsure = read_photo(frames / "unsure" / name / f"test_{stem}.png")[..., 0]
+            assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+        depth = np.load(frames / "depth" / f"test_{stem}.npy")
+        assert depth.dtype == np.float32 and depth.shape == (32, 32)
+        _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
+        assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
 
 
 def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
@@ -320,3 +306,21 @@ def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, t
     assert np.array_equal(first.colors["ball"], both.colors["ball"])
     assert np.array_equal(first.colors["block"], block) and not np.array_equal(both.colors["block"], block)
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
+
+
+# ---------------------------------------------------------------------------------------------------------- every command
+def test_every_command_is_run_in_the_same_way_and_may_be_a_job():
+    for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
+        run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run
+        assert list(inspect.signature(run).parameters)[:3] == ["options", "emit", "should_stop"], name
+    assert STAGES == (*COMMANDS, WARM)
+
+
+def test_what_a_command_answers_is_returned(still_life, tmp_path, events):
+    inspect_options = InspectOptions.of(capture=still_life.capture, out=tmp_path / "inspected")
+    advice = run_command(inspect_options, events, lambda: False)
+    assert advice.findings and (tmp_path / "inspected" / "inspection.json").exists()
+    box = {"view": "train_r_0", "object_name": "ball", "box": (8, 8, 20, 20)}
+    mark_options = MarkOptions.of(capture=still_life.capture, masks=tmp_path / "masks", **box)
+    mask = run_command(mark_options, events, lambda: False)
+    assert mask.is_file() and events.values("artifact", "path") == [str(tmp_path / "inspected"), str(mask)]

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime

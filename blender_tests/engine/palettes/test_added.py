@@ -56,11 +56,6 @@ def test_the_parts_of_a_weight_add_up_to_its_very_bits_and_black_has_none(kind):
     np.testing.assert_array_equal(parts[:, 0], [weights[0], 0 * weights[0], 0 * weights[0]])
 
 
-def test_a_picked_color_that_stays_changes_no_bit():
-    color = AddedColor(VIOLET.astype(np.float32))
-    np.testing.assert_array_equal(recolored(color, edited_with(color, color.picked)), PICTURE)
-
-
 @pytest.mark.parametrize(("compositing", "tolerance"), [("delta", 1e-3), ("paper", 5e-3)])
 def test_only_the_picked_pigment_changes_and_becomes_what_is_wanted(compositing, tolerance):
     color = AddedColor(VIOLET)
@@ -78,12 +73,9 @@ def test_swatches_no_longer_move_the_picked_pigment():
     assert np.abs(red - lit(RED)).max() > 0.3
 
 
-def test_reach_says_how_far_in_hue_the_pigment_goes():
+def test_reach_says_how_far_in_hue_the_pigment_goes_and_a_grey_one_is_told_by_its_chroma():
     near, far = (split_weights(WEIGHTS, PALETTE, [AddedColor(VIOLET, reach)])[4:].sum() for reach in (0.2, 4.0))
     assert far > 1.5 * near > 0
-
-
-def test_a_grey_pigment_is_told_by_its_chroma():
     grey = np.full(3, 0.6)
     weights = seen_of(np.concatenate([lit(grey), lit(RED)]).astype(np.float32), PALETTE).palette_weights
     shares = split_weights(weights.T, PALETTE, [AddedColor(grey)])[4:].sum(0)
@@ -119,7 +111,7 @@ def test_black_has_no_pigment():
 
 # ----------------------------------------------------------------------------------------------------- neutrals, proposals
 def lettered(share_of_silver=0.5):
-    """What is seen of a silver thing with red letters."""
+    """The histogram of a silver thing with red letters."""
     seen = seen_of(np.concatenate([lit(RED), lit(SILVER)]).astype(np.float32), PALETTE)
     return seen._replace(counts=np.repeat([1 - share_of_silver, share_of_silver], 20))
 

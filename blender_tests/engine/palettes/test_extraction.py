@@ -4,9 +4,6 @@ import time
 
 import numpy as np
 import pytest
-
-pytest.importorskip("scipy")
-
 from scipy.spatial import ConvexHull
 
 from blender_tests.engine.palettes.conftest import LEGO

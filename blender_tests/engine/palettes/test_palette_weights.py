@@ -4,8 +4,6 @@ the same with and without scipy. LoCoPalettes' weights: convex, faithful to the 
 import numpy as np
 import pytest
 
-pytest.importorskip("scipy")
-
 from blender_tests.engine.palettes.conftest import LEGO
 from karf_engine.palettes.palette_weights import (
     hull_corners,

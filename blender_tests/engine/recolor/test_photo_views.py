@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("cv2")
+import torch
 
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View

@@ -7,11 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-pytest.importorskip("cv2")
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-pytest.importorskip("OpenEXR")
-
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View

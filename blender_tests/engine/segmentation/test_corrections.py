@@ -4,9 +4,6 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.errors import DataError

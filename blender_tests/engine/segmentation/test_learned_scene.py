@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from karf_engine.capture.capture import capture_from_json
 from karf_engine.cli import main
 from karf_engine.compute.progress import Progress

@@ -4,9 +4,7 @@ import json
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from karf_engine.errors import DataError
 from karf_engine.fields.rendering.space import Similarity

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-pytest.importorskip("scipy")
-
 from karf_engine.errors import DataError
 from karf_engine.segmentation.surface_points import Labels, ObjectDoubt, SurfaceUncertainty, merge_samples
 from karf_engine.segmentation.views import mask_confidence, mask_targets, vote_on_points

@@ -86,14 +86,10 @@ def test_error_without_a_starter_lists_all_that_was_tried(managed, find, tmp_pat
     [
         ("plain", "plain", "plain"),
         (r"C:\env\x.exe", r"C:\env\x.exe", r"C:\env\x.exe"),
-        ("ü", "ü", "ü"),
         ("a b", "'a b'", '"a b"'),
         ("it's", "'it''s'", '"it\'s"'),
-        ("50%", "'50%'", '"50%"'),
-        ("(x86)", "'(x86)'", '"(x86)"'),
-        ("a&b", "'a&b'", '"a&b"'),
-        ("$HOME", "'$HOME'", '"$HOME"'),
-        ("a;b", "'a;b'", '"a;b"'),
+        ("(50%)", "'(50%)'", '"(50%)"'),
+        ("ü&$HOME;", "'ü&$HOME;'", '"ü&$HOME;"'),
     ],
 )
 def test_words_survive_every_shell(managed, word, powershell, cmd):

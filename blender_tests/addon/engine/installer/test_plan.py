@@ -89,26 +89,26 @@ def test_impossible_choices_are_refused(managed, plan, options, error, sentence)
         plan(**options)
 
 
-def test_source_is_the_configured_index_without_its_password(plan, tmp_path):
-    def source(**variables):
-        return plan(variables={"PATH": "", **variables}).source
+SECRET, MIRROR = "https://name:secret@mirror.example/simple", "https://mirror.example/other"
 
-    secret = "https://name:secret@mirror.example/simple"
-    for name, told in (
-        ("UV_DEFAULT_INDEX", {}),
-        ("UV_INDEX_URL", {}),
-        ("PIP_INDEX_URL", {"UV_DEFAULT_INDEX": secret}),
-    ):
-        found = source(**{name: secret})
-        assert "https://mirror.example/simple" in found.sentence and "secret" not in found.sentence
-        assert found.variables == told
-    settings = tmp_path / "pip.conf"
-    settings.write_text("[global]\nindex-url = https://mirror.example/other\n")
-    found = source(PIP_CONFIG_FILE=str(settings))
-    assert "mirror.example/other" in found.sentence and str(settings) in found.sentence
-    assert found.variables == {"UV_DEFAULT_INDEX": "https://mirror.example/other"}
-    settings.write_text("index-url without section")
-    assert source(PIP_CONFIG_FILE=str(settings), HOME=str(tmp_path)).sentence
+
+@pytest.mark.parametrize(
+    ("variables", "index", "told"),
+    [
+        ({"UV_DEFAULT_INDEX": SECRET}, "https://mirror.example/simple", {}),
+        ({"UV_INDEX_URL": SECRET}, "https://mirror.example/simple", {}),
+        ({"PIP_INDEX_URL": SECRET}, "https://mirror.example/simple", {"UV_DEFAULT_INDEX": SECRET}),
+        (f"[global]\nindex-url = {MIRROR}\n", MIRROR, {"UV_DEFAULT_INDEX": MIRROR}),
+        ("index-url without section", "the Python Package Index", {}),
+    ],
+)
+def test_source_is_the_configured_index_without_its_password(plan, tmp_path, variables, index, told):
+    if isinstance(variables, str):  # pip's settings
+        (tmp_path / "pip.conf").write_text(variables)
+        variables = {"PIP_CONFIG_FILE": str(tmp_path / "pip.conf"), "HOME": str(tmp_path)}
+    source = plan(variables={"PATH": "", **variables}).source
+    assert index in source.sentence and "secret" not in source.sentence
+    assert source.variables == told
 
 
 def test_lock_has_one_wheel_per_package_for_each_python(managed):

@@ -2,11 +2,6 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("cv2")
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
