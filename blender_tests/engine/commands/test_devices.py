@@ -12,12 +12,11 @@ pytest.importorskip("scipy")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
-from blender_tests.engine.commands.conftest import geometry_command
+from blender_tests.engine.commands.conftest import geometry_command, run
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.nerf import still_life as views_and_photos
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture.capture import SparsePoints
-from karf_engine.cli import main
 from karf_engine.compute import runtime
 from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene, save_scene
@@ -126,10 +125,6 @@ def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
 
 
 # ------------------------------------------------------------------------------------------------------ the other stages
-def runs(*arguments):
-    assert main([*map(str, arguments)]) == 0
-
-
 QUICK = ("segmentation.iterations=25", "recoloring.iterations=4", "segmentation.rounds=1")
 WAYS = {
     "as by default": (),
@@ -141,19 +136,19 @@ WAYS = {
 @pytest.mark.parametrize("settings", WAYS.values(), ids=WAYS)
 def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, copy, elsewhere, tmp_path, settings):
     project = copy.folder
-    runs(*still_life.command(project, *QUICK, *settings), "--device", elsewhere)
+    assert run(*still_life.command(project, *QUICK, *settings), "--device", elsewhere) == 0
     assert all(copy.finished(stage) for stage in STAGE_ORDER)
     green = tmp_path / "green.json"
-    runs("match", project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", green)
+    assert run("match", project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", green) == 0
     for base in ("photo", "render"):
         options = ("--edit", green, "--base", base, "--depth", "--planes", "--out", tmp_path / base)
-        runs("render", project, "--views", "test_r_1", *options, "--threads", 1, "--device", elsewhere)
+        assert run("render", project, "--views", "test_r_1", *options, "--threads", 1, "--device", elsewhere) == 0
         assert (tmp_path / base / "recolor" / "test_r_1.png").exists()
 
 
 def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, tmp_path):
     few = 'geometry.levels=[{"voxels": 12, "iterations": 20, "step": 1.0}]'
-    runs(*geometry_command(still_life, tmp_path / "project", few), "--device", elsewhere)
+    assert run(*geometry_command(still_life, tmp_path / "project", few), "--device", elsewhere) == 0
     assert (tmp_path / "project" / "preview.png").exists()
 
 

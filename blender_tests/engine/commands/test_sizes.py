@@ -262,7 +262,9 @@ def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(render, green,
     green.save(tmp_path / "green.json")
     options = ("--edit", tmp_path / "green.json", "--alpha", "--depth", "--set", "render.supersampling=3")
     assert render("--views", cameras, *options, "--format", kind) == 0
-    shown, recolored = (read_photo(tmp_path / "out" / name / f"frame_0.{suffix}") for name in ("render", "recolor"))
+    shown, recolored = (
+        read_photo(tmp_path / "out" / name) for name in ("render/frame_0.png", f"recolor/frame_0.{suffix}")
+    )
     for picture in (shown, recolored):
         assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.08
     solid = truth.alpha > 0.99

@@ -14,11 +14,10 @@ maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 OpenEXR = pytest.importorskip("OpenEXR")
 
 import karf_engine
-from blender_tests.engine.commands.conftest import Events, cameras_file
+from blender_tests.engine.commands.conftest import Events, cameras_file, run
 from blender_tests.engine.conftest import of_field
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture
-from karf_engine.cli import main
 from karf_engine.commands import render
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import COMMANDS, InspectOptions, LearnOptions, MarkOptions, RenderOptions
@@ -40,10 +39,6 @@ from karf_engine.worker.protocol import STAGES, WARM
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
 SAME = '{"schema": "karf-edit/1", "objects": {}}'
-
-
-def run(*words):
-    return main([*map(str, words)])
 
 
 @pytest.fixture(scope="module")
@@ -91,11 +86,11 @@ def test_a_second_run_does_nothing_and_a_changed_setting_runs_what_depends_on_it
     before = contents(copy)
     files = before.keys() - {Path("lock")}  # which older releases of filelock touch
     times = {name: (copy.folder / name).stat().st_mtime_ns for name in files}
-    assert main(still_life.command(copy.folder)) == 0
+    assert run(*still_life.command(copy.folder)) == 0
     assert contents(copy) == before
     assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in files}
     assert done_already(capsys.readouterr().err) == [True] * 5
-    assert main(still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
+    assert run(*still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
     assert done_already(capsys.readouterr().err) == [True, True, False, False, True]
     changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
