@@ -1,8 +1,6 @@
 """Every stage away from the CPU: on the device that `--device` names, else on one that is only pretended."""
 
-import importlib
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,9 +24,8 @@ from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.surface_cache import cache_surface
 from karf_engine.fields.scene import psnr_of_views
-from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import STAGE_ORDER
 from karf_engine.project.settings import GeometrySettings, Level, NerfSettings, OpenSettings
-from karf_engine.recolor.model import Model
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
 SETTINGS = replace(
@@ -150,11 +147,3 @@ def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, 
     few = 'geometry.levels=[{"voxels": 12, "iterations": 20, "step": 1.0}]'
     assert run(*geometry_command(still_life, tmp_path / "project", few), "--device", elsewhere) == 0
     assert (tmp_path / "project" / "preview.png").exists()
-
-
-def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, monkeypatch):
-    ablations = importlib.import_module("tools.evaluate.ablations")
-    monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
-    done = SimpleNamespace(model=Model(Project(learned.project), elsewhere))
-    bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))
-    assert np.isfinite(ablations.decomposition_row(bench, ())).all()

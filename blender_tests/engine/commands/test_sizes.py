@@ -133,16 +133,6 @@ def test_a_photo_keeps_its_lens(model, tmp_path):
     assert scores[0] > 0.7 and scores[0] > scores[1] + 0.05
 
 
-def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_path):
-    alpha = to_bytes(photo.alpha)
-    Image.fromarray(np.dstack([to_bytes(photo.color), alpha])).save(tmp_path / "a.png")
-    ready = model.photo_view(view_of(tmp_path / "a.png"))
-    after = ready.recolor(green).pixels
-    assert_array_equal(after[..., 3], alpha)
-    assert_array_equal(after[alpha == 0], open_photo(tmp_path / "a.png").pixels[alpha == 0])
-    assert is_green(after[ready.masks()[0] & (alpha == 255)])
-
-
 @pytest.mark.parametrize("orientation", [1, 6])
 def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path, orientation):
     taken = []

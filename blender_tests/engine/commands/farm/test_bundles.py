@@ -75,6 +75,8 @@ def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
     (fourth,) = (tmp_path / "fourth" / "recolor").iterdir()
     assert fourth.read_bytes() == (tmp_path / "all" / "recolor" / fourth.name).read_bytes()
     assert len({path.read_bytes() for path in (tmp_path / "all" / "recolor").iterdir()}) == 5
+    with pytest.raises(BadRequest, match="2 edits for 5 views"):
+        karf.render(bundle / "project", tmp_path / "all", edit=one_each[:2], **options)
     one_each[2].unlink()
     with pytest.raises(DataError, match="frame_0003"):
         karf.render_bundle(learned.project, tmp_path / "another", edit=edits, **views)
