@@ -148,22 +148,19 @@ def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
 
 
 # ---------------------------------------------------------------------------------------------------------------- edges
-def changes(model, edit):
-    """By how much an edit changes each Gaussian."""
-    return np.abs(model.recolored_splats(edit).table - model.splats.table).sum(1)
-
-
-def test_a_choke_recolors_fewer_gaussians_growth_more_and_neither_the_same(model, green):
-    choked, same, plain, grown = (
-        changes(model, edit) for edit in (green.edge("ball", 3), green.edge("ball"), green, green.edge("ball", -3))
+def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_between_both_colors(model, green):
+    choked, same, plain, grown, soft = (
+        np.abs(model.recolored_splats(edit).table - model.splats.table).sum(1)
+        for edit in (
+            *(green.edge("ball", choke) for choke in (3, 0)),
+            green,
+            green.edge("ball", -3),
+            green.edge("ball", 0, 16),
+        )
     )
     assert_array_equal(same, plain)
     assert (choked <= plain + 1e-6).all() and (grown >= plain - 1e-5).all()
     assert (choked > 0).sum() < (plain > 0).sum() < (grown > 0).sum()
-
-
-def test_a_feather_leaves_gaussians_between_both_colors(model, green):
-    plain, soft = changes(model, green), changes(model, green.edge("ball", 0, 16))
     share = soft[plain > 1e-2] / plain[plain > 1e-2]
     assert ((share > 0.1) & (share < 0.9)).sum() > 20
 
@@ -220,14 +217,11 @@ def in_blue(gaussians, share=1.0):
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_color_moves_by_its_weights_and_its_share(share):
-    color = 0.5 + C0 * in_blue(one(), share)[COLOR : COLOR + 3]
-    assert_allclose(color, [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
-
-
-def test_shading_takes_the_new_hue_too():
-    assert_allclose(in_blue(one(0.2))[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
-    assert not in_blue(one())[COLOR + 3 :].any()
+def test_a_color_moves_by_its_weights_and_its_share_and_shading_takes_the_new_hue_too(share):
+    plain, shaded = in_blue(one(), share), in_blue(one(0.2))
+    assert_allclose(0.5 + C0 * plain[COLOR : COLOR + 3], [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
+    assert not plain[COLOR + 3 :].any()
+    assert_allclose(shaded[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
 
 
 def test_an_object_without_gaussians_has_empty_planes(camera):
