@@ -149,15 +149,10 @@ def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
 
 # ---------------------------------------------------------------------------------------------------------------- edges
 def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_between_both_colors(model, green):
-    choked, same, plain, grown, soft = (
-        np.abs(model.recolored_splats(edit).table - model.splats.table).sum(1)
-        for edit in (
-            *(green.edge("ball", choke) for choke in (3, 0)),
-            green,
-            green.edge("ball", -3),
-            green.edge("ball", 0, 16),
-        )
-    )
+    edges = [(3, 0), (0, 0), (-3, 0), (0, 16)]
+    edits = [green, *(green.edge("ball", *edge) for edge in edges)]
+    tables = [model.recolored_splats(edit).table for edit in edits]
+    plain, choked, same, grown, soft = (np.abs(table - model.splats.table).sum(1) for table in tables)
     assert_array_equal(same, plain)
     assert (choked <= plain + 1e-6).all() and (grown >= plain - 1e-5).all()
     assert (choked > 0).sum() < (plain > 0).sum() < (grown > 0).sum()
