@@ -230,9 +230,7 @@ def test_an_object_without_gaussians_has_empty_planes(camera):
 # --------------------------------------------------------------------------------------------------------------- behind
 @pytest.mark.parametrize("background", [0.0, 0.4, 1.0])
 def test_a_cut_out_gives_the_picture_again_on_its_background(background):
-    random = np.random.default_rng(0)
-    own, opacity = random.random((4, 5, 3)), random.random((4, 5))
-    opacity[0, 0] = 0
+    own, opacity = np.random.default_rng(0).random((4, 5, 3)), np.linspace(0, 1, 20).reshape(4, 5)
     behind = np.full((4, 5, 3), background)
     picture = own * opacity[..., None] + behind * (1 - opacity[..., None])
     cut = remove_background(picture, opacity, behind)
