@@ -12,14 +12,7 @@ from karf_engine.palettes import edge_shape
 from karf_engine.palettes.added import split_weights
 from karf_engine.palettes.compositing import Planes, delta_composite, stack_palettes
 from karf_engine.palettes.edge_planes import ObjectEdge, apply_edges_to_planes
-from karf_engine.palettes.edge_shape import (
-    Borders,
-    EdgeShape,
-    apply_edge_shape,
-    apply_edges_to_points,
-    erode,
-    feather,
-)
+from karf_engine.palettes.edge_shape import Borders, EdgeShape, apply_edge_shape, apply_edges_to_points, erode, feather
 from karf_engine.palettes.palette import AddedColor, Palette
 from karf_engine.palettes.swatch_picture import ObjectPlanes, delta_picture
 
