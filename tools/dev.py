@@ -58,7 +58,9 @@ def main() -> int:
         verb = verbs.add_parser(name, help=text)
         verb.add_argument("rest", nargs=argparse.REMAINDER, help="passed on")
     building = verbs.add_parser("build", help="the extension's zip, repository and checksums in dist/; sets nothing up")
-    building.add_argument("rest", nargs=argparse.REMAINDER, help="--release: for publishing, refuse while a published table is stale")
+    building.add_argument(
+        "rest", nargs=argparse.REMAINDER, help="--release: for publishing, refuse while a published table is stale"
+    )
     verbs.add_parser("wheel", help="the engine's wheel and source archive in dist/, checked")
     verbs.add_parser("docs", help="the documentation site in docs_out/; a warning is an error")
     verbs.add_parser("lock", help="lock the packages of the engine's environment for every system")

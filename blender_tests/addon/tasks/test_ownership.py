@@ -9,47 +9,44 @@ def poses(addon, scene, capture_folder):
     return addon.steps.find_poses(scene, capture_folder / "images")
 
 
+@pytest.fixture
 def warnings(bpy):
-    return bpy.context.window_manager.karf_progress.warnings
+    """A function that returns what is warned of."""
+    return lambda: bpy.context.window_manager.karf_progress.warnings
 
 
-def rigs(bpy):
-    return [item.name for item in bpy.data.objects if item.type == "EMPTY"]
+def n_rigs(bpy):
+    return len([item for item in bpy.data.objects if item.type == "EMPTY"])
 
 
-def test_poses_found_after_another_file_was_opened_stay_on_disk(bpy, addon, poses):
+def test_poses_stay_on_disk_if_another_file_was_opened(bpy, addon, poses, warnings):
     bpy.ops.wm.read_homefile(use_empty=True)
     addon.runner.wait(poses)
     out = poses.requests[0].options["out"]
-    assert not rigs(bpy) and not bpy.context.scene.karf.project
-    assert out in warnings(bpy) and addon.engine_api.open_capture(out).views
+    assert n_rigs(bpy) == 0 and not bpy.context.scene.karf.project
+    assert out in warnings() and addon.engine_api.open_capture(out).views
 
 
-def test_poses_go_to_their_scene_under_its_new_name(bpy, addon, scene, poses):
+@pytest.mark.parametrize("is_deleted", [False, True])
+def test_poses_go_to_their_scene_under_its_new_name_and_to_no_other(bpy, addon, scene, poses, warnings, is_deleted):
     scene.name = "renamed"
     other = bpy.data.scenes.new("Scene")
     bpy.ops.ed.undo_push(message="renamed")
     bpy.context.window.scene = other
+    if is_deleted:
+        bpy.data.scenes.remove(scene)
     addon.runner.wait(poses)
-    assert bpy.data.scenes["renamed"].karf.project and not other.karf.project
-
-
-def test_poses_of_a_deleted_scene_go_to_no_other(bpy, addon, scene, poses):
-    other = bpy.data.scenes.new("other")
-    bpy.data.scenes.remove(scene)
-    addon.runner.wait(poses)
-    assert not other.karf.project and not rigs(bpy)
-    assert "import" in warnings(bpy)
+    assert not other.karf.project and n_rigs(bpy) == (0 if is_deleted else 1)
+    assert "import" in warnings() if is_deleted else bpy.data.scenes["renamed"].karf.project
 
 
 def test_poses_do_not_displace_a_project_chosen_meanwhile(bpy, addon, scene, poses, capture_folder, tmp_path):
     addon.steps.import_capture(scene, capture_folder, tmp_path / "chosen")
     addon.runner.wait(poses)
-    assert addon.folders.project_of(scene).folder == tmp_path / "chosen"
-    assert len(rigs(bpy)) == 1
+    assert addon.folders.project_of(scene).folder == tmp_path / "chosen" and n_rigs(bpy) == 1
 
 
-def test_palettes_go_to_no_file_that_was_opened_meanwhile(bpy, addon, learned, tmp_path):
+def test_palettes_go_to_no_file_opened_meanwhile(bpy, addon, learned, warnings):
     project = addon.folders.project_of(learned).folder
     task = addon.steps.extract_palette(learned)
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -58,30 +55,26 @@ def test_palettes_go_to_no_file_that_was_opened_meanwhile(bpy, addon, learned, t
     scene.karf.objects.clear()
     addon.runner.wait(task)
     assert not scene.karf.objects and scene.karf.result is None
-    assert warnings(bpy).count(str(project)) == 1
+    assert warnings().count(str(project)) == 1
 
 
-def test_palettes_leave_a_scene_alone_that_has_chosen_another_project(bpy, addon, learned, tmp_path):
+def test_palettes_leave_a_scene_with_another_project_alone(addon, learned, warnings, tmp_path):
     task = addon.steps.extract_palette(learned)
     addon.steps.set_swatch(learned, "pot", 1, "#102030")
     learned.karf.project = str(tmp_path / "elsewhere")
     before = [tuple(swatch.color) for swatch in learned.karf.objects["pot"].swatches]
     addon.runner.wait(task)
     assert [tuple(swatch.color) for swatch in learned.karf.objects["pot"].swatches] == before
-    assert "result is in" in warnings(bpy)
+    assert "result is in" in warnings()
 
 
-def test_the_panel_says_whose_job_runs(bpy, addon, scene, poses):
-    assert poses.label == "Find Camera Poses"
-    bpy.data.scenes.new("other")
-    assert poses.label == f"Find Camera Poses ({scene.name})"
-    bpy.ops.wm.read_homefile(use_empty=True)
-    assert poses.label == "Find Camera Poses (of another file)"
-
-
-def test_an_owner_is_found_again_after_undo(bpy, addon, scene, poses):
+def test_the_panel_says_whose_job_runs_and_finds_its_owner_after_undo(bpy, addon, scene, poses):
     bpy.ops.ed.undo_push(message="before")
     scene.karf.nerf = "mug.tar"
     bpy.ops.ed.undo_push(message="nerf")
     bpy.ops.ed.undo()
-    assert poses.owner.find() == bpy.context.scene
+    assert poses.owner.find() == bpy.context.scene and poses.label == "Find Camera Poses"
+    bpy.data.scenes.new("other")
+    assert poses.label == f"Find Camera Poses ({bpy.context.scene.name})"
+    bpy.ops.wm.read_homefile(use_empty=True)
+    assert poses.label == "Find Camera Poses (of another file)"

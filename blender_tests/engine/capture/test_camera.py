@@ -1,4 +1,6 @@
-"""The pinhole camera by hand and by round trips; lenses and undistorted photos against OpenCV and COLMAP."""
+"""The pinhole camera by hand and by round trips, lenses and undistorted photos against OpenCV and COLMAP, and paths."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,12 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+pytest.importorskip("scipy")
+
+from blender_tests.engine.reference import still_life
 from blender_tests.engine.reference.capture_files import random_rig
 from karf_engine.capture.camera import Camera
+from karf_engine.capture.camera_paths import camera_spline, orbit
 from karf_engine.capture.colmap import FISHEYES, PINHOLES
 from karf_engine.capture.colmap_model import PARAMETERS
 from karf_engine.capture.distortion import BLOCK_ROWS, distort, undistort_points, undistort_points_near, undistorted
 from karf_engine.capture.reader_utils import opencv_distortion
+from karf_engine.errors import BadRequest
 
 repeatable = settings(derandomize=True, max_examples=60, deadline=None)
 COEFFICIENTS = {"k1": 0.06, "k2": -0.02, "p1": 0.004, "p2": -0.003, "k3": 0.005, "k4": 0.03, "k5": -0.01, "k6": 0.002}
@@ -113,7 +120,6 @@ def test_what_a_lens_does_not_show_has_no_place_in_its_pinhole():
 # ----------------------------------------------------------------------------------------------------- undistorted photos
 @pytest.fixture
 def undistort():
-    pytest.importorskip("scipy")
     return pytest.importorskip("karf_engine.capture.training_images").undistort
 
 
@@ -170,3 +176,61 @@ def test_numpy_alone_undistorts_as_the_engine_does(name, undistort):
     assert valid.mean() > 0.5
     assert_allclose(found[valid], expected[valid], atol=1e-4)
     assert not found[~valid].any()
+
+
+# ------------------------------------------------------------------------------------------------------------------ paths
+CENTER = np.array([1.0, -2.0, 0.5])
+
+
+def camera_at(azimuth):
+    """A camera that looks at CENTER from 30 degrees above and 4 away; z is up."""
+    camera = still_life.camera_at(np.radians(azimuth), np.radians(30), distance=4.0)
+    pose = camera.camera_to_world.copy()
+    pose[:3, 3] += CENTER
+    return Camera(64, 48, 80.0, 80.0, 30.0, 24.0, pose, distortion=(0.1, 0.0, 0.0, 0.0))
+
+
+RING = [camera_at(azimuth) for azimuth in range(0, 360, 30)]
+
+
+@pytest.mark.parametrize(("elevation", "expected"), [(None, 30.0), (0.0, 0.0), (60.0, 60.0)])
+def test_an_orbit_looks_at_the_center_from_the_radius_and_elevation_of_the_capture(elevation, expected):
+    assert_allclose(orbit(RING[3:], 5)[0].position, RING[3].position, atol=1e-2)  # it begins at the first camera
+    path = orbit(RING, 8, elevation)
+    offsets = np.stack([camera.position for camera in path]) - CENTER
+    assert_allclose(np.linalg.norm(offsets, axis=1), 4.0, rtol=1e-3)
+    assert_allclose(np.degrees(np.arcsin(offsets[:, 2] / 4.0)), expected, atol=0.1)
+    steps = np.diff(np.unwrap(np.arctan2(offsets[:, 1], offsets[:, 0])))
+    assert_allclose(np.abs(steps), np.pi / 4, atol=1e-3)
+    for camera in path:
+        pixels, depth = camera.project(CENTER[None])
+        assert_allclose(pixels, [[32, 24]], atol=0.05)
+        assert depth[0] > 0 and camera.is_pinhole
+
+
+def test_a_spline_passes_through_its_cameras_and_keeps_rotations():
+    keys = [RING[0], replace(RING[2], fx=120.0, fy=120.0), RING[3]]
+    path = camera_spline(keys, 9)
+    for key, camera in zip(keys, path[::4], strict=True):
+        assert_allclose(camera.camera_to_world, key.camera_to_world, atol=1e-9)
+        assert camera.fx == pytest.approx(key.fx)
+    for camera in path:
+        rotation = camera.camera_to_world[:3, :3]
+        assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
+        assert (camera.width, camera.height) == (64, 48)
+
+
+def test_a_closed_spline_returns_to_its_first_camera_without_repeating_it():
+    path = camera_spline(RING[:4], 8, is_closed=True)
+    assert len(path) == 8
+    assert_allclose(path[0].position, RING[0].position, atol=1e-9)
+    assert_allclose(path[6].position, RING[3].position, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: orbit([], 3), lambda: orbit(RING, 0), lambda: orbit(RING, 3, 90.0),
+             lambda: camera_spline(RING[:1], 5), lambda: camera_spline(RING, 1)],
+)  # fmt: skip
+def test_a_path_of_too_few_cameras_is_refused(make):
+    with pytest.raises(BadRequest):
+        make()

@@ -1,5 +1,6 @@
-"""One rig, written in every format, is the same rig; and which format a folder is read as."""
+"""One rig, written in every format, is the same rig; which format a folder is read as; a format of one's own."""
 
+import csv
 import shutil
 from dataclasses import replace
 
@@ -9,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from blender_tests.engine.capture.example_format import CSV
 from blender_tests.engine.reference.capture_files import (
     centered,
+    llff_table,
     put,
     put_photos,
     random_rig,
@@ -19,9 +22,10 @@ from blender_tests.engine.reference.capture_files import (
     write_nerf_synthetic,
     write_transforms,
 )
-from karf_engine.capture import open_capture
+from karf_engine import capture as captures
+from karf_engine.capture import open_capture, register_format
 from karf_engine.capture.capture import Capture, CapturedSplats, View, capture_from_json, capture_to_json, with_gains
-from karf_engine.errors import DataError
+from karf_engine.errors import BadRequest, DataError
 
 NAMES = [f"{number:03d}.png" for number in range(9)]
 LENSES = {
@@ -67,6 +71,7 @@ def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens)
         assert view.image.is_file()
 
 
+RIG = [centered(camera) for camera in random_rig(3)]
 WITH_SIZES = [name for name in FORMATS if name != "nerf-synthetic"]  # whose cameras say how large their photos are
 
 
@@ -196,3 +201,94 @@ def test_photos_alone_are_no_capture(tmp_path):
     assert caught.value.hint == (
         "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."
     )
+
+
+# -------------------------------------------------------------------------------------------------------------------- LLFF
+@pytest.fixture
+def llff(tmp_path):
+    write_llff(tmp_path, RIG, NAMES)
+    return tmp_path
+
+
+def test_the_columns_are_down_right_back(tmp_path):
+    #        down  right  back  position  (height, width, focal)
+    block = [[0.0, 1.0, 0.0, 5.0, 6.0], [-1.0, 0.0, 0.0, 6.0, 8.0], [0.0, 0.0, 1.0, 7.0, 10.0]]
+    np.save(tmp_path / "poses_bounds.npy", [[*np.ravel(block), 2.0, 30.0]])
+    put_photos(tmp_path / "images", ["a.png"], (8, 6))
+    view = open_capture(tmp_path).views[0]
+    assert_allclose(view.camera.camera_to_world, [[1, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]])
+    assert (view.camera.width, view.camera.height, view.camera.fx, view.camera.cx, view.camera.cy) == (8, 6, 10, 4, 3)
+    assert view.depth_bounds == (2, 30)
+
+
+@pytest.mark.parametrize("chosen", ["poses_bounds.npy", "."])
+def test_all_views_are_learned_from_and_other_files_are_no_photos(llff, chosen):
+    put(llff / "images" / "._IMG_0.png", b"resource fork")
+    put(llff / "images" / "notes.txt", b"text")
+    capture = open_capture(llff / chosen)
+    assert capture.format == "llff" and capture.warnings == ()
+    assert [view.image for view in capture.split("train")] == [llff / "images" / name for name in NAMES]
+
+
+def test_the_largest_photos_that_are_complete_are_taken(llff):
+    (llff / "images" / NAMES[4]).unlink()
+    for name, size in (("images_2", (40, 30)), ("images_4", (20, 15)), ("images_20x15", (20, 16))):
+        put_photos(llff / name, NAMES, size)
+    assert {view.image.parent.name for view in open_capture(llff).views} == {"images_2"}
+
+
+def test_impossible_depth_bounds_are_left_out_with_a_remark(llff):
+    np.save(llff / "poses_bounds.npy", llff_table(RIG, bounds=(-1.0, 5.0)))
+    capture = open_capture(llff)
+    assert all(view.depth_bounds is None for view in capture.views)
+    assert capture.warnings == ("9 views: depth bounds that are not a range of positive depths were left out.",)
+
+
+# --------------------------------------------------------------------------------------------------- a format of one's own
+@pytest.fixture
+def registered(monkeypatch):
+    monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))
+    register_format(CSV)
+
+
+def write_csv(folder):
+    put_photos(folder / "images", NAMES, RIG)
+    with (folder / "cameras.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["photo", "width", "height", "focal", "camera_to_world"])
+        for name, camera in zip(NAMES, RIG, strict=True):
+            pose = " ".join(map(repr, camera.camera_to_world.ravel().tolist()))
+            writer.writerow([f"images/{name}", camera.width, camera.height, camera.fx, pose])
+
+
+@pytest.mark.parametrize("place", [".", "cameras.csv"])
+def test_a_registered_format_is_opened_by_its_folder_or_its_file(registered, tmp_path, place):
+    write_csv(tmp_path)
+    capture = open_capture(tmp_path / place)
+    assert (capture.format, capture.warnings) == ("csv", ())
+    held_out = open_capture(tmp_path / place, holdout=8).split("test")
+    assert [view.name for view in held_out] == [capture.views[0].name, capture.views[8].name]
+    assert [view.image for view in open_capture(tmp_path, photos=False).views] == [None] * 9
+    for view, camera, name in zip(capture.views, RIG, NAMES, strict=True):
+        assert view.image == (tmp_path / "images" / name).absolute()
+        assert (view.camera.width, view.camera.height, view.camera.fx) == (camera.width, camera.height, camera.fx)
+        assert_allclose(view.camera.camera_to_world, camera.camera_to_world, rtol=1e-12)
+
+
+def test_it_is_read_before_the_formats_that_were_known(registered, tmp_path):
+    write_llff(tmp_path, RIG, NAMES)
+    write_csv(tmp_path)
+    assert open_capture(tmp_path).warnings == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
+
+
+def test_its_marker_is_named_where_no_format_is_found(registered, tmp_path):
+    with pytest.raises(DataError) as caught:
+        open_capture(tmp_path)
+    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
+
+
+def test_a_name_is_registered_once(registered):
+    register_format(CSV)  # again, as a module that is imported twice does
+    with pytest.raises(BadRequest, match="another capture format 'csv'"):
+        register_format(replace(CSV, marker="other.csv"))
+    assert [known.name for known in captures.FORMATS].count("csv") == 1

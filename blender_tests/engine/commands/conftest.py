@@ -43,3 +43,10 @@ def cameras_file(path, count=1, size=16, angle=1.0):
     camera = camera_at(angle, 0.5, size=size)
     write_cameras(path, [View(f"frame_{n}", f"frame_{n}", camera, None, "train") for n in range(count)])
     return path
+
+
+def geometry_command(still_life, project, *settings):
+    """Arguments that learn the geometry alone."""
+    command = still_life.command(project, *settings)
+    masks = command.index("--masks")
+    return ["geometry", *command[1:masks], *command[masks + 2 :]]

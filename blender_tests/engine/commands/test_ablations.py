@@ -47,6 +47,25 @@ def palettes(job):
     return read_palettes(job.project.palette_file, "initial")
 
 
+@pytest.fixture(scope="module")
+def segmentation(job, field):
+    """Its segmentation field."""
+    return load_segmentation(job.project.segmentation_file, field.n_features)[0]
+
+
+@pytest.fixture(scope="module")
+def scene(job, field, segmentation):
+    """Surface and opacity of the rays of the whole scene."""
+    return whole_scene(job, field, segmentation)
+
+
+def fit(karf, field, rays, palettes, settings):
+    """Train a recoloring field."""
+    stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
+    progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
+    fit_recoloring(karf, field, rays, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+
+
 def rays_with(job, field, palettes, *overrides):
     """What F_w learns from with changed settings."""
     changed = replace(job, settings=settings_module.with_overrides(job.settings, list(overrides)))
@@ -86,9 +105,8 @@ def test_reference_supervision_asks_only_rays_of_masked_views_for_their_weights(
     assert not masked.weights[~masked.supervised].any()
 
 
-def test_a_black_background_asks_every_ray_and_those_of_no_object_for_black(job, field, palettes):
-    segmentation, _ = load_segmentation(job.project.segmentation_file, field.n_features)
-    surface, opacity = whole_scene(job, field, segmentation)
+def test_a_black_background_asks_every_ray_and_those_of_no_object_for_black(job, field, palettes, scene):
+    surface, opacity = scene
     rays = rays_of(job, field, surface, palettes, opacity)
     background = surface.object == BACKGROUND
     kept, _ = load_surface(job.project.surface_file)
@@ -98,15 +116,12 @@ def test_a_black_background_asks_every_ray_and_those_of_no_object_for_black(job,
     assert torch.equal(rays.opacity, opacity) and opacity.min() < 0.3 < opacity.max()
 
 
-def test_a_black_background_is_learned(job, field, palettes):
-    segmentation, _ = load_segmentation(job.project.segmentation_file, field.n_features)
-    surface, opacity = whole_scene(job, field, segmentation)
+def test_a_black_background_is_learned(job, field, palettes, segmentation, scene):
+    surface, opacity = scene
     rays = rays_of(job, field, surface, palettes, opacity)
     settings = RecoloringSettings(iterations=60, batch=512, width=16)
     karf = RecoloringField(segmentation.bounds, field.n_features, [len(p.colors) for p in palettes], settings)
-    stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
-    progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
-    fit_recoloring(karf, field, rays, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+    fit(karf, field, rays, palettes, settings)
     with torch.no_grad():
         middle = rays.positions[:, rays.positions.shape[1] // 2]
         black = karf(middle, rays.viewdirs, field.features(middle))[..., 0]
@@ -114,20 +129,15 @@ def test_a_black_background_is_learned(job, field, palettes):
     assert black[background].median() > 0.9 > 0.5 > black[surface.object < BACKGROUND].median()
 
 
-def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes):
-    bounds = load_segmentation(job.project.segmentation_file, field.n_features)[0].bounds
+def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes, segmentation):
     rays = rays_with(job, field, palettes)
     some = torch.arange(len(rays.colors)) % 3 == 0
-    sizes = [len(palette.colors) for palette in palettes]
-    stacked = torch.from_numpy(stack_palettes(["ball", "block"], {p.name: p.colors for p in palettes}))
     settings = RecoloringSettings(iterations=5, batch=128, width=8, weight_loss=1.0)
 
     def learned_with(weights):
         torch.manual_seed(0)
-        karf = RecoloringField(bounds, field.n_features, sizes, settings)
-        progress = Progress(lambda *_, **__: None, lambda: False, "recoloring", settings.iterations)
-        given = replace(rays, weights=weights, supervised=some)
-        fit_recoloring(karf, field, given, stacked, settings, start_runtime(0, 1, "cpu"), progress)
+        karf = RecoloringField(segmentation.bounds, field.n_features, [len(p.colors) for p in palettes], settings)
+        fit(karf, field, replace(rays, weights=weights, supervised=some), palettes, settings)
         return torch.cat([parameter.detach().ravel() for parameter in karf.parameters()])
 
     reversed_weights = rays.weights.flip(1)
@@ -137,22 +147,18 @@ def test_weights_of_rays_that_are_not_asked_teach_nothing(job, field, palettes):
 
 
 @pytest.mark.parametrize(("schedule", "highest", "lowest"), [("constant", 1.0, 1.0), ("cosine", 0.7, 0.02)])
-def test_the_rate_is_constant_or_warms_up_and_falls(job, field, palettes, monkeypatch, schedule, highest, lowest):
+def test_the_rate_is_constant_or_warms_up_and_falls(
+    job, field, palettes, segmentation, monkeypatch, schedule, highest, lowest
+):
     factors = []
 
     def note(training_state, until, step, factor, progress, checkpoint):
         factors.extend(factor(i, training_state.iterations) for i in range(until + 1))
 
     monkeypatch.setattr("karf_engine.heads.fit.train", note)
-    rays = rays_with(job, field, palettes)
     settings = RecoloringSettings(iterations=60, schedule=schedule)
-    karf = RecoloringField(
-        load_segmentation(job.project.segmentation_file, field.n_features)[0].bounds,
-        field.n_features,
-        [4, 4],
-        settings,
-    )
-    fit_recoloring(karf, field, rays, torch.zeros(2, 4, 3), settings, job.runtime, job.progress("test", 1))
+    karf = RecoloringField(segmentation.bounds, field.n_features, [4, 4], settings)
+    fit(karf, field, rays_with(job, field, palettes), palettes, settings)
     assert max(factors) == pytest.approx(highest, abs=0.1) and min(factors[20:]) == pytest.approx(lowest)
     assert (factors[0] < 0.1) == (schedule == "cosine")
 

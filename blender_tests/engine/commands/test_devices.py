@@ -1,7 +1,6 @@
 """Every stage away from the CPU: on the device that `--device` names, else on one that is only pretended."""
 
 import importlib
-import shutil
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,6 +12,7 @@ pytest.importorskip("scipy")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
+from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.nerf import still_life as views_and_photos
 from blender_tests.engine.reference.still_life import camera_at
@@ -116,18 +116,6 @@ def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, els
         assert values.device.type == elsewhere.type and len(values) == len(positions)
 
 
-def test_an_interrupted_nerf_resumes_away_from_the_cpu(elsewhere):
-    fit, _ = started("alpha", "box", "nerf", elsewhere)
-    scenes = fit.scenes(SILENT)
-    next(scenes)
-    state = {name: value.cpu().clone() for name, value in fit.state().items()}
-    other, _ = started("alpha", "box", "nerf", elsewhere)
-    other.resume(state)
-    next(scenes)
-    next(other.scenes(SILENT))
-    assert all(torch.equal(a, b) for a, b in zip(fit.field.parameters(), other.field.parameters(), strict=True))
-
-
 def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
     monkeypatch.setattr(importing, "MIN_PSNR", 0.0)
     fit, dataset = started("opaque", "frustum", "nerf", elsewhere)
@@ -151,34 +139,21 @@ WAYS = {
 
 
 @pytest.mark.parametrize("settings", WAYS.values(), ids=WAYS)
-def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, learned, elsewhere, tmp_path, settings):
-    project = shutil.copytree(learned.project, tmp_path / "project")
+def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, copy, elsewhere, tmp_path, settings):
+    project = copy.folder
     runs(*still_life.command(project, *QUICK, *settings), "--device", elsewhere)
-    assert all(Project(project).finished(stage) for stage in STAGE_ORDER)
+    assert all(copy.finished(stage) for stage in STAGE_ORDER)
     green = tmp_path / "green.json"
     runs("match", project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", green)
     for base in ("photo", "render"):
-        options = (
-            "--views",
-            "test_r_1",
-            "--edit",
-            green,
-            "--base",
-            base,
-            "--depth",
-            "--planes",
-            "--out",
-            tmp_path / base,
-        )
-        runs("render", project, *options, "--threads", 1, "--device", elsewhere)
+        options = ("--edit", green, "--base", base, "--depth", "--planes", "--out", tmp_path / base)
+        runs("render", project, "--views", "test_r_1", *options, "--threads", 1, "--device", elsewhere)
         assert (tmp_path / base / "recolor" / "test_r_1.png").exists()
 
 
 def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, tmp_path):
     few = 'geometry.levels=[{"voxels": 12, "iterations": 20, "step": 1.0}]'
-    arguments = still_life.command(tmp_path / "project", few)
-    arguments = [part for part in arguments if part not in ("--masks", str(still_life.masks))]
-    runs("geometry", *arguments[1:], "--device", elsewhere)
+    runs(*geometry_command(still_life, tmp_path / "project", few), "--device", elsewhere)
     assert (tmp_path / "project" / "preview.png").exists()
 
 

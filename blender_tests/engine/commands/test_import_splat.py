@@ -12,6 +12,7 @@ pytest.importorskip("scipy")
 pytest.importorskip("numba")
 
 import karf_engine as karf
+from blender_tests.engine.commands.conftest import Events
 from karf_engine.capture import open_capture, write_cameras
 from karf_engine.errors import BadRequest, Cancelled, DataError
 from karf_engine.io.images import alpha_composite, read_photo
@@ -25,6 +26,7 @@ from karf_engine.splats.kernels.arrays import ANTIALIASED_FILTER, PLAIN_FILTER
 from karf_engine.splats.rasterizer import rasterize
 
 SMALL = {"views": 6, "size": 64, "up": "z"}
+TINY = ('geometry.levels=[{"voxels": 24, "iterations": 20, "step": 1.0}]', "geometry.long_side=32")
 
 
 @pytest.fixture(scope="module")
@@ -39,182 +41,158 @@ def splat(tmp_path, table):
     return tmp_path / "still.ply"
 
 
-def test_without_photos_its_views_show_it_from_around(splat, table, tmp_path):
-    karf.import_splat(splat, tmp_path / "capture", **SMALL)
-    capture = open_capture(tmp_path / "capture")
+@pytest.fixture
+def imported(tmp_path, splat):
+    """Import the splat, or another; the capture and the sentences of the warnings by their codes."""
+
+    def imported(source=splat, name="capture", **options):
+        events = Events()
+        karf.import_splat(source, tmp_path / name, **options, emit=events)
+        warnings = zip(events.values("warning", "code"), events.values("warning", "sentence"), strict=True)
+        return open_capture(tmp_path / name), dict(warnings)
+
+    return imported
+
+
+def test_without_photos_its_views_show_it_from_around(imported, splat, table):
+    capture, _ = imported(**SMALL)
     assert len(capture.views) == 6 and capture.warnings == ()
-    assert_array_equal((tmp_path / "capture" / "splat.ply").read_bytes(), splat.read_bytes())
+    assert capture.splats.path.read_bytes() == splat.read_bytes()
     middle = np.median(table[:, :3], 0)
     for view in capture.views:
         assert (view.camera.width, view.camera.height) == (64, 64)
         pixels, depth = view.camera.project(middle[None])
         assert depth > 0 and np.abs(pixels - 32).max() < 32
-        photo = read_photo(view.image)
-        assert photo.std() > 0.02, f"{view.name} shows nothing"
-
-
-@pytest.mark.parametrize("name", ["still.gltf", "still.glb", "still.spz", "still.compressed.ply"])
-def test_other_kinds_of_files_are_imported_whole(table, tmp_path, name):
-    """A .gltf lies in two files, of which the capture keeps what they hold."""
-    write_splats(tmp_path / "theirs" / name, SplatFile(table))
-    karf.import_splat(tmp_path / "theirs" / name, tmp_path / "capture", **SMALL)
-    shutil.rmtree(tmp_path / "theirs")
-    assert len(read_splats(open_capture(tmp_path / "capture").splats.path)) == len(table)
-
-
-def test_what_stands_in_the_void_gets_alpha(splat, tmp_path):
-    karf.import_splat(splat, tmp_path / "capture", **SMALL)
-    photo = read_photo(open_capture(tmp_path / "capture").views[0].image)
+        assert read_photo(view.image).std() > 0.02, f"{view.name} shows nothing"
+    photo = read_photo(capture.views[0].image)  # what stands in the void has alpha
     assert photo.shape[2] == 4 and photo[0, 0, 3] == 0 and photo[..., 3].max() == 1
 
 
-def test_views_of_ones_own_come_first(splat, tmp_path, still_life):
+@pytest.mark.parametrize("name", ["still.gltf", "still.glb", "still.spz", "still.compressed.ply"])
+def test_other_kinds_of_files_are_imported_whole(imported, table, tmp_path, name):
+    """A .gltf lies in two files, of which the capture keeps what they hold."""
+    write_splats(tmp_path / "theirs" / name, SplatFile(table))
+    capture, _ = imported(tmp_path / "theirs" / name, **SMALL)
+    shutil.rmtree(tmp_path / "theirs")
+    assert len(read_splats(capture.splats.path)) == len(table)
+
+
+def color_over_black(view):
+    photo = read_photo(view.image)
+    return alpha_composite(photo[..., :3], photo[..., 3] if photo.shape[2] == 4 else None, 0)
+
+
+def test_views_of_ones_own_come_first(imported, tmp_path, still_life):
     own = karf.open_capture(still_life.capture).views[:2]
     write_cameras(tmp_path / "own.json", own)
-    karf.import_splat(splat, tmp_path / "capture", **SMALL, cameras=tmp_path / "own.json")
-    views = open_capture(tmp_path / "capture").views
+    views = imported(**SMALL, cameras=tmp_path / "own.json")[0].views
     assert len(views) == 8
     assert_allclose(views[0].camera.camera_to_world, own[0].camera.camera_to_world)
-    shown = read_photo(views[0].image)
-    assert psnr(alpha_composite(shown[..., :3], shown[..., 3], 0), alpha_composite(*color_and_alpha(own[0]), 0)) > 20
+    assert psnr(color_over_black(views[0]), color_over_black(own[0])) > 20
 
 
-def color_and_alpha(view):
-    photo = read_photo(view.image)
-    return photo[..., :3], photo[..., 3] if photo.shape[2] == 4 else None
-
-
-def test_the_cameras_that_were_written_beside_it_are_taken(splat, tmp_path):
+def test_the_cameras_that_were_written_beside_it_are_taken(imported, tmp_path):
     entry = {"width": 128, "height": 64, "fx": 100, "fy": 100, "rotation": np.diag([1.0, -1, -1]).tolist()}
     content = [entry | {"position": [0, 0, 4 + number / 10]} for number in range(9)]
     (tmp_path / "cameras.json").write_text(json.dumps(content))
-    karf.import_splat(splat, tmp_path / "capture", **SMALL)
-    cameras = [view.camera for view in open_capture(tmp_path / "capture").views]
+    cameras = [view.camera for view in imported(**SMALL)[0].views]
     assert len(cameras) == 6 and {(camera.width, camera.height) for camera in cameras} == {(64, 32)}
     assert_allclose([cameras[0].position, cameras[-1].position], [[0, 0, 4], [0, 0, 4.8]])
 
 
-def warnings_of(splat, out, **options):
-    """What an import warns of, by its code."""
-    found = {}
-
-    def emit(event_kind, **event):
-        if event_kind == "warning":
-            found[event["code"]] = event["sentence"]
-
-    karf.import_splat(splat, out, **options, emit=emit)
-    return found
-
-
 @pytest.mark.parametrize("content", ['{"frames": []}', "[]", "[1]", "{"])
-def test_a_cameras_json_of_something_else_is_told_of_and_passed_over(splat, tmp_path, content):
+def test_a_cameras_json_of_something_else_is_told_of_and_passed_over(imported, tmp_path, content):
     (tmp_path / "cameras.json").write_text(content)
-    warnings = warnings_of(splat, tmp_path / "capture", **SMALL)
-    assert "cameras.json" in warnings["cameras"]
-    assert len(open_capture(tmp_path / "capture").views) == 6
+    capture, warnings = imported(**SMALL)
+    assert "cameras.json" in warnings["cameras"] and len(capture.views) == 6
 
 
-def test_photos_that_lie_around_it_are_told_of(tmp_path, table, still_life):
+def test_photos_that_lie_around_it_are_told_of_and_views_that_were_made_of_it_are_not(
+    imported, tmp_path, table, still_life
+):
     folder = tmp_path / "scene"
     shutil.copytree(still_life.capture, folder)
-    (folder / "splats").mkdir()
     write_splats(folder / "splats" / "still.ply", SplatFile(table))
-    warnings = warnings_of(folder / "splats" / "still.ply", tmp_path / "capture", **SMALL)
+    capture, warnings = imported(folder / "splats" / "still.ply", **SMALL)
     assert str(folder) in warnings["photos"] and "--photos" in warnings["photos"]
-    with_photos = warnings_of(folder / "splats" / "still.ply", tmp_path / "with_photos", photos=folder)
-    assert "photos" not in with_photos
+    assert imported(capture.splats.path, "again", **SMALL)[1] == {}
+    assert "photos" not in imported(folder / "splats" / "still.ply", "with photos", photos=folder)[1]
 
 
-def test_views_that_were_made_of_it_are_not_taken_for_photos(splat, tmp_path):
-    karf.import_splat(splat, tmp_path / "capture", **SMALL)
-    assert warnings_of(tmp_path / "capture" / "splat.ply", tmp_path / "again", **SMALL) == {}
-
-
-def test_with_photos_they_are_the_views(splat, tmp_path, still_life):
-    karf.import_splat(splat, tmp_path / "capture", photos=still_life.capture)
-    before, after = open_capture(still_life.capture), open_capture(tmp_path / "capture")
+def test_with_photos_they_are_the_views(imported, tmp_path, still_life):
+    before, (after, _) = open_capture(still_life.capture), imported(photos=still_life.capture)
     assert [view.image.resolve() for view in after.views] == [view.image.resolve() for view in before.views]
     assert [view.split for view in after.views] == [view.split for view in before.views]
     assert after.splats.path == tmp_path / "capture" / "splat.ply"
 
 
-def test_photos_that_it_does_not_show_are_refused(tmp_path, still_life, table):
+@pytest.mark.parametrize("is_antialiased", [True, False])
+@pytest.mark.parametrize(("better", "told"), [(0.3, None), (-0.3, None), (2.0, True), (-2.0, False)])
+def test_photos_tell_the_screen_filter_only_where_they_clearly_do(
+    imported, table, tmp_path, still_life, monkeypatch, is_antialiased, better, told
+):
+    """better: how many dB better the antialiased filter shows the photos."""
+    write_splats(tmp_path / "told.ply", SplatFile(table, is_antialiased))
+    quality = {ANTIALIASED_FILTER: 30 + better, PLAIN_FILTER: 30}
+    monkeypatch.setattr(fit, "psnr", lambda gaussians, photos: quality[gaussians.screen_filter])
+    capture, _ = imported(tmp_path / "told.ply", photos=still_life.capture)
+    assert capture.splats.is_antialiased is (is_antialiased if told is None else told)
+
+
+@pytest.mark.parametrize(("antialiased", "screen_filter"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
+def test_learned_it_is_shown_as_it_came_and_anew_once_the_file_is_another(
+    imported, table, tmp_path, antialiased, screen_filter
+):
+    capture, _ = imported(**SMALL, antialiased=antialiased)
+    project = Project(tmp_path / "project")
+    karf.learn_geometry(tmp_path / "capture", project=project.folder, overrides=TINY, threads=1)
+    karf.learn_splats(project.folder, threads=1)
+    shown = load_gaussians(project.splats_file)
+    assert_array_equal(shown.table, table)
+    assert shown.screen_filter == screen_filter
+    model = karf.Model.load(project.folder, "cpu")
+    camera = model.capture.views[0].camera
+    assert_array_equal(model.render(camera).base, rasterize(shown, camera).picture())
+    changed = table.copy()
+    changed[0, 11] += 1
+    write_splats(capture.splats.path, SplatFile(changed))
+    karf.learn_splats(project.folder, threads=1)
+    assert_array_equal(load_gaussians(project.splats_file).table, changed)
+
+
+# ------------------------------------------------------------------------------------------------------- what is refused
+def test_photos_that_it_does_not_show_are_refused(imported, tmp_path, still_life, table):
     elsewhere = table.copy()
     elsewhere[:, :3] += 5
     write_splats(tmp_path / "elsewhere.ply", SplatFile(elsewhere))
     with pytest.raises(DataError, match="dB only") as caught:
-        karf.import_splat(tmp_path / "elsewhere.ply", tmp_path / "capture", photos=still_life.capture)
+        imported(tmp_path / "elsewhere.ply", photos=still_life.capture)
     assert "poses" in caught.value.hint and not (tmp_path / "capture").exists()
 
 
-@pytest.mark.parametrize(
-    "option", [{"views": 5}, {"size": 100}, {"up": "y"}, {"cameras": "own.json"}], ids=lambda option: next(iter(option))
-)
-def test_options_that_mean_nothing_beside_photos_are_refused(splat, tmp_path, still_life, option):
-    with pytest.raises(BadRequest, match=f"With photos.*'{next(iter(option))}'"):
-        karf.import_splat(splat, tmp_path / "capture", photos=still_life.capture, **option)
+REFUSED = {
+    **{
+        name: (BadRequest, {name: value}, f"With photos.*'{name}'")
+        for name, value in (("views", 5), ("size", 100), ("up", "y"), ("cameras", "own.json"))
+    },
+    **{f"{views} views": (BadRequest, SMALL | {"views": views}, "views are too few") for views in range(3)},
+    "missing": (DataError, SMALL | {"source": "gone.ply"}, r"gone\.ply"),
+    "cancelled": (Cancelled, SMALL | {"should_stop": lambda: True}, ""),
+}
 
 
-@pytest.mark.parametrize("is_antialiased", [True, False])
-@pytest.mark.parametrize(("better", "told"), [(0.3, None), (-0.3, None), (2.0, True), (-2.0, False)])
-def test_photos_tell_the_screen_filter_only_where_they_clearly_do(
-    table, tmp_path, still_life, monkeypatch, is_antialiased, better, told
-):
-    """better: how many dB better the antialiased filter shows the photos."""
-    write_splats(tmp_path / "still.ply", SplatFile(table, is_antialiased))
-    monkeypatch.setattr(
-        fit, "psnr", lambda gaussians, photos: 30 + better * (gaussians.screen_filter == ANTIALIASED_FILTER)
-    )
-    karf.import_splat(tmp_path / "still.ply", tmp_path / "capture", photos=still_life.capture)
-    assert open_capture(tmp_path / "capture").splats.is_antialiased is (is_antialiased if told is None else told)
-
-
-@pytest.mark.parametrize(("antialiased", "screen_filter"), [(False, PLAIN_FILTER), (True, ANTIALIASED_FILTER)])
-def test_learned_it_is_shown_as_it_came(splat, table, tmp_path, antialiased, screen_filter):
-    karf.import_splat(splat, tmp_path / "capture", **SMALL, antialiased=antialiased)
-    small = ["geometry.long_side=32", 'geometry.levels=[{"voxels": 24, "iterations": 20, "step": 1.0}]']
-    karf.learn_geometry(tmp_path / "capture", project=tmp_path / "project", overrides=small, threads=1)
-    karf.learn_splats(tmp_path / "project", threads=1)
-    shown = load_gaussians(Project(tmp_path / "project").splats_file)
-    assert_array_equal(shown.table, table)
-    assert shown.screen_filter == screen_filter
-    model = karf.Model.load(tmp_path / "project", "cpu")
-    camera = model.capture.views[0].camera
-    assert_array_equal(model.render(camera).base, rasterize(shown, camera).picture())
-
-
-def test_another_file_makes_the_splats_outdated(splat, table, tmp_path):
-    karf.import_splat(splat, tmp_path / "capture", **SMALL)
-    small = ["geometry.long_side=32", 'geometry.levels=[{"voxels": 24, "iterations": 20, "step": 1.0}]']
-    karf.learn_geometry(tmp_path / "capture", project=tmp_path / "project", overrides=small, threads=1)
-    karf.learn_splats(tmp_path / "project", threads=1)
-    changed = table.copy()
-    changed[0, 11] += 1
-    write_splats(tmp_path / "capture" / "splat.ply", SplatFile(changed))
-    karf.learn_splats(tmp_path / "project", threads=1)
-    assert_array_equal(load_gaussians(Project(tmp_path / "project").splats_file).table, changed)
-
-
-def test_a_folder_that_holds_something_is_not_written_to(splat, tmp_path):
-    (tmp_path / "capture").mkdir()
-    (tmp_path / "capture" / "mine.txt").write_text("x")
-    with pytest.raises(BadRequest, match="not empty"):
-        karf.import_splat(splat, tmp_path / "capture", **SMALL)
-
-
-@pytest.mark.parametrize("views", range(3))
-def test_too_few_views_are_refused(splat, tmp_path, views):
-    with pytest.raises(BadRequest, match="views are too few") as caught:
-        karf.import_splat(splat, tmp_path / "capture", **SMALL | {"views": views})
-    assert caught.value.hint and not (tmp_path / "capture").exists()
-
-
-def test_cancelling_leaves_nothing(splat, tmp_path):
-    with pytest.raises(Cancelled):
-        karf.import_splat(splat, tmp_path / "capture", **SMALL, should_stop=lambda: True)
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused_leaves_nothing(imported, splat, tmp_path, still_life, case):
+    error, options, says = REFUSED[case]
+    source = tmp_path / options.get("source", splat.name)
+    photos = {"photos": still_life.capture} if says.startswith("With photos") else {}
+    with pytest.raises(error, match=says):
+        imported(source, **photos | {name: value for name, value in options.items() if name != "source"})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["still.ply"]
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"gone\.ply"):
-        karf.import_splat(tmp_path / "gone.ply", tmp_path / "capture", **SMALL)
+def test_a_folder_that_holds_something_is_not_written_to(imported, tmp_path):
+    (tmp_path / "capture").mkdir()
+    (tmp_path / "capture" / "mine.txt").write_text("x")
+    with pytest.raises(BadRequest, match="not empty"):
+        imported(**SMALL)

@@ -13,7 +13,7 @@ pytest.importorskip("scipy")
 from karf_engine.cli import main
 from karf_engine.errors import Cancelled
 from karf_engine.fields.files import SCHEMA
-from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.io.checkpoints import load_tensors
 from karf_engine.io.images import read_mask, read_photo, resize
 from karf_engine.metrics.images import psnr
 from karf_engine.metrics.masks import iou
@@ -36,11 +36,19 @@ SMALL = (
 PAPER = ("segmentation.samples_per_ray=3", "recoloring.frequencies=4", "segmentation.frequencies=4")
 
 
+def run(*words):
+    return main([*map(str, words)])
+
+
+def sets(*settings):
+    return [part for text in settings for part in ("--set", text)]
+
+
 @pytest.fixture(scope="module")
 def project(still_life, tmp_path_factory):
     """The still life with every stage done on a NeRF, by the paper's preset."""
     folder = tmp_path_factory.mktemp("nerf") / "project"
-    assert main([*still_life.command(folder, *SMALL, *PAPER), "--preset", "paper"]) == 0
+    assert run(*still_life.command(folder, *SMALL, *PAPER), "--preset", "paper") == 0
     return Project(folder)
 
 
@@ -62,13 +70,12 @@ def checkpoint(project, tmp_path_factory):
 def imported(still_life, checkpoint, tmp_path_factory):
     """A project with every stage done on the checkpoint, by the default preset."""
     folder = tmp_path_factory.mktemp("imported") / "project"
-    command = still_life.command(folder, *SMALL)
-    assert main([*command, "--nerf", str(checkpoint)]) == 0
+    assert run(*still_life.command(folder, *SMALL), "--nerf", checkpoint) == 0
     return Project(folder)
 
 
 def rendered(project, out, *more):
-    assert main(["render", str(project.folder), "--views", "test", "--out", str(out), "--threads", "1", *more]) == 0
+    assert run("render", project.folder, "--views", "test", "--out", out, "--threads", 1, *more) == 0
     return out
 
 
@@ -89,73 +96,36 @@ def test_the_papers_preset_learns_all_stages_on_a_nerf(project, still_life, tmp_
     judge(rendered(project, tmp_path), still_life, 22, 0.6)
 
 
-def learn_a_little(still_life, folder, capsys, *more):
-    """The exit code of 120 iterations with a preview every 40, and what the terminal was told."""
-    settings = (*SMALL, "geometry.nerf.iterations=120", "geometry.nerf.look_every=40", *more)
-    command = ["geometry", str(still_life.capture), "--project", str(folder), "--preset", "paper", "--threads", "1"]
-    code = main([*command, *(part for text in settings for part in ("--set", text))])
-    return code, capsys.readouterr().err
-
-
-@pytest.fixture
-def killed(still_life, tmp_path, monkeypatch, capsys):
-    """A project whose geometry stage was interrupted after its second preview, having saved after every iteration."""
+def test_a_killed_job_resumes_where_it_was_last_saved_and_has_only_to_validate_in_the_end(
+    still_life, tmp_path, monkeypatch, capsys
+):
+    """120 iterations with a preview every 40, saved after every iteration."""
     monkeypatch.setattr("karf_engine.fields.fit.CHECKPOINT_INTERVAL", 0.0)
-    with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.commands.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
-        assert learn_a_little(still_life, tmp_path / "project", capsys)[0] == Cancelled.exit_code
     project = Project(tmp_path / "project")
-    assert project.finished("geometry") is None
-    return project
-
-
-def test_a_killed_job_resumes_where_it_was_last_saved(killed, still_life, capsys):
-    code, told = learn_a_little(still_life, killed.folder, capsys)
-    assert code == 0 and "resuming at iteration 80 of 120" in told
-    assert killed.finished("geometry") and not killed.checkpoint_file("geometry").exists()
-
-
-def test_a_job_killed_after_its_last_iteration_has_only_to_validate(killed, still_life, monkeypatch, capsys):
+    words = ("geometry", still_life.capture, "--project", project.folder, "--preset", "paper", "--threads", 1)
+    few = sets(*SMALL, "geometry.nerf.iterations=120", "geometry.nerf.look_every=40")
     with monkeypatch.context() as patch:
-        patch.setattr("karf_engine.commands.geometry.preview", Mock(side_effect=[None, KeyboardInterrupt]))
-        assert learn_a_little(still_life, killed.folder, capsys)[0] == Cancelled.exit_code
-    code, told = learn_a_little(still_life, killed.folder, capsys)
-    assert code == 0 and "resuming at iteration 120 of 120" in told and killed.finished("geometry")
-
-
-def test_what_is_left_of_other_settings_or_damaged_is_not_resumed(killed, still_life, capsys):
-    code, told = learn_a_little(still_life, killed.folder, capsys, "geometry.nerf.rate=0.004")
-    assert code == 0 and "resuming" not in told
-    killed.checkpoint_file("geometry").write_bytes(b"cut off")
-    code, told = learn_a_little(still_life, killed.folder, capsys)
-    assert code == 0 and "Learning begins anew" in told and "damaged" in told
-
-
-def test_what_an_older_version_left_does_not_block_the_project(still_life, tmp_path, capsys):
-    project = Project(tmp_path / "project")
-    assert learn_a_little(still_life, project.folder, capsys)[0] == 0
-    state = project.state()
-    facts = {"fingerprint": state["stages"].pop("geometry")["fingerprint"]}
-    project.state_file.write_text(json.dumps(state))
-    left = project.folder / "unfinished_geometry.safetensors"
-    save_tensors(left, {"done_and_loss": torch.zeros(2)}, "karf-unfinished-nerf/1", facts)
-    code, told = learn_a_little(still_life, project.folder, capsys)
-    assert code == 0 and "Learning begins anew" in told and not left.exists()
+        for told in ("geometry", "resuming at iteration 80 of 120"):
+            killed_in_the_second = Mock(side_effect=[None, KeyboardInterrupt])
+            patch.setattr("karf_engine.commands.geometry.preview", killed_in_the_second)
+            assert run(*words, *few) == Cancelled.exit_code and told in capsys.readouterr().err
+            assert project.finished("geometry") is None
+    assert run(*words, *few) == 0 and "resuming at iteration 120 of 120" in capsys.readouterr().err
+    assert project.finished("geometry") and not project.checkpoint_file("geometry").exists()
 
 
 def test_an_edit_that_does_not_say_is_composited_as_the_paper_does(project, tmp_path):
     objects = {p.name: {"colors": [None] * len(p.colors)} for p in read_palettes(project.palette_file)}
-    frames = {}
+    pictures = {}
     for mode in ("delta", "paper", None):
         edit = {"schema": "karf-edit/1", "objects": objects} | ({"compositing": mode} if mode else {})
         (tmp_path / "edit.json").write_text(json.dumps(edit))
-        out = rendered(project, tmp_path / str(mode), "--edit", str(tmp_path / "edit.json"))
-        frames[mode] = np.stack([read_photo(path) for path in sorted((out / "recolor").iterdir())])
-    assert np.array_equal(frames[None], frames["paper"])
+        out = rendered(project, tmp_path / str(mode), "--edit", tmp_path / "edit.json")
+        pictures[mode] = read_photo(out / "recolor" / "test_r_0.png")
     # what it is put into is the render, and there an edit that changes nothing shows what the palette cannot mix
-    renders = np.stack([read_photo(path) for path in sorted((tmp_path / "delta" / "render").iterdir())])
-    assert np.array_equal(frames["delta"], renders)
-    assert 0 < np.abs(frames["paper"] - renders).mean() < 0.1
+    render = read_photo(tmp_path / "delta" / "render" / "test_r_0.png")
+    assert np.array_equal(pictures[None], pictures["paper"]) and np.array_equal(pictures["delta"], render)
+    assert 0 < np.abs(pictures["paper"] - render).mean() < 0.1
 
 
 def test_a_nerf_of_another_program_becomes_the_geometry(imported, checkpoint, still_life, tmp_path):
@@ -167,47 +137,42 @@ def test_a_nerf_of_another_program_becomes_the_geometry(imported, checkpoint, st
 
 
 def test_the_same_checkpoint_is_not_taken_over_twice_and_another_one_is(imported, checkpoint, still_life, tmp_path):
-    folder = shutil.copytree(imported.folder, tmp_path / "project")
-    command = [*still_life.command(folder, *SMALL), "--nerf"]
+    project = Project(shutil.copytree(imported.folder, tmp_path / "project"))
+    command = [*still_life.command(project.folder, *SMALL), "--nerf"]
     command[0:4] = ["geometry", command[1]]
-    before = Project(folder).finished("geometry")
-    assert main([*command, str(checkpoint)]) == 0
-    assert Project(folder).finished("geometry") == before
+    before = project.finished("geometry")
+    assert run(*command, checkpoint) == 0
+    assert project.finished("geometry") == before
     content = torch.load(checkpoint, weights_only=True)
     torch.save(content | {"global_step": 701}, tmp_path / "000701.tar")
-    assert main([*command, str(tmp_path / "000701.tar")]) == 0
-    assert Project(folder).finished("geometry")["nerf"].endswith("000701.tar")
+    assert run(*command, tmp_path / "000701.tar") == 0
+    assert project.finished("geometry")["nerf"].endswith("000701.tar")
 
 
-def test_a_nerf_of_another_scene_is_refused_with_what_was_tried(checkpoint, still_life, tmp_path, capsys):
+def test_nerfs_of_another_scene_and_files_that_are_none_are_refused(checkpoint, still_life, tmp_path, capsys):
+    project = Project(tmp_path / "p")
+    command = ("geometry", still_life.capture, "--project", project.folder, "--nerf")
+    (tmp_path / "a.tar").write_bytes(b"no checkpoint")
+    assert run(*command, tmp_path / "a.tar") == 4
+    assert "a.tar cannot be read" in capsys.readouterr().err and not project.folder.exists()
     content = torch.load(checkpoint, weights_only=True)
     content["network_fine_state_dict"]["rgb_linear.weight"] *= -1
     torch.save(content, tmp_path / "other.tar")
-    command = ["geometry", str(still_life.capture), "--project", str(tmp_path / "p"), "--nerf"]
-    small = [part for text in (*SMALL, "geometry.long_side=32") for part in ("--set", text)]
-    assert main([*command, str(tmp_path / "other.tar"), *small]) == 4
+    assert run(*command, tmp_path / "other.tar", *sets(*SMALL, "geometry.long_side=32")) == 4
     printed = capsys.readouterr().err
     assert "other.tar does not show this capture" in printed and "'scaled'" in printed and "near 2 and far 6" in printed
-    assert Project(tmp_path / "p").finished("geometry") is None
-
-
-def test_a_checkpoint_that_is_none_is_refused_before_anything_is_made(still_life, tmp_path, capsys):
-    (tmp_path / "a.tar").write_bytes(b"no checkpoint")
-    command = ["geometry", str(still_life.capture), "--project", str(tmp_path / "p"), "--nerf", str(tmp_path / "a.tar")]
-    assert main(command) == 4
-    assert "a.tar cannot be read" in capsys.readouterr().err and not (tmp_path / "p").exists()
+    assert project.finished("geometry") is None
 
 
 def test_a_real_pretrained_nerf_shows_views_it_was_not_trained_on(scenes, tmp_path):
     checkpoints = sorted((scenes / "checkpoints" / "chair-lowres").glob("*.ckpt"))
     if not checkpoints:
         pytest.skip("no pretrained NeRF among the real captures")
-    command = ["geometry", str(scenes / "chair"), "--project", str(tmp_path / "p"), "--nerf", str(checkpoints[0])]
-    small = ["--set", "geometry.long_side=48", "--set", "geometry.nerf.fine_samples=64", "--threads", "1"]
-    assert main([*command, *small]) == 0
+    command = ("geometry", scenes / "chair", "--project", tmp_path / "p", "--nerf", checkpoints[0], "--threads", 1)
+    assert run(*command, *sets("geometry.long_side=48", "geometry.nerf.fine_samples=64")) == 0
     assert Project(tmp_path / "p").finished("geometry")["psnr"] >= 23
-    options = ["--views", "test_r_0,test_r_48", "--out", str(tmp_path / "out"), "--threads", "1"]
-    assert main(["render", str(tmp_path / "p"), *options]) == 0
+    options = ("--views", "test_r_0,test_r_48", "--out", tmp_path / "out", "--threads", 1)
+    assert run("render", tmp_path / "p", *options) == 0
     for stem in ("r_0", "r_48"):
         photo = read_photo(scenes / "chair" / "test" / f"{stem}.png")
         on_white = photo[..., :3] * photo[..., 3:] + 1 - photo[..., 3:]

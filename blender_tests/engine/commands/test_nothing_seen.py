@@ -20,10 +20,9 @@ from karf_engine.fields.scene import Scene
 from karf_engine.fields.voxels.field import VoxelField
 from karf_engine.heads.fields import RecoloringField, SegmentationField
 from karf_engine.heads.rendering import object_samples, segment_cache, weigh_cache
-from karf_engine.io.files import write_json
 from karf_engine.io.images import read_mask, read_photo, write_png
-from karf_engine.project import Project
 from karf_engine.project.settings import RecoloringSettings, SegmentationSettings
+from karf_engine.project.state import without_stage, write_state
 
 
 def turned_away(distance=400.0):
@@ -89,23 +88,24 @@ def test_every_camera_renders_every_space(make, filled, camera):
 
 
 # ------------------------------------------------------------------------------------------------------ a learned project
+def run(*words):
+    return main([*map(str, words)])
+
+
 @pytest.mark.parametrize("known", ["geometry", "segmentation", "recoloring"])
-def test_a_camera_that_sees_nothing_ends_no_render(learned, tmp_path, known):
-    project = Project(shutil.copytree(learned.project, tmp_path / "project"))
-    later = {"geometry": ("segmentation", "palette", "recoloring"), "segmentation": ("palette", "recoloring")}
-    state = project.state()
-    for stage in later.get(known, ()):
-        del state["stages"][stage]
-    write_json(project.state_file, state)
+def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
+    later = {"geometry": "segmentation", "segmentation": "palette"}
+    if known in later:
+        splats, state = copy.finished("splats"), without_stage(copy.state(), later[known])
+        write_state(copy.state_file, state | {"stages": state["stages"] | {"splats": splats}})
     views = [View(f"f{n}", f"f{n}", camera, None, "test") for n, camera in enumerate(CAMERAS.values())]
     write_cameras(tmp_path / "cameras.json", [*views, View("last", "last", camera_at(0.3, 0.5, 8), None, "test")])
-    options = ["--views", str(tmp_path / "cameras.json"), "--depth", "--out", str(tmp_path / "out"), "--threads", "1"]
+    options = ["--views", tmp_path / "cameras.json", "--depth", "--out", tmp_path / "out", "--threads", 1]
     if known == "recoloring":
         edit = tmp_path / "edit.json"
-        green = ["--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", str(edit)]
-        assert main(["match", str(project.folder), *green]) == 0
-        options += ["--edit", str(edit), "--planes"]
-    assert main(["render", str(project.folder), *options]) == 0
+        assert run("match", copy.folder, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", edit) == 0
+        options += ["--edit", edit, "--planes"]
+    assert run("render", copy.folder, *options) == 0
     kind = "recolor" if known == "recoloring" else "render"
     away, last = (read_photo(tmp_path / "out" / kind / f"{name}.png") for name in ("f0", "last"))
     assert (away == 0).all() and last.max() > 0.2  # the scene stands before black
@@ -114,60 +114,35 @@ def test_a_camera_that_sees_nothing_ends_no_render(learned, tmp_path, known):
 
 
 # -------------------------------------------------------------------------------------------------- marks of hardly anything
-def marked(still_life, tmp_path, places):
-    """Masks of the still life whose ball is only these (row, column) pixels of r_0."""
+@pytest.fixture
+def beside(still_life, tmp_path):
+    """Masks of the still life, but of the ball only a pixel that shows nothing."""
     masks = shutil.copytree(still_life.masks, tmp_path / "masks")
     shutil.rmtree(masks / "ball")
     mask = np.zeros((32, 32), bool)
-    for place in places:
-        mask[place] = True
+    mask[0, 0] = True
     write_png(masks / "ball" / "r_0.png", mask)
     return masks
 
 
-def middle_of_ball(still_life):
-    rows, columns = np.nonzero(still_life.photos["train/r_0"].labels == 1)
-    return int(np.median(rows)), int(np.median(columns))
-
-
 @pytest.mark.parametrize("labels", ["surface", "masks"])
-def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, learned, tmp_path, capsys, labels):
-    project = str(shutil.copytree(learned.project, tmp_path / "project"))
-    masks = marked(still_life, tmp_path, [(0, 0)])
-    assert main(replace(still_life, masks=masks).command(project, f"segmentation.labels={labels}")) == 0
+def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, beside, copy, tmp_path, capsys, labels):
+    few = ("segmentation.iterations=40", "recoloring.iterations=10", f"segmentation.labels={labels}")
+    assert run(*replace(still_life, masks=beside).command(copy.folder, *few)) == 0
     printed = capsys.readouterr().err
     assert "Nothing in the scene belongs to 'ball': mark it more generously, or in another view." in printed
     assert "'ball' shows only 0 pixels in all views" in printed
 
-    edit, out = str(tmp_path / "edit.json"), tmp_path / "out"
-    colors = ["--from", "#808080", "--to", "#2ab450", "--out", edit]
-    assert main(["match", project, "--object", "block", *colors]) == 0
-    assert main(["match", project, "--object", "ball", *colors, "--edit", edit]) == 0
-    assert main(["render", project, "--views", "test", "--edit", edit, "--out", str(out), "--planes"]) == 0
+    edit, out = tmp_path / "edit.json", tmp_path / "out"
+    colors = ("--from", "#808080", "--to", "#2ab450", "--out", edit)
+    assert run("match", copy.folder, "--object", "block", *colors) == 0
+    assert run("match", copy.folder, "--object", "ball", *colors, "--edit", edit) == 0
+    assert run("render", copy.folder, "--views", "test", "--edit", edit, "--out", out, "--planes") == 0
     shown = {name: [read_mask(path).any() for path in (out / "masks" / name).iterdir()] for name in ("ball", "block")}
     assert any(shown["block"]) and not any(shown["ball"])
 
 
-def test_marks_that_are_all_beside_everything_are_refused_in_a_sentence(still_life, learned, tmp_path, capsys):
-    project = shutil.copytree(learned.project, tmp_path / "project")
-    masks = marked(still_life, tmp_path, [(0, 0)])
-    shutil.rmtree(masks / "block")
-    assert main(["segmentation", str(project), "--masks", str(masks)]) == 4
+def test_marks_that_are_all_beside_everything_are_refused_in_a_sentence(beside, copy, capsys):
+    shutil.rmtree(beside / "block")
+    assert run("segmentation", copy.folder, "--masks", beside) == 4
     assert "Nothing in the scene belongs to 'ball'." in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("count", [1, 2, 4])
-def test_a_mark_of_a_few_pixels_is_enough_or_refused_in_a_sentence(still_life, learned, tmp_path, capsys, count):
-    project = shutil.copytree(learned.project, tmp_path / "project")
-    row, column = middle_of_ball(still_life)
-    masks = marked(still_life, tmp_path, [(row, column + n) for n in range(count)])
-    code = main(["segmentation", str(project), "--masks", str(masks), "--threads", "1"])
-    printed = capsys.readouterr().err
-    assert code == 0 or (code == 4 and "Nothing in the scene belongs to 'ball'." in printed), printed
-
-
-def test_masks_that_leave_nothing_else_are_no_fault(still_life, learned, tmp_path):
-    project = shutil.copytree(learned.project, tmp_path / "project")
-    masks = marked(still_life, tmp_path, [(slice(None), slice(None))])
-    code = main(["segmentation", str(project), "--masks", str(masks), "--threads", "1"])
-    assert code in (0, 4)

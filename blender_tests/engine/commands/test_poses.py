@@ -1,10 +1,7 @@
 """Captures from photos without poses: placed as the truth says, refused with a remedy, stopped at once, never half there."""
 
-import json
 import shutil
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,24 +11,25 @@ pytest.importorskip("pycolmap")
 pytest.importorskip("cv2")
 
 import cv2
+from PIL import Image
 
-from blender_tests.engine.conftest import ROOT, run_engine
+from blender_tests.engine.commands.conftest import Events
+from blender_tests.engine.conftest import ROOT
 from karf_engine.capture import open_capture
 from karf_engine.capture.structure_from_motion import SfmResult, _sampson_errors, write_sharpest_frames
+from karf_engine.cli import main
 from karf_engine.commands import poses
 from karf_engine.commands.dispatch import run_command
 from karf_engine.commands.options import PosesOptions
 from karf_engine.errors import BadRequest, Cancelled, DataError, MissingDependency
 from karf_engine.io.image_size import image_header
 from karf_engine.io.images import read_photo, write_png
-from karf_engine.worker.protocol import EventReader, Request
 
 
 def run(photos, out, should_stop=lambda: False, **options):
-    """Run the stage with one thread; returns its events as (kind, values)."""
-    events = []
-    found = PosesOptions.of(photos=photos, out=out, threads=1, **options)
-    run_command(found, lambda kind, /, **values: events.append((kind, values)), should_stop)
+    """Run the stage with one thread; returns its events."""
+    events = Events()
+    run_command(PosesOptions.of(photos=photos, out=out, threads=1, **options), events, should_stop)
     return events
 
 
@@ -81,23 +79,13 @@ def test_small_smooth_photos_of_the_demo_are_placed_near_their_true_poses(tmp_pa
     assert len(capture.points) > 100
     assert sorted(path.name for path in tmp_path.iterdir()) == ["capture", "photos"]
     assert sorted(path.name for path in (tmp_path / "capture").iterdir()) == ["images", "sparse"]
-    last = {values["stage"]: values for kind, values in events if kind == "progress"}
+    last = {values["stage"]: values for kind, values in events.told if kind == "progress"}
     assert list(last)[-3:] == ["features", "matching", "mapping"]
     assert all(values["step"] == values["total"] for values in last.values())
-    assert events[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
-
-
-def test_real_photos_are_placed_as_their_published_model_says(scenes, tmp_path):
-    photos = linked(sorted((scenes / "bonsai" / "images").iterdir())[:8], tmp_path / "photos")
-    run(photos, tmp_path / "capture")
-    found, published = open_capture(tmp_path / "capture"), open_capture(scenes / "bonsai")
-    rotations, positions = errors_of(found, {view.stem: view.camera for view in published.views})
-    assert len(found.views) == 8 and np.mean(rotations) < 1 and np.mean(positions) < 0.02
+    assert events.told[-1] == ("artifact", {"kind": "capture", "path": str(tmp_path / "capture")})
 
 
 def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
-    from PIL import Image
-
     (tmp_path / "out").mkdir()
     pixels = np.random.default_rng(1).integers(0, 256, size=(16, 32, 3), dtype=np.uint8)
     exif = Image.Exif()
@@ -150,23 +138,24 @@ def test_photos_with_nothing_in_common_are_refused_with_a_remedy(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
-@pytest.mark.parametrize(("placed", "outcome"), [(29, DataError), (30, "warning"), (89, "warning"), (90, None)])
-def test_how_many_photos_must_be_placed(placed, outcome):
-    events = []
-    if outcome is DataError:
-        with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
-            poses._judge(Path("p"), SfmResult(placed, 1.0), 100, events.append)
-        return
-    emit = lambda kind, /, **values: events.append((kind, values["sentence"]))  # noqa: E731
-    poses._judge(Path("p"), SfmResult(placed, 1.0), 100, emit)
-    assert [kind for kind, _ in events] == ([outcome] if outcome else [])
-    assert all(f"{placed} of the 100 photos" in sentence for _, sentence in events)
+@pytest.mark.parametrize(
+    ("placed", "share", "words"),
+    [
+        (30, 1.0, "30 of the 100 photos"),
+        (89, 1.0, "89 of the 100 photos"),
+        (90, 1.0, None),
+        (100, 0.63, "Only 63% of the matches"),
+    ],
+)
+def test_photos_that_were_not_placed_and_matches_that_contradict_are_warned_of(events, placed, share, words):
+    poses._judge(Path("p"), SfmResult(placed, share), 100, events)
+    assert [kind for kind, _ in events.told] == (["warning"] if words else [])
+    assert all(words in sentence for sentence in events.values("warning", "sentence"))
 
 
-def test_poses_that_the_matches_contradict_come_with_a_warning():
-    sentences = []
-    poses._judge(Path("p"), SfmResult(100, 0.63), 100, lambda kind, /, **values: sentences.append(values["sentence"]))
-    assert len(sentences) == 1 and "Only 63% of the matches" in sentences[0]
+def test_too_few_placed_photos_are_refused(events):
+    with pytest.raises(DataError, match="Only 29 of the 100 photos of p could be placed"):
+        poses._judge(Path("p"), SfmResult(29, 1.0), 100, events)
 
 
 def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
@@ -183,22 +172,25 @@ def test_a_match_is_as_far_from_its_epipolar_line_as_it_was_moved():
     np.testing.assert_allclose(_sampson_errors(turn, first, moved), 0.01 / np.sqrt(2), rtol=1e-9)
 
 
-def test_wrong_requests_are_named_before_anything_is_made(tmp_path):
-    photos = noise(tmp_path / "photos", 2, size=8)
+def test_wrong_requests_are_named_before_anything_is_made(tmp_path, capsys):
+    photos, capture = noise(tmp_path / "photos", 2, size=8), tmp_path / "capture"
     (photos / "damaged.jpg").write_bytes(b"")
     with pytest.raises(DataError, match=r"damaged\.jpg is empty"):
-        run(photos, tmp_path / "capture")
+        run(photos, capture)
     (photos / "damaged.jpg").unlink()
     with pytest.raises(DataError, match="holds 2 photos; poses need at least 3"):
-        run(photos, tmp_path / "capture")
+        run(photos, capture)
     with pytest.raises(DataError, match="nowhere does not exist"):
-        run(tmp_path / "nowhere", tmp_path / "capture")
+        run(tmp_path / "nowhere", capture)
     with pytest.raises(BadRequest, match="already exists and is not empty"):
         run(photos, photos)
     with pytest.raises(BadRequest, match="matching = 'all' is unknown"):
-        run(photos, tmp_path / "capture", matching="all")
+        run(photos, capture, matching="all")
     with pytest.raises(BadRequest, match="was given no out"):
-        run_command(PosesOptions.of(photos=photos), lambda *_, **__: None, lambda: False)
+        run_command(PosesOptions.of(photos=photos), Events(), lambda: False)
+    assert main(["poses", str(photos), "--out", str(capture)]) == 4
+    printed = capsys.readouterr().err
+    assert "error: " in printed and "poses need at least 3" in printed
     assert [path.name for path in tmp_path.iterdir()] == ["photos"]
 
 
@@ -209,49 +201,19 @@ def test_without_pycolmap_the_remedy_is_named(tmp_path, monkeypatch):
     assert caught.value.hint == f"Install it there: {sys.executable} -m pip install pycolmap"
 
 
-def test_the_command_line_says_the_same(tmp_path):
-    done = run_engine("poses", noise(tmp_path / "photos", 2, size=8), "--out", tmp_path / "capture")
-    assert done.returncode == 4 and "error: " in done.stderr and "poses need at least 3" in done.stderr
-
-
 # ---------------------------------------------------------------------------------------------------------------- cancel
-def children_of(parent):
-    """Ids of this process's children, where the system tells."""
-    path = Path(f"/proc/{parent}/task/{parent}/children")
-    return path.read_text().split() if path.exists() else []
+@pytest.mark.parametrize("at", ["reading photos", "reading frames", "features"])
+def test_a_cancelled_job_leaves_nothing(tmp_path, at):
+    if at == "reading frames":
+        write_video(source := tmp_path / "film.mp4", 8)
+    else:
+        source = noise(tmp_path / "photos", 12 if at == "features" else 3, size=200)
+    events = Events()
 
+    def should_stop():
+        return at != "features" or "features" in events.values("progress", "stage")
 
-def test_a_job_is_cancelled_within_seconds_and_leaves_nothing(tmp_path):
-    photos = noise(tmp_path / "photos", 40, size=500)  # a minute of work
-    options = {"photos": str(photos), "out": str(tmp_path / "capture"), "threads": 1}
-    Request("poses", tmp_path / "capture", options).write(tmp_path / "job")
-    child = subprocess.Popen(
-        [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(tmp_path / "job")],
-        stdin=subprocess.PIPE,
-        stderr=(tmp_path / "job" / "engine.log").open("w"),
-        text=True,
-    )
-    reader, kinds, end = EventReader(tmp_path / "job"), [], time.monotonic() + 30
-    while ("progress", "features") not in kinds and time.monotonic() < end:
-        kinds += [(event.kind, event.get("stage")) for event in reader.poll()]
-        time.sleep(0.05)
-    workers = children_of(child.pid)
-    child.stdin.write("cancel\n")
-    child.stdin.flush()
-    assert child.wait(10) == 6, (tmp_path / "job" / "engine.log").read_text()
-    child.stdin.close()
-    last = json.loads((tmp_path / "job" / "events.jsonl").read_text().splitlines()[-1])
-    assert last["t"] == "cancelled"
-    while any(Path(f"/proc/{worker}").exists() for worker in workers):
-        assert time.monotonic() < end, "a child keeps working"
-        time.sleep(0.05)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["job", "photos"]
-
-
-def test_reading_the_photos_can_be_cancelled_too(tmp_path):
     with pytest.raises(Cancelled):
-        run(noise(tmp_path / "photos", 3, size=8), tmp_path / "capture", should_stop=lambda: True)
-    write_video(tmp_path / "film.mp4", 8)
-    with pytest.raises(Cancelled):
-        run(tmp_path / "film.mp4", tmp_path / "capture", should_stop=lambda: True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["film.mp4", "photos"]
+        options = PosesOptions.of(photos=source, out=tmp_path / "capture", threads=1)
+        run_command(options, events, should_stop)
+    assert list(tmp_path.iterdir()) == [source]

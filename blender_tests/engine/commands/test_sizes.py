@@ -1,6 +1,6 @@
 """Captured views recolored in their photos' own pixels, and cameras of any size: on the learned still life."""
 
-import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -9,18 +9,29 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 torch = pytest.importorskip("torch")
 Image = pytest.importorskip("PIL.Image")
-OpenEXR = pytest.importorskip("OpenEXR")
 
 import karf_engine as karf
+from blender_tests.engine.commands.conftest import cameras_file, geometry_command
 from blender_tests.engine.reference.still_life import camera_at, take_photo
-from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
 from karf_engine.capture.distortion import undistort_points
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, DataError
+from karf_engine.export.finished_frames import frame_fingerprint
 from karf_engine.io.color import to_bytes
-from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation_copy, read_mask, read_photo
+from karf_engine.io.color_spaces import color_space
+from karf_engine.io.images import (
+    INVERSE_EXIF_ORIENTATION,
+    apply_exif_orientation_copy,
+    encode_image,
+    read_mask,
+    read_photo,
+)
 from karf_engine.metrics.masks import iou
+from karf_engine.palettes.compositing import delta_composite, stack_palettes
+from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project.contents import read_capture
+from karf_engine.project.state import write_state
 from karf_engine.recolor.full_resolution import make_photo_view
 from karf_engine.recolor.matting.photo_mattes import field_mattes
 from karf_engine.recolor.matting.thin_parts import Marks
@@ -43,6 +54,12 @@ def green(model):
 
 
 @pytest.fixture(scope="module")
+def added(model):
+    """An edit with an added color."""
+    return model.edit().add_color("ball", "#c0221a", "#1ec040")
+
+
+@pytest.fixture(scope="module")
 def photo():
     return take_photo(CAMERA)
 
@@ -60,17 +77,20 @@ def saved(path, color, orientation=1):
     return view_of(path)
 
 
+def is_green(pixels):
+    return pixels[:, 1].mean() > 2 * pixels[:, 0].mean()
+
+
+# --------------------------------------------------------------------------------------------------------- kinds of photos
 def test_all_pixels_of_a_photo_are_recolored_and_no_others_change(model, green, photo, tmp_path):
     view = saved(tmp_path / "a.png", photo.color)
     ready = model.photo_view(view)
     write_photo(tmp_path / "b.png", ready.recolor(green))
     before, after = open_photo(view.image).pixels, open_photo(tmp_path / "b.png").pixels
+    ball, matte = ready.masks()[0], ready.mattes[0]
     assert after.shape == (96, 96, 3)
-    ball = ready.masks()[0]
-    assert iou(ball, photo.labels == 1) > 0.6
-    assert after[ball][:, 1].mean() > 2 * after[ball][:, 0].mean()
+    assert iou(ball, photo.labels == 1) > 0.6 and is_green(after[ball])
     unreached = np.ones((96, 96), bool)
-    matte = ready.mattes[0]
     unreached[slice(*matte.rows), slice(*matte.columns)] = matte.coverage == 0
     assert_array_equal(after[unreached], before[unreached])
     assert_array_equal(to_bytes(model.recolor(view, green)), after)
@@ -80,8 +100,7 @@ def test_all_pixels_of_a_photo_are_recolored_and_no_others_change(model, green, 
 def test_a_turned_photo_stays_turned_and_shows_the_same(model, green, photo, tmp_path, orientation):
     plain = model.recolor(saved(tmp_path / "a.png", photo.color), green)
     view = saved(tmp_path / "b.png", photo.color, orientation)
-    ready = model.photo_view(view)
-    write_photo(tmp_path / "c.png", ready.recolor(green))
+    write_photo(tmp_path / "c.png", model.photo_view(view).recolor(green))
     assert open_photo(tmp_path / "c.png").header.orientation == orientation
     assert_allclose(read_photo(tmp_path / "c.png"), plain, atol=1.1 / 255)
     assert_allclose(model.recolor(view, green), plain, atol=1.1 / 255)
@@ -99,7 +118,7 @@ def test_a_camera_may_know_the_photo_as_stored(model, green, tmp_path):
         model.photo_view(view_of(tmp_path / "b.png"))
 
 
-def test_a_photo_keeps_its_lens(model, green, tmp_path):
+def test_a_photo_keeps_its_lens(model, tmp_path):
     bent = replace(CAMERA, distortion=LENS)
 
     class Lens:
@@ -108,9 +127,9 @@ def test_a_photo_keeps_its_lens(model, green, tmp_path):
         rays = staticmethod(lambda pixels: CAMERA.rays(undistort_points(bent, pixels)))
 
     truth = take_photo(Lens)
-    ready = model.photo_view(replace(saved(tmp_path / "a.png", truth.color), camera=bent))
-    unbent = model.photo_view(saved(tmp_path / "a.png", truth.color))
-    scores = [iou(masks[1], truth.labels == 2) for masks in (ready.masks(), unbent.masks())]
+    view = saved(tmp_path / "a.png", truth.color)
+    found = [model.photo_view(each).masks()[1] for each in (replace(view, camera=bent), view)]
+    scores = [iou(mask, truth.labels == 2) for mask in found]
     assert scores[0] > 0.7 and scores[0] > scores[1] + 0.05
 
 
@@ -121,115 +140,7 @@ def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_
     after = ready.recolor(green).pixels
     assert_array_equal(after[..., 3], alpha)
     assert_array_equal(after[alpha == 0], open_photo(tmp_path / "a.png").pixels[alpha == 0])
-    ball = ready.masks()[0] & (alpha == 255)
-    assert after[ball][:, 1].mean() > 2 * after[ball][:, 0].mean()
-
-
-def test_linear_light_is_recolored_as_its_display_colors_are(model, green, photo, tmp_path):
-    from karf_engine.io.color import srgb_to_linear
-
-    light = srgb_to_linear(to_bytes(photo.color) / 255).astype(np.float32)
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, {"RGB": light}).write(
-        str(tmp_path / "a.exr")
-    )
-    shown = model.recolor(saved(tmp_path / "a.png", photo.color), green)
-    assert_allclose(model.recolor(view_of(tmp_path / "a.exr"), green), shown, atol=1.1 / 255)
-
-
-def test_several_edits_share_one_view(model, green, photo, tmp_path):
-    ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
-    edits = [green, model.edit(), model.edit().swatch("block", 1, "#ffffff"), replace(green, compositing="paper")]
-    together = [copy.pixels for copy in ready.recolor_all(edits)]
-    assert_array_equal(together, [ready.recolor(edit).pixels for edit in edits])
-    assert_array_equal(together[1], ready.photo.pixels)
-    objects = ready.masks().any(0)
-    assert_array_equal(together[3][~objects], ready.photo.pixels[~objects])
-    assert (together[3][objects] != together[0][objects]).any()
-
-
-def test_at_the_learned_size_the_photo_and_its_pinhole_are_the_same(model, green):
-    view = model.capture.split("test")[0]
-    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(model.recolor(view, green, "learned")))
-    plain = model.composite(model.render_view(view), green)
-    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
-
-
-def test_an_added_color_is_the_same_in_a_photo_its_pinhole_and_its_layers(model, photo, tmp_path):
-    from karf_engine.palettes.compositing import delta_composite, stack_palettes
-
-    edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
-    view = model.capture.split("test")[0]
-    shown = model.recolor(view, edit)
-    assert (shown != model.recolor(view, model.edit())).any()
-    assert_array_equal(to_bytes(shown), to_bytes(model.recolor(view, edit, "learned")))
-    ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
-    layers = ready.layers(np.ones((2, 2)), edit.added)
-    base = layers.base.astype(np.float32) / 255
-    learned = stack_palettes(model.objects, {palette.name: palette.colors for palette in layers.palettes})
-    result = delta_composite(base, layers.palette_weights, learned, stack_palettes(model.objects, edit.colors))
-    assert_allclose(result, ready.over_white(ready.recolor(edit)), atol=1.6 / 255)
-    paper = replace(edit, compositing="paper")
-    assert_array_equal(to_bytes(model.recolor(view, paper)), to_bytes(model.recolor(view, paper, "learned")))
-
-
-def test_other_edits_of_the_object_leave_its_added_colors(model):
-    added = model.edit().add_color("ball", "#c0221a", "#1ec040")
-    size = len(model.edit().colors["ball"])
-    for edit in (added.becomes("ball", "#c0221a", "#2040c0"), added.swatch("ball", 1, "#ffffff")):
-        assert_array_equal(edit.colors["ball"][size:], added.colors["ball"][size:])
-        assert (edit.colors["ball"][:size] != added.colors["ball"][:size]).any()
-        assert edit.added == added.added
-
-
-@pytest.mark.parametrize(("reach", "sentence"), [(0, "is not a reach"), (4.5, "is not a reach")])
-def test_a_reach_that_cannot_be_is_refused(model, reach, sentence):
-    with pytest.raises(BadRequest, match=sentence):
-        model.edit().add_color("ball", "#c0221a", "#1ec040", reach)
-
-
-def test_an_edit_with_an_added_color_is_another_frame(model):
-    from karf_engine.export.finished_frames import frame_fingerprint
-
-    edit = model.edit().add_color("ball", "#c0221a", "#1ec040")
-    further = replace(edit, added={"ball": (replace(edit.added["ball"][0], reach=2.0),)})
-    assert len({frame_fingerprint("view", each) for each in (model.edit(), edit, further)}) == 3
-
-
-def test_layers_of_a_photo_recolor_it(model, green, photo, tmp_path):
-    from karf_engine.palettes.compositing import delta_composite, stack_palettes
-
-    ready = model.photo_view(saved(tmp_path / "a.png", photo.color, 6))
-    layers = ready.layers(np.ones((2, 2)))
-    assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=4e-3)
-    base, edited = layers.base.astype(np.float32) / 255, stack_palettes(model.objects, green.colors)
-    result = delta_composite(base, layers.palette_weights, model.learned_colors, edited)
-    assert_allclose(result, ready.over_white(ready.recolor(green)), atol=1.6 / 255)
-
-
-# ---------------------------------------------------------------------------------------------------------- command line
-def render(learned, tmp_path, *options):
-    return main(["render", str(learned.project), "--out", str(tmp_path / "out"), "--threads", "1", *map(str, options)])
-
-
-@pytest.mark.parametrize(("size", "pixels"), [("photo", 32), ("learned", 32), ("12", 12), ("500", 32)])
-def test_the_command_line_writes_the_size_that_is_asked_for(learned, model, green, tmp_path, size, pixels):
-    green.save(tmp_path / "green.json")
-    assert render(learned, tmp_path, "--views", "test_r_0", "--edit", tmp_path / "green.json", "--size", size) == 0
-    assert read_photo(tmp_path / "out" / "recolor" / "test_r_0.png").shape == (pixels, pixels, 3)
-    assert read_mask(tmp_path / "out" / "masks" / "ball" / "test_r_0.png").shape == (pixels, pixels)
-    assert read_photo(tmp_path / "out" / "render" / "test_r_0.png").shape == (32, 32, 3)
-
-
-@pytest.mark.parametrize("size", ["0", "-3", "huge", "2.5"])
-def test_other_sizes_are_refused(learned, tmp_path, capsys, size):
-    assert render(learned, tmp_path, f"--size={size}") == BadRequest.exit_code
-    assert "is not a size" in capsys.readouterr().err
-
-
-def test_only_settings_of_rendering_change_while_rendering(learned, tmp_path, capsys):
-    assert render(learned, tmp_path, "--views", "test_r_0", "--set", "render.edges=field") == 0
-    assert render(learned, tmp_path, "--set", "geometry.long_side=64") == BadRequest.exit_code
-    assert "Only settings of render" in capsys.readouterr().err
+    assert is_green(after[ready.masks()[0] & (alpha == 255)])
 
 
 @pytest.mark.parametrize("orientation", [1, 6])
@@ -248,6 +159,75 @@ def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path,
     assert_array_equal(marks.drawn[0], shown[..., 0] > 127)
 
 
+# ------------------------------------------------------------------------------------------------------- edits of one view
+def test_several_edits_share_one_view(model, green, photo, tmp_path):
+    ready = model.photo_view(saved(tmp_path / "a.png", photo.color))
+    edits = [green, model.edit(), model.edit().swatch("block", 1, "#ffffff"), replace(green, compositing="paper")]
+    together = [copy.pixels for copy in ready.recolor_all(edits)]
+    assert_array_equal(together, [ready.recolor(edit).pixels for edit in edits])
+    assert_array_equal(together[1], ready.photo.pixels)
+    objects = ready.masks().any(0)
+    assert_array_equal(together[3][~objects], ready.photo.pixels[~objects])
+    assert (together[3][objects] != together[0][objects]).any()
+
+
+def test_a_photo_and_its_pinhole_are_the_same_at_the_learned_size(model, green, added):
+    view = model.capture.split("test")[0]
+    for edit in (green, added, replace(added, compositing="paper")):
+        shown = to_bytes(model.recolor(view, edit))
+        assert_array_equal(shown, to_bytes(model.recolor(view, edit, "learned")))
+        assert (shown != to_bytes(model.recolor(view, model.edit()))).any()
+    plain = model.composite(model.render_view(view), green)
+    assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
+
+
+def test_layers_of_a_photo_recolor_it_with_an_added_color(model, added, photo, tmp_path):
+    ready = model.photo_view(saved(tmp_path / "a.png", photo.color, 6))
+    layers = ready.layers(np.ones((2, 2)), added.added)
+    learned = stack_palettes(model.objects, {palette.name: palette.colors for palette in layers.palettes})
+    edited = stack_palettes(model.objects, added.colors)
+    result = delta_composite(layers.base.astype(np.float32) / 255, layers.palette_weights, learned, edited)
+    assert_allclose(result, ready.over_white(ready.recolor(added)), atol=1.6 / 255)
+
+
+def test_an_edit_with_an_added_color_is_another_frame(model, added):
+    further = replace(added, added={"ball": (replace(added.added["ball"][0], reach=2.0),)})
+    assert len({frame_fingerprint("view", each) for each in (model.edit(), added, further)}) == 3
+
+
+# ---------------------------------------------------------------------------------------------------------- command line
+@pytest.fixture
+def render(learned, tmp_path):
+    """Render into a folder `out`; the exit code."""
+
+    def render(*options):
+        words = (learned.project, "--out", tmp_path / "out", "--threads", 1, *options)
+        return main(["render", *map(str, words)])
+
+    return render
+
+
+@pytest.mark.parametrize(("size", "pixels"), [("photo", 32), ("learned", 32), ("12", 12), ("500", 32)])
+def test_the_command_line_writes_the_size_that_is_asked_for(render, green, tmp_path, size, pixels):
+    green.save(tmp_path / "green.json")
+    assert render("--views", "test_r_0", "--edit", tmp_path / "green.json", "--size", size) == 0
+    assert read_photo(tmp_path / "out" / "recolor" / "test_r_0.png").shape == (pixels, pixels, 3)
+    assert read_mask(tmp_path / "out" / "masks" / "ball" / "test_r_0.png").shape == (pixels, pixels)
+    assert read_photo(tmp_path / "out" / "render" / "test_r_0.png").shape == (32, 32, 3)
+
+
+@pytest.mark.parametrize(
+    ("option", "sentence"),
+    [
+        *((f"--size={size}", "is not a size") for size in ("0", "-3", "huge", "2.5")),
+        ("--set=geometry.long_side=64", "Only settings of render"),
+    ],
+)
+def test_other_sizes_and_settings_are_refused(render, capsys, option, sentence):
+    assert render(option) == BadRequest.exit_code
+    assert sentence in capsys.readouterr().err
+
+
 @pytest.fixture
 def disputed(monkeypatch):
     """Photo and field disagree about the first object in every view."""
@@ -260,47 +240,34 @@ def disputed(monkeypatch):
 
 
 @pytest.mark.parametrize("size", ["photo", "learned"])
-def test_what_photo_and_scene_disagree_about_is_told_once(learned, tmp_path, capsys, disputed, size):
-    assert render(learned, tmp_path, "--views", "test_r_0,train_r_0", "--size", size, "--planes") == 0
+def test_what_photo_and_scene_disagree_about_is_told_once(render, capsys, disputed, size):
+    assert render("--views", "test_r_0,train_r_0", "--size", size, "--planes") == 0
     printed = "".join(capsys.readouterr())
     assert printed.count("disagree") == 1
     assert "disagree about ball in test_r_0, train_r_0: its edges there are the scene's" in printed
 
 
-def test_colorways_tell_what_photo_and_scene_disagree_about(learned, tmp_path, capsys, disputed):
-    sheet = tmp_path / "sheet.csv"
-    sheet.write_text("colorway,object,hex\nGreen,ball,#1ec040\nViolet,ball,#8040c0\n")
-    options = ["--sheet", sheet, "--views", "test_r_0", "--out", tmp_path / "out", "--threads", 1]
-    assert main(["colorways", *map(str, (learned.project, *options))]) == 0
-    assert "".join(capsys.readouterr()).count("disagree about ball in test_r_0:") == 1
-
-
-def test_projects_without_settings_of_rendering_open(learned, tmp_path):
-    import shutil
-
-    from karf_engine.project.state import read_state, write_state
-
-    folder = shutil.copytree(learned.project, tmp_path / "project")
-    state = read_state(folder / "project.json")
+def test_settings_of_rendering_are_in_no_fingerprint_and_may_be_missing(copy):
+    state = copy.state()
+    assert "render" not in STAGE_ORDER
+    assert all("edges" not in copy.finished(stage)["settings"] for stage in STAGE_ORDER)
     del state["settings"]["render"]
-    write_state(folder / "project.json", state)
-    assert karf.load(folder, device="cpu").settings.render.edges == "photo"
+    write_state(copy.state_file, state)
+    assert karf.load(copy.folder, device="cpu").settings.render.edges == "photo"
 
 
-def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(learned, green, tmp_path):
-    camera = camera_at(1.0, 0.5, size=24)
-    write_cameras(tmp_path / "path.json", [View("a", "a", camera, None, "train")])
+@pytest.mark.parametrize(("kind", "suffix"), [("png8", "png"), ("exr16", "exr")])
+def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(render, green, tmp_path, kind, suffix):
+    cameras, truth = cameras_file(tmp_path / "path.json", size=24), take_photo(camera_at(1.0, 0.5, size=24))
     green.save(tmp_path / "green.json")
-    options = ["--views", tmp_path / "path.json", "--edit", tmp_path / "green.json", "--alpha", "--depth"]
-    assert render(learned, tmp_path, *options, "--set", "render.supersampling=3") == 0
-    truth = take_photo(camera)
-    for kind in ("render", "recolor"):
-        picture = read_photo(tmp_path / "out" / kind / "a.png")
+    options = ("--edit", tmp_path / "green.json", "--alpha", "--depth", "--set", "render.supersampling=3")
+    assert render("--views", cameras, *options, "--format", kind) == 0
+    shown, recolored = (read_photo(tmp_path / "out" / name / f"frame_0.{suffix}") for name in ("render", "recolor"))
+    for picture in (shown, recolored):
         assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.08
-    shown = read_photo(tmp_path / "out" / "render" / "a.png")
     solid = truth.alpha > 0.99
     assert np.abs(shown[solid][:, :3] - truth.color[solid]).mean() < 0.1
-    depth = np.load(tmp_path / "out" / "depth" / "a.npy")
+    depth = np.load(tmp_path / "out" / "depth" / "frame_0.npy")
     assert depth.shape == (24, 24) and 2.4 < np.median(depth[truth.labels == 1]) < 3.8
 
 
@@ -313,9 +280,44 @@ def test_bands_of_rows_are_the_whole_picture(model, monkeypatch):
         assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)
 
 
-def test_settings_of_rendering_are_in_no_fingerprint(learned):
-    from karf_engine.project import STAGE_ORDER, Project
+# ---------------------------------------------------------------------------------------------------------- other color spaces
+SPACE = "sRGB Encoded P3-D65"
 
-    state = json.loads((learned.project / "project.json").read_text())
-    assert "render" in state["settings"] and "render" not in STAGE_ORDER
-    assert all("edges" not in Project(learned.project).finished(stage)["settings"] for stage in STAGE_ORDER)
+
+@pytest.fixture(scope="module")
+def wide(still_life, tmp_path_factory):
+    """The still life with photos of 16 bits in a wide gamut."""
+    pytest.importorskip("PyOpenColorIO")
+    folder = shutil.copytree(still_life.capture, tmp_path_factory.mktemp("wide") / "capture")
+    for path in folder.rglob("*.png"):
+        stored = color_space(SPACE).from_srgb(read_photo(path)[..., :3])
+        path.write_bytes(encode_image(".png", np.rint(np.clip(stored, 0, 1) * 65535).astype(np.uint16)))
+    return folder
+
+
+def test_photos_in_another_space_are_recolored_as_those_in_srgb_are(still_life, learned, wide, tmp_path, capsys):
+    project, edit = tmp_path / "project", tmp_path / "edit.json"
+    unknown = ["geometry", str(wide), "--project", str(project), "--photo-space", "P3 sRGB"]
+    assert main(unknown) == BadRequest.exit_code and not project.exists()
+    told = capsys.readouterr().err
+    assert "no color space 'P3 sRGB'" in told and "Nearest: " in told and SPACE in told
+
+    of_wide = replace(still_life, capture=wide)
+    command = of_wide.command(project, "splats.iterations=1", "recoloring.iterations=20")
+    assert main([*command, "--photo-space", SPACE]) == 0
+    assert {view.space.name for view in read_capture(Project(project)).views} == {SPACE}
+    pictures = []
+    for each, space in ((learned.project, None), (project, color_space(SPACE))):
+        out = tmp_path / f"of {each.parent.name}"
+        pair = ("--object", "ball", "--from", "#d92619", "--to", "#1f5fbf", "--out", edit)
+        assert main(["match", *map(str, (each, *pair))]) == 0
+        assert main(["render", *map(str, (each, "--views", "test_r_0", "--edit", edit, "--out", out))]) == 0
+        pictures.append(read_photo(out / "recolor" / "test_r_0.png", space=space)[..., :3])
+    change = np.abs(pictures[0] - pictures[1])
+    assert change.mean() < 0.01 and change.max() < 0.1
+    before, after = open_photo(wide / "test" / "r_0.png"), open_photo(out / "recolor" / "test_r_0.png")
+    assert after.pixels.dtype == np.uint16
+    assert 0.5 < (before.pixels == after.pixels).all(-1).mean() < 0.99
+    capsys.readouterr()
+    assert main(geometry_command(of_wide, project)) == 0  # without the option a project stays as it was learned
+    assert "already done" in capsys.readouterr().err

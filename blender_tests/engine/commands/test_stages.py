@@ -1,25 +1,27 @@
 """All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
 
+import inspect
 import json
-import shutil
+from importlib import import_module
 from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
-import OpenEXR
 import pytest
 
 torch = pytest.importorskip("torch")
 maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
+OpenEXR = pytest.importorskip("OpenEXR")
 
 import karf_engine
+from blender_tests.engine.commands.conftest import Events, cameras_file
 from blender_tests.engine.conftest import of_field
 from blender_tests.engine.reference.still_life import camera_at, take_photo
-from karf_engine.capture import open_capture, write_cameras
-from karf_engine.capture.capture import View
+from karf_engine.capture import open_capture
 from karf_engine.cli import main
 from karf_engine.commands import render
-from karf_engine.commands.options import RenderOptions
+from karf_engine.commands.dispatch import run_command
+from karf_engine.commands.options import COMMANDS, InspectOptions, LearnOptions, MarkOptions, RenderOptions
 from karf_engine.errors import BadRequest
 from karf_engine.export.layer_names import read_layer_names
 from karf_engine.export.scene_points import read_points
@@ -34,22 +36,22 @@ from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
+from karf_engine.worker.protocol import STAGES, WARM
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
+SAME = '{"schema": "karf-edit/1", "objects": {}}'
 
 
-@pytest.fixture
-def copy(learned, tmp_path):
-    """A project of one's own."""
-    return Project(shutil.copytree(learned.project, tmp_path / "project"))
+def run(*words):
+    return main([*map(str, words)])
 
 
 @pytest.fixture(scope="module")
 def green(learned, tmp_path_factory):
     """An edit that turns the red ball green."""
     out = tmp_path_factory.mktemp("edit") / "green.json"
-    arguments = ["--object", "ball", "--from", BALL_COLOR, "--to", GREEN, "--out", str(out)]
-    assert main(["match", str(learned.project), *arguments]) == 0
+    words = ("--object", "ball", "--from", BALL_COLOR, "--to", GREEN, "--out", out)
+    assert run("match", learned.project, *words) == 0
     return out
 
 
@@ -57,13 +59,17 @@ def green(learned, tmp_path_factory):
 def frames(learned, green, tmp_path_factory):
     """The held-out views rendered with everything there is."""
     out = tmp_path_factory.mktemp("frames")
-    options = ["--views", "test", "--edit", str(green), "--depth", "--unsure", "--planes", "--out", str(out)]
-    assert main(["render", str(learned.project), *options, "--threads", "1"]) == 0
+    options = ("--edit", green, "--depth", "--unsure", "--planes", "--layers", "--out", out, "--threads", 1)
+    assert run("render", learned.project, "--views", "test", *options) == 0
     return out
 
 
 def contents(project):
     return {path.relative_to(project.folder): path.read_bytes() for path in project.folder.rglob("*") if path.is_file()}
+
+
+def done_already(printed):
+    return [f"{stage}: already done" in printed for stage in STAGE_ORDER]
 
 
 # --------------------------------------------------------------------------------------------------------------- learning
@@ -75,70 +81,52 @@ def test_every_stage_is_noted_with_its_figures_and_files(learned):
     report = json.loads(project.segmentation_report.read_text())
     assert report["objects"] == ["ball", "block"]
     assert all(score > 0.5 for scores in report["iou_with_marks"].values() for score in scores)
-    assert sorted(path.parent.name + "/" + path.stem for path in project.masks_folder.rglob("*.png")) == [
-        "ball/r_8",
-        "ball/train_r_0",  # there is an r_0 in both splits
-        "block/r_8",
-        "block/train_r_0",
-    ]
+    masks = sorted(f"{path.parent.name}/{path.stem}" for path in project.masks_folder.rglob("*.png"))
+    assert masks == ["ball/r_8", "ball/train_r_0", "block/r_8", "block/train_r_0"]  # there is an r_0 in both splits
     assert not (project.folder / "lock.json").exists()
     assert [line for line in learned.output.splitlines() if line in STAGE_ORDER] == list(STAGE_ORDER)
 
 
-def test_a_second_run_says_already_done_and_changes_nothing(still_life, copy, capsys):
+def test_a_second_run_does_nothing_and_a_changed_setting_runs_what_depends_on_it(still_life, copy, capsys):
     before = contents(copy)
     files = before.keys() - {Path("lock")}  # which older releases of filelock touch
     times = {name: (copy.folder / name).stat().st_mtime_ns for name in files}
     assert main(still_life.command(copy.folder)) == 0
     assert contents(copy) == before
     assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in files}
-    printed = capsys.readouterr().err
-    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True] * 5
-
-
-def test_a_changed_setting_runs_only_what_depends_on_it(still_life, copy, capsys):
-    before = contents(copy)
+    assert done_already(capsys.readouterr().err) == [True] * 5
     assert main(still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
-    printed = capsys.readouterr().err
-    assert [f"{stage}: already done" in printed for stage in STAGE_ORDER] == [True, True, False, False, True]
+    assert done_already(capsys.readouterr().err) == [True, True, False, False, True]
     changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
     assert {len(palette.colors) for palette in read_palettes(copy.palette_file)} == {2}
 
 
 def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_path, capsys):
-    untrained = ["recoloring", str(copy.folder), "--threads", "1", "--set", "recoloring.iterations=0"]
-    assert main(untrained) == 0
+    untrained = ("recoloring", copy.folder, "--threads", 1, "--set")
+    assert run(*untrained, "recoloring.iterations=0") == 0
     assert copy.finished("recoloring")["files"].keys() == {"palette.json", "object_colors.npz"}
     extracted = read_palettes(copy.palette_file, "initial")
     model = karf_engine.load(copy.folder, "cpu")
     assert model.recoloring is None
     assert all(np.array_equal(own.colors, first.colors) for own, first in zip(model.palettes, extracted, strict=True))
-    out = tmp_path / "frames"
-    options = ["--views", "test", "--edit", str(green), "--planes", "--set", "render.source=field"]
-    assert main(["render", str(copy.folder), *options, "--out", str(out), "--threads", "1"]) == 0
+    options = ("--edit", green, "--planes", "--set", "render.source=field", "--out", tmp_path / "frames")
+    assert run("render", copy.folder, "--views", "test_r_0", *options, "--threads", 1) == 0
     assert f"karf recoloring {copy.folder} --set recoloring.iterations=" in capsys.readouterr().err
-    assert main(["points", str(copy.folder), "--out", str(tmp_path / "points.npz"), "--threads", "1"]) == 0
-    weights = read_points(tmp_path / "points.npz").palette_weights.astype(float)
-    probabilities = read_points(tmp_path / "points.npz").probabilities.astype(float)
-    np.testing.assert_allclose(weights.sum(2), probabilities, atol=2e-3)
-    frame = of_field(model).render(model.working_camera(model.capture.views[0]))
+    assert run("points", copy.folder, "--out", tmp_path / "points.npz", "--count", 1000, "--threads", 1) == 0
+    points = read_points(tmp_path / "points.npz")
+    np.testing.assert_allclose(
+        points.palette_weights.astype(float).sum(2), points.probabilities.astype(float), atol=2e-3
+    )
+    camera = model.working_camera(model.capture.views[0])
+    frame = of_field(model).render(camera)
     np.testing.assert_allclose(frame.palette_weights.sum(1), frame.probabilities, atol=2e-3)
     with pytest.raises(BadRequest, match="karf recoloring"):
-        weights_of_field(model, model.scene.render(model.working_camera(model.capture.views[0]), 3))
-    assert main([*untrained[:-1], "recoloring.iterations=3"]) == 0
+        weights_of_field(model, model.scene.render(camera, 3))
+    assert run(*untrained, "recoloring.iterations=3") == 0
     assert karf_engine.load(copy.folder, "cpu").recoloring is not None
-    assert main([*untrained[:-1], "palette.colors=3"]) == 2
+    assert run(*untrained, "palette.colors=3") == 2
     assert "Only settings of recoloring" in capsys.readouterr().err
-
-
-def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, capsys):
-    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
-    shutil.copy(masks / "ball" / "r_0.png", masks / "block" / "r_0.png")
-    shutil.copy(still_life.masks / "block" / "r_0.png", masks / "ball" / "r_0.png")
-    assert main(["segmentation", str(copy.folder), "--masks", str(masks), "--threads", "1"]) == 0
-    assert "already done" not in capsys.readouterr().err
-    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False, True]
 
 
 def test_no_view_shows_an_object_beyond_its_volume(copy):
@@ -146,7 +134,7 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
     half[0, 3] = 0.25  # x from 0.05 to 0.45; the block's is from 0.15 to 0.75
     write_volumes(copy.volumes_file, {"block": [Volume("inside", half)]})
     before = Model(copy)
-    assert main(["segmentation", str(copy.folder), "--threads", "1"]) == 0
+    assert run("segmentation", copy.folder, "--threads", 1) == 0
     after = Model(copy)
     camera, block = before.working_camera(before.capture.views[0]), before.objects.index("block")
     covered = [model.render_field(camera).probabilities[block].sum() for model in (before, after)]
@@ -156,27 +144,18 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
 
 
 # -------------------------------------------------------------------------------------------------------------- rendering
-def test_held_out_views_show_the_scene_and_its_objects(still_life, frames):
+def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_life, frames):
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
         assert psnr(read_photo(frames / "render" / f"test_{stem}.png"), truth.color) > 20
         for label, name in ((1, "ball"), (2, "block")):
             assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > 0.6
-
-
-def test_depth_is_that_of_the_still_life(still_life, frames):
-    truth = still_life.photos["test/r_0"]
-    depth = np.load(frames / "depth" / "test_r_0.npy")
-    assert depth.dtype == np.float32 and depth.shape == (32, 32)
-    _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
-    on_ball = depth[truth.labels == 1]
-    assert abs(np.median(on_ball) - (ball_depth[0] - 0.3)) < 0.25
-
-
-def test_what_is_unsure_lies_where_objects_are_and_what_shows_nothing_is_not(frames):
-    for name in ("ball", "block"):
-        unsure = read_photo(frames / "unsure" / name / "test_r_0.png")[..., 0]
-        assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+            unsure = read_photo(frames / "unsure" / name / f"test_{stem}.png")[..., 0]
+            assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+        depth = np.load(frames / "depth" / f"test_{stem}.npy")
+        assert depth.dtype == np.float32 and depth.shape == (32, 32)
+        _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
+        assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
 
 
 def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
@@ -197,64 +176,58 @@ def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, 
     total = planes.palette_weights.sum(1, dtype=np.float32)
     np.testing.assert_allclose(total, planes.probabilities.astype(np.float32), atol=4e-3)
     project = Project(learned.project)
-    in_project = read_planes(project.planes_file("test_r_0"))
-    assert np.array_equal(in_project.palette_weights, planes.palette_weights)
-    assert planes_made_from(project.planes_file("test_r_0")) == result_fingerprint(project.state(), "recoloring")
+    in_project = project.planes_file("test_r_0")
+    assert np.array_equal(read_planes(in_project).palette_weights, planes.palette_weights)
+    assert planes_made_from(in_project) == result_fingerprint(project.state(), "recoloring")
 
 
-@pytest.mark.parametrize("views", ["train", "test_r_1,r_3"])
-def test_an_unchanged_palette_gives_the_photos_bit_by_bit(still_life, learned, tmp_path, views):
-    (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
-    options = ["--views", views, "--edit", str(tmp_path / "same.json"), "--out", str(tmp_path), "--threads", "1"]
-    assert main(["render", str(learned.project), *options]) == 0
+def test_an_unchanged_palette_gives_the_photos_bit_by_bit(still_life, learned, tmp_path):
+    (tmp_path / "same.json").write_text(SAME)
+    options = ("--edit", tmp_path / "same.json", "--out", tmp_path, "--threads", 1)
+    assert run("render", learned.project, "--views", "train", *options) == 0
     written, capture = sorted((tmp_path / "recolor").iterdir()), open_capture(still_life.capture)
-    assert len(written) == (16 if views == "train" else 2)
+    assert len(written) == 16
     for path in written:
-        photo = capture.view(path.stem).image
-        assert np.array_equal(read_photo(path), read_photo(photo))
+        assert np.array_equal(read_photo(path), read_photo(capture.view(path.stem).image))
 
 
 def test_views_of_two_splits_never_share_a_picture(learned, tmp_path):
     """Both are called r_0 on disk."""
-    for view in ("train_r_0", "test_r_0"):
-        assert main(["render", str(learned.project), "--views", view, "--out", str(tmp_path), "--threads", "1"]) == 0
+    assert run("render", learned.project, "--views", "train_r_0,test_r_0", "--out", tmp_path, "--threads", 1) == 0
     pictures = sorted((tmp_path / "render").iterdir())
     assert [path.name for path in pictures] == ["test_r_0.png", "train_r_0.png"]
 
 
 def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
-    (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
-    frames = [View(f"frame_{i}", f"frame_{i}", camera_at(1.0, 0.5, size=16), None, "train") for i in range(3)]
-    write_cameras(tmp_path / "path.json", frames)
-    edits = [str(tmp_path / "same.json"), str(green), str(tmp_path / "same.json")]
-    options = {"views": str(tmp_path / "path.json"), "edit": edits, "out": str(tmp_path), "threads": 1}
-    events = []
-    render.run(
-        RenderOptions.of(project=learned.project, **options),
-        lambda event, **values: events.append((event, values)),
-        lambda: False,
-    )
+    (tmp_path / "same.json").write_text(SAME)
+    same, events = str(tmp_path / "same.json"), Events()
+
+    def render_with(*edits):
+        options = {"views": str(cameras_file(tmp_path / "path.json", 3)), "edit": edits, "out": tmp_path, "threads": 1}
+        render.run(RenderOptions.of(project=learned.project, **options), events, lambda: False)
+
+    render_with(same, str(green), same)
     plain, changed, again = (read_photo(tmp_path / "recolor" / f"frame_{i}.png") for i in range(3))
     unedited = read_photo(tmp_path / "render" / "frame_0.png")
     assert (plain == unedited).all() and (again == unedited).all() and (changed != unedited).any()
-    assert {values["total"] for kind, values in events if kind == "progress"} == {3}
-    options["edit"] = edits[:2]
+    assert set(events.values("progress", "total")) == {3}
     with pytest.raises(BadRequest, match="2 edits for 3 views"):
-        render.run(RenderOptions.of(project=learned.project, **options), lambda *_, **__: None, lambda: False)
+        render_with(same, str(green))
 
 
-def test_free_cameras_are_rendered_and_recolored_without_a_photo(learned, green, tmp_path):
-    camera = camera_at(1.0, 0.5, size=24)
-    write_cameras(tmp_path / "path.json", [View(f"frame_{i}", f"frame_{i}", camera, None, "train") for i in range(2)])
-    options = ["--views", str(tmp_path / "path.json"), "--edit", str(green), "--planes", "--out", str(tmp_path / "out")]
-    assert main(["render", str(learned.project), *options, "--threads", "1"]) == 0
-    assert sorted(path.name for path in (tmp_path / "out" / "recolor").iterdir()) == ["frame_0.png", "frame_1.png"]
-    truth = take_photo(camera)
-    rendered = read_photo(tmp_path / "out" / "render" / "frame_0.png")
-    assert psnr(rendered, truth.color) > 20
-    ball = read_photo(tmp_path / "out" / "recolor" / "frame_0.png")[truth.labels == 1].mean(0)
+def test_free_cameras_are_rendered_recolored_and_layered_without_a_photo(learned, green, tmp_path):
+    cameras, truth = cameras_file(tmp_path / "path.json", 2, 24), take_photo(camera_at(1.0, 0.5, 24))
+    options = ("--edit", green, "--planes", "--layers", "--depth", "--out", tmp_path, "--threads", 1)
+    assert run("render", learned.project, "--views", cameras, *options) == 0
+    assert psnr(read_photo(tmp_path / "render" / "frame_0.png"), truth.color) > 20
+    recolored = read_photo(tmp_path / "recolor" / "frame_0.png")
+    ball = recolored[truth.labels == 1].mean(0)
     assert ball[1] > ball[0]
     assert not (learned.project / "planes" / "frame_0.npz").exists()
+    edit = read_edit(green, read_palettes(Project(learned.project).palette_file))
+    result, depth = recomposed(tmp_path / "layers" / "frame_0.exr", edit)
+    assert np.abs(result - recolored).max() < 1 / 255
+    np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
 
 
 def recomposed(path, edit):
@@ -268,30 +241,17 @@ def recomposed(path, edit):
     return np.clip(result, 0, 1), planes["Depth.Z"]
 
 
-def test_layers_of_a_camera_recompose_what_the_engine_recolors(learned, green, tmp_path):
-    write_cameras(tmp_path / "path.json", [View("frame_0", "frame_0", camera_at(1.0, 0.5, size=24), None, "train")])
-    options = ["--views", str(tmp_path / "path.json"), "--edit", str(green), "--layers", "--depth"]
-    assert main(["render", str(learned.project), *options, "--out", str(tmp_path), "--threads", "1"]) == 0
-    edit = read_edit(green, read_palettes(Project(learned.project).palette_file))
-    result, depth = recomposed(tmp_path / "layers" / "frame_0.exr", edit)
-    assert np.abs(result - read_photo(tmp_path / "recolor" / "frame_0.png")).max() < 1 / 255
-    np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
-
-
-def test_layers_of_a_photo_recompose_it_in_all_its_pixels(learned, green, tmp_path):
-    options = ["--views", "test_r_0", "--layers", "--out", str(tmp_path), "--threads", "1"]
-    assert main(["render", str(learned.project), *options]) == 0
+def test_layers_of_a_photo_recompose_it_in_all_its_pixels(learned, green, frames):
     model = karf_engine.load(learned.project, "cpu")
-    view = model.capture.view("test_r_0")
-    edit = read_edit(green, model.palettes)
-    result, depth = recomposed(tmp_path / "layers" / "test_r_0.exr", edit)
+    view, edit = model.capture.view("test_r_0"), read_edit(green, model.palettes)
+    result, depth = recomposed(frames / "layers" / "test_r_0.exr", edit)
     assert result.shape[1::-1] == depth.shape[::-1] == (view.camera.width, view.camera.height)
     assert np.abs(result - model.recolor(view, edit)).max() < 1.1 / 255
 
 
 # --------------------------------------------------------------------------------------------------------------- palettes
 def test_palettes_are_printed_as_json_without_computing(learned, capsys):
-    assert main(["palette", str(learned.project), "--json"]) == 0
+    assert run("palette", learned.project, "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads(Project(learned.project).palette_file.read_text())
     for entry in printed["objects"]:
@@ -300,30 +260,26 @@ def test_palettes_are_printed_as_json_without_computing(learned, capsys):
 
 @pytest.mark.parametrize("suffix", [".gpl", ".ase", ".json"])
 def test_palettes_go_to_other_programs_and_come_back_as_an_edit(learned, green, tmp_path, suffix):
-    palettes, foreign, back = (
-        read_palettes(Project(learned.project).palette_file),
-        tmp_path / f"p{suffix}",
-        tmp_path / "b.json",
-    )
-    assert main(["palette", str(learned.project), "--edit", str(green), "--out", str(foreign)]) == 0
-    assert main(["palette", str(learned.project), "--edit", str(foreign), "--out", str(back)]) == 0
+    palettes = read_palettes(Project(learned.project).palette_file)
+    foreign, back = tmp_path / f"p{suffix}", tmp_path / "b.json"
+    assert run("palette", learned.project, "--edit", green, "--out", foreign) == 0
+    assert run("palette", learned.project, "--edit", foreign, "--out", back) == 0
     before, after = read_edit(green, palettes), read_edit(back, palettes)
     for name, colors in before.colors.items():
         assert np.abs(np.clip(colors, 0, 1) - np.clip(after.colors[name], 0, 1)).max() <= 0.5 / 255 + 1e-6
-    assert main(["palette", str(learned.project), "--out", str(foreign)]) == 0
-    assert main(["palette", str(learned.project), "--edit", str(foreign)]) == 2
+    assert run("palette", learned.project, "--out", foreign) == 0
+    assert run("palette", learned.project, "--edit", foreign) == 2
 
 
 def test_a_painted_frame_is_matched_in_other_views_too(still_life, learned, frames, tmp_path):
     """The picture that an edit makes of one view gives that edit back, near enough to make the same pictures."""
-    view = next(iter(sorted((frames / "recolor").glob("*.png"))))
+    view, *_ = pictures = sorted((frames / "recolor").glob("*.png"))
     out, again = tmp_path / "matched.json", tmp_path / "again"
-    options = ["--view", view.stem, "--picture", str(view), "--out", str(out), "--threads", "1"]
-    assert main(["match", str(learned.project), *options]) == 0
-    options = ["--views", "test", "--edit", str(out), "--out", str(again), "--threads", "1"]
-    assert main(["render", str(learned.project), *options]) == 0
+    words = ("--view", view.stem, "--picture", view, "--out", out, "--threads", 1)
+    assert run("match", learned.project, *words) == 0
+    assert run("render", learned.project, "--views", "test", "--edit", out, "--out", again, "--threads", 1) == 0
     capture = open_capture(still_life.capture)
-    for path in (frames / "recolor").glob("*.png"):
+    for path in pictures:
         files = path, again / "recolor" / path.name, capture.view(path.stem).image
         wanted, made, photo = (iio.imread(file)[..., :3] / 255.0 for file in files)
         inside = np.abs(wanted - photo).max(axis=-1) > 0.1
@@ -332,22 +288,39 @@ def test_a_painted_frame_is_matched_in_other_views_too(still_life, learned, fram
 
 def test_a_picture_that_wants_nothing_or_is_of_another_shape_is_refused(still_life, learned, tmp_path):
     view = open_capture(still_life.capture).split("test")[0]
-    match = ["match", str(learned.project), "--out", str(tmp_path / "out.json"), "--view", view.name, "--picture"]
-    assert main([*match, str(view.image)]) == 2
     iio.imwrite(tmp_path / "wide.png", np.zeros((20, 80, 3), np.uint8))
-    assert main([*match, str(tmp_path / "wide.png")]) == 2
-    assert main(match[:-1]) == 2
+    match = ("match", learned.project, "--out", tmp_path / "out.json", "--view", view.name)
+    for picture in (("--picture", view.image), ("--picture", tmp_path / "wide.png"), ()):
+        assert run(*match, *picture) == 2
     assert not (tmp_path / "out.json").exists()
 
 
 @pytest.mark.parametrize("rule", ["becomes", "fewest"])
 def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, tmp_path, rule):
     out = tmp_path / "both.json"
-    options = ["--object", "block", "--from", "#2042b0", "--to", "#d0c020", "--rule", rule]
-    assert main(["match", str(learned.project), *options, "--edit", str(green), "--out", str(out)]) == 0
+    words = ("--object", "block", "--from", "#2042b0", "--to", "#d0c020", "--rule", rule, "--edit", green, "--out", out)
+    assert run("match", learned.project, *words) == 0
     palettes = read_palettes(Project(learned.project).palette_file)
+    block = {palette.name: palette.colors for palette in palettes}["block"]
     first, both = read_edit(green, palettes), read_edit(out, palettes)
     assert np.array_equal(first.colors["ball"], both.colors["ball"])
-    assert np.array_equal(first.colors["block"], {p.name: p.colors for p in palettes}["block"])
-    assert not np.array_equal(first.colors["block"], both.colors["block"])
+    assert np.array_equal(first.colors["block"], block) and not np.array_equal(both.colors["block"], block)
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
+
+
+# ---------------------------------------------------------------------------------------------------------- every command
+def test_every_command_is_run_in_the_same_way_and_may_be_a_job():
+    for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
+        run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run
+        assert list(inspect.signature(run).parameters)[:3] == ["options", "emit", "should_stop"], name
+    assert STAGES == (*COMMANDS, WARM)
+
+
+def test_what_a_command_answers_is_returned(still_life, tmp_path, events):
+    inspect_options = InspectOptions.of(capture=still_life.capture, out=tmp_path / "inspected")
+    advice = run_command(inspect_options, events, lambda: False)
+    assert advice.findings and (tmp_path / "inspected" / "inspection.json").exists()
+    box = {"view": "train_r_0", "object_name": "ball", "box": (8, 8, 20, 20)}
+    mark_options = MarkOptions.of(capture=still_life.capture, masks=tmp_path / "masks", **box)
+    mask = run_command(mark_options, events, lambda: False)
+    assert mask.is_file() and events.values("artifact", "path") == [str(tmp_path / "inspected"), str(mask)]

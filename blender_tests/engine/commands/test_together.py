@@ -71,22 +71,7 @@ def tensors(path):
     return load_tensors(path, "karf-geometry/1")[0]
 
 
-KERNELS = ("off", "on")
-
-
-@pytest.fixture(scope="module", params=KERNELS)
-def expected(still_life, tmp_path_factory, request):
-    """What one process learns of the shares of both, by torch and by the kernels."""
-    if request.param == "on":
-        pytest.importorskip("numba")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("KARF_KERNELS", request.param)
-        folder = tmp_path_factory.mktemp("in turn")
-        yield tensors(learn_in_turn(still_life.capture, folder / "project")), request.param == "on"
-
-
-def check_equal(found, expected):
-    expected, is_by_kernels = expected
+def check_equal(found, expected, is_by_kernels):
     assert found.keys() == expected.keys()
     for name, tensor in expected.items():
         if is_by_kernels and tensor.is_floating_point():
@@ -98,20 +83,23 @@ def check_equal(found, expected):
 
 
 @needs_gloo
-def test_two_processes_learn_what_one_learns_of_both_shares_and_one_of_them_writes(still_life, expected, tmp_path):
+@pytest.mark.parametrize(("kernels", "begun"), [("off", 0), ("on", 10)], ids=["from the start", "resumed, by kernels"])
+def test_two_processes_learn_what_one_learns_of_both_shares_and_one_of_them_writes(
+    still_life, tmp_path, monkeypatch, kernels, begun
+):
+    if kernels == "on":
+        pytest.importorskip("numba")
+    monkeypatch.setenv("KARF_KERNELS", kernels)
+    expected = tensors(learn_in_turn(still_life.capture, tmp_path / "in turn"))
+    if begun:
+        learn_in_turn(still_life.capture, tmp_path / "project", until=begun)
+        assert not Project(tmp_path / "project").finished("geometry")
     done = learn_together(still_life.capture, tmp_path / "project")
-    assert done.returncode == 0, done.stderr
-    check_equal(tensors(Project(tmp_path / "project").geometry_file), expected)
-    assert (done.stdout + done.stderr).count("held-out views") == 2  # of two levels, each told once
-
-
-@needs_gloo
-def test_what_was_left_unfinished_is_resumed_by_all(still_life, expected, tmp_path):
-    learn_in_turn(still_life.capture, tmp_path / "project", until=70)
-    assert not Project(tmp_path / "project").finished("geometry")
-    done = learn_together(still_life.capture, tmp_path / "project")
-    assert done.returncode == 0 and "resuming at iteration 70 of 90" in done.stdout + done.stderr
-    check_equal(tensors(Project(tmp_path / "project").geometry_file), expected)
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said
+    assert ("resuming at iteration 10 of 90" in said) == bool(begun)
+    assert said.count("held-out views") == 2  # of two levels, each told once
+    check_equal(tensors(Project(tmp_path / "project").geometry_file), expected, kernels == "on")
 
 
 @needs_gloo
@@ -121,23 +109,19 @@ def test_where_one_process_fails_all_end(tmp_path):
 
 
 # ----------------------------------------------------------------------------------------------------- the process group
-def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
+def test_each_process_draws_its_own_numbers_also_where_a_share_is_tried_again_and_then_all_stand_at_one_place():
     drawn, after = [], []
     for rank in range(2):
         generator = torch.Generator().manual_seed(3)
+        before = generator.get_state()
+        with pytest.raises(MemoryError), ProcessGroup(rank, 2).rank_random(generator):
+            torch.rand(3, generator=generator)
+            raise MemoryError
+        assert torch.equal(generator.get_state(), before)
         with ProcessGroup(rank, 2).rank_random(generator):
             drawn.append(torch.rand(10 + rank, generator=generator)[:10])
         after.append(torch.rand(10, generator=generator))
     assert not torch.equal(*drawn) and torch.equal(*after)
-
-
-def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
-    generator = torch.Generator().manual_seed(3)
-    before = generator.get_state()
-    with pytest.raises(MemoryError), ProcessGroup(1, 2).rank_random(generator):
-        torch.rand(3, generator=generator)
-        raise MemoryError
-    assert torch.equal(generator.get_state(), before)
 
 
 def test_processes_whose_grids_differ_are_told_apart(monkeypatch):

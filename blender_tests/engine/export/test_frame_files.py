@@ -1,13 +1,12 @@
 """Frames of new cameras as files and as videos, and the note of an output folder."""
 
-import builtins
+import sys
 
 import numpy as np
 import pytest
 
 pytest.importorskip("torch")
 pytest.importorskip("cv2")
-pytest.importorskip("imageio_ffmpeg")
 OpenEXR = pytest.importorskip("OpenEXR")
 
 import imageio.v2 as imageio
@@ -67,6 +66,7 @@ def frames(size=(48, 64)):
 
 @pytest.mark.parametrize(("suffix", "size"), [(".mp4", (48, 64)), (".mkv", (48, 64)), (".mp4", (47, 63))])
 def test_frames_come_back_in_order(tmp_path, suffix, size):
+    pytest.importorskip("imageio_ffmpeg")
     path = tmp_path / f"turn{suffix}"
     write_video(path, frames(size), fps=12)
     with imageio.get_reader(path, format="FFMPEG") as reader:
@@ -85,20 +85,14 @@ def test_frames_come_back_in_order(tmp_path, suffix, size):
     ],
 )
 def test_an_impossible_video_is_refused_and_leaves_no_file(tmp_path, name, given, words):
+    pytest.importorskip("imageio_ffmpeg")
     with pytest.raises(BadRequest, match=words):
         write_video(tmp_path / name, given)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_missing_encoder_is_named(tmp_path, monkeypatch):
-    known = builtins.__import__
-
-    def without(name, *rest, **more):
-        if name == "imageio_ffmpeg":
-            raise ImportError
-        return known(name, *rest, **more)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingDependency, match="imageio_ffmpeg") as caught:
         write_video(tmp_path / "turn.mp4", frames())
     assert "karf[video]" in caught.value.hint

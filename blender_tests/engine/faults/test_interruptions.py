@@ -50,15 +50,16 @@ def test_cancelling_at_random_moments(bench, throw, kills, chance):
         throw(scenario, partial(interrupted, scenario, chance.uniform(0, 1.0), signal.SIGINT))
 
 
+def killed_at_change(bench, scenario, number):
+    ended = run(scenario.command, partial(die_at_change, bench.project, number))
+    assert ended.code in (0, -signal.SIGKILL)  # a change may not come again
+
+
 def test_kills_before_each_change_of_a_file(bench, throw, few):
     for scenario in bench.repeated(few):
         changes = bench.changes(scenario, flushes=False)  # a flush leaves what a kill finds as it was
         for number in range(1, len(changes) + 1, 8 if few else 1):
-
-            def killed(scenario=scenario, number=number):
-                ended = run(scenario.command, partial(die_at_change, bench.project, number))
-                assert ended.code in (0, -signal.SIGKILL)  # a change may not come again
-
+            killed = partial(killed_at_change, bench, scenario, number)
             throw(scenario, killed, before=changes[number - 1], number=number)
 
 

@@ -159,23 +159,20 @@ def test_a_capture_remembers_the_space_of_its_photos_and_one_without_is_as_it_wa
     assert capture_from_json(content, tmp_path / "capture.json").views[0].space == space
 
 
-def test_a_configuration_of_ones_own_by_its_path_or_the_environment(tmp_path, monkeypatch):
-    path = tmp_path / "config.ocio"
-    path.write_text(CONFIG)
-    space = color_space("the studio", str(path))
-    assert space == ColorSpace("the studio", str(path))
-    monkeypatch.setenv(color_spaces.VARIABLE, str(path))
-    assert color_space("studio") == ColorSpace("studio", str(path))
+@pytest.fixture
+def config(tmp_path):
+    (tmp_path / "config.ocio").write_text(CONFIG)
+    return tmp_path / "config.ocio"
+
+
+def test_a_configuration_of_ones_own_by_its_path_or_the_environment(config, monkeypatch):
+    space = color_space("the studio", str(config))
+    assert space == ColorSpace("the studio", str(config))
+    monkeypatch.setenv(color_spaces.VARIABLE, str(config))
+    assert color_space("studio") == ColorSpace("studio", str(config))
     light = np.array([0.1, 0.4, 0.9])
     monkeypatch.delenv(color_spaces.VARIABLE)
     np.testing.assert_allclose(space.to_srgb(np.sqrt(light)), color_space("ACES2065-1").to_srgb(light), atol=1e-5)
-
-
-def test_a_configuration_without_a_way_to_srgb_says_which_roles_it_lacks(tmp_path):
-    path = tmp_path / "config.ocio"
-    path.write_text(CONFIG.replace("  aces_interchange: plain\n", ""))
-    with pytest.raises(BadRequest, match=r"'studio' of the color configuration .* no way to sRGB.*interchange roles"):
-        color_space("studio", str(path))
 
 
 def test_an_unknown_space_is_named_with_the_nearest_ones():
@@ -184,10 +181,16 @@ def test_an_unknown_space_is_named_with_the_nearest_ones():
 
 
 @pytest.mark.parametrize("text", ["colorspaces: 3", "ocio_profile_version: 99"])
-def test_a_configuration_that_cannot_be_read_is_named(tmp_path, text):
-    (tmp_path / "broken.ocio").write_text(text)
-    with pytest.raises(DataError, match=r"broken\.ocio cannot be read"):
-        color_space("ACEScg", str(tmp_path / "broken.ocio"))
+def test_a_configuration_that_cannot_be_read_is_named(config, text):
+    config.write_text(text)
+    with pytest.raises(DataError, match=r"config\.ocio cannot be read"):
+        color_space("studio", str(config))
+
+
+def test_a_configuration_without_a_way_to_srgb_says_which_roles_it_lacks(config):
+    config.write_text(CONFIG.replace("  aces_interchange: plain\n", ""))
+    with pytest.raises(BadRequest, match=r"'studio' of the color configuration .* no way to sRGB.*interchange roles"):
+        color_space("studio", str(config))
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch):
@@ -205,12 +208,11 @@ def test_what_lies_in_place_of_a_configuration_is_named_and_never_waited_for(mak
 
 
 @pytest.mark.parametrize("make", NO_FILES[1:])
-def test_a_table_without_end_is_refused(make, tmp_path, monkeypatch):
+def test_a_table_without_end_is_refused(make, config, monkeypatch):
     monkeypatch.setattr(limited, "LEAST_SECONDS", 3)
-    path, table = tmp_path / "config.ocio", tmp_path / "table.spi1d"
-    path.write_text(
-        CONFIG.replace("<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}", f"<FileTransform> {{src: {table}}}")
-    )
+    table = config.with_name("table.spi1d")
+    exponent = "<ExponentTransform> {value: [0.5, 0.5, 0.5, 1]}"
+    config.write_text(CONFIG.replace(exponent, f"<FileTransform> {{src: {table}}}"))
     make(table)
     with pytest.raises(DataError, match=r"config\.ocio cannot be read: it"):
-        color_space("studio", str(path))
+        color_space("studio", str(config))

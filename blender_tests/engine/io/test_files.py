@@ -1,4 +1,4 @@
-"""Files that are written: links and rights are kept, and a failure names the file that could not be written."""
+"""Files that are written keep links and rights, a failure names the file, and no link leads out of a stranger's folder."""
 
 import errno
 import os
@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from karf_engine.errors import DataError
 from karf_engine.io import files
+from karf_engine.io.containment import check_tree, checked_path
 from karf_engine.io.files import atomic_write, copy_file, write_json
+
+LINKS = pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
 
 
 def failing(error):
@@ -60,7 +64,7 @@ def path(tmp_path):
     return tmp_path / "edit.json"
 
 
-@pytest.mark.skipif(os.name == "nt", reason="links need a right on Windows")
+@LINKS
 def test_a_linked_file_stays_a_link_and_what_it_leads_to_is_written(path):
     link = path.with_name("blue.json")
     link.symlink_to("edit.json")
@@ -89,3 +93,52 @@ def test_a_rename_is_flushed_to_disk_with_its_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda handle: flushed.append(Path(f"/proc/self/fd/{handle}").readlink()))
     write_json(tmp_path / "a.json", {})
     assert flushed[-1] == tmp_path
+
+
+# -------------------------------------------------------------------------------------------- a folder that a stranger filled
+@pytest.fixture
+def project(tmp_path):
+    """A project beside a file and a folder that it must not reach."""
+    (tmp_path / "other" / "deep").mkdir(parents=True)
+    (tmp_path / "secret.txt").write_text("secret")
+    folder = tmp_path / "project"
+    (folder / "masks" / "pot").mkdir(parents=True)
+    return folder
+
+
+OUTSIDE = ["..", "../other", "../secret.txt", "/dev/zero", "../not_there", "/", "masks/../../other"]
+
+
+@LINKS
+@pytest.mark.parametrize("target", OUTSIDE)
+@pytest.mark.parametrize("names", [("looks",), ("looks", "a", "b.npz"), ("masks", "link", "r_0.png")])
+def test_a_link_that_leads_out_is_named_with_its_target(project, target, names):
+    link = project / ("masks/link" if "link" in names else names[0])
+    link.symlink_to(target if target.startswith("/") else project / target)
+    with pytest.raises(DataError) as caught:
+        checked_path(project, *names)
+    assert str(link) in caught.value.sentence and "is a link to" in caught.value.sentence and caught.value.hint
+
+
+@LINKS
+def test_links_that_lead_to_one_another_are_refused(project):
+    (project / "a").symlink_to("b")
+    (project / "b").symlink_to("a")
+    with pytest.raises(DataError, match="is a link to b"):
+        checked_path(project, "a", "x.png")
+
+
+@LINKS
+def test_links_within_the_folder_and_a_link_to_the_folder_are_followed(project, tmp_path):
+    (project / "planes").symlink_to("masks")
+    (tmp_path / "shortcut").symlink_to(project)
+    assert checked_path(tmp_path / "shortcut", "planes", "r_0.npz") == tmp_path / "shortcut" / "planes" / "r_0.npz"
+
+
+@LINKS
+def test_a_tree_is_refused_for_any_link_in_it_that_leads_out_and_not_for_one_to_nothing(project):
+    (project / "masks" / ".tmp.sync").symlink_to("nowhere")
+    assert check_tree(project, project / "masks") == project / "masks"
+    (project / "masks" / "pot" / "r_0.png").symlink_to(project.parent / "secret.txt")
+    with pytest.raises(DataError, match=r"masks/pot/r_0\.png is a link"):
+        check_tree(project, project / "masks")

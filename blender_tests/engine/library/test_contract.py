@@ -1,63 +1,209 @@
-"""The library's contract: whatever is given, every public name answers or refuses in a sentence, soon, and writes nothing."""
+"""The library's contract: every public name answers or refuses in a sentence, soon, and writes nothing."""
 
 from __future__ import annotations
 
+import faulthandler
+import inspect
+import os
 import shutil
+import signal
+from contextlib import contextmanager
 from copy import copy
+from dataclasses import dataclass
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from blender_tests.engine.library.contract import (
-    ROWS,
-    Bench,
-    arguments,
-    callable_of,
-    called,
-    misuses,
-    parameters,
-    public_names,
-)
-from blender_tests.engine.library.watch import outcome
+import karf_engine as karf
+from blender_tests.engine.library.contract import OMITTED, kinds
+from karf_engine import kan
+from karf_engine.errors import KarfError
 from karf_engine.kan import layers
+from karf_engine.palettes.project_edit import ProjectEdit
+from karf_engine.recolor.full_resolution import PhotoView
+
+SECONDS = 10
+GIVEN = {"ProjectEdit": ProjectEdit, "PhotoView": PhotoView}  # classes that public functions give
+VALUES = ("PRESETS", "__version__", "kan.LAYERS", "kan.VARIANTS")  # nothing that could be called
+
+
+def public_things():
+    """Functions and classes by their public names, and the classes' methods."""
+    things = {name: getattr(karf, name) for name in karf.__all__} | GIVEN
+    things |= {f"kan.{name}": getattr(kan, name) for name in kan.__all__}
+    for name, thing in things.items():
+        if name not in VALUES:
+            yield name, thing
+        if inspect.isclass(thing):
+            for method, found in vars(thing).items():
+                is_method = callable(getattr(thing, method)) and not isinstance(found, type)
+                if is_method and not method.startswith("_"):
+                    yield f"{name}.{method}", getattr(thing, method)
+
+
+THINGS = dict(public_things())
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Kinds of arguments, and of whose methods are called; nothing in the folder may change."""
+
+    folder: object
+    kinds: dict
+    subjects: dict
+
+    def function(self, name):
+        """What a name calls, bound where it is a method."""
+        owner, _, method = name.rpartition(".")
+        return getattr(self.subjects[owner], method) if owner in self.subjects else THINGS[name]
+
+    def kinds_of(self, name):
+        """The kind of each argument of a function; keywords of commands are `options`."""
+        found = {}
+        function = name.removeprefix("kan.")
+        for argument, item in inspect.signature(self.function(name)).parameters.items():
+            places = [f"{function}.{argument}", f"{function.rpartition('.')[2]}.{argument}", argument]
+            if item.kind is item.KEYWORD_ONLY:
+                places[2] = "options"
+            found[argument] = self.kinds[next(place for place in places if place in self.kinds)]
+        return found
+
+    def call(self, name, **wrong):
+        """Call with right arguments but these; what it yields is asked for."""
+        given = {argument: known.right for argument, known in self.kinds_of(name).items()} | wrong
+        given = {argument: value for argument, value in given.items() if value is not OMITTED}
+        function = self.function(name)
+        known = inspect.signature(function).parameters.values()
+        places = [given.pop(each.name) for each in known if each.kind is each.POSITIONAL_ONLY]
+        result = function(*places, **given)
+        return list(result) if inspect.isgenerator(result) else result
 
 
 @pytest.fixture(scope="module")
-def bench(still_life, learned, tmp_path_factory) -> Bench:
-    return Bench.of(still_life.capture, still_life.masks, learned.project, tmp_path_factory.mktemp("contract"))
+def bench(still_life, learned, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("contract")
+    for source, name in ((still_life.capture, "capture"), (still_life.masks, "masks"), (learned.project, "project")):
+        shutil.copytree(source, folder / name)
+    (folder / "sheet.csv").write_text("colorway,object,color\nblue,ball,#2030c0\n")
+    (folder / "book.csv").write_text("name,hex\nRed,#ff0000\n")
+    model = karf.load(folder / "project", device="cpu")
+    model.edit().save(folder / "edit.json")
+    view = model.capture.split("train")[0]
+    subjects = {
+        "Camera": view.camera.reduced(8),
+        "Capture": model.capture,
+        "ColorBook": karf.read_color_book(folder / "book.csv"),
+        "Model": model,
+        "ProjectEdit": model.edit(),
+        "PhotoView": model.photo_view(view),
+        "kan.BSplineLayer": kan.BSplineLayer(3, 2),
+        "kan.GRBFLayer": kan.GRBFLayer(3, 2),
+        "kan.GatedBlock": kan.GatedBlock(9, 0, 2, 2, width=4),
+        "kan.MLPHead": kan.MLPHead(9, 0, 2, 2, width=4),
+        "kan.MLPLayer": kan.MLPLayer(3, 2),
+        "kan.Standardizer": kan.Standardizer(2),
+    }
+    return Bench(folder, kinds(folder, model), subjects)
 
 
-def test_every_public_name_has_a_row():
-    assert sorted(ROWS) == sorted(public_names())
-
-
-@pytest.mark.parametrize("name", ROWS)
-def test_every_argument_has_a_kind(bench, name):
-    own = {each for each, item in parameters(callable_of(name, bench)).items() if item.kind is not item.KEYWORD_ONLY}
-    assert own <= set(ROWS[name]) <= set(parameters(callable_of(name, bench)))
-
-
-@pytest.mark.parametrize("name", ROWS)
-def test_what_is_right_is_taken(bench, name, monkeypatch):
+@pytest.mark.parametrize("name", THINGS)
+def test_right_arguments_are_taken(bench, name, monkeypatch):
     """So that a refusal below is that of the one argument that is wrong."""
     monkeypatch.setattr("karf_engine.api.run_command", lambda *given, **more: None)
     monkeypatch.setattr("karf_engine.api.load", lambda *given, **more: None) if name == "learn" else None
     for known in ("LAYERS", "LAYER_KINDS"):  # a layer that is registered is forgotten again
         monkeypatch.setattr(f"karf_engine.kan.layers.{known}", copy(getattr(layers, known)))
-    function = callable_of(name, bench)
-    called(function, parameters(function), arguments(name, bench))
+    bench.call(name)
     for path in bench.folder.glob("new*"):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
-@pytest.mark.parametrize("name", ROWS)
-def test_what_is_wrong_is_refused_in_a_sentence(bench, name, monkeypatch):
+def misuses(bench, name):
+    """Wrong arguments of a function by name: one that is wrong, two that are swapped, or one too many."""
+    known = bench.kinds_of(name)
+    for argument, kind in known.items():
+        yield from ({argument: value} for value in (*kind.wrong, *kind.answered))
+    given = [(argument, kind) for argument, kind in known.items() if kind.right is not OMITTED]
+    for (one, first), (other, second) in pairwise(given):
+        are_numbers = type(first.right) is type(second.right) in (int, float)  # which nothing tells apart
+        if first is not second and not are_numbers:
+            yield {one: second.right, other: first.right}
+    parameters = inspect.signature(bench.function(name)).parameters.values()
+    if not any(each.kind is each.VAR_KEYWORD for each in parameters):
+        yield {"unknown": 1}
+
+
+@pytest.mark.parametrize("name", THINGS)
+def test_wrong_arguments_are_refused_in_a_sentence(bench, name, monkeypatch):
     monkeypatch.chdir(bench.folder)
-    flaws = []
-    for misuse in misuses(name, bench):
-        ended = outcome(lambda misuse=misuse: misuse.call(bench), misuse.names, bench.folder)
-        if ended != "refused" and not (ended == "answered" and misuse.may_answer):
-            flaws.append(f"{' and '.join(misuse.names)}, {misuse.what}: {ended}")
+    known, flaws = bench.kinds_of(name), []
+    for wrong in misuses(bench, name):
+        (argument, value), *others = wrong.items()
+        may_be_answered = not others and any(value is each for each in getattr(known.get(argument), "answered", ()))
+        ended = outcome(bench, name, wrong)
+        if ended != "refused" and not (ended == "answered" and may_be_answered):
+            flaws.append(f"{wrong!r:.200}: {ended}")
     assert not flaws, "\n".join([f"{name}: {len(flaws)}", *flaws])
+
+
+def outcome(bench, name, wrong):
+    """How a call ends: `answered`, `refused`, or its flaw; a TypeError must name a wrong argument."""
+    before = files(bench.folder)
+    try:
+        with alarm():
+            result = bench.call(name, **wrong)
+        ended = "answered" if has_nan(result) or not any(map(has_nan, wrong.values())) else "a finite answer"
+    except KarfError as error:
+        ended = "refused" if error.sentence and error.code != "internal" else f"traceback: {error!r}"
+    except TypeError as error:
+        is_named = any(argument in str(error) for argument in wrong)
+        ended = "refused" if is_named else f"traceback: {error!r:.300} does not name its argument"
+    except TooSlow:
+        ended = "hang"
+    except Exception as error:
+        ended = f"traceback: {error!r:.300}"
+    return ended if files(bench.folder) == before else f"{ended}, but files changed"
+
+
+def has_nan(value):
+    if isinstance(value, karf.Frame):
+        value = (value.base, value.probabilities, value.palette_weights)
+    if isinstance(value, tuple | list):
+        return any(map(has_nan, value))
+    if isinstance(value, torch.Tensor):
+        value = value.detach().numpy() if value.device.type == "cpu" else ()
+    return isinstance(value, np.ndarray | float) and np.asarray(value).dtype.kind == "f" and np.isnan(value).any()
+
+
+def files(folder):
+    facts = ((path, path.stat()) for path in folder.rglob("*"))
+    return {(path, stat.st_mtime_ns, 0 if path.is_dir() else stat.st_size) for path, stat in facts}
+
+
+class TooSlow(BaseException):
+    """The time is over; not an Exception, so that nobody takes it for damage."""
+
+
+@contextmanager
+def alarm():
+    """Stop what takes too long; where no signal reaches it, end the process."""
+
+    def ring(*_):
+        raise TooSlow
+
+    if os.name == "nt":  # it has no such timer
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.alarm(SECONDS)
+    faulthandler.dump_traceback_later(3 * SECONDS, exit=True)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        faulthandler.cancel_dump_traceback_later()
+        signal.signal(signal.SIGALRM, before)

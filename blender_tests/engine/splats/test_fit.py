@@ -125,22 +125,18 @@ def test_the_seed_decides_the_result_and_the_cores_do_not():
     assert (learn(PHOTOS, 12, seed=1).table != found[0]).any()
 
 
-def test_photos_are_shown_in_epochs_first_at_half_size(monkeypatch):
+def test_photos_are_shown_in_epochs_first_at_half_size_and_pseudo_photos_between_them(monkeypatch):
     shown = photos_shown(monkeypatch, PHOTOS, 18)
     rounds = [[place(photo.camera) for photo in shown[first : first + 6]] for first in (0, 6, 12)]
     assert all(sorted(each) == sorted(map(place, CAMERAS)) for each in rounds)
     assert rounds[0] != rounds[1] or rounds[1] != rounds[2]
     sizes = [(*photo.color.shape[:2], photo.camera.width, photo.camera.fx) for photo in shown]
     assert sizes == [(18, 20, 20, 25.0)] * 11 + [(36, 40, 40, 50.0)] * 7
-
-
-def test_pictures_between_the_photos_take_turns_with_them(monkeypatch):
-    places = [place(photo.camera) for photo in photos_shown(monkeypatch, PHOTOS[:2], 18, pseudo_photos=PHOTOS[2:5])]
-    of_photos, of_pictures = places[::3], [each for number, each in enumerate(places) if number % 3]
-    for first in range(0, 6, 2):
-        assert set(of_photos[first : first + 2]) == set(map(place, CAMERAS[:2]))
-    for first in range(0, 12, 3):
-        assert set(of_pictures[first : first + 3]) == set(map(place, CAMERAS[2:5]))
+    shown = photos_shown(monkeypatch, PHOTOS[:2], 18, pseudo_photos=PHOTOS[2:5])
+    numbers = [[place(camera) for camera in CAMERAS].index(place(photo.camera)) for photo in shown]
+    assert [set(numbers[first : first + 6 : 3]) for first in (0, 6, 12)] == [{0, 1}] * 3
+    between = [number for at, number in enumerate(numbers) if at % 3]
+    assert [set(between[first : first + 3]) for first in (0, 3, 6, 9)] == [{2, 3, 4}] * 4
 
 
 def test_half_and_window_of_a_photo_match_the_whole(monkeypatch):
@@ -224,33 +220,27 @@ def test_cut_outs_and_pseudo_photos_keep_gains_of_1(monkeypatch):
     assert_allclose(fitted(PHOTOS, 36, TRUTH, pseudo_photos=darker).gains, ALIKE, atol=0.01)
 
 
-def test_clipped_pixels_tell_nothing():
+def test_gains_are_measured_where_pixels_are_not_clipped_and_shrink_to_1_within_the_noise():
     shown = np.float32([[0.4, 0.4, 0.4], [0.9, 0.9, 0.9]])
     photo = np.minimum(shown * 1.5, 1)
     exposures, without, black = (Exposures(1) for _ in range(3))
     exposures.update(0, shown, photo)
     without.update(0, shown[:1], photo[:1])
+    black.update(0, shown, np.zeros((2, 3), np.float32))
     assert_array_equal(exposures.measured, without.measured)
     assert (exposures.measured > 1.1).all()
-    black.update(0, shown, np.zeros((2, 3), np.float32))
     assert_allclose(black.measured, 1)
-
-
-def test_gains_within_the_noise_shrink_to_1():
-    shown = np.full((10, 3), 0.5, np.float32)
-    believed = {}
+    gray, believed = np.full((10, 3), 0.5, np.float32), {}
     for spread in (0.002, 0.2):
         exposures = Exposures(2)
         for _ in range(20):
-            exposures.update(0, shown, shown * (1 + spread))
-            exposures.update(1, shown, shown / (1 + spread))
+            exposures.update(0, gray, gray * (1 + spread))
+            exposures.update(1, gray, gray / (1 + spread))
         exposures.balance()
         believed[spread] = np.log(exposures.gains[0]) / np.log(exposures.measured[0])
     assert (believed[0.002] < 0.1).all() and (believed[0.2] > 0.9).all()
-
-
-def test_gains_of_a_held_out_photo_are_interpolated():
-    assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 1), 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
+    between = interpolate_gains(GAINS[:2], [0, 4], 1)  # of a held-out photo
+    assert_allclose(between, 0.75 * GAINS[0] + 0.25 * GAINS[1], rtol=1e-6)
     assert_allclose(interpolate_gains(GAINS[:2], [0, 4], 9), GAINS[1])
 
 

@@ -40,47 +40,39 @@ def uv(monkeypatch):
 
 
 class Kitchen:
-    """Lock files and their wheels, which a test may change."""
+    """Lock files of this computer and their wheels, which a test may change."""
 
-    def __init__(self, folder, managed, monkeypatch):
-        self.folder, self.locks = folder / "wheels", managed.locks
-        self.requirements = folder / "requirements"
+    def __init__(self, folder, managed):
+        self.folder, self.requirements, self.locks = folder / "wheels", folder / "requirements", managed.locks
         self.folder.mkdir()
         self.requirements.mkdir()
         self.here = managed.computer.Machine(managed.computer.detect_machine().platform)
-        monkeypatch.setattr(managed.locks, "FOLDER", self.requirements)
-        self.lists = {"packages": {}, "photos": {}, "uv": {}}
-        for name, module in making.MODULES.items():
-            self.add("packages", name, "1.0", {f"{module}/__init__.py": f"name = {name!r}\n"})
-        self.add("photos", "pycolmap", "4.0", {"pycolmap/__init__.py": ""})
-        self.note("packages", making.make_torch(self.folder, "2.0", "13.0"), "torch", "2.0")
+        self.lists = {"cuda": {}, "photos": {}, "uv": {}}
+        for name in making.MODULES:
+            self.add(name, "1.0")
+        self.add("torch", "2.0", making.torch("2.0", "13.0"))
+        self.add("pycolmap", "4.0")
         system, _, processor = self.here.platform.partition("-")
         tags = {"linux": f"manylinux_2_17_{processor}", "windows": "win_amd64", "macos": "macosx_11_0_arm64"}
-        self.add("uv", "uv", "0.1", {"uv/__init__.py": ""}, f"py3-none-{tags[system]}")
-        self.write()
+        self.uv_tag = f"py3-none-{tags[system]}"
+        self.add("uv", "0.1", tag=self.uv_tag)
 
-    def add(self, part, name, version, files, tag="py3-none-any"):
-        self.note(part, making.make(self.folder, name, version, files, tag), name, version)
-
-    def note(self, part, path, name, version):
+    def add(self, name, version, code=None, tag="py3-none-any", more=None):
+        """Make the wheel of a package, and lock it."""
+        path = making.make(self.folder, name, version, code, tag, more)
+        part = {"pycolmap": "photos", "uv": "uv"}.get(name, "cuda")
         self.lists[part][name] = making.locked(path, name, version)
-
-    def write(self):
-        without_hash = "# torch-2.0+cpu-*.whl 1000\ntorch==2.0\n"
-        lists = {
-            f"{self.here.platform}-cuda": self.lists["packages"],
-            f"{self.here.platform}-cpu": self.lists["packages"] | {"torch": without_hash},
-            f"{self.here.platform}-photos": self.lists["photos"],
-            "uv": self.lists["uv"],
-        }
-        for name, packages in lists.items():
-            (self.requirements / f"{name}.txt").write_text("".join(packages.values()))
+        builds = self.lists | {"cpu": self.lists["cuda"] | {"torch": "# torch-2.0+cpu-*.whl 1000\ntorch==2.0\n"}}
+        for each, packages in builds.items():
+            file = "uv.txt" if each == "uv" else f"{self.here.platform}-{each}.txt"
+            (self.requirements / file).write_text("".join(packages.values()))
         self.locks.read.cache_clear()
 
 
 @pytest.fixture
 def kitchen(managed, tmp_path, monkeypatch):
-    yield Kitchen(tmp_path, managed, monkeypatch)
+    monkeypatch.setattr(managed.locks, "FOLDER", tmp_path / "requirements")
+    yield Kitchen(tmp_path, managed)
     managed.locks.read.cache_clear()
 
 

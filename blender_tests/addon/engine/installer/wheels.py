@@ -1,4 +1,4 @@
-"""Tiny wheels that stand for the engine's packages, and an index on this computer that serves them."""
+"""Tiny wheels in place of the engine's packages, and a local index that serves them."""
 
 import base64
 import hashlib
@@ -33,11 +33,16 @@ MODULES = {  # package -> what is imported
 }
 
 
-def make(folder, name, version, files, tag="py3-none-any"):
-    """Write a wheel; returns its path."""
+def torch(version, cuda=None):
+    """Return the code of a stand-in for torch."""
+    return TORCH.format(version=version, cuda=cuda)
+
+
+def make(folder, name, version, code=None, tag="py3-none-any", more=None):
+    """Write the wheel of a package whose module has this code, with more files; returns its path."""
     stem = f"{name.replace('-', '_')}-{version}"
     info = f"{stem}.dist-info"
-    files = dict(files)
+    files = {f"{MODULES.get(name, name)}/__init__.py": code or f"name = {name!r}\n", **(more or {})}
     files[f"{info}/METADATA"] = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n"
     files[f"{info}/WHEEL"] = f"Wheel-Version: 1.0\nGenerator: test\nRoot-Is-Purelib: true\nTag: {tag}\n"
     rows = [f"{path},sha256={_hash(text)},{len(text.encode())}" for path, text in files.items()]
@@ -51,12 +56,8 @@ def make(folder, name, version, files, tag="py3-none-any"):
     return path
 
 
-def make_torch(folder, version, cuda=None, tag="py3-none-any"):
-    return make(folder, "torch", version, {"torch/__init__.py": TORCH.format(version=version, cuda=cuda)}, tag)
-
-
 def locked(path, name, version):
-    """What a lock file says of a wheel."""
+    """Return the lock file's lines for a wheel."""
     data = path.read_bytes()
     return f"# {path.name} {len(data)}\n{name}=={version} \\\n    --hash=sha256:{hashlib.sha256(data).hexdigest()}\n"
 
@@ -79,7 +80,7 @@ class Index(ThreadingHTTPServer):
 
     @property
     def packages(self):
-        """What was fetched, without versions."""
+        """Names of the fetched packages."""
         return {name.partition("-")[0] for name in self.fetched}
 
     def close(self):

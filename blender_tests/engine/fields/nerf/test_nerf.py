@@ -123,24 +123,22 @@ def test_a_saved_scene_comes_back_bit_for_bit(tmp_path, shape):
     assert torch.equal(loaded.colors(rays), Scene(made, None, "opaque", 1.0).colors(rays))
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda facts: facts["fine"].update(depth=10**9),
-        lambda facts: facts["fine"].update(width=10**6),
-        lambda facts: facts["sampling"].update(coarse=10**9),
-        lambda facts: facts["space"].update(world_to_grid=[1.0]),
-        lambda facts: facts.pop("coarse"),
-    ],
-)
+CONTRADICTIONS = [
+    *({"fine": {"depth": 10**9}}, {"fine": {"width": 10**6}}, {"sampling": {"coarse": 10**9}}, {"coarse": None}),
+    *({"space": {"world_to_grid": [1.0]}}, {"step": 100.0}, {"background_kind": "fog"}),
+    *({"kind": kind} for kind in ("gaussians", ["voxels"], {}, None)),
+]
+
+
+@pytest.mark.parametrize("change", CONTRADICTIONS, ids=str)
 def test_a_scene_whose_facts_contradict_its_networks_is_refused(tmp_path, change):
     path = tmp_path / "scene.safetensors"
-    made = field(Similarity(torch.eye(4)))
-    save_scene(Scene(made, None, "opaque", 1.0), path)
+    save_scene(Scene(field(Similarity(torch.eye(4))), None, "opaque", 1.0), path)
     tensors, facts = load_tensors(path, SCHEMA)
-    change(facts)
+    for name, value in change.items():
+        facts[name] = facts[name] | value if isinstance(value, dict) and value else value
     save_tensors(path, tensors, SCHEMA, facts)
-    with pytest.raises(DataError, match="is damaged"):
+    with pytest.raises(DataError, match="unknown kind" if "kind" in change else "is damaged"):
         load_scene(path)
 
 
