@@ -1,4 +1,4 @@
-"""Compositing of edit planes: the formulas, at once and swatch by swatch; unchanged means unchanged; and their files."""
+"""Compositing of edit planes: the formulas, at once and swatch by swatch, and their files."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def paper(planes, edited):
     return paper_composite(picture_of(planes), *wide, edited)
 
 
-# ---------------------------------------------------------------------------------------------------------- the formulas
+# --------------------------------------------------------------------------------------------------------- the formulas
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
 def test_delta_is_base_plus_weights_times_change_and_nothing_where_no_changed_swatch_is(planes, learned, kind):
     edited = learned.copy()
@@ -139,7 +139,7 @@ def test_objects_that_the_view_does_not_show_change_nothing(make, n_objects, n_e
     np.testing.assert_allclose(shown, 0.2, atol=1e-7)
 
 
-# ----------------------------------------------------------------------------------------------------------------- files
+# ---------------------------------------------------------------------------------------------------------------- files
 @pytest.fixture
 def small():
     weights = np.random.default_rng(4).random((2, 3, 5, 6)).astype(np.float16)

@@ -40,7 +40,7 @@ def shift(before, after, degrees):
     return lost * max(abs(sin(radians(degrees))), abs(cos(radians(degrees))))
 
 
-# ------------------------------------------------------------------------------------------------------------ in pictures
+# ---------------------------------------------------------------------------------------------------------- in pictures
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
 def test_a_neutral_shape_gives_the_same_bits(kind):
     soft = np.random.default_rng(0).random((30, 40)).astype(kind)
@@ -133,7 +133,7 @@ def test_a_shape_that_cannot_be_is_refused(wrong, error):
         EdgeShape(**wrong)
 
 
-# -------------------------------------------------------------------------------------------------------------- in planes
+# ------------------------------------------------------------------------------------------------------------ in planes
 RED, GRAY, BLUE = np.array([0.8, 0.2, 0.2]), np.array([0.5, 0.5, 0.5]), np.array([0.2, 0.2, 0.8])
 POT = Palette("pot", np.array([[0, 0, 0], RED, [0.9, 0.9, 0.9]], np.float32))
 MUG = Palette("mug", np.array([[0, 0, 0], BLUE, [1, 1, 1]], np.float32))

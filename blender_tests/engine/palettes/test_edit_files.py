@@ -44,7 +44,7 @@ def color_block(name, model, *values):
     return struct.pack(">HI", 1, len(content)) + content
 
 
-# ------------------------------------------------------------------------------------------------------ colors as text
+# ------------------------------------------------------------------------------------------------------- colors as text
 def test_hex_and_rgb_are_inverse_for_every_byte():
     for value in range(256):
         text = f"#{value:02x}{255 - value:02x}00"
@@ -53,7 +53,7 @@ def test_hex_and_rgb_are_inverse_for_every_byte():
     assert rgb_to_hex(np.array([-1, 0.5, 2])) == "#0080ff"
 
 
-# -------------------------------------------------------------------------------------------------------- palette.json
+# --------------------------------------------------------------------------------------------------------- palette.json
 def test_palettes_come_back_bit_by_bit(tmp_path):
     path = tmp_path / "palette.json"
     write_palettes(path, [POT, MUG], shared=False, initial=[MUG, POT])
@@ -83,7 +83,7 @@ def test_wrong_palettes_are_refused(tmp_path, objects):
         read_palettes(path)
 
 
-# ----------------------------------------------------------------------------------------------------------- edit.json
+# ------------------------------------------------------------------------------------------------------------ edit.json
 @pytest.mark.parametrize(
     "edit",
     [

@@ -51,7 +51,7 @@ def shown(model, edit, camera):
     return rasterize(model.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
 
 
-# ----------------------------------------------------------------------------------------------------------- the picture
+# ---------------------------------------------------------------------------------------------------------- the picture
 def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame):
     truth = of_field(model).render(camera)
     assert psnr(frame.color, truth.color) > 20
@@ -192,7 +192,7 @@ def test_distances_are_those_to_the_border_whatever_a_stray_says_and_pixels_span
     assert borders.spacings[0] == pytest.approx(SPACING, rel=0.4)
 
 
-# ------------------------------------------------------------------------------------------------- colors of one Gaussian
+# ----------------------------------------------------------------------------------------------- colors of one Gaussian
 PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
 BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
 
