@@ -269,7 +269,7 @@ def test_every_name_that_people_type_becomes_one_that_works(addon, project_scene
         assert addon.engine_api.is_file_name(name)
 
 
-def test_two_objects_never_share_a_folder(addon, project_scene):
+def test_two_objects_never_share_a_folder_and_another_project_has_its_own(addon, project_scene, tmp_path):
     addon.steps.show_photo(project_scene)  # the first object is there when the photo is
     names = [addon.steps.add_object(project_scene, name) for name in ("pot", "pot", "Pot", "caf\u00e9")]
     assert names == ["pot", "pot 2", "Pot 3", "caf\u00e9"]
@@ -277,6 +277,9 @@ def test_two_objects_never_share_a_folder(addon, project_scene):
     (addon.objects.masks_folder(project_scene) / "cafe\u0301").mkdir(parents=True)
     addon.objects.sync(project_scene)
     assert project_scene.karf.marking.objects.keys() == ["object", *names]
+    write_disc(addon, tmp_path / "other" / "masks" / "lid" / "photo_0.png")
+    project_scene.karf.project = str(tmp_path / "other")
+    assert project_scene.karf.marking.objects.keys() == ["lid"]
 
 
 def test_a_renamed_or_removed_object_takes_its_masks_along_and_undo_brings_them_back(bpy, addon, marked):
@@ -304,12 +307,6 @@ def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wante
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     marked.karf.active_view = "photo_0"
     assert addon.steps.go_to_view(marked, -1, marked=True) == "photo_2"
-
-
-def test_another_project_brings_its_own_objects(addon, marked, tmp_path):
-    write_disc(addon, tmp_path / "other" / "masks" / "lid" / "photo_0.png")
-    marked.karf.project = str(tmp_path / "other")
-    assert marked.karf.marking.objects.keys() == ["lid"]
 
 
 def test_suggested_views_come_one_after_the_other(addon, project_scene):

@@ -52,7 +52,7 @@ def column(attribute, name, width):
     return values.reshape(-1, width)
 
 
-def test_points_are_vertices_with_their_color_and_error(addon, imported):
+def test_points_have_their_color_and_error_and_are_shown_as_balls(bpy, addon, imported):
     points, item = addon.captures.of(imported).points, points_of(imported)
     assert len(item.data.vertices) == imported.karf.n_points == 40 and not item.data.edges
     coordinates = np.empty(120, np.float32)
@@ -63,9 +63,6 @@ def test_points_are_vertices_with_their_color_and_error(addon, imported):
     np.testing.assert_allclose(column(color, "color_srgb", 4)[:, :3] * 255, points.colors, atol=1e-3)
     np.testing.assert_allclose(column(error, "value", 1)[:, 0], points.errors)
     assert item.hide_render and not item.hide_select
-
-
-def test_points_are_shown_as_balls_whose_active_color_is_theirs(bpy, imported):
     imported.view_layers[0].update()
     shown = points_of(imported).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert len(shown.polygons) == 40 * 8 and len(shown.vertices) == 40 * 6

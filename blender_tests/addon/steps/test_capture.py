@@ -16,7 +16,9 @@ def splits(scene):
     return [view.split for view in scene.karf.views]
 
 
-def test_there_is_a_camera_with_its_photo_in_its_place_for_every_view(bpy, addon, imported, capture_folder):
+def test_every_view_has_a_camera_with_its_photo_and_the_scene_the_size_of_the_first(
+    bpy, addon, imported, capture_folder
+):
     cameras = {camera.karf_view: camera for camera in imported.karf.rig.children}
     assert sorted(cameras) == ["photo_0", "photo_1", "photo_2"]
     for view in addon.captures.of(imported).views:
@@ -24,9 +26,6 @@ def test_there_is_a_camera_with_its_photo_in_its_place_for_every_view(bpy, addon
         np.testing.assert_allclose(np.array(camera.matrix_world), view.camera.camera_to_world, atol=1e-6)
         image = camera.data.background_images[0].image
         assert bpy.path.abspath(image.filepath) == str(capture_folder / "images" / f"{view.name}.png")
-
-
-def test_the_scene_looks_through_the_first_view_at_its_size(bpy, imported):
     assert imported.camera.karf_view == imported.karf.active_view == "photo_0"
     assert (imported.render.resolution_x, imported.render.resolution_y) == (24, 16)
     aspect = imported.render.pixel_aspect_x / imported.render.pixel_aspect_y

@@ -68,7 +68,7 @@ def test_coarse_comes_first_then_half_then_full_all_as_large_and_then_nothing(bp
     assert list(jobs.glob("*-warm/answers/*")) == []  # read and removed
 
 
-def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
+def test_the_picture_follows_camera_and_rig_and_swatches_without_the_engine(bpy, addon, live):
     live.look(3)
     before = picture(bpy, addon)
     live.scene.camera.location *= 0.5
@@ -80,10 +80,6 @@ def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
     live.scene.karf.rig.location.x += 5
     live.look(3)
     assert picture(bpy, addon).mean() > before.mean()
-
-
-def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
-    live.look(3)
     addon.queries.stop()
     before = picture(bpy, addon)
     live.pot.color = GREEN

@@ -107,7 +107,7 @@ def test_photos_have_the_size_that_the_panel_says_unless_a_call_says_another(add
 
 
 # --- frames of a camera ----------------------------------------------------------------------------------------------
-def test_a_cameras_frames_are_rendered_with_keyframed_swatches(addon, keyed, tmp_path):
+def test_a_cameras_frames_are_one_job_with_the_swatches_of_each_frame(addon, keyed, tmp_path):
     keyed.frame_start, keyed.frame_end = 1, 5
     keyed.frame_set(2)
     folder = addon.steps.render_sequence(keyed, out=tmp_path / "out").wait()
@@ -116,9 +116,6 @@ def test_a_cameras_frames_are_rendered_with_keyframed_swatches(addon, keyed, tmp
     np.testing.assert_allclose([each[0, 0, 0] for each in pictures], [0, 0.2, 0.4, 0.4, 0.4], atol=0.5 / 255 + 1e-3)
     assert keyed.frame_current == 2
     assert pictures[0].shape == (16, 24, 3)
-
-
-def test_a_sequence_is_one_job_with_an_edit_for_each_of_its_swatches(addon, keyed):
     options = options_of(addon.steps.render_sequence(keyed, keyed.camera, range(1, 31)))
     assert len(json.loads(Path(options["views"]).read_text())["frames"]) == len(options["edit"]) == 30
     assert len(set(options["edit"])) == 3 and set(options["edit"][2:]) == {options["edit"][2]}
@@ -146,7 +143,12 @@ def test_a_moving_camera_reaches_the_engine_frame_by_frame(addon, learned):
     assert [view.name for view in views] == ["frame_0001", "frame_0002"]
 
 
-def test_rendering_without_palettes_or_camera_is_refused(bpy, addon, learned):
+def test_what_is_missing_is_said(bpy, addon, learned, tmp_path):
+    assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
+    with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
+        addon.steps.show_frames(learned)
+    with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
+        addon.steps.add_strip(learned, tmp_path)
     learned.camera = None
     with pytest.raises(addon.engine_api.BadRequest, match="has no camera"):
         addon.steps.render_sequence(learned).wait()
@@ -235,14 +237,6 @@ def test_one_click_makes_a_strip_and_frames_of_an_earlier_longer_job_are_left_ou
     film.frame_end = 5
     addon.steps.render_sequence(film, out=tmp_path / "out").wait()
     assert addon.compat.strip_range(addon.steps.add_strip(film)) == (3, 6)
-
-
-def test_buttons_wait_for_frames_and_a_folder_without_frames_is_told(bpy, addon, learned, tmp_path):
-    assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
-    with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
-        addon.steps.show_frames(learned)
-    with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
-        addon.steps.add_strip(learned, tmp_path)
 
 
 # --- farm ------------------------------------------------------------------------------------------------------------
