@@ -104,6 +104,7 @@ def test_threads_have_a_range(threads, words):
     assert words in refused(Options, threads=threads)
 
 
+# -------------------------------------------------------------------------------------------------------- values and types
 @pytest.mark.parametrize(
     ("value", "kind", "of_a_program", "of_json"),
     [

@@ -1,6 +1,7 @@
 """Photos in and out: every kind of file in every orientation, alpha, linear light, and palettes."""
 
 import struct
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-cv2 = pytest.importorskip("cv2")
+pytest.importorskip("cv2")
 Image = pytest.importorskip("PIL.Image")
 iio = pytest.importorskip("imageio.v3")
 OpenEXR = pytest.importorskip("OpenEXR")
@@ -22,7 +23,7 @@ from karf_engine.io.image_size import image_header, image_size
 from karf_engine.io.images import read_photo, write_png
 
 ORIENTATION = 0x0112  # the tag of Exif and TIFF
-EXIF = 0  # OpenCV's number of such metadata
+PNG_COLORS = {2: 4, 3: 2, 4: 6}  # PNG's numbers of gray with alpha, RGB and RGBA
 
 
 def random_words(*shape):
@@ -52,22 +53,49 @@ def bitmap(mode):
     return lambda path, pixels, orientation: Image.fromarray(pixels).convert(mode).save(path)
 
 
-def deep_png(path, pixels, orientation):
-    tags = np.frombuffer(exif(orientation).tobytes().removeprefix(b"Exif\0\0"), np.uint8)
-    order = cv2.COLOR_RGB2BGR if pixels.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
-    cv2.imwriteWithMetadata(str(path), cv2.cvtColor(pixels, order), [EXIF], [tags[None]])
+def gray_tiff(order):
+    return lambda path, pixels, orientation: iio.imwrite(path, pixels.astype(f"{order}u2"), plugin="pillow")
 
 
-def gray_png_with_alpha(path, pixels, orientation):
-    path.write_bytes(pytest.importorskip("imagecodecs").png_encode(pixels))
+def png(path, pixels, orientation):
+    """A 16-bit PNG by hand."""
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    height, width, channels = pixels.shape
+    rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in pixels)
+    chunks = [
+        chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, PNG_COLORS[channels], 0, 0, 0)),
+        chunk(b"eXIf", exif(orientation).tobytes().removeprefix(b"Exif\0\0")),
+        chunk(b"IDAT", zlib.compress(rows)),
+        chunk(b"IEND", b""),
+    ]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-def tiff(order="<", **options):
+def tiff(order="<", extra=None):
+    """A writer of uncompressed 16-bit TIFF 6.0 by hand; extra: what ExtraSamples says of the fourth channel."""
+
     def write(path, pixels, orientation):
-        kind = "rgb" if pixels.ndim == 3 else "minisblack"
-        tag = (ORIENTATION, "H", 1, orientation, True)
-        tifffile = pytest.importorskip("tifffile")
-        tifffile.imwrite(path, pixels, byteorder=order, photometric=kind, metadata=None, extratags=[tag], **options)
+        height, width, channels = pixels.shape
+        data = pixels.astype(f"{order}u2").tobytes()
+        bits = struct.pack(f"{order}{channels}H", *[16] * channels)
+        fields = [
+            (256, 4, 1, width), (257, 4, 1, height), (258, 3, channels, 8 + len(data)), (259, 3, 1, 1), (262, 3, 1, 2),
+            (273, 4, 1, 8), (274, 3, 1, orientation), (277, 3, 1, channels), (278, 4, 1, height), (279, 4, 1, len(data)),
+        ]  # fmt: skip
+        if extra is not None:
+            fields.append((338, 3, 1, extra))
+        directory = struct.pack(f"{order}H", len(fields))
+        for tag, kind, count, value in fields:
+            is_short = kind == 3 and count == 1
+            directory += struct.pack(f"{order}HHI", tag, kind, count)
+            directory += struct.pack(f"{order}HH", value, 0) if is_short else struct.pack(f"{order}I", value)
+        head = b"II*\0" if order == "<" else b"MM\0*"
+        path.write_bytes(
+            head + struct.pack(f"{order}I", 8 + len(data) + len(bits)) + data + bits + directory + bytes(4)
+        )
 
     return write
 
@@ -96,16 +124,16 @@ KINDS = {
     "JPEG": Kind(".jpg", np.dstack([BLOCK] * 3), by_pillow, tolerance=0.05),
     "gray JPEG": Kind(".jpg", BLOCK, by_pillow, tolerance=0.05),
     "TIFF": Kind(".tif", RGB, tiff_by_pillow),
-    "deep PNG": Kind(".png", DEEP, deep_png),
-    "deep PNG with alpha": Kind(".png", DEEP_RGBA, deep_png),
-    "deep gray PNG with alpha": Kind(".png", DEEP_RGBA[..., 2:].copy(), gray_png_with_alpha, False),
+    "deep PNG": Kind(".png", DEEP, png),
+    "deep PNG with alpha": Kind(".png", DEEP_RGBA, png),
+    "deep gray PNG with alpha": Kind(".png", DEEP_RGBA[..., 2:], png),
     "deep gray PNG": Kind(".png", DEEP[..., 0], by_opencv, False),
     "deep TIFF, little endian": Kind(".tif", DEEP, tiff("<")),
     "deep TIFF, big endian": Kind(".tif", DEEP, tiff(">")),
-    "deep TIFF with alpha": Kind(".tif", DEEP_RGBA, tiff(extrasamples=["unassalpha"])),
+    "deep TIFF with alpha": Kind(".tif", DEEP_RGBA, tiff(extra=2)),
     "deep TIFF by OpenCV": Kind(".tif", DEEP_RGBA, by_opencv, False),
-    "deep gray TIFF, little endian": Kind(".tif", DEEP[..., 0], tiff("<")),
-    "deep gray TIFF, big endian": Kind(".tif", DEEP[..., 0], tiff(">")),
+    "deep gray TIFF, little endian": Kind(".tif", DEEP[..., 0], gray_tiff("<"), False),
+    "deep gray TIFF, big endian": Kind(".tif", DEEP[..., 0], gray_tiff(">"), False),
     "float TIFF": Kind(".tif", LIGHT, by_opencv, False),
     "EXR": Kind(".exr", LIGHT, exr("RGB"), False, 1e-6),
     "half EXR": Kind(".exr", LIGHT.astype(np.float16), exr("RGB"), False, 1e-3),
@@ -183,7 +211,7 @@ def test_palette_pictures_become_rgb_and_keep_their_transparent_entry(tmp_path):
 
 def test_premultiplied_alpha_of_a_tiff_is_taken_off(tmp_path):
     pixels = np.array([[[20000, 10000, 0, 40000], [7, 7, 7, 0]]], np.uint16)
-    tiff(extrasamples=["assocalpha"])(tmp_path / "a.tif", pixels, 1)
+    tiff(extra=1)(tmp_path / "a.tif", pixels, 1)
     assert_allclose(read_photo(tmp_path / "a.tif"), [[[0.5, 0.25, 0, 40000 / 65535], [0, 0, 0, 0]]], atol=1e-6)
 
 
