@@ -100,7 +100,7 @@ def test_an_unknown_head_and_a_second_of_one_name_are_refused():
         register_layer("grbf", lambda n_in, n_out, options: torch.nn.Linear(n_in, n_out))
 
 
-# ------------------------------------------------------------------------------------------------ one of another file
+# -------------------------------------------------------------------------------------------------- one of another file
 @pytest.fixture
 def forgotten(monkeypatch):
     """Registries that forget after the test what was added to them."""

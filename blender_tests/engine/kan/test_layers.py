@@ -1,4 +1,4 @@
-"""Gaussian, B-spline and plain layers: formulas written out, derivatives, sizes, and the same result however computed."""
+"""Gaussian, B-spline and plain layers: formulas written out, derivatives, sizes."""
 
 import math
 
@@ -37,7 +37,7 @@ def value_and_gradients(function, inputs, n_centers=8):
     return dict(zip(NAMES, [output, *torch.autograd.grad(output, inputs, upstream)], strict=True))
 
 
-# ----------------------------------------------------------------------------------------------------- Gaussian: formula
+# ---------------------------------------------------------------------------------------------------- Gaussian: formula
 def test_gaussian_layer_equals_its_formula_written_with_loops():
     layer, x = GRBFLayer(3, 2, n_centers=4, bandwidth=1.1), torch.randn(5, 3)
     u = layer.norm(x)
@@ -97,7 +97,7 @@ def test_what_is_not_a_number_stays_so():
     assert torch.isnan(output[3]).all() and torch.isfinite(output[4:]).all()
 
 
-# ------------------------------------------------------------------------------------------------- Gaussian: derivatives
+# ------------------------------------------------------------------------------------------------ Gaussian: derivatives
 @pytest.mark.parametrize("n_centers", [2, 3, 8])
 @pytest.mark.parametrize("spacings", [0.5, 1.0, 1.7])
 def test_gradients_match_finite_differences(n_centers, spacings):
@@ -106,7 +106,7 @@ def test_gradients_match_finite_differences(n_centers, spacings):
 
 
 def derivatives_of_gradients(layer, function, x):
-    """Derivatives of |dy/dx|^2 by x and the layer's parameters, and those of their squares: of second and third order."""
+    """Derivatives of |dy/dx|^2 by x and the parameters, and those of their squares."""
     x = x.clone().requires_grad_()
     wanted = [x, *layer.parameters()]
     (slope,) = torch.autograd.grad(function(x).square().sum(), x, create_graph=True)
@@ -153,7 +153,7 @@ def test_result_does_not_depend_on_the_chunk_size_nor_its_bits_on_the_cores(rows
         assert torch.equal(one[name], two[name])
 
 
-# ------------------------------------------------------------------------------------------------------------- bandwidths
+# ----------------------------------------------------------------------------------------------------------- bandwidths
 @pytest.mark.parametrize(
     ("name", "expected"), [("eq5", 0.571429), ("fastkan", 0.404061), ("xkanerf", 0.707107), (0.6, 0.6)]
 )
@@ -177,7 +177,7 @@ def test_impossible_settings_are_refused(arguments):
         GRBFLayer(2, 2, **arguments)
 
 
-# -------------------------------------------------------------------------------------------------------------- B-splines
+# ------------------------------------------------------------------------------------------------------------ B-splines
 GRID, ORDER = 5, 3
 INTERVAL = 4 / GRID
 
@@ -221,7 +221,7 @@ def test_spline_layer_equals_base_plus_scaled_splines_and_outside_the_range_base
     torch.testing.assert_close(plain(far), plain.base(silu(far)))
 
 
-# ------------------------------------------------------------------------------------------------------------ all layers
+# ----------------------------------------------------------------------------------------------------------- all layers
 @pytest.mark.parametrize("make", [GRBFLayer, BSplineLayer, MLPLayer])
 def test_a_layer_takes_any_axes_before_its_inputs_and_its_gradients_match_finite_differences(make):
     layer, x = make(3, 2), torch.randn(4, 5, 3)

@@ -50,7 +50,7 @@ def test_a_card_that_tells_nothing_is_refused(card, lightness):
         ReferenceLight.of_card(np.array(card), lightness)
 
 
-# --------------------------------------------------------------------------------------------------------------- a chart
+# -------------------------------------------------------------------------------------------------------------- a chart
 def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
     fit = fit_photo(photo, CORNERS)
     np.testing.assert_allclose(fit.light.matrix, CAST, atol=0.005)

@@ -51,7 +51,7 @@ def shown(model, edit, camera):
     return rasterize(model.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
 
 
-# ----------------------------------------------------------------------------------------------------------- the picture
+# ---------------------------------------------------------------------------------------------------------- the picture
 def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame):
     truth = of_field(model).render(camera)
     assert psnr(frame.color, truth.color) > 20
@@ -148,22 +148,14 @@ def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
 
 
 # ---------------------------------------------------------------------------------------------------------------- edges
-def changes(model, edit):
-    """By how much an edit changes each Gaussian."""
-    return np.abs(model.recolored_splats(edit).table - model.splats.table).sum(1)
-
-
-def test_a_choke_recolors_fewer_gaussians_growth_more_and_neither_the_same(model, green):
-    choked, same, plain, grown = (
-        changes(model, edit) for edit in (green.edge("ball", 3), green.edge("ball"), green, green.edge("ball", -3))
-    )
+def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_between_both_colors(model, green):
+    edges = [(3, 0), (0, 0), (-3, 0), (0, 16)]
+    edits = [green, *(green.edge("ball", *edge) for edge in edges)]
+    tables = [model.recolored_splats(edit).table for edit in edits]
+    plain, choked, same, grown, soft = (np.abs(table - model.splats.table).sum(1) for table in tables)
     assert_array_equal(same, plain)
     assert (choked <= plain + 1e-6).all() and (grown >= plain - 1e-5).all()
     assert (choked > 0).sum() < (plain > 0).sum() < (grown > 0).sum()
-
-
-def test_a_feather_leaves_gaussians_between_both_colors(model, green):
-    plain, soft = changes(model, green), changes(model, green.edge("ball", 0, 16))
     share = soft[plain > 1e-2] / plain[plain > 1e-2]
     assert ((share > 0.1) & (share < 0.9)).sum() > 20
 
@@ -200,7 +192,7 @@ def test_distances_are_those_to_the_border_whatever_a_stray_says_and_pixels_span
     assert borders.spacings[0] == pytest.approx(SPACING, rel=0.4)
 
 
-# ------------------------------------------------------------------------------------------------- colors of one Gaussian
+# ----------------------------------------------------------------------------------------------- colors of one Gaussian
 PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
 BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
 
@@ -220,14 +212,11 @@ def in_blue(gaussians, share=1.0):
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_color_moves_by_its_weights_and_its_share(share):
-    color = 0.5 + C0 * in_blue(one(), share)[COLOR : COLOR + 3]
-    assert_allclose(color, [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
-
-
-def test_shading_takes_the_new_hue_too():
-    assert_allclose(in_blue(one(0.2))[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
-    assert not in_blue(one())[COLOR + 3 :].any()
+def test_a_color_moves_by_its_weights_and_its_share_and_shading_takes_the_new_hue_too(share):
+    plain, shaded = in_blue(one(), share), in_blue(one(0.2))
+    assert_allclose(0.5 + C0 * plain[COLOR : COLOR + 3], [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
+    assert not plain[COLOR + 3 :].any()
+    assert_allclose(shaded[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
 
 
 def test_an_object_without_gaussians_has_empty_planes(camera):
@@ -241,9 +230,7 @@ def test_an_object_without_gaussians_has_empty_planes(camera):
 # --------------------------------------------------------------------------------------------------------------- behind
 @pytest.mark.parametrize("background", [0.0, 0.4, 1.0])
 def test_a_cut_out_gives_the_picture_again_on_its_background(background):
-    random = np.random.default_rng(0)
-    own, opacity = random.random((4, 5, 3)), random.random((4, 5))
-    opacity[0, 0] = 0
+    own, opacity = np.random.default_rng(0).random((4, 5, 3)), np.linspace(0, 1, 20).reshape(4, 5)
     behind = np.full((4, 5, 3), background)
     picture = own * opacity[..., None] + behind * (1 - opacity[..., None])
     cut = remove_background(picture, opacity, behind)
