@@ -24,8 +24,6 @@ VERBS = (
     *("poses", "inspect", "mark", "all", "geometry", "segmentation", "palette", "recoloring", "splats", "match"),
     *("render", "colorways", "settings", "doctor", "run"),
 )
-BLOCK_TORCH = "import sys\nsys.modules['torch'] = None\n"
-PAIR = ("--from", "#d92619", "--to", "#1f5fbf")
 
 
 def runs(*arguments):
@@ -43,7 +41,7 @@ def fails(capsys, code, *arguments):
     return sentence, hint
 
 
-# ------------------------------------------------------------------------------------------------------------------ help
+# ----------------------------------------------------------------------------------------------------------------- help
 def test_the_help_lists_every_verb_which_explains_itself_and_every_exit_code(capsys):
     for verb in VERBS:
         with pytest.raises(SystemExit) as stopped:
@@ -55,6 +53,8 @@ def test_the_help_lists_every_verb_which_explains_itself_and_every_exit_code(cap
     assert all(f"\n    {verb} " in printed.replace("\n", " \n") for verb in VERBS)
     codes = ("2 bad request", "4 bad data", "6 cancelled", "7 diverged")
     assert all(code in " ".join(printed.split()) for code in codes)
+    runs("settings")
+    assert "geometry.long_side" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("arguments", ["", "paint", "geometry", "geometry c --project p --preset best"])
@@ -63,11 +63,6 @@ def test_commands_that_cannot_be_understood_end_with_two(arguments, capsys):
         main(arguments.split())
     assert stopped.value.code == 2
     assert "usage: karf_engine" in capsys.readouterr().err
-
-
-def test_settings_are_listed(capsys):
-    runs("settings")
-    assert "geometry.long_side" in capsys.readouterr().out
 
 
 def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys, monkeypatch):
@@ -89,85 +84,52 @@ def test_what_is_no_finding_is_refused(line):
         Finding.from_line(line)
 
 
-# ------------------------------------------------------------------------------------------------------------ exit codes
-def test_captures_and_settings_that_cannot_be_are_named_before_anything_is_made(still_life, tmp_path, capsys):
-    pytest.importorskip("torch")
-    project = tmp_path / "p"
-    sentence, _ = fails(capsys, 4, "geometry", tmp_path / "nowhere", "--project", project)
-    assert sentence == f"{tmp_path / 'nowhere'} does not exist."
-    capture = shutil.copytree(still_life.capture, tmp_path / "capture")
-    (capture / "transforms_train.json").write_text('{"frames": [\n{]}')
-    sentence, _ = fails(capsys, 4, "geometry", capture, "--project", project)
-    assert "transforms_train.json (cameras) is broken JSON at line 2" in sentence
-    override = ["--set", "geometry.max_ray=9"]
-    _, hint = fails(capsys, 2, "geometry", still_life.capture, "--project", project, *override)
-    assert "geometry.max_rays" in hint and not project.exists()
+# ----------------------------------------------------------------------------------------------------------- exit codes
+@pytest.fixture
+def places(still_life, learned, tmp_path):
+    """Folders by the words of the table below."""
+    new = Project(tmp_path / "new")
+    new.create(str(still_life.capture))
+    (tmp_path / "edit.json").write_text('{"schema": "karf-edit/1", "objects": {"vase": {"colors": [null]}}}')
+    (tmp_path / "empty").mkdir()
+    return {
+        "CAPTURE": still_life.capture,
+        "COPY": shutil.copytree(still_life.capture, tmp_path / "copy"),
+        "LEARNED": learned.project,
+        **{name.upper(): tmp_path / name for name in ("out", "nowhere", "empty", "new", "edit.json")},
+    }
 
 
-def test_masks_that_do_not_fit_are_named(learned, tmp_path, capsys):
-    project = shutil.copytree(learned.project, tmp_path / "project")
-    before, masks = Project(project).state(), tmp_path / "masks"
-
-    def refused():
-        return fails(capsys, 4, "segmentation", project, "--masks", masks)[0]
-
-    assert "is not a folder of masks" in refused()
-    masks.mkdir()
-    assert "holds no masks" in refused()
-    write_png(masks / "ball" / "r_0.png", np.zeros((32, 32), bool))
-    assert "r_0.png marks nothing of 'ball'" in refused()
-    write_png(masks / "ball" / "r_0.png", np.ones((30, 32), bool))
-    assert "r_0.png is 32x30 pixels where its photo has 32x32" in refused()
-    assert Project(project).state() == before and not (project / "lock.json").exists()
-
-
-def test_a_project_that_is_none_or_of_another_capture_or_not_learned_yet_is_refused(
-    still_life, learned, tmp_path, capsys
-):
-    pytest.importorskip("torch")
-    assert "is not a KaRF project" in fails(capsys, 4, "palette", tmp_path)[0]
-    assert "is not a KaRF project" in fails(capsys, 4, "render", tmp_path, "--out", tmp_path / "out")[0]
-    other = shutil.copytree(still_life.capture, tmp_path / "other")
-    sentence, hint = fails(capsys, 2, "geometry", other, "--project", learned.project)
-    assert "already holds a project of" in sentence and str(other) in hint
-    project = Project(tmp_path / "new")
-    project.create(str(still_life.capture))
-    assert "geometry" in "".join(fails(capsys, 2, "palette", project.folder))
-    words = ("--object", "ball", *PAIR, "--out", "e.json")
-    assert "palette" in "".join(fails(capsys, 2, "match", project.folder, *words))
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ('{"schema": "karf-edit/1", "objects": {"vase": {"colors": [null]}}}', "edits the unknown object 'vase'"),
-        ('{"schema": "karf-edit/1", "objects": {"ball": {"colors": [null]}}}', "has 1 colors"),
-        ('{"schema": "karf-edit/9"}', "has schema 'karf-edit/9'"),
-        ("{", "is broken JSON"),
-    ],
-)
-def test_edits_that_do_not_fit_are_named(learned, tmp_path, capsys, content, words):
-    (tmp_path / "edit.json").write_text(content)
-    options = ["--edit", tmp_path / "edit.json", "--out", tmp_path / "out"]
-    sentence, _ = fails(capsys, 4, "render", learned.project, *options)
-    assert words in sentence and "edit.json" in sentence
-    assert not (tmp_path / "out").exists()
-
-
-BALL = ("match", "--object", "ball")
-WRONG_WORDS = [
-    (4, ("render", "--views", "nobody"), "has no view 'nobody'"),
-    (4, ("render", "--views", "val"), "has no val views"),
-    (2, ("match", "--object", "vase", *PAIR), "no object 'vase'"),
-    (4, (*BALL, "--also", "green", "#00ff00", *PAIR), "'green' is not a color"),
-    (4, (*BALL, "--from", "red", "--to", "#00ff00"), "'red' is not a color"),
+PAIR, TO_OUT = "--from #d92619 --to #1f5fbf", "--out OUT"
+FAILURES = [
+    (4, "geometry NOWHERE --project OUT", "NOWHERE does not exist.", ""),
+    (2, "geometry CAPTURE --project OUT --set geometry.max_ray=9", "geometry.max_ray", "geometry.max_rays"),
+    (2, "geometry COPY --project LEARNED", "LEARNED already holds a project of CAPTURE", "COPY"),
+    (4, f"palette EMPTY {TO_OUT}", "EMPTY is not a KaRF project", ""),
+    (2, "palette NEW", "NEW has no settings yet.", "geometry"),
+    (2, f"match NEW --object ball {PAIR} {TO_OUT}", "palette", ""),
+    (4, "segmentation LEARNED --masks NOWHERE", "NOWHERE is not a folder of masks", ""),
+    (4, f"render LEARNED --edit EDIT.JSON {TO_OUT}", "EDIT.JSON edits the unknown object 'vase'", ""),
+    (4, f"render LEARNED --views nobody {TO_OUT}", "has no view 'nobody'", ""),
+    (4, f"render LEARNED --views val {TO_OUT}", "has no val views", ""),
+    (2, f"match LEARNED --object vase {PAIR} {TO_OUT}", "no object 'vase'", ""),
+    (4, f"match LEARNED --object ball --also green #00ff00 {PAIR} {TO_OUT}", "'green' is not a color", ""),
+    (4, f"match LEARNED --object ball --from red --to #00ff00 {TO_OUT}", "'red' is not a color", ""),
 ]
 
 
-@pytest.mark.parametrize(("code", "words", "sentence"), WRONG_WORDS)
-def test_wrong_words_for_views_objects_and_colors_are_named(learned, tmp_path, capsys, code, words, sentence):
-    verb, *options = words
-    assert sentence in fails(capsys, code, verb, learned.project, *options, "--out", tmp_path / "out.json")[0]
+@pytest.mark.parametrize(("code", "words", "sentence", "hint"), FAILURES)
+def test_a_command_that_cannot_be_done_ends_in_a_sentence_and_leaves_all_as_it_was(
+    places, capsys, code, words, sentence, hint
+):
+    pytest.importorskip("torch")
+    project = Project(places["LEARNED"])
+    before = project.state()
+    said = fails(capsys, code, *(places.get(word, word) for word in words.split()))
+    for name, place in places.items():
+        sentence, hint = sentence.replace(name, str(place)), hint.replace(name, str(place))
+    assert sentence in said[0] and hint in said[1]
+    assert not places["OUT"].exists() and not (project.folder / "lock.json").exists() and project.state() == before
 
 
 def test_internal_errors_end_with_seventy_and_show_their_trace(monkeypatch, capsys):
@@ -190,53 +152,71 @@ def test_the_broken_captures_from_the_wild_end_with_one_sentence(scenes, tmp_pat
 
 
 def test_without_torch_the_engine_says_what_to_install(still_life, tmp_path):
-    (tmp_path / "sitecustomize.py").write_text(BLOCK_TORCH)
-    environment = {"PYTHONPATH": str(tmp_path)}
-    done = run_engine("geometry", still_life.capture, "--project", tmp_path / "p", environment=environment)
+    (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['torch'] = None\n")
+    places = (still_life.capture, "--project", tmp_path / "p")
+    done = run_engine("geometry", *places, environment={"PYTHONPATH": str(tmp_path)})
     assert done.returncode == 3
     assert f"({sys.executable}) has no package 'torch'" in done.stderr and "pip install torch" in done.stderr
     assert "Traceback" not in done.stderr
-    done = run_engine("doctor", environment=environment)
-    assert done.returncode == 3 and "torch is not installed." in done.stdout and done.stderr == ""
 
 
-# ------------------------------------------------------------------------------------------------------- matching of colors
-def test_what_an_edit_cannot_reach_is_told_with_the_reason(learned, tmp_path, capsys):
-    def told(source, target):
-        words = ("--object", "ball", "--from", source, "--to", target, "--out", tmp_path / "edit.json")
-        runs("match", learned.project, *words)
-        return "".join(capsys.readouterr())
+# --------------------------------------------------------------------------------------------------- matching of colors
+@pytest.fixture
+def match(learned, tmp_path, capsys):
+    """Match a color of the ball; what is printed, and the edit."""
 
-    reached = told("#d92619", "#1f5fbf")
+    def match(source="#d92619", target="#1f5fbf", *words):
+        out = tmp_path / "edit.json"
+        pair = ("--from", source, "--to", target)
+        runs("match", learned.project, "--object", "ball", *pair, *words, "--out", out)
+        return "".join(capsys.readouterr()), edit_of(Project(learned.project), out).colors["ball"]
+
+    return match
+
+
+def test_what_an_edit_cannot_reach_is_told_with_the_reason(match):
+    reached, _ = match()
     assert "is of the paint that becomes another" in reached and "warning" not in reached
-    assert "shows no color like #00ff00" in told("#00ff00", "#1f5fbf")
+    assert "shows no color like #00ff00" in match("#00ff00")[0]
 
 
-def test_a_gray_card_says_what_a_books_color_looks_like_in_the_photos(learned, tmp_path):
-    def edit(name, *words):
-        out = tmp_path / name
-        runs("match", learned.project, "--object", "ball", "--from", "#d92619", *words, "--out", out)
-        return out.read_text()
-
-    light = ReferenceLight.of_card(hex_to_rgb("#a08060"))
-    seen = rgb_to_hex(light.photographed(hex_to_rgb("#1f5fbf")))
-    with_card = edit("card.json", "--to", "#1f5fbf", "--card", "#a08060")
-    assert with_card == edit("seen.json", "--to", seen) != edit("plain.json", "--to", "#1f5fbf")
+CARD, CHART = ReferenceLight.of_card(hex_to_rgb("#a08060")), ReferenceLight(CAST)
+AT_CORNERS = ("--corners", ",".join(f"{value:g}" for value in CORNERS.ravel()))
 
 
-def test_a_color_chart_in_a_photo_says_the_same_found_by_itself_or_by_its_corners(learned, tmp_path, capsys):
-    photo, out = tmp_path / "chart.png", tmp_path / "edit.json"
-    write_png(photo, photo_of_chart())
-    match = ("match", learned.project, "--object", "ball", *PAIR, "--out", out)
-    seen = rgb_to_hex(ReferenceLight(CAST).photographed(hex_to_rgb("#1f5fbf")))
-    wanted = edit_of(Project(learned.project)).becomes("ball", "#d92619", seen)
-    corners = ",".join(f"{value:g}" for value in CORNERS.ravel())
-    for words in (), ("--corners", corners):
-        runs(*match, "--chart", photo, *words)
-        assert "color chart: CIEDE2000 0.1 left in the mean of 23 patches" in "".join(capsys.readouterr())
-        edit = edit_of(Project(learned.project), out)
-        np.testing.assert_allclose(edit.colors["ball"], wanted.colors["ball"], atol=0.02)
-    write_png(photo, np.full((60, 80, 3), 0.5))
-    assert f"No color chart was found in {photo}" in fails(capsys, 2, *match, "--chart", photo)[0]
-    assert "but no photo of it" in fails(capsys, 2, *match, "--corners", corners)[0]
-    assert "were given" in fails(capsys, 2, *match, "--chart", photo, "--card", "#808080")[0]
+@pytest.mark.parametrize(
+    ("words", "light", "tolerance"),
+    [
+        (("--card", "#a08060"), CARD, 0),
+        (("--chart", "chart.png"), CHART, 0.02),
+        (("--chart", "chart.png", *AT_CORNERS), CHART, 0.02),
+    ],
+    ids=["gray card", "color chart found by itself", "color chart found by its corners"],
+)
+def test_a_reference_says_what_a_books_color_looks_like_in_the_photos(
+    match, tmp_path, monkeypatch, words, light, tolerance
+):
+    monkeypatch.chdir(tmp_path)
+    write_png(tmp_path / "chart.png", photo_of_chart())
+    printed, found = match("#d92619", "#1f5fbf", *words)
+    _, seen = match("#d92619", rgb_to_hex(light.photographed(hex_to_rgb("#1f5fbf"))))
+    _, plain = match()
+    np.testing.assert_allclose(found, seen, atol=tolerance)
+    assert np.abs(found - plain).max() > 0.05
+    is_chart = "--chart" in words
+    assert ("color chart: CIEDE2000 0.1 left in the mean of 23 patches" in printed) == is_chart
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--chart", "gray.png"), "No color chart was found in gray.png"),
+        (AT_CORNERS, "but no photo of it"),
+        (("--chart", "gray.png", "--card", "#808080"), "were given"),
+    ],
+)
+def test_a_reference_that_cannot_be_used_is_refused(learned, tmp_path, monkeypatch, capsys, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    write_png(tmp_path / "gray.png", np.full((60, 80, 3), 0.5))
+    options = ("--object", "ball", *PAIR.split(), "--out", "edit.json", *words)
+    assert sentence in fails(capsys, 2, "match", learned.project, *options)[0]

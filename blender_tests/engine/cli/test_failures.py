@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,38 +78,37 @@ def test_memory_that_ran_out_is_exit_code_five_by_whichever_library(end):
         assert is_out_of_memory(error), repr(error)  # the training loop halves its batch for the same errors
 
 
-FAULTS = [
-    (errno.ENOSPC, "The disk is full"),
-    (errno.EDQUOT, "Your share of the disk is used up"),
-    (errno.EACCES, "may not be read or written"),
-    (errno.EROFS, "can only be read"),
-    (errno.ENOENT, "is not there, or no longer"),
-    (errno.ENOTDIR, "lies in a file"),
-    (errno.ENAMETOOLONG, "a name too long"),
-    (errno.EMFILE, "Too many files are open"),
+FILE = "/film/pots/palette.json"
+LONG = "C:\\" + "very_long_folder\\" * 16 + "geometry.safetensors"
+FULL_DISK, TOO_LONG, MISSING, NOT_ALLOWED = "The disk is full", "a name too long", "is not there", "may not be read or"
+NUMBERS = [
+    *((errno.ENOSPC, FULL_DISK), (errno.EDQUOT, "Your share of the disk is used up"), (errno.EACCES, NOT_ALLOWED)),
+    *((errno.EROFS, "can only be read"), (errno.ENOENT, MISSING), (errno.ENOTDIR, "lies in a file")),
+    *((errno.ENAMETOOLONG, TOO_LONG), (errno.EMFILE, "Too many files are open")),
     (errno.EIO, "cannot be read or written: Input/output error"),
+]
+FAULTS = [  # system, error, words; the numbers and messages of Windows are its manual's
+    *((os.name, OSError(number, os.strerror(number), FILE), words) for number, words in NUMBERS),
+    ("posix", RuntimeError("Error while serializing: I/O error: No space left on device (os error 28)"), FULL_DISK),
+    ("posix", RuntimeError("IoError(Os { code: 28, kind: StorageFull })"), FULL_DISK),
+    ("posix", OSError("1048576 requested and 4096 written"), FULL_DISK),
+    ("posix", RuntimeError("database or disk is full"), FULL_DISK),
+    ("nt", RuntimeError("I/O error: There is not enough space on the disk. (os error 112)"), FULL_DISK),
+    ("nt", RuntimeError("I/O error: The process cannot access the file (os error 32)"), NOT_ALLOWED),
+    ("nt", RuntimeError("I/O error: The filename or extension is too long. (os error 206)"), TOO_LONG),
+    ("nt", RuntimeError("I/O error: The system cannot find the path specified. (os error 3)"), MISSING),
+    ("nt", FileNotFoundError(2, "No such file", LONG), TOO_LONG),
+    ("nt", FileNotFoundError(2, "No such file", "C:\\a.png"), MISSING),
 ]
 
 
-@pytest.mark.parametrize(("number", "words"), FAULTS)
-def test_faults_of_the_disk_are_sentences_with_a_remedy(end, number, words):
-    code, printed = end(OSError(number, os.strerror(number), "/film/pots/palette.json"))
+@pytest.mark.parametrize(("system", "error", "words"), FAULTS)
+def test_faults_of_the_disk_are_sentences_with_a_remedy(end, monkeypatch, system, error, words):
+    monkeypatch.setattr("karf_engine.io.failures.os", SimpleNamespace(name=system))
+    code, printed = end(error)
     sentence, hint = printed.strip().split("\n")
     assert code == 4 and words in sentence and hint.strip() and "Traceback" not in printed
-    assert "/film/pots/palette.json" in sentence or number == errno.EMFILE
-
-
-@pytest.mark.parametrize(
-    "error",
-    [
-        RuntimeError("Error while serializing: I/O error: No space left on device (os error 28)"),
-        OSError("1048576 requested and 4096 written"),
-        RuntimeError("database or disk is full"),
-    ],
-)
-def test_full_disks_that_libraries_tell_only_in_words_are_known_too(end, error):
-    code, printed = end(error)
-    assert code == 4 and "The disk is full" in printed
+    assert (FILE in sentence) == (getattr(error, "filename", None) == FILE and error.errno != errno.EMFILE)
 
 
 @pytest.mark.parametrize(("error", "code"), [(OutOfMemory("None left."), 5), (Cancelled("Stopped."), 6)])
@@ -154,18 +154,13 @@ def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, thre
     ("options", "words"),
     [
         ({"threads": "2"}, "threads = '2' is not a whole number"),
-        ({"threads": True}, "threads = True is not a whole number"),
-        ({"threads": 1_000_000}, "threads = 1000000 is out of range"),
         ({"views": ["r_0"]}, "views = ['r_0'] is not a text"),
         ({"out": 5}, "out = 5 is not a path"),
         ({"edit": [5]}, "edit = [5] is not a path or a list, each a path"),
         ({"overrides": "abc"}, "overrides = 'abc' is not a list, each a text"),
-        ({"overrides": [1]}, "overrides = [1] is not a list, each a text"),
         ({"planes": "yes"}, "planes = 'yes' is not true or false"),
-        ({"device": 7}, "device = 7 is not a text"),
         ({"out": "a\0b"}, "holds a zero character"),
         ({"plane": True}, "Unknown option plane"),
-        ({"count": "3"}, "count = '3' is not a whole number"),
     ],
 )
 def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):

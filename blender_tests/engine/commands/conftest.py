@@ -4,9 +4,11 @@ import shutil
 
 import pytest
 
+import karf_engine as karf
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
+from karf_engine.cli import main
 from karf_engine.project import Project
 
 
@@ -14,6 +16,17 @@ from karf_engine.project import Project
 def copy(learned, tmp_path):
     """The learned still life, copied."""
     return Project(shutil.copytree(learned.project, tmp_path / "project"))
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    """The learned still life, loaded; not to be changed."""
+    return karf.load(learned.project, "cpu")
+
+
+def run(*words):
+    """Run the command line; its exit code."""
+    return main([*map(str, words)])
 
 
 class Events:

@@ -30,11 +30,6 @@ Grey / matt,block,#808080,
 FOLDERS = ["Green", "Grey _ matt", "Violet"]
 
 
-@pytest.fixture(scope="module")
-def model(learned):
-    return karf.load(learned.project, device="cpu")
-
-
 def sheet_of(folder, text=SHEET):
     path = folder / "sheet.csv"
     path.write_text(text)

@@ -25,11 +25,6 @@ from karf_engine.splats.kernels.arrays import COLOR
 
 
 @pytest.fixture(scope="module")
-def model(learned):
-    return karf.load(learned.project, "cpu")
-
-
-@pytest.fixture(scope="module")
 def own(learned):
     return load_gaussians(Project(learned.project).splats_file)
 

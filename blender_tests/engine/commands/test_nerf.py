@@ -10,7 +10,7 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.cli import main
+from blender_tests.engine.commands.conftest import run
 from karf_engine.errors import Cancelled
 from karf_engine.fields.files import SCHEMA
 from karf_engine.io.checkpoints import load_tensors
@@ -34,10 +34,6 @@ SMALL = (
     "geometry.nerf.crop_iterations=50",
 )
 PAPER = ("segmentation.samples_per_ray=3", "recoloring.frequencies=4", "segmentation.frequencies=4")
-
-
-def run(*words):
-    return main([*map(str, words)])
 
 
 def sets(*settings):

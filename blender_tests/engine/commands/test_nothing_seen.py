@@ -9,11 +9,11 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
+from blender_tests.engine.commands.conftest import run
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.cli import main
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.scene import Scene
@@ -88,10 +88,6 @@ def test_every_camera_renders_every_space(make, filled, camera):
 
 
 # ------------------------------------------------------------------------------------------------------ a learned project
-def run(*words):
-    return main([*map(str, words)])
-
-
 @pytest.mark.parametrize("known", ["geometry", "segmentation", "recoloring"])
 def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
     later = {"geometry": "segmentation", "segmentation": "palette"}

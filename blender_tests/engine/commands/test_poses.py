@@ -123,13 +123,6 @@ def test_the_sharpest_frame_of_every_stretch_is_taken_from_a_video(tmp_path, mon
         assert np.abs(read_photo(tmp_path / "frames" / name) - sharp).mean() < 0.06
 
 
-def test_a_video_that_shows_nothing_solid_and_a_file_that_is_none_are_refused(tmp_path):
-    (tmp_path / "film.mp4").write_bytes(b"no film at all")
-    with pytest.raises(DataError, match=r"film\.mp4 is not a video that can be read"):
-        run(tmp_path / "film.mp4", tmp_path / "capture")
-    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
-
-
 # ---------------------------------------------------------------------------------------------------------------- errors
 def test_photos_with_nothing_in_common_are_refused_with_a_remedy(tmp_path):
     with pytest.raises(DataError, match=r"Only 0 of the 5 photos of .*photos could be placed") as caught:
@@ -180,6 +173,11 @@ def test_wrong_requests_are_named_before_anything_is_made(tmp_path, capsys):
     (photos / "damaged.jpg").unlink()
     with pytest.raises(DataError, match="holds 2 photos; poses need at least 3"):
         run(photos, capture)
+    film = tmp_path / "film.mp4"
+    film.write_bytes(b"no film at all")
+    with pytest.raises(DataError, match=r"film\.mp4 is not a video that can be read"):
+        run(film, capture)
+    film.unlink()
     with pytest.raises(DataError, match="nowhere does not exist"):
         run(tmp_path / "nowhere", capture)
     with pytest.raises(BadRequest, match="already exists and is not empty"):

@@ -83,7 +83,6 @@ class Bench:
         write_masks(self.other_masks, photos, ("r_2", "r_6"))
         self._learn()
 
-    # --- commands --------------------------------------------------------------------------------------------------
     def command(self, stage: str, changed: bool = False, settings_of: str = "geometry") -> list[str]:
         """The command line of a stage, of the first learning or changed. settings_of: whose settings geometry gets."""
         common = ["--threads", "1"]
@@ -106,7 +105,6 @@ class Bench:
         colors = ["--object", "ball", "--from", "#b5302c", "--to", "#3059b8"]
         return ["match", str(self.project), *colors, "--out", str(self.look / "edit.json")]
 
-    # --- right states ----------------------------------------------------------------------------------------------
     def _learn(self) -> None:
         """Make all right states, and the scenarios that lead from one to another."""
         start = None
@@ -169,7 +167,6 @@ class Bench:
         """Those that begin with a complete project: old and new must not mix."""
         return [scenario for scenario in self.some(few) if not scenario.title.endswith("first")]
 
-    # --- what a project is -----------------------------------------------------------------------------------------
     def chain(self) -> tuple[tuple[str, str], ...]:
         """The finished stages with their fingerprints. Raises KarfError where the project does not open."""
         stages = Project(self.project).state()["stages"]
@@ -221,15 +218,8 @@ class Bench:
         run(scenario.command, partial(record_changes, self.project, record, flushes))
         return record.read_text().splitlines()
 
-    # --- after a fault ---------------------------------------------------------------------------------------------
     def survives(self, scenario: Scenario, ended: Run | None = None, exact: bool = True) -> None:
-        """Assert what holds after every fault: nothing is lost, and the same command completes it.
-
-        Args:
-            scenario: What was interrupted.
-            ended: How, if it may not have ended in just any way.
-            exact: Whether pictures are those of the right state to the bit.
-        """
+        """Assert what holds after every fault, which `ended` in some way: nothing is lost, the same command completes it."""
         assert self.lost(exact) is None
         assert ended is None or ended.flaw is None
         assert self.rerun(scenario, exact) is None

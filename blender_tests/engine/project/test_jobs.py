@@ -1,16 +1,69 @@
-"""Folders of jobs: the newest stay for their logs, those of no use any more go, and nothing else is touched."""
+"""One job writes a project at a time; of the folders of jobs the newest stay, and nothing else is touched."""
 
 import json
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 
+pytest.importorskip("filelock")
+
+from blender_tests.engine.conftest import ROOT
+from karf_engine.errors import BadRequest
 from karf_engine.io.files import host_name
 from karf_engine.project import Project, jobs
+from karf_engine.project.locking import write_lock
 
+# -------------------------------------------------------------------------------------------------------------- locking
+HOLD = """
+import sys
+from karf_engine.project.locking import write_lock
+from karf_engine.project import Project
+with write_lock(Project(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_project_that_another_process_writes_is_refused_and_free_once_that_is_killed(project):
+    command, pipe = [sys.executable, "-c", HOLD, project.folder], subprocess.PIPE
+    with subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(BadRequest, match=f"in use by process {holder.pid} on"), write_lock(project):
+            pass
+        (project.folder / "lock.json").write_text("{")  # a holder that could not say who it is still holds
+        with pytest.raises(BadRequest, match="in use by another job"), write_lock(project):
+            pass
+        holder.kill()
+        holder.wait()
+    with write_lock(project):
+        assert json.loads((project.folder / "lock.json").read_text())["pid"] == os.getpid()
+    assert not (project.folder / "lock.json").exists()
+
+
+def test_the_lock_is_given_back_after_an_error_and_is_not_entered_twice(project):
+    with pytest.raises(RuntimeError), write_lock(project):
+        with pytest.raises(BadRequest, match=f"in use by process {os.getpid()}"), write_lock(project):
+            pass
+        raise RuntimeError
+    with write_lock(project):
+        pass
+
+
+@pytest.mark.parametrize("content", ["", "{", json.dumps({"pid": os.getpid(), "start": "1", "host": "elsewhere"})])
+def test_a_lock_file_that_nobody_holds_is_no_obstacle_whatever_it_says_and_when(project, content):
+    path = project.folder / "lock"
+    path.write_text(content)
+    os.utime(path, (time.time() + 1e6,) * 2)
+    with write_lock(project):
+        pass
+
+
+# -------------------------------------------------------------------------------------------------------------- folders
 KEPT = [f"20250101-000000-{number:03d}-render" for number in range(jobs.KEPT)]
+WARM = "20240101-000000-000-warm"
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +78,6 @@ def make(project, *folders, owner=None):
     for name in folders:
         job = project.folder / "jobs" / name
         job.mkdir(parents=True)
-        (job / "engine.log").write_text("started")
         if owner is not None:
             (job / jobs.OWNER_FILE).write_text(json.dumps(owner))
 
@@ -41,46 +93,39 @@ def test_the_newest_stay_and_a_new_job_belongs_to_this_process(project, ended):
     assert names(project) == KEPT
     new = jobs.new_job(project, "render"), jobs.new_job(project, "warm")
     assert names(project) == sorted([*KEPT[1:], *(job.name for job in new)])
-    for job in new:
-        assert [path.name for path in job.iterdir()] == [jobs.OWNER_FILE]
+    assert all([path.name for path in job.iterdir()] == [jobs.OWNER_FILE] for job in new)
     jobs.prune_jobs(project)
     assert all(job.is_dir() for job in new)
 
 
+OWNERS = [
+    *(({"pid": os.getpid()}, True), ({"pid": os.getppid()}, True), ({}, False), ({"host": "another computer"}, True)),
+    *(({"pid": "x"}, True), ({"pid": 1 << 80}, False), ([], True)),
+]
+
+
 @pytest.mark.parametrize("year", [2024, 2026], ids=["old", "new"])
-@pytest.mark.parametrize(
-    ("owner", "stays"),
-    [
-        ({"pid": os.getpid()}, True),
-        ({"pid": os.getppid()}, True),
-        ({}, False),
-        ({"host": "another computer"}, True),
-        ({"pid": "x"}, True),
-        ({"pid": 1 << 80}, False),
-        ([], True),
-    ],
-)
+@pytest.mark.parametrize(("owner", "stays"), OWNERS)
 def test_what_answered_queries_goes_with_its_process(project, ended, owner, stays, year):
+    name = WARM.replace("2024", str(year))
     make(project, *KEPT)
-    name = f"{year}0101-000000-000-warm"
     make(project, name, owner=ended | owner if isinstance(owner, dict) else owner)
     jobs.prune_jobs(project)
     assert (name in names(project)) is stays
 
 
 def test_what_is_no_job_stays(project, ended, tmp_path):
-    others = ["notes", "20240101-000000-000-warm.old", "20240101-000000-00-warm", "my-20240101-000000-000-warm"]
+    others = ["notes", f"{WARM}.old", "20240101-000000-00-warm", f"my-{WARM}"]
     make(project, *KEPT)
     make(project, *others, owner=ended)
-    elsewhere = Project(tmp_path / "elsewhere")
-    make(elsewhere, "20240101-000000-000-warm", owner=ended)
-    link = project.folder / "jobs" / "20240101-000000-000-render"
-    link.symlink_to(elsewhere.folder / "jobs" / "20240101-000000-000-warm", target_is_directory=True)
-    file = project.folder / "jobs" / "20240101-000000-001-render"
+    elsewhere, linked = Project(tmp_path / "elsewhere"), Project(tmp_path / "linked")
+    make(elsewhere, WARM, owner=ended)
+    link, file = (project.folder / "jobs" / f"20240101-000000-00{number}-render" for number in range(2))
+    link.symlink_to(elsewhere.folder / "jobs" / WARM, target_is_directory=True)
     file.touch()
-    jobs.prune_jobs(project)
+    linked.folder.mkdir()
+    (linked.folder / "jobs").symlink_to(elsewhere.folder / "jobs", target_is_directory=True)
+    for each in (project, linked):
+        jobs.prune_jobs(each)
     assert names(project) == sorted([*KEPT, *others, link.name, file.name])
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "jobs").symlink_to(elsewhere.folder / "jobs", target_is_directory=True)
-    jobs.prune_jobs(Project(tmp_path / "other"))
-    assert names(elsewhere) == ["20240101-000000-000-warm"]
+    assert names(elsewhere) == [WARM]

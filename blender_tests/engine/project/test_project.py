@@ -30,22 +30,23 @@ def names_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-# ----------------------------------------------------------------------------------------------------------------- state
+# ---------------------------------------------------------------------------------------------------------------- state
 def test_a_project_is_made_once_and_for_one_capture(project):
-    assert project.holdout() == 0
     project.finish("geometry", "abc")
     project.create("/captures/pots")
     assert project.finished("geometry") == {"fingerprint": "abc"}
-    with pytest.raises(BadRequest, match="already holds a project of /captures/pots"):
+    with pytest.raises(BadRequest, match=r"already holds a project of /captures/pots\..* /captures/other"):
         project.create("/captures/other")
 
 
-def test_projects_of_before_there_was_a_choice_have_held_out_every_eighth_photo(project, tmp_path):
+@pytest.mark.parametrize(
+    ("facts", "holdout"), [(None, 0), ({}, 8), ({"holdout": 5}, 5)], ids=["new", "early", "chosen"]
+)
+def test_a_project_of_before_there_was_a_choice_held_out_every_eighth_photo(project, tmp_path, facts, holdout):
+    if facts is not None:
+        project.finish("geometry", "abc", **facts)
+    assert project.holdout() == holdout
     assert Project(tmp_path / "none").holdout() == 0
-    project.finish("geometry", "abc")
-    assert project.holdout() == 8
-    project.finish("geometry", "abc", holdout=5)
-    assert project.holdout() == 5
 
 
 EMPTY = {"schema": "karf-project/1", "capture": "/film/pots", "stages": {}, "settings": {}}
@@ -111,33 +112,26 @@ def test_a_stage_outdates_what_is_built_on_it_and_nothing_else(project, again, l
         assert stage in caught.value.hint
 
 
-# --------------------------------------------------------------------------------------------------- the mark of a result
-def finish(project, *stages, **summary):
-    for stage in stages:
-        project.finish(stage, f"inputs of {stage}", files={f"{stage}.safetensors": "sum"}, **summary)
+# ------------------------------------------------------------------------------------------------- the mark of a result
+def mark(project, stage, changes=(), **summary):
+    """The mark of a stage's result once all are finished, with these fingerprints and checksums instead of others."""
+    changes = dict(changes)
+    for each in STAGE_ORDER:
+        fingerprint, checksum = changes.get(each, ("inputs", "sum"))
+        project.finish(each, fingerprint, files={f"{each}.safetensors": checksum}, **summary)
+    return result_fingerprint(project.state(), stage)
 
 
-@pytest.mark.parametrize("stage", HEADS)
-@pytest.mark.parametrize(("fingerprint", "checksum"), [("others", "sum"), ("inputs of {stage}", "other sum")])
-def test_a_mark_changes_with_every_stage_before(project, stage, fingerprint, checksum):
-    finish(project, *HEADS)
-    before = result_fingerprint(project.state(), "recoloring")
-    project.finish(stage, fingerprint.format(stage=stage), files={f"{stage}.safetensors": checksum})
-    finish(project, *HEADS[HEADS.index(stage) + 1 :])
-    assert result_fingerprint(project.state(), "recoloring") != before
+@pytest.mark.parametrize("change", [("others", "sum"), ("inputs", "other sum")])
+@pytest.mark.parametrize("changed", STAGE_ORDER)
+def test_a_mark_changes_with_every_stage_before_and_with_no_other(project, changed, change):
+    for stage in HEADS:
+        is_before = changed in HEADS[: HEADS.index(stage) + 1]
+        assert (mark(project, stage, {changed: change}, seconds=3.5) != mark(project, stage)) == is_before
+    assert result_fingerprint({}, "segmentation") not in ("", mark(project, "segmentation"))
 
 
-def test_a_mark_stays_with_the_same_results_and_with_those_of_other_stages(project):
-    finish(project, *HEADS, "splats")
-    before = result_fingerprint(project.state(), "segmentation")
-    finish(project, *HEADS, seconds=3.5)
-    project.finish("recoloring", "others")
-    project.finish("splats", "others")
-    assert result_fingerprint(project.state(), "segmentation") == before
-    assert result_fingerprint({}, "segmentation") not in ("", before)
-
-
-# --------------------------------------------------------------------------------------------------------------- results
+# -------------------------------------------------------------------------------------------------------------- results
 def test_outputs_take_their_places_with_their_checksums_and_settings(project):
     commit(project, "geometry", capture_json="{}", geometry_safetensors="field")
     done = project.finished("geometry")
@@ -219,7 +213,7 @@ def test_folders_that_another_program_named_like_results_do_no_harm(project):
     assert project.new_result("geometry").name == "geometry-8"
 
 
-# ----------------------------------------------------------------------------------------------------------------- masks
+# ---------------------------------------------------------------------------------------------------------------- masks
 def segment(project, mask):
     """Finish the segmentation with a mask of this name."""
     result = project.new_result("segmentation")
@@ -235,15 +229,10 @@ def test_masks_that_are_replaced_are_set_aside(project):
         project.place_masks()
     assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["second"]
     assert names_in(project.folder / "earlier_masks") == ["first"]
-
-
-def test_masks_belong_to_the_segmentation_at_once_and_the_next_job_puts_them_in_their_place(project):
-    segment(project, "first")
-    project.place_masks()
-    segment(project, "second")  # and the job is killed
-    assert names_in(project.masks_folder) == ["second"] and names_in(project.folder / "masks") == ["first"]
+    segment(project, "third")  # and the job is killed: the masks belong to the segmentation at once
+    assert names_in(project.masks_folder) == ["third"] and names_in(project.folder / "masks") == ["second"]
     project.remove_leftovers()
-    assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["second"]
+    assert project.masks_folder == project.folder / "masks" and names_in(project.masks_folder) == ["third"]
 
 
 def test_new_masks_that_are_a_link_out_of_the_project_are_refused(project, tmp_path):
@@ -254,7 +243,7 @@ def test_new_masks_that_are_a_link_out_of_the_project_are_refused(project, tmp_p
         project.place_masks()
 
 
-# ------------------------------------------------------------------------------------------------------------- leftovers
+# ------------------------------------------------------------------------------------------------------------ leftovers
 def test_what_killed_jobs_left_is_removed_and_what_others_may_be_writing_is_not(project):
     ended = subprocess.Popen([sys.executable, "-c", ""])
     ended.wait()

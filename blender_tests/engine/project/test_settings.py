@@ -37,9 +37,8 @@ def test_the_papers_preset_holds_the_papers_numbers():
 
 
 def test_an_unknown_preset_is_refused_with_the_known_ones():
-    with pytest.raises(BadRequest, match="Unknown preset 'best'") as caught:
+    with pytest.raises(BadRequest, match=f"Unknown preset 'best'.*{'.*'.join(PRESETS)}"):
         preset("best")
-    assert all(name in caught.value.hint for name in PRESETS)
 
 
 def test_overrides_change_single_fields_and_nothing_else():
@@ -92,28 +91,23 @@ def test_names_and_values_that_cannot_be_are_refused_with_a_remedy(override, wor
     assert words in caught.value.sentence and caught.value.hint and hint in caught.value.hint
 
 
-@pytest.mark.parametrize("value", ["7", "[" * 100_000, "9" * 5000, '[{"voxels": 64}]'])
-def test_what_is_no_list_of_levels_is_refused(value):
-    with pytest.raises(BadRequest, match=r"geometry\.levels = .* is not a list of levels"):
+def level(voxels=64, iterations=5, step=1):
+    return f'[{{"voxels": {voxels}, "iterations": {iterations}, "step": {step}}}]'
+
+
+LEVELS = [
+    *("7", "[]", "[" * 100_000, "9" * 5000, '[{"voxels": 64}]'),
+    *(level(voxels=value) for value in ("2", "3", "Infinity", "NaN", "1e9", "100000")),
+    *(level(iterations="0"), level(iterations="1e12"), level(step="0"), level(step="1.5"), level(step="NaN")),
+]
+
+
+@pytest.mark.parametrize("value", LEVELS)
+def test_levels_that_are_none_or_that_no_computer_holds_are_refused(value):
+    with pytest.raises(
+        BadRequest, match=r"geometry\.levels (= .* is not a list of|holds an empty or impossible) level"
+    ):
         with_overrides(Settings(), [f"geometry.levels={value}"])
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        *({"voxels": value} for value in ("2", "3", "Infinity", "NaN", "1e9", "100000")),
-        *({"iterations": value} for value in ("0", "1e12")),
-        *({"step": value} for value in ("0", "1.5", "NaN")),
-        {},
-    ],
-    ids=str,
-)
-def test_levels_that_no_computer_holds_are_refused(change):
-    level = {"voxels": "64", "iterations": "5", "step": "1"} | change
-    text = ", ".join(f'"{name}": {value}' for name, value in level.items())
-    levels = f"[{{{text}}}]" if change else "[]"
-    with pytest.raises(BadRequest, match=r"geometry\.levels"):
-        with_overrides(Settings(), [f"geometry.levels={levels}"])
 
 
 def leaves(content, where=""):

@@ -41,7 +41,6 @@ def happens(draw: Draw, percent: int) -> bool:
     return draw(st.integers(1, 100)) <= percent
 
 
-# ---------------------------------------------------------------------------------------------------- bytes and words
 @st.composite
 def changed_bytes(draw: Draw, data: bytes) -> bytes:
     """Overwrite numbers, flip bits, take out, put in, repeat, cut off."""
@@ -78,7 +77,6 @@ def changed_text(draw: Draw, data: bytes) -> bytes:
     return "".join(parts).encode("utf-8", "surrogateescape")
 
 
-# --------------------------------------------------------------------------------------------------------------- JSON
 @st.composite
 def changed_json(draw: Draw, data: bytes) -> bytes:
     """Replace, take out and add values anywhere in a JSON file; sometimes bytes."""
@@ -119,7 +117,6 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
         yield from _places(value[key])
 
 
-# --------------------------------------------------------------------------------------------------- files with parts
 @st.composite
 def changed_zip(draw: Draw, data: bytes) -> bytes:
     """Change, rename or remove one member, mostly a JSON one, and pack again; sometimes change bytes of the whole."""

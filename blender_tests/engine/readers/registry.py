@@ -52,7 +52,6 @@ class Reader:
 STARTS = 3  # the share of those that start a process
 
 
-# ------------------------------------------------------------------------------------------------------------ how to read
 def capture(path: Path) -> None:
     """Open the capture that the file belongs to, as the geometry stage does; COLMAP's lie in sparse/0."""
     folder = path.parents[2] if path.parent.name == "0" else path.parent
@@ -115,7 +114,6 @@ def project_of(path: Path) -> Project:
     return Project(path.parents[2] if is_result else path.parent)
 
 
-# --------------------------------------------------------------------------------------------------------------- registry
 def readers(project: Path | None) -> list[Reader]:
     """All readers. project: a learned one with planes and an edit, which is copied; None where only names are asked for."""
     json_files = [

@@ -58,7 +58,6 @@ def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, project
     changed_files_are_read_or_refused()
 
 
-# -------------------------------------------------------------------------------------------- the watch sees what it must
 def write_outside(path):
     (path.parents[1] / "outside.txt").write_text("x")
 

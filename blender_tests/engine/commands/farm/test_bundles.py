@@ -45,18 +45,19 @@ def test_no_path_of_a_bundle_leads_out_of_it(learned, still_life, sequence, tmp_
     assert all((bundle / path).exists() for path in paths if path != "frames")
 
 
-@pytest.mark.parametrize(("of_photos", "count"), [(True, 2), (False, 5)], ids=["photos", "cameras"])
-def test_a_bundle_renders_what_the_project_does_wherever_it_lies(learned, sequence, tmp_path, of_photos, count):
-    chosen = {"views": "test" if of_photos else str(sequence.cameras), "edit": sequence.edit}
-    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", **chosen)
-    moved = bundle.rename(tmp_path / "moved")
-    assert Project(moved / "project").splats_file.is_file()
-    assert len(list(moved.glob("photos/*"))) == (count if of_photos else 0)
+def test_a_bundle_renders_what_the_project_does_wherever_it_lies(learned, sequence, tmp_path):
+    """Photos, which are taken along; cameras are rendered in test_openjd.py."""
+    chosen = {"views": "test", "edit": sequence.edit}
+    moved = karf.render_bundle(learned.project, tmp_path / "bundle", **chosen).rename(tmp_path / "moved")
+    assert Project(moved / "project").splats_file.is_file() and len(names_in(moved / "photos")) == 2
     for project, out in ((learned.project, "here"), (moved / "project", "there")):
         karf.render(project, tmp_path / out, **chosen, threads=1, device="cpu")
-    here = {path.name: path.read_bytes() for path in (tmp_path / "here" / "recolor").iterdir()}
-    assert here == {path.name: path.read_bytes() for path in (tmp_path / "there" / "recolor").iterdir()}
-    assert len(here) == count
+    here, there = (
+        {path.name: path.read_bytes() for path in (tmp_path / out / "recolor").iterdir()} for out in ("here", "there")
+    )
+    assert here == there and len(here) == 2
+    cameras = karf.render_bundle(learned.project, tmp_path / "cameras", views=str(sequence.cameras))
+    assert not (cameras / "photos").exists()
 
 
 def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
@@ -74,6 +75,8 @@ def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
     (fourth,) = (tmp_path / "fourth" / "recolor").iterdir()
     assert fourth.read_bytes() == (tmp_path / "all" / "recolor" / fourth.name).read_bytes()
     assert len({path.read_bytes() for path in (tmp_path / "all" / "recolor").iterdir()}) == 5
+    with pytest.raises(BadRequest, match="2 edits for 5 views"):
+        karf.render(bundle / "project", tmp_path / "all", edit=one_each[:2], **options)
     one_each[2].unlink()
     with pytest.raises(DataError, match="frame_0003"):
         karf.render_bundle(learned.project, tmp_path / "another", edit=edits, **views)

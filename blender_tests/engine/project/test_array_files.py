@@ -1,9 +1,14 @@
-"""Learned tensors on disk: exact, and refused when anything about the file is wrong."""
+"""Tensors and arrays on disk: exact, refused by name when anything is wrong, and read in bounded memory."""
 
 import json
 import pickle
+import struct
+import tracemalloc
+import zipfile
+from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -14,6 +19,8 @@ from safetensors.torch import save_file
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.errors import DataError
 from karf_engine.io.checkpoints import load_tensors, save_tensors
+from karf_engine.palettes.color_histogram import read_object_colors
+from karf_engine.palettes.compositing import Planes, read_planes, write_planes
 
 SCHEMA = "karf-test/1"
 FACTS = {"voxel": 0.1, "objects": ["pot", "lid"]}
@@ -112,3 +119,60 @@ def test_a_failed_save_keeps_the_last_good_file(path):
     with pytest.raises(TypeError):
         save_tensors(path, TENSORS, SCHEMA, {"bad": object()})
     assert path.read_bytes() == before and len(list(path.parent.iterdir())) == 1
+
+
+# ------------------------------------------------------------------------------------------------------ arrays of numpy
+@pytest.mark.parametrize(("place", "value"), [(0, 1), (2, 99)], ids=["encrypted", "oddly packed"])
+def test_an_archive_that_cannot_be_unpacked_is_named(tmp_path, place, value):
+    path, weights = tmp_path / "a.npz", np.ones((1, 3, 8, 6), np.float16)
+    write_planes(path, Planes(("pot",), weights, weights.sum(1), np.zeros((8, 6, 3), np.uint8)))
+    content = bytearray(path.read_bytes())
+    for start in [n for n in range(len(content)) if content[n : n + 4] in (b"PK\x01\x02", b"PK\x03\x04")]:
+        at = start + (8 if content[start + 2] == 1 else 6) + place
+        content[at : at + 2] = struct.pack("<H", value)
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"a\.npz \(edit planes\) cannot be read"):
+        read_planes(path)
+
+
+HISTOGRAM = {"colors": np.full((5, 3), 0.5, np.float32), "counts": np.ones(5), "palette_weights": np.ones((5, 4)) / 4}
+
+
+@pytest.mark.parametrize(("shape", "written"), [((10**12, 3), 0), ((145_000_000,), 580_000_000)])
+def test_a_small_file_that_claims_a_large_array_takes_no_memory(tmp_path, shape, written):
+    header = BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f4", "fortran_order": False, "shape": shape})
+    np.savez(tmp_path / "a.npz", **{f"pot/{name}": HISTOGRAM[name] for name in ("counts", "palette_weights")})
+    with zipfile.ZipFile(tmp_path / "a.npz", "a", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        with archive.open("pot/colors.npy", "w", force_zip64=True) as stream:
+            stream.write(header.getvalue())
+            for _ in range(written // 10**7):
+                stream.write(bytes(10**7))
+    assert (tmp_path / "a.npz").stat().st_size < 5e6
+    tracemalloc.start()
+    try:
+        with pytest.raises(DataError, match=r"a\.npz \(colors of 'pot'\) cannot be read"):
+            read_object_colors(tmp_path / "a.npz", "pot")
+        assert tracemalloc.get_traced_memory()[1] < 50e6
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"colors": np.zeros((5, 4))},
+        {"colors": np.zeros((6, 3))},
+        {"colors": np.full((5, 3), np.nan)},
+        {"colors": np.array([["a"] * 3] * 5)},
+        {"counts": np.zeros(5)},
+        {"counts": -np.ones(5)},
+        {"counts": np.ones(())},
+        {"palette_weights": np.ones(5)},
+        {"colors": np.zeros((2**19, 3)), "counts": np.ones(2**19), "palette_weights": np.ones((2**19, 1))},
+    ],
+)
+def test_arrays_that_are_no_histogram_are_refused(tmp_path, changes):
+    np.savez_compressed(tmp_path / "a.npz", **{f"pot/{name}": each for name, each in (HISTOGRAM | changes).items()})
+    with pytest.raises(DataError, match=r"a\.npz"):
+        read_object_colors(tmp_path / "a.npz", "pot")
