@@ -271,7 +271,7 @@ OF_THE_PICTURE = {
 OF_THE_SCENE = {"karf.import_capture", "karf.learn_all", "karf.segment", "karf.extract_palette", "karf.render_camera"}
 
 
-def test_nothing_stands_twice_side_by_side_and_an_editor_that_is_alone_has_all_steps(learned, desk):
+def test_two_editors_share_the_steps_and_one_has_all(learned, desk):
     desk.segmented()
     desk.set(desk.progress, text="", error="", warnings="")
     left, right = desk.draw(VIEW, IMAGE), desk.draw(IMAGE, VIEW)

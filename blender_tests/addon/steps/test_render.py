@@ -45,9 +45,7 @@ def new_camera(bpy, scene, name):
 
 # --- captured views --------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("has_engine", [False, True])
-def test_this_view_is_written_by_the_engine_or_without_it_as_displayed(
-    bpy, addon, dark, tmp_path, monkeypatch, has_engine
-):
+def test_this_view_is_written_with_and_without_an_engine(bpy, addon, dark, tmp_path, monkeypatch, has_engine):
     if not has_engine:
         monkeypatch.setenv("KARF_ENGINE_PYTHON", str(tmp_path / "no python"))
         addon.preferences.current().engine_python = ""
@@ -256,7 +254,7 @@ def filmed(bpy, keyed):
     return keyed
 
 
-def test_the_job_has_the_cameras_and_swatches_of_each_frame_and_renders_as_the_panel_says(addon, filmed, tmp_path):
+def test_a_farm_job_has_the_cameras_and_swatches_of_each_frame(bpy, addon, filmed, tmp_path):
     filmed.karf.file_format, filmed.karf.color_depth, filmed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
     bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job", per_task=3)
     names = [f"frame_{number:04d}" for number in range(1, 5)]
@@ -270,9 +268,6 @@ def test_the_job_has_the_cameras_and_swatches_of_each_frame_and_renders_as_the_p
     assert (told["FirstFrame"], told["LastFrame"], told["FramesPerTask"]) == (1, 4, 3)
     arguments = " ".join(template["steps"][0]["script"]["actions"]["onRun"]["args"])
     assert "--base render --alpha --format exr16" in arguments
-
-
-def test_the_button_writes_a_new_folder_each_time(bpy, addon, filmed):
     for name in ("Path", "Path_2"):
         assert bpy.ops.karf.farm_bundle(per_task=2) == {"FINISHED"}
         bundle = addon.folders.out_folder(filmed) / "farm" / name

@@ -97,9 +97,7 @@ def assert_recolored(bpy, item, points):
     assert np.abs(recolored(points) - points.colors / 255).max() > 0.3
 
 
-def test_swatches_recolor_the_object_as_the_engine_does_also_those_it_begins_with(
-    bpy, addon, learned, points, points_file, shown
-):
+def test_swatches_recolor_the_object_as_the_engine_does(bpy, addon, learned, points, points_file, shown):
     np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
     set_edit(bpy, addon)
     assert_recolored(bpy, shown, points)
@@ -121,9 +119,7 @@ def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
     assert_recolored(bpy, shown, points)
 
 
-def test_the_radius_scales_faces_round_their_centers_and_stays_where_the_object_is_made_again(
-    bpy, addon, learned, points, points_file, shown
-):
+def test_the_radius_scales_faces_and_survives_a_new_import(bpy, addon, learned, points, points_file, shown):
     def sides():
         data = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return np.array([face.area for face in data.polygons]) ** 0.5, np.array([f.center for f in data.polygons])
