@@ -1,6 +1,5 @@
 """The command line: help, exit codes with one sentence each, and no traceback."""
 
-import json
 import shutil
 import sys
 
@@ -18,7 +17,6 @@ from karf_engine.palettes.calibration import ReferenceLight
 from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import Project
-from karf_engine.worker.findings import VERDICT, Finding
 
 VERBS = (
     *("poses", "inspect", "mark", "all", "geometry", "segmentation", "palette", "recoloring", "splats", "match"),
@@ -65,25 +63,6 @@ def test_commands_that_cannot_be_understood_end_with_two(arguments, capsys):
     assert "usage: karf_engine" in capsys.readouterr().err
 
 
-def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys, monkeypatch):
-    pytest.importorskip("torch")
-    free = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(shutil, "disk_usage", lambda folder: free)  # others write meanwhile
-    runs("doctor", "--quick", "--folder", tmp_path)
-    text = capsys.readouterr().out
-    runs("doctor", "--quick", "--json", "--folder", tmp_path)
-    found = [Finding.from_line(line) for line in capsys.readouterr().out.splitlines()]
-    assert text.splitlines() == [line for finding in found for line in finding.to_text().splitlines()]
-    assert found[-1].name == VERDICT and all(finding.name != VERDICT for finding in found[:-1])
-    assert set(json.loads(found[0].to_line())) == {"name", "status", "sentence", "remedy", "command", "code", "seconds"}
-
-
-@pytest.mark.parametrize("line", ["", "{", "[]", "null", '{"name": "disk"}', '{"status": "fine"}', "a warning"])
-def test_what_is_no_finding_is_refused(line):
-    with pytest.raises(ValueError):
-        Finding.from_line(line)
-
-
 # ----------------------------------------------------------------------------------------------------------- exit codes
 @pytest.fixture
 def places(still_life, learned, tmp_path):
@@ -104,6 +83,7 @@ PAIR, TO_OUT = "--from #d92619 --to #1f5fbf", "--out OUT"
 FAILURES = [
     (4, "geometry NOWHERE --project OUT", "NOWHERE does not exist.", ""),
     (2, "geometry CAPTURE --project OUT --set geometry.max_ray=9", "geometry.max_ray", "geometry.max_rays"),
+    (2, f"palette LEARNED --threads {'9' * 30}", f"threads = {'9' * 30} is out of range", ""),
     (2, "geometry COPY --project LEARNED", "LEARNED already holds a project of CAPTURE", "COPY"),
     (4, f"palette EMPTY {TO_OUT}", "EMPTY is not a KaRF project", ""),
     (2, "palette NEW", "NEW has no settings yet.", "geometry"),

@@ -12,11 +12,7 @@ from karf_engine.worker.protocol import EVENTS_FILE, Event, EventReader, EventWr
 GOOD = Event("done", 1, 2.0, {}).encode()
 
 
-def kinds(folder):
-    return [event.kind for event in EventReader(folder).poll()]
-
-
-# ---------------------------------------------------------------------------------------------------------------- requests
+# ------------------------------------------------------------------------------------------------------------- requests
 def test_a_request_comes_back_as_it_was_written(tmp_path):
     request = Request("render", Path("/some/project"), {"views": "test", "planes": True, "edit": None})
     path = request.write(tmp_path / "new" / "job")
@@ -24,40 +20,31 @@ def test_a_request_comes_back_as_it_was_written(tmp_path):
     assert Request.read(tmp_path / "new" / "job") == request
 
 
-UNREADABLE = [
-    *(b"", b"{", b"[]", b"7", b'{"protocol": 1}', b"\xff\xfe\x00", b"[" * 100_000),
-    b'{"protocol": 1, "stage": "palette", "project": 5}',
-    b'{"protocol": 1, "stage": [], "project": 5}',
+NO_REQUEST = r"request\.json is not a readable request"
+KNOWN = {"protocol": 1, "stage": "palette", "project": "p"}
+REFUSED = [  # the file's content, the error, words
+    *((text, DataError, NO_REQUEST) for text in (b"", b"{", b"[]", b"7", b'{"protocol": 1}', b"\xff\xfe\x00")),
+    (b"[" * 100_000, DataError, NO_REQUEST),
+    (json.dumps(KNOWN | {"project": 5}).encode(), DataError, NO_REQUEST),
+    (json.dumps(KNOWN | {"protocol": 2}).encode(), BadRequest, "protocol 2"),
+    (json.dumps(KNOWN | {"stage": "painting"}).encode(), BadRequest, "Unknown stage 'painting'.*segmentation"),
+    (json.dumps(KNOWN | {"stage": []}).encode(), BadRequest, r"Unknown stage \[\]"),
+    (None, DataError, r"request\.json does not exist"),
+    *((make, DataError, r"request\.json is a .*, not a file") for make in NO_FILES),
 ]
 
 
-@pytest.mark.parametrize("content", UNREADABLE)
-def test_an_unreadable_request_is_named(tmp_path, content):
-    (tmp_path / "request.json").write_bytes(content)
-    with pytest.raises(DataError, match=r"request\.json is not a readable request"):
+@pytest.mark.parametrize(("content", "error", "words"), REFUSED)
+def test_what_is_no_request_is_named_and_never_waited_for(tmp_path, content, error, words):
+    if isinstance(content, bytes):
+        (tmp_path / "request.json").write_bytes(content)
+    elif content is not None:
+        content(tmp_path / "request.json")
+    with pytest.raises(error, match=words):
         Request.read(tmp_path)
 
 
-@pytest.mark.parametrize("make", [None, *NO_FILES])
-def test_what_lies_in_place_of_a_request_is_named_and_never_waited_for(tmp_path, make):
-    if make is not None:
-        make(tmp_path / "request.json")
-    with pytest.raises(DataError, match=r"request\.json is a .*, not a file" if make else r"request\.json"):
-        Request.read(tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence", "hint"),
-    [({"protocol": 2}, "protocol 2", ""), ({"stage": "painting"}, "Unknown stage 'painting'", "segmentation")],
-)
-def test_another_protocol_and_an_unknown_stage_are_refused(tmp_path, change, sentence, hint):
-    (tmp_path / "request.json").write_text(json.dumps({"protocol": 1, "stage": "palette", "project": "p"} | change))
-    with pytest.raises(BadRequest, match=sentence) as caught:
-        Request.read(tmp_path)
-    assert hint in caught.value.hint
-
-
-# ------------------------------------------------------------------------------------------------------------------ events
+# --------------------------------------------------------------------------------------------------------------- events
 def test_events_arrive_in_order_with_their_values(tmp_path):
     writer, reader = EventWriter(tmp_path), EventReader(tmp_path)
     writer("stage", name="geometry")
@@ -106,7 +93,7 @@ NONE = [
 @pytest.mark.parametrize("line", NONE, ids=range(len(NONE)))
 def test_lines_that_are_no_event_are_passed_over(tmp_path, line):
     (tmp_path / EVENTS_FILE).write_text(f"{line}\n\n{GOOD}\n")
-    assert kinds(tmp_path) == ["done"]
+    assert [event.kind for event in EventReader(tmp_path).poll()] == ["done"]
     with pytest.raises(ValueError):
         Event.decode(line)
 
@@ -116,7 +103,7 @@ def test_an_event_of_a_version_before_has_texts_alone():
     assert found["sentence"] == "No {sparse} points."
 
 
-# ------------------------------------------------------------------------------------------------------------------ errors
+# --------------------------------------------------------------------------------------------------------------- errors
 def test_errors_keep_their_class_across_the_border():
     exit_codes = {}
     for error_class in ERROR_CLASSES:
