@@ -295,20 +295,16 @@ def test_the_speed_is_that_of_the_iterations_behind_the_first(monkeypatch):
     assert smoke.samples_per_second() == pytest.approx(smoke.REAL_SPEED * smoke.SAMPLES * 28 / 1.5)
 
 
-def test_twice_as_fast_takes_half_as_long_and_open_space_longer():
-    slow, fast = (seconds_of_stages(PRESETS["demo"], rate) for rate in (1e5, 2e5))
+def seconds_of(rate=1e6, preset="demo", is_open=False, **splats):
+    settings = PRESETS[preset]
+    settings = replace(settings, splats=replace(settings.splats, **splats))
+    return seconds_of_stages(settings, rate, is_open=is_open)
+
+
+def test_stages_take_as_long_as_their_samples():
+    slow, fast, none = seconds_of(1e5), seconds_of(2e5), seconds_of(iterations=0)
     assert all(slow[stage] == 2 * fast[stage] for stage in ("geometry", "segmentation", "recoloring", "splats"))
-    assert seconds_of_stages(PRESETS["demo"], 1e5, is_open=True)["geometry"] > slow["geometry"]
-
-
-def test_splats_that_are_not_asked_for_take_no_time_and_large_photos_no_longer_than_their_windows():
-    demo = PRESETS["demo"]
-
-    def seconds(**changes):
-        return seconds_of_stages(replace(demo, splats=replace(demo.splats, **changes)), 1e6)["splats"]
-
-    assert seconds(iterations=0) == 0 < seconds(long_side=200) < seconds(long_side=400) == seconds(long_side=4000)
-
-
-def test_a_nerf_was_not_measured():
-    assert seconds_of_stages(PRESETS["paper"], 1e6) is None
+    assert seconds_of(1e5, is_open=True)["geometry"] > slow["geometry"]
+    small, large, huge = (seconds_of(long_side=side)["splats"] for side in (200, 400, 4000))
+    assert none["splats"] == 0 < small < large == huge  # photos count no more than their windows
+    assert seconds_of(preset="paper") is None  # a NeRF was not measured

@@ -66,6 +66,7 @@ class Beside(threading.Thread):
         while not self._events:
             assert time.monotonic() < end, "no event"
             self._events += self._reader.poll()
+            time.sleep(0.005)
         event = self._events.pop(0)
         return event.kind, event.values
 
