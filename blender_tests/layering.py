@@ -1,8 +1,6 @@
-"""Whether a package's imports run one way: down from floor to floor, never up, aside or in a circle.
+"""Whether a package's imports run down from floor to floor, never up, aside or in a circle.
 
-A room is what lies directly in the package's folder: a folder, or a file without its `.py`. A table lists the rooms of
-each floor, from the ground up; the package's own `__init__.py` is the room `__init__`. What a room may import follows
-from the table alone: itself, and every room on a lower floor.
+A room is a folder or file directly in the package's folder; a table lists the rooms of each floor, from the ground up.
 """
 
 import ast
@@ -12,16 +10,7 @@ from pathlib import Path
 
 
 def violations(package: Path, floors: Sequence[Sequence[str]]) -> list[str]:
-    """Check every import within a package, wherever in a file it stands.
-
-    Args:
-        package: The package's folder.
-        floors: The rooms of each floor, from the ground up.
-
-    Returns:
-        A sentence for each import that runs up or aside, each circle of modules, and each room that the table or the
-        folder lacks; empty where all is well.
-    """
+    """A sentence for each import that runs up or aside, each circle, and each room that the table or the folder lacks."""
     files = modules(package)
     imports = {name: set(_imported(name, path, package.name, files)) for name, path in files.items()}
     floor_of = {room: floor for floor, rooms in enumerate(floors) for room in rooms}

@@ -25,9 +25,8 @@ GUARDS = ("os.name", "sys.platform", "hasattr")
 def unguarded(package: Path, without: tuple[str, ...] = ()) -> Iterator[str]:
     """A line for each use of something that Windows lacks where nothing asks for the system first.
 
-    A guard is an `if` around it that asks for `os.name`, `sys.platform` or `hasattr`, a condition of the same
-    expression that does, one before it that leaves the function, or a `try` that expects an ImportError. What is taken
-    by `getattr` does not help. Folders below the package that are called as in `without` are passed over.
+    A guard is an `if` that asks for `os.name`, `sys.platform` or `hasattr`, around the use or before it with a return,
+    or a `try` that expects an ImportError. `without`: folders that are passed over.
     """
     for path in sorted(package.rglob("*.py")):
         if path.relative_to(package).parts[0] in without:

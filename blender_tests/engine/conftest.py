@@ -14,25 +14,16 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 LONG_PATH = 180  # characters of a folder: what is in a project needs some more
-QUICK = (
-    "geometry.long_side=32",
-    'geometry.levels=[{"voxels": 24, "iterations": 70, "step": 1.0}, {"voxels": 36, "iterations": 70, "step": 0.75}]',
-    "geometry.samples=16000",
-    "geometry.max_rays=2048",
-    "geometry.features=6",
-    "geometry.table_rate=0.1",
-    "geometry.network_rate=0.003",
-    "segmentation.iterations=120",
-    "segmentation.rate=0.01",
-    "segmentation.batch=256",
-    "segmentation.width=16",
-    "segmentation.cache_long_side=32",
-    "recoloring.iterations=40",
-    "recoloring.batch=256",
-    "recoloring.width=16",
-    "splats.iterations=40",
-    "splats.count=2000",
-    "splats.long_side=48",
+QUICK = tuple(
+    """
+    geometry.long_side=32 geometry.samples=16000 geometry.max_rays=2048 geometry.features=6
+    geometry.levels=[{"voxels":24,"iterations":70,"step":1.0},{"voxels":36,"iterations":70,"step":0.75}]
+    geometry.table_rate=0.1 geometry.network_rate=0.003
+    segmentation.iterations=120 segmentation.rate=0.01 segmentation.batch=256 segmentation.width=16
+    segmentation.cache_long_side=32
+    recoloring.iterations=40 recoloring.batch=256 recoloring.width=16
+    splats.iterations=40 splats.count=2000 splats.long_side=48
+    """.split()
 )
 
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from karf_engine.cli import main
 from karf_engine.errors import BadRequest, Cancelled, DataError, OutOfMemory
 
 pytest.importorskip("torch")
-distance_transform_edt = pytest.importorskip("scipy.ndimage").distance_transform_edt
+pytest.importorskip("scipy")
 
 
 RED_TO_BLUE = ("#d92619", "#1f5fbf")
@@ -101,24 +102,6 @@ def test_the_model_renders_what_the_command_line_writes(model, learned, tmp_path
     np.testing.assert_array_equal(model.render_view(view).depth, depth)
 
 
-def test_an_edit_changes_its_object_and_nothing_else(model):
-    view = model.capture.split("test")[0]
-    before = model.recolor(view, model.edit())
-    edit = model.edit().becomes("ball", *RED_TO_BLUE)
-    after = model.recolor(view, edit)
-    ball = model.render_view(view).masks[model.objects.index("ball")]
-    assert after[ball][:, 2].mean() > before[ball][:, 2].mean() + 0.2
-    far = distance_transform_edt(~ball) > 3  # pixels: nearer, the ball's border in the photo may be soft
-    np.testing.assert_array_equal(after[far], before[far])
-
-
-def test_a_pair_that_changes_nothing_holds_its_paint(model):
-    pairs = ("#d95019", "#1f5fbf"), ("#d92619", "#d92619")  # an orange that would take the red along
-    alone, held = model.edit().becomes("ball", *pairs[0]), model.edit().becomes("ball", *pairs[0], also=pairs[1:])
-    change = [np.abs(edit.colors["ball"] - model.edit().colors["ball"]).max() for edit in (alone, held)]
-    assert 0 < change[1] < 0.7 * change[0]
-
-
 def test_an_edit_is_a_value_that_is_saved_and_read_back(model, tmp_path):
     plain = model.edit()
     edit = plain.swatch("block", 1, "#2060a0").swatch("ball", 1, (0.1, 1.5, 0.2))
@@ -172,10 +155,10 @@ def test_a_splat_of_an_edit_in_memory_is_that_of_its_file(model, learned, tmp_pa
 
 def options_given(monkeypatch, **options):
     """The options that the command gets."""
-    given = []
-    monkeypatch.setattr("karf_engine.api.run_command", lambda options, *_, **__: given.append(options))
+    command = Mock()
+    monkeypatch.setattr("karf_engine.api.run_command", command)
     karf.learn_geometry("garden", project="garden_karf", **options)
-    return given[0]
+    return command.call_args.args[0]
 
 
 def test_settings_may_be_a_dictionary(monkeypatch):
@@ -230,10 +213,7 @@ def test_learning_can_be_stopped(still_life, tmp_path):
     ],
 )
 def test_what_the_system_refuses_is_a_sentence_too(monkeypatch, tmp_path, raised, told, words):
-    def refuse(*_, **__):
-        raise raised
-
-    monkeypatch.setattr("karf_engine.api.run_command", refuse)
+    monkeypatch.setattr("karf_engine.api.run_command", Mock(side_effect=raised))
     with pytest.raises(told, match=words):
         karf.extract_palettes(tmp_path)
 

@@ -1,7 +1,7 @@
 """The project folder: file names, the state of stages, and the results of stages.
 
 Files are data (json, npz, safetensors, png), never pickles. Each run of a stage writes its outputs into a new folder in
-`results`, which does not change once project.json names it. Replacing project.json finishes the stage.
+`results`, which does not change once project.json names it. Replacing project.json finishes the stage::
 
     project.json                 schema, capture, settings; of each finished stage its folder and its files' checksums
     results/<stage>-<number>/    outputs of a stage:

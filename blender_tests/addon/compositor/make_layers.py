@@ -1,8 +1,7 @@
-"""Run by the engine's Python: writes a layered picture of the fake engine's objects, and what the engine makes of it.
+"""Run by the engine's Python: write layers of the fake engine's objects, and what the engine makes of them, to a folder.
 
-FOLDER/layers/photo_0.exr, the same in ACEScg as FOLDER/layers/acescg.exr where the engine has OpenColorIO and in another
-exposure as FOLDER/layers/exposed.exr, and FOLDER/truth.npz: `coverage` [2, 30, 40], `edited` [2, 3, 3], and [30, 40, 3] each
-`recolored` and `exposed`.
+layers/photo_0.exr, exposed.exr (another exposure) and, with OpenColorIO, acescg.exr; and truth.npz: `coverage`
+[2, 30, 40], `edited` [2, 3, 3], `recolored` and `exposed` [30, 40, 3].
 """
 
 import importlib.util
@@ -14,13 +13,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 
+from blender_tests.addon.fake_engine.__main__ import LEARNED
 from karf_engine.export.layers import write_layers
 from karf_engine.io.color_spaces import color_space
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
 from karf_engine.palettes.palette import Palette
 from karf_engine.recolor.frames import Layers
 
-LEARNED = {"lid": [[0, 0, 0], [0.2, 0.4, 0.6], [1, 1, 1]], "pot": [[0, 0, 0], [0.8, 0.2, 0.1], [0.9, 0.9, 0.5]]}
 EDITED = {"lid": [[0, 0, 0], [0.9, 0.1, 0.6], [0.3, 1.4, 0.2]], "pot": [[0, 0, 0], [0.1, 0.3, 0.9], [0.9, 0.9, 0.5]]}
 GAINS = 0.75, 1.0, 1.25
 

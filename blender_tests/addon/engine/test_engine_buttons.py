@@ -45,7 +45,7 @@ class Planned:
 
 @pytest.fixture
 def launched(addon, monkeypatch):
-    """Plans in place of installations: those that were launched."""
+    """A list of the launched plans; nothing is installed."""
     started = []
     monkeypatch.setattr(addon.installing, "plan", Planned)
     monkeypatch.setattr(addon.installing, "launch", started.append)
@@ -66,29 +66,33 @@ def dialog(bpy, **values):
 
 # --- the engine's Python -------------------------------------------------------------------------------------------
 def test_the_preference_comes_before_the_variable_the_installed_engine_and_the_checkout(
-    addon, chosen, tmp_path, monkeypatch
+    bpy, addon, chosen, tmp_path, monkeypatch
 ):
     find = addon.preferences.engine_python
     preferred, variable = tmp_path / "preferred", tmp_path / "variable"
     installed = addon.home.python_of(tmp_path / "engine" / "env")
     beside = addon.home.python_of(tmp_path / ".venv" / "engine")
-    for path in (preferred, variable, installed, beside):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
     monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
     monkeypatch.setattr(addon.home, "python_in", lambda folder: installed if installed.exists() else None)
     monkeypatch.setenv("KARF_ENGINE_PYTHON", str(variable))
     chosen.engine_python = str(preferred)
-    assert find() == preferred
-    chosen.engine_python = ""
-    assert find() == variable
-    monkeypatch.delenv("KARF_ENGINE_PYTHON")
-    assert find() == installed
-    installed.unlink()
-    assert find() == beside
-    beside.unlink()
+    ways = {
+        preferred: lambda: setattr(chosen, "engine_python", ""),
+        variable: lambda: monkeypatch.delenv("KARF_ENGINE_PYTHON"),
+        installed: installed.unlink,
+        beside: beside.unlink,
+    }
+    for path in ways:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    for path, forget in ways.items():
+        assert find() == path
+        forget()
     with pytest.raises(addon.engine_api.MissingDependency, match="no engine yet"):
         find()
+    drawn = drawn_preferences(bpy, chosen)
+    assert "There is no engine yet. Press Install Engine, or set Engine Python below" in drawn
+    assert "in the KaRF preferences" not in drawn and not bpy.ops.karf.examine_engine.poll()
     chosen.engine_python = str(tmp_path / "gone")
     with pytest.raises(addon.engine_api.MissingDependency, match="gone"):
         find()
@@ -118,16 +122,6 @@ def test_an_engine_folder_relative_to_the_open_file_is_made_absolute(bpy, addon,
 
 
 # --- the sentence and the button -----------------------------------------------------------------------------------
-def test_without_an_engine_the_preferences_say_what_to_do(bpy, addon, chosen, monkeypatch, tmp_path):
-    monkeypatch.delenv("KARF_ENGINE_PYTHON")
-    monkeypatch.setattr(addon.engine_api, "ENGINE_FOLDER", tmp_path / "karf_engine")
-    chosen.engine_folder = str(tmp_path / "engine")
-    drawn = drawn_preferences(bpy, chosen)
-    assert "There is no engine yet. Press Install Engine, or set Engine Python below" in drawn
-    assert "in the KaRF preferences" not in drawn and "karf.remove_engine" not in drawn
-    assert not bpy.ops.karf.examine_engine.poll()
-
-
 @pytest.mark.parametrize(
     ("state", "problem", "sentence", "is_managed", "said", "button"),
     [
@@ -139,7 +133,7 @@ def test_without_an_engine_the_preferences_say_what_to_do(bpy, addon, chosen, mo
         ("none", "", "", False, "Test Engine", "Install Engine"),
     ],
 )
-def test_the_sentence_says_which_python_runs_the_engine_and_the_button_what_it_does(
+def test_sentence_and_button_follow_the_engines_state(
     bpy, addon, chosen, engine, state, problem, sentence, is_managed, said, button
 ):
     told = addon.preferences.sentence(engine(state, problem, sentence, is_managed))
@@ -150,34 +144,34 @@ def test_the_sentence_says_which_python_runs_the_engine_and_the_button_what_it_d
 
 
 @pytest.mark.parametrize("is_managed", [True, False])
-def test_offline_the_network_is_asked_for_unless_one_has_an_engine_of_ones_own(bpy, chosen, engine, is_managed):
+def test_network_access_is_asked_for_only_to_install(bpy, chosen, engine, is_managed):
     engine("none", "There is no engine yet." if is_managed else "", is_managed=is_managed)
     is_asked = "Allow Online Access" in drawn_preferences(bpy, chosen)
     assert is_asked == (is_managed and not bpy.app.online_access)
 
 
 @pytest.mark.parametrize("kind, is_told", [("DataError", True), ("Cancelled", False)])
-def test_a_failed_installation_is_told_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch, kind, is_told):
+def test_failed_installation_is_reported_and_a_cancelled_one_is_not(bpy, addon, chosen, monkeypatch, kind, is_told):
     error = getattr(addon.engine_api, kind)("The disk is full.", "Free some space.")
     monkeypatch.setattr(addon.session.get(addon.installing._State), "error", error)
     assert ("The disk is full. Free some space." in drawn_preferences(bpy, chosen)) == is_told
 
 
 # --- installing ----------------------------------------------------------------------------------------------------
-def test_the_dialog_says_what_will_happen_and_has_the_commands(bpy, chosen, launched, tmp_path):
+def test_dialog_shows_the_plan_and_its_commands(bpy, chosen, launched, tmp_path):
     drawn = dialog(bpy, folder=str(tmp_path / "engine"))
     assert f"To {tmp_path / 'engine'}." in drawn and "About 351 MB." in drawn
     assert drawn.count("karf.copy_command") == 3 and not launched
 
 
-def test_the_dialog_says_why_it_cannot_be_done(bpy, chosen, tmp_path):
+def test_dialog_shows_why_installing_is_impossible(bpy, chosen, tmp_path):
     (tmp_path / "empty").mkdir()
     drawn = dialog(bpy, folder=str(tmp_path / "engine"), wheels=str(tmp_path / "empty"), build="cpu")
     assert str(tmp_path / "empty") in drawn and "karf.copy_command" not in drawn
     assert not (tmp_path / "engine").exists()
 
 
-def test_what_was_chosen_is_installed_and_its_folder_remembered(bpy, addon, chosen, launched, tmp_path):
+def test_install_uses_the_choices_and_remembers_the_folder(bpy, addon, chosen, launched, tmp_path):
     folder, wheels = tmp_path / "my engine", tmp_path / "wheels"
     assert bpy.ops.karf.install_engine(build="cpu", photos=True, folder=str(folder), wheels=str(wheels)) == {"FINISHED"}
     (planned,) = launched
@@ -185,7 +179,7 @@ def test_what_was_chosen_is_installed_and_its_folder_remembered(bpy, addon, chos
     assert addon.preferences.engine_folder() == folder
 
 
-def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, monkeypatch):
+def test_running_installation_shows_progress_and_cancel(bpy, addon, chosen, monkeypatch):
     cancelled = []
     progress = SimpleNamespace(fraction=0.4, title="Installing torch", sentence="Installing torch, 151 of 351 MB")
     at_work = SimpleNamespace(progress=progress, can_be_cancelled=True, end=lambda: cancelled.append(True))
@@ -200,9 +194,7 @@ def test_while_it_installs_there_is_progress_and_a_cancel(bpy, addon, chosen, mo
 
 # --- removing ------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("is_refused", [False, True])
-def test_remove_goes_on_beside_the_interface_and_says_what_cannot_be_removed(
-    bpy, addon, chosen, managed, monkeypatch, is_refused
-):
+def test_remove_does_not_block_and_reports_errors(bpy, addon, chosen, managed, monkeypatch, is_refused):
     def refuse(*_, **__):
         raise PermissionError(13, "Permission denied", "torch.dll")
 

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="shell scripts stand in 
 
 @pytest.fixture
 def script(tmp_path):
-    """A function that writes a program that stands in for a Python."""
+    """A function that writes a shell script used as the engine's Python."""
 
     def script(text):
         path = tmp_path / "a python"
@@ -27,7 +27,7 @@ def script(tmp_path):
 
 @pytest.fixture
 def saying(script, tmp_path):
-    """A function that makes a Python that says this, and then does something."""
+    """A function that writes a Python which prints lines, then runs a command."""
 
     def saying(said, then=""):
         (tmp_path / "lines").write_text(said)
@@ -49,7 +49,7 @@ def hanging(addon, script, tmp_path):
     return addon.session.get(addon.probing._State).examination._inquiry.process
 
 
-def test_the_findings_are_those_of_the_python_that_was_asked(bpy, addon, chosen, tmp_path):
+def test_findings_belong_to_the_python_tested(bpy, addon, chosen, tmp_path):
     chosen.engine_python = sys.executable
     with pytest.raises(RuntimeError, match="cannot work here: torch"):
         bpy.ops.karf.examine_engine()
@@ -71,9 +71,7 @@ def test_scripts_get_the_findings_or_the_error_with_its_remedy(bpy, addon, chose
         addon.steps.examine_engine(bpy.context.scene)
 
 
-def test_findings_are_shown_as_they_come_with_the_remedy_where_something_is_amiss(
-    bpy, addon, chosen, saying, found, tmp_path
-):
+def test_findings_are_shown_as_they_come_with_remedies_for_problems(bpy, addon, chosen, saying, found, tmp_path):
     said = (
         found("python", "ok", "Python is fine.", "Nothing to do.")
         + found("disk", "warning", "The disk is nearly full.", "Free some space.")
@@ -104,7 +102,7 @@ def test_a_test_that_hangs_is_ended(bpy, addon, chosen, hanging, by):
     assert not bpy.app.timers.is_registered(addon.probing._tick)
 
 
-def test_a_python_that_never_answers_is_given_up(addon, chosen, script, tmp_path, monkeypatch):
+def test_silent_python_times_out(addon, chosen, script, tmp_path, monkeypatch):
     monkeypatch.setattr(addon.probing, "TIMEOUT", 0.1)
     python = script("sleep 60 & wait")
     addon.probing._begin(python, tmp_path, 0)
@@ -121,26 +119,26 @@ def test_a_python_that_never_answers_is_given_up(addon, chosen, script, tmp_path
         ("echo 'error: this is Python 3.9, and the engine needs 3.11 or newer' >&2; exit 3", "needs 3.11 or newer"),
     ],
 )
-def test_something_that_is_no_python_is_named(addon, script, tmp_path, text, sentence):
+def test_program_that_is_not_a_suitable_python_is_named(addon, script, tmp_path, text, sentence):
     python = script(text) if text else tmp_path / "nothing"
     (verdict,) = addon.probing.wait(python, tmp_path)
     assert verdict.status == "error" and verdict.remedy == "Choose another Python."
     assert str(python) in verdict.sentence and sentence in verdict.sentence
 
 
-def test_a_library_that_crashes_leaves_what_was_found_before(addon, saying, found, tmp_path):
+def test_crash_of_a_library_keeps_earlier_findings(addon, saying, found, tmp_path):
     python = saying(found("python", "ok", "Fine.") + found("torch", "ok", "Fine."), then="kill -SEGV $$")
     findings = addon.probing.wait(python, tmp_path)
     assert [each.name for each in findings] == ["python", "torch", "engine"]
     assert findings[-1].status == "error" and "after torch (SIGSEGV)" in findings[-1].sentence
 
 
-def test_what_libraries_print_is_no_finding(addon, saying, found, tmp_path):
+def test_output_of_libraries_is_ignored(addon, saying, found, tmp_path):
     said = "CUDA initialized\n[]\n" + found("engine", "ok", "The engine is ready.") + "half a li"
     assert [each.sentence for each in addon.probing.wait(saying(said), tmp_path)] == ["The engine is ready."]
 
 
-def test_the_project_is_where_disk_and_locks_are_tried(bpy, chosen, project_scene, script, tmp_path):
+def test_disk_and_locks_are_tested_in_the_project(bpy, chosen, project_scene, script, tmp_path):
     said = tmp_path / "said"
     chosen.engine_python = str(script(f"""echo "$@" > '{said}'"""))
     with pytest.raises(RuntimeError):

@@ -39,17 +39,17 @@ def names(addon, monkeypatch):
 
 
 @pytest.mark.parametrize("text, told", TABLE)
-def test_names_and_logins_have_stand_ins(addon, text, told):
+def test_names_and_logins_are_replaced(addon, text, told):
     assert addon.failures.anonymous(text) == told
 
 
-def test_windows_folders_are_found_and_short_names_stay(addon):
+def test_home_folders_on_windows_are_replaced_and_short_names_stay(addon):
     assert addon.failures.without_home("C:\\\\Users\\\\ada\\\\x", "C:\\Users\\ada") == "~\\\\x"
     assert addon.failures.without_home("/usr/bin", "/") == "/usr/bin"
     assert addon.failures.without_name("al", "al", "<user>") == "al"
 
 
-def test_a_jobs_report_has_what_a_developer_needs_and_no_home_folder(addon, tmp_path):
+def test_report_of_a_job_has_versions_stage_and_log_without_names(addon, tmp_path):
     (tmp_path / "request.json").write_text(json.dumps({"stage": "geometry"}))
     hello = {"t": "hello", "n": 0, "time": 1, "protocol": 1, "torch": "2.13"}
     (tmp_path / "events.jsonl").write_text(json.dumps(hello) + "\n")
@@ -63,7 +63,7 @@ def test_a_jobs_report_has_what_a_developer_needs_and_no_home_folder(addon, tmp_
     assert "Log: \nnone" in addon.failures.compose(tmp_path, "It crashed.", versions)
 
 
-def test_a_report_of_findings_is_copied_and_has_no_names(bpy, addon, chosen):
+def test_report_of_findings_has_no_names(bpy, addon, chosen):
     finding = addon.engine_api.Finding
     found = (
         finding("python", "ok", f"Python 3.11, {HOME}/engine/bin/python, is tested."),

@@ -24,6 +24,7 @@ from karf_engine.capture.transforms import camera_from_json, write_capture
 from karf_engine.cli import main as engine_main
 from karf_engine.commands.options import options_of_job
 from karf_engine.io.files import read_json, write_json
+from karf_engine.palettes.color_histogram import ColorHistogram, write_object_colors
 from karf_engine.palettes.colorways import plan_colorways
 from karf_engine.palettes.compositing import Planes, write_planes
 from karf_engine.palettes.palette import Palette, read_edit, read_palettes, write_palettes
@@ -44,8 +45,7 @@ def main(job, is_waiting):
 
 
 def run(job):
-    emit = EventWriter(job)
-    request = Request.read(job)
+    emit, request = EventWriter(job), Request.read(job)
     misbehave(request.options.pop("behave", ""), emit)
     emit("hello", protocol=PROTOCOL, engine="fake", python="3", torch="none", device="none", pid=os.getpid())
     if request.stage == WARM:
@@ -60,26 +60,48 @@ def run(job):
     return 0
 
 
+def misbehave(how, emit):
+    if how == "error":
+        emit("error", code="data", sentence="photo_7.png is missing.", hint="Find it.")
+        sys.exit(4)
+    if how == "no torch":
+        emit("error", code="dependency", sentence="torch is not installed.", hint="Install it.")
+        sys.exit(3)
+    if how == "crash":
+        print("something native went wrong", flush=True)
+        os.abort()
+    if how in ("wait for cancel", "deaf"):
+        emit("hello", protocol=PROTOCOL)
+    if how in ("silent", "deaf"):
+        time.sleep(60)
+    if how == "wait for cancel" and sys.stdin.readline() in ("cancel\n", ""):
+        emit("cancelled")
+        sys.exit(6)
+    if how == "environment":
+        Path("environment.json").write_text(json.dumps(dict(os.environ)))
+
+
 def answer_queries(job, emit):
     for line in sys.stdin:
-        query = decode_line(line)
-        behave = query.options.get("behave", "")
+        asked = decode_line(line)
+        behave = asked.options.get("behave", "")
         if behave == "crash":
             os.abort()
         elif behave == "idle":  # it ends just when a query comes
             break
         elif behave == "refuse":
-            emit("refused", id=query.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
+            emit("refused", id=asked.number, code="data", sentence="photo_7.png is missing.", hint="Find it.")
         elif behave == "busy":
             time.sleep(60)
         elif behave == "drop":
-            emit("dropped", id=query.number)
+            emit("dropped", id=asked.number)
         else:
-            emit("answer", id=query.number, **QUERIES[query.kind](job, query.options))
+            emit("answer", id=asked.number, **QUERIES[asked.kind](job, asked.options))
     emit("done")
     return 0
 
 
+# --- queries ---------------------------------------------------------------------------------------------------------
 def echo(job, options):
     """What was asked, and by which process."""
     return {"options": options, "pid": os.getpid()}
@@ -95,31 +117,25 @@ def propose(job, options):
         mask |= (columns > x0) & (columns < x1) & (rows > y0) & (rows < y1)
     for x, y, is_object in prompts["points"]:
         mask[np.hypot(columns - x, rows - y) < 3] = is_object
-    return {"mask": str(write_mask(job, mask))}
+    return {"mask": write_mask(new_file(job, "png"), mask)}
 
 
 def correct(job, options):
     """The pot fills the left half of any view."""
-    view = capture_from_json(read_json(Project(options["project"]).capture_file, "capture"), Path()).view(
-        options["view"]
-    )
-    mask = np.zeros((view.camera.height, view.camera.width), bool)
-    mask[:, : mask.shape[1] // 2] = True
-    return {"masks": {"pot": str(write_mask(job, mask))}}
+    (view,) = views_of(Project(options["project"]), options["view"])
+    return {"masks": {"pot": write_mask(new_file(job, "png"), left_half(view))}}
 
 
-def write_mask(job, mask):
-    path = job / f"mask_{time.monotonic_ns()}.png"
-    write_png(path, mask[..., None].repeat(3, axis=-1))
-    return path
+def masks(job, options):
+    """The lid left, the pot right of the middle of any view."""
+    (view,) = views_of(Project(options["project"]), options["view"])
+    return {"masks": write_masks(job / "answers", view)}
 
 
 def preview(job, options):
     """Planes of the camera, all of one gray: its distance from the world's origin, times 20 of 255."""
     camera = camera_from_json(options["camera"], "the query").reduced(options["long_side"])
-    path = job / "answers" / f"{time.monotonic_ns()}.npz"
-    path.parent.mkdir(exist_ok=True)
-    planes = planes_of(camera)
+    path, planes = new_file(job, "npz"), planes_of(camera)
     planes.base[:] = min(255, round(20 * np.linalg.norm(camera.position)))
     write_planes(path, planes)
     return {"planes": str(path), "size": [camera.width, camera.height]}
@@ -131,11 +147,10 @@ def show(job, options):
     height, width = camera.height, camera.width
     color = options["edit"]["objects"]["pot"]["colors"][1] if options["edit"] else (1, 1, 1)
     upper = np.arange(height)[:, None] < height // 2
-    distance = np.linalg.norm(camera.position)
     arrays = {
         "color": np.linspace(1, 0.5, height)[:, None, None] * np.broadcast_to(color, (height, width, 3)),
         "alpha": np.broadcast_to(upper, (height, width)),
-        "depth": np.where(upper, distance, 0) * np.ones((1, width)),
+        "depth": np.where(upper, np.linalg.norm(camera.position), 0) * np.ones((1, width)),
         "cryptomatte": np.broadcast_to([0.5, 1.0, 0.0, 0.0], (1, height, width, 4)),
         "weights": np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width)),
         "seen": np.full((height, width), 0.75 if options["unseen"] == "faded" else 0.25),
@@ -143,17 +158,6 @@ def show(job, options):
     metadata = {"cryptomatte/1234567/name": options.get("cryptomatte", "")}
     asked = {name: arrays[name] for name in options.get("passes", ["color"])}
     return write_arrays(job, asked) | {"size": [width, height], "metadata": metadata, "seconds": 0.01}
-
-
-def write_arrays(job, arrays):
-    path = job / "answers" / f"{time.monotonic_ns()}.pixels"
-    path.parent.mkdir(exist_ok=True)
-    placed = {}
-    with path.open("wb") as stream:
-        for name, array in arrays.items():
-            placed[name] = {"shape": list(array.shape), "dtype": "float32", "offset": stream.tell()}
-            stream.write(array.astype(np.float32).tobytes())
-    return {"pixels": str(path), "arrays": placed}
 
 
 def harmonics(job, options):
@@ -169,8 +173,8 @@ def inspect(job, options):
     """Three photos are too few, and the second one is blurred."""
     few = {"key": "{count} photos are too few here: take more {where}.", "values": {"count": "3", "where": "above"}}
     blurred = {"key": "Less sharp than the photos beside them: {names}.", "values": {"names": "photo_1"}}
-    picture = write_mask(job, np.zeros((4, 6), bool))
-    return {"advice": [few, blurred], "is_poor": options.get("masks") is None, "picture": str(picture)}
+    picture = write_mask(new_file(job, "png"), np.zeros((4, 6), bool))
+    return {"advice": [few, blurred], "is_poor": options.get("masks") is None, "picture": picture}
 
 
 def chart(job, options):
@@ -179,36 +183,12 @@ def chart(job, options):
     return {"light": [0.5, 0, 0, 0, 0.5, 0, 0, 0, 0.5], "left": 0.25}
 
 
-def misbehave(how, emit):
-    if how == "error":
-        emit("error", code="data", sentence="photo_7.png is missing.", hint="Find it.")
-        sys.exit(4)
-    if how == "crash":
-        print("something native went wrong", flush=True)
-        os.abort()
-    if how == "no torch":
-        emit("error", code="dependency", sentence="torch is not installed.", hint="Install it.")
-        sys.exit(3)
-    if how == "silent":
-        time.sleep(60)
-    if how == "wait for cancel":
-        emit("hello", protocol=PROTOCOL)
-        line = sys.stdin.readline()
-        if line in ("cancel\n", ""):
-            emit("cancelled")
-            sys.exit(6)
-    if how == "deaf":
-        emit("hello", protocol=PROTOCOL)
-        time.sleep(60)
-    if how == "environment":
-        Path("environment.json").write_text(json.dumps(dict(os.environ)))
-
-
+# --- stages ----------------------------------------------------------------------------------------------------------
 def poses(project, options):
     out = Path(options["out"])
-    photos = sorted(Path(options["photos"]).glob("*.png"))
     shutil.copytree(options["photos"], out / "images")
     camera = Camera(24, 16, 30.0, 30.0, 12.0, 8.0, np.eye(4))
+    photos = sorted(Path(options["photos"]).glob("*.png"))
     views = [View(f"images/{photo.name}", photo.stem, camera, None, "train") for photo in photos]
     write_cameras(out / "transforms.json", views)
 
@@ -251,14 +231,11 @@ def segmentation(project, options):
 
 
 def palette(project, options):
-    palettes = [Palette(name, np.array(colors)) for name, colors in LEARNED.items()]
-    write_palettes(project.palette_file, palettes, shared=False)
-    arrays = {}
-    for name, colors in LEARNED.items():
-        arrays[f"{name}/colors"] = np.array(colors[1:], np.float32)
-        arrays[f"{name}/counts"] = np.array([10, 5])
-        arrays[f"{name}/palette_weights"] = np.eye(3)[1:]
-    np.savez(project.object_colors_file, **arrays)
+    found = {name: np.array(colors) for name, colors in LEARNED.items()}
+    write_palettes(project.palette_file, [Palette(*each) for each in found.items()], shared=False)
+    counts, weights = np.array([10, 5]), np.eye(3)[1:]
+    seen = {name: ColorHistogram(colors[1:].astype(float), counts, weights) for name, colors in found.items()}
+    write_object_colors(project.object_colors_file, seen)
     project.finish("palette", "fake")
 
 
@@ -268,67 +245,37 @@ def recoloring(project, options):
 
 
 def render(project, options):
-    views = views_of(project, options["views"])
-    if options["planes"]:
-        for view in views:
-            write_view_planes(project, view)
-    if options.get("layers"):  # this Python writes no EXR files
-        for view in views:
-            path = Path(options["out"]) / "layers" / f"{view.name}.exr"
+    views, out, edit = views_of(project, options["views"]), Path(options["out"] or ""), options["edit"]
+    edits = edit if isinstance(edit, list) else [edit] * len(views)
+    for view, file in zip(views, edits, strict=True):
+        if options["planes"]:
+            made_from = result_fingerprint(project.state(), "recoloring")
+            write_planes(project.planes_file(view.name), planes_of(view.camera), made_from)
+        if options.get("layers"):  # this Python writes no EXR files
+            path = out / "layers" / f"{view.name}.exr"
             path.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(os.environ["FAKE_LAYERS"], path)
-    if options["out"] and not options["edit"] and not options.get("layers"):
-        for view in views:
-            write_seen(Path(options["out"]), view)
-            if options.get("unsure"):
-                write_masks(Path(options["out"]) / "unsure", view)
-    if options["edit"]:
-        files = options["edit"] if isinstance(options["edit"], list) else [options["edit"]] * len(views)
-        for view, file in zip(views, files, strict=True):
-            edit = read_edit(Path(file), read_palettes(project.palette_file))
-            picture = np.broadcast_to(edit.colors["pot"][1], (view.camera.height, view.camera.width, 3))
-            path = Path(options["out"]) / "recolor" / f"{view.name}.png"
-            if not (options.get("skip_existing") and path.exists()):
-                write_png(path, picture)
+        elif options["out"] and not edit:  # what is learned, flat blue, and masks
+            write_flat(out / "render" / f"{view.name}.png", view, (0.0, 0.0, 1.0))
+            for folder in ("masks", "unsure") if options.get("unsure") else ("masks",):
+                write_masks(out / folder, view)
+        path = out / "recolor" / f"{view.name}.png"
+        if edit and not (options.get("skip_existing") and path.exists()):
+            write_flat(path, view, read_edit(Path(file), read_palettes(project.palette_file)).colors["pot"][1])
+
+
+def colorways(project, options):
+    for planned in plan_colorways(project, Path(options["sheet"])):
+        for view in views_of(project, options["views"]):
+            path = Path(options["out"]) / planned.colorway.folder / f"{view.name}.png"
+            write_flat(path, view, planned.edit.colors["pot"][1].clip(0, 1))
 
 
 def points(project, options):
     shutil.copy(os.environ["FAKE_POINTS"], options["out"])
 
 
-def write_seen(out, view):
-    """What is learned, flat blue, and masks."""
-    height, width = view.camera.height, view.camera.width
-    write_png(out / "render" / f"{view.name}.png", np.broadcast_to([0.0, 0.0, 1.0], (height, width, 3)))
-    write_masks(out / "masks", view)
-
-
-def write_masks(out, view):
-    """The lid left, the pot right of the middle; returns the files by object."""
-    left = np.broadcast_to(
-        np.arange(view.camera.width)[:, None] < view.camera.width // 2, (view.camera.height, view.camera.width, 3)
-    )
-    files = {name: out / name / f"{view.name}.png" for name in ("lid", "pot")}
-    for path, mask in zip(files.values(), (left, ~left), strict=True):
-        write_png(path, mask.astype(float))
-    return files
-
-
-def masks(job, options):
-    """Of the view, as `write_seen` has them."""
-    (view,) = views_of(Project(options["project"]), options["view"])
-    return {"masks": {name: str(path) for name, path in write_masks(job / "answers", view).items()}}
-
-
-def colorways(project, options):
-    for planned in plan_colorways(project, Path(options["sheet"])):
-        for view in views_of(project, options["views"]):
-            picture = np.broadcast_to(
-                planned.edit.colors["pot"][1].clip(0, 1), (view.camera.height, view.camera.width, 3)
-            )
-            write_png(Path(options["out"]) / planned.colorway.folder / f"{view.name}.png", picture)
-
-
+# --- views and files -------------------------------------------------------------------------------------------------
 def views_of(project, which):
     if which.endswith(".json"):
         return open_capture(which, photos=False).views
@@ -338,16 +285,47 @@ def views_of(project, which):
     return [capture.view(name) for name in which.split(",")]
 
 
-def write_view_planes(project, view):
-    made_from = result_fingerprint(project.state(), "recoloring")
-    write_planes(project.planes_file(view.name), planes_of(view.camera), made_from)
-
-
 def planes_of(camera):
     height, width = camera.height, camera.width
     weights = np.broadcast_to(np.reshape(SHARES, (1, 3, 1, 1)), (2, 3, height, width))
     ramp = np.arange(height * width * 3, dtype=np.uint32).reshape(height, width, 3) % 256
     return Planes(tuple(LEARNED), weights, weights.sum(axis=1), ramp.astype(np.uint8))
+
+
+def left_half(view):
+    mask = np.zeros((view.camera.height, view.camera.width), bool)
+    mask[:, : view.camera.width // 2] = True
+    return mask
+
+
+def new_file(job, suffix):
+    path = job / "answers" / f"{time.monotonic_ns()}.{suffix}"
+    path.parent.mkdir(exist_ok=True)
+    return path
+
+
+def write_masks(out, view):
+    """The lid left, the pot right of the middle; returns the files by object."""
+    mask = left_half(view)
+    return {name: write_mask(out / name / f"{view.name}.png", own) for name, own in (("lid", mask), ("pot", ~mask))}
+
+
+def write_mask(path, mask):
+    write_png(path, mask[..., None].repeat(3, axis=-1))
+    return str(path)
+
+
+def write_flat(path, view, color):
+    write_png(path, np.broadcast_to(color, (view.camera.height, view.camera.width, 3)))
+
+
+def write_arrays(job, arrays):
+    path, placed = new_file(job, "pixels"), {}
+    with path.open("wb") as stream:
+        for name, array in arrays.items():
+            placed[name] = {"shape": list(array.shape), "dtype": "float32", "offset": stream.tell()}
+            stream.write(array.astype(np.float32).tobytes())
+    return {"pixels": str(path), "arrays": placed}
 
 
 def write_png(path, picture):
@@ -361,24 +339,12 @@ def write_png(path, picture):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
-STAGES = {
-    stage.__name__.replace("_", "-"): stage
-    for stage in (
-        *(poses, import_splat, geometry, segmentation, palette, recoloring, splats, render, points, colorways),
-        export_splat,
-    )
-}
-QUERIES = {
-    "echo": echo,
-    "preview": preview,
-    "propose": propose,
-    "correct": correct,
-    "masks": masks,
-    "show": show,
-    "harmonics": harmonics,
-    "inspect": inspect,
-    "chart": chart,
-}  # kind -> function of the job's folder and the options
+# name -> function of a project and the options
+STAGES = {"poses": poses, "geometry": geometry, "segmentation": segmentation, "palette": palette, "splats": splats}
+STAGES |= {"recoloring": recoloring, "render": render, "points": points, "colorways": colorways}
+STAGES |= {"import-splat": import_splat, "export-splat": export_splat}
+# name -> function of a job's folder and the options
+QUERIES = {each.__name__: each for each in (echo, preview, propose, correct, masks, show, harmonics, inspect, chart)}
 
 if __name__ == "__main__":
     if sys.argv[1] == "doctor":  # the true one: it needs no torch to say that there is none

@@ -69,7 +69,7 @@ def test_the_picture_follows_a_swatch_changed_while_rendering(bpy, film, shown, 
     assert np.abs(shown() - before).max() > 10
 
 
-def test_showing_a_view_while_rendering_is_refused_in_a_sentence(bpy, addon, film, while_rendering):
+def test_showing_a_view_is_refused_while_rendering(bpy, addon, film, while_rendering):
     refused = []
 
     def show():

@@ -24,7 +24,7 @@ def make(addon):
 MARKS_NOTHING = "{path} marks nothing of {name!r}."
 
 
-def test_a_message_is_translated_round_its_values(addon, chinese, make):
+def test_message_is_translated_around_its_values(addon, chinese, make):
     translate = addon.words.translate_message
     message = make(MARKS_NOTHING, path="mug.png", name="mug")
     assert message == "mug.png marks nothing of 'mug'."
@@ -37,7 +37,7 @@ def test_a_message_is_translated_round_its_values(addon, chinese, make):
     assert addon.words.translate_error(error) == f"{translate(message)} 请将物体涂成白色。"
 
 
-def test_a_message_in_a_message_is_translated_too_also_as_the_text_of_a_property(addon, chinese, make):
+def test_nested_messages_and_texts_of_properties_are_translated(addon, chinese, make):
     translate = addon.words.translate_message
     inner = make("The pictures are in {folder}.", folder="/film")
     outer = make("The scene that requested this is gone or has another project. {result}", result=inner)
@@ -48,7 +48,7 @@ def test_a_message_in_a_message_is_translated_too_also_as_the_text_of_a_property
     addon.progress.dismiss()
 
 
-def test_in_english_a_message_stays_as_it_is(addon, make):
+def test_english_messages_stay_unchanged(addon, make):
     for message in ("Import a capture first.", make("The pictures are in {folder}.", folder="/film {1}")):
         assert addon.words.translate_message(message) == message
 

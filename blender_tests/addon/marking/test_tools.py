@@ -1,30 +1,14 @@
-"""The tools of the Image Editor: in its toolbar while the extension is enabled, and not afterwards."""
-
-import pytest
+"""The tools of the Image Editor: in its toolbar, laid down with the extension, with keys of their own."""
 
 NAMES = ["karf.mark_box", "karf.mark_click", "karf.mark_lasso", "karf.mark_brush"]
 
 
-@pytest.fixture
-def in_toolbar(bpy, addon):
-    """A question: which of the tools the toolbar has, in its order."""
+def test_the_tools_are_in_the_toolbar(addon):
     from bl_ui.space_toolsystem_common import ToolSelectPanelHelper as Helper
 
     toolbar = Helper._tool_class_from_space_type("IMAGE_EDITOR")
-
-    def names():
-        tools = [tool.idname for tool in Helper._tools_flatten(toolbar._tools["VIEW"]) if tool]
-        return [name for name in tools if name.startswith("karf.")]
-
-    return names
-
-
-def test_the_tools_come_and_go_with_the_extension(addon, in_toolbar):
-    assert in_toolbar() == NAMES
-    addon.extension.unregister()
-    assert in_toolbar() == []
-    addon.extension.register()
-    assert in_toolbar() == NAMES
+    tools = [tool.idname for tool in Helper._tools_flatten(toolbar._tools["VIEW"]) if tool]
+    assert [name for name in tools if name.startswith("karf.")] == NAMES
 
 
 def test_a_tool_that_is_taken_up_is_laid_down_with_the_extension_and_no_cursor_is_drawn_on(bpy, addon, image_editor):

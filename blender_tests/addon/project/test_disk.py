@@ -1,4 +1,4 @@
-"""What a project's files say: drawing and polls never touch the disk, follow it, and trust marks rather than clocks."""
+"""A project's files: drawing and polls follow the disk without reading it; fingerprints decide what is current."""
 
 import builtins
 import json
@@ -60,7 +60,7 @@ def test_drawing_and_polls_never_touch_the_disk(bpy, addon, learned, timed, monk
     assert "Show" in drawn and "import" in done
 
 
-def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, project_scene, timed):
+def test_panel_follows_jobs_masks_and_the_chosen_view(bpy, addon, project_scene, timed):
     assert not bpy.ops.karf.segment.poll()
     addon.steps.learn_scene(project_scene).wait()
     assert "learn" in draw_all(bpy, addon)[1]
@@ -73,13 +73,13 @@ def test_what_is_drawn_follows_jobs_masks_and_the_chosen_view(bpy, addon, projec
     assert "Prepare" in draw_all(bpy, addon)[0]
 
 
-def test_the_timer_notices_what_others_do_to_the_disk(bpy, addon, learned, timed):
+def test_timer_notices_changes_by_others(bpy, addon, learned, timed):
     assert not addon.disk.refresh()
     addon.folders.project_of(learned).planes_file("photo_0").unlink()
     assert addon.disk.refresh() and "Prepare" in draw_all(bpy, addon)[0]
 
 
-def test_in_background_mode_every_question_reads_the_disk(addon, learned):
+def test_disk_is_read_at_each_call_in_background_mode(addon, learned):
     """Scripts change files between two lines; no timer fires there."""
     addon.folders.project_of(learned).planes_file("photo_0").unlink()
     assert not addon.disk.contents_of(learned).is_prepared
@@ -107,7 +107,7 @@ def many_masks(addon, learned, timed, tmp_path):
     return masks[-1]
 
 
-def test_the_timer_walks_through_no_folder_of_masks_that_is_as_before(addon, learned, many_masks, monkeypatch):
+def test_timer_lists_no_unchanged_folder_of_masks(addon, learned, many_masks, monkeypatch):
     calls = []
 
     def counted(function):
@@ -123,7 +123,7 @@ def test_the_timer_walks_through_no_folder_of_masks_that_is_as_before(addon, lea
 
 
 @pytest.mark.parametrize("change, count", [("add", 501), ("remove", 499), ("overwrite", 500)])
-def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, monkeypatch, change, count):
+def test_timer_notices_masks_of_other_programs(addon, learned, many_masks, monkeypatch, change, count):
     project, later = addon.folders.project_of(learned), time.time() + 60
     project.finish("segmentation", "s")
     project.segmentation_file.touch()
@@ -141,7 +141,7 @@ def test_the_timer_notices_masks_of_other_programs(addon, learned, many_masks, m
 
 
 # --- a project that is missing -------------------------------------------------------------------------------------
-def test_a_missing_project_is_named_and_nothing_waits_on_it(bpy, addon, learned, timed, tmp_path):
+def test_missing_project_is_named_until_it_is_back(bpy, addon, learned, timed, tmp_path):
     project = addon.folders.project_of(learned).folder
     shutil.move(project, tmp_path / "elsewhere")
     assert addon.disk._tick() == addon.disk.REFRESH_SECONDS
@@ -167,7 +167,7 @@ def test_importing_again_makes_a_missing_project_again(bpy, addon, learned, time
     assert bpy.ops.karf.learn_scene.poll() and not bpy.ops.karf.segment.poll()
 
 
-def test_where_a_project_cannot_be_made_the_cameras_come_all_the_same(addon, scene, capture_folder, tmp_path):
+def test_cameras_are_imported_even_if_the_project_cannot_be_created(addon, scene, capture_folder, tmp_path):
     (tmp_path / "file").touch()
     capture = addon.steps.import_capture(scene, capture_folder, tmp_path / "file" / "project")
     assert "cannot be made" in capture.warnings[-1] and len(scene.karf.rig.children) == 3
@@ -190,7 +190,7 @@ POT, MUG = {"share": 0.25, "unseen": 0.9}, {"share": 0, "unseen": 0}
         ([], {}),
     ],
 )
-def test_views_to_mark_next_and_unsure_objects_are_those_of_the_report(addon, project_scene, report, told):
+def test_suggestions_and_doubts_are_read_from_the_report(addon, project_scene, report, told):
     project = addon.folders.project_of(project_scene)
     project.create("capture")
     project.finish("geometry", "g")
@@ -203,13 +203,13 @@ def test_views_to_mark_next_and_unsure_objects_are_those_of_the_report(addon, pr
 
 # --- what was made from what is learned now ------------------------------------------------------------------------
 def set_times(folder, seconds):
-    """Let all files of a project be of one time."""
+    """Give all files of a project the same time."""
     for path in folder.rglob("*"):
         os.utime(path, (seconds, seconds))
 
 
 @pytest.mark.parametrize("seconds", [LATER, EARLIER])
-def test_planes_are_current_until_a_stage_before_them_is_learned_anew(addon, learned, seconds):
+def test_planes_are_current_until_an_earlier_stage_runs_again(addon, learned, seconds):
     project = addon.folders.project_of(learned)
     set_times(project.folder, seconds)
     assert addon.disk.is_prepared(learned)
@@ -232,7 +232,7 @@ def test_planes_of_earlier_versions_and_damaged_ones_are_not_current(addon, lear
 
 
 @pytest.mark.parametrize("stage", ["geometry", "segmentation"])
-def test_renderings_and_masks_are_shown_until_their_stages_are_learned_anew(bpy, addon, learned, stage):
+def test_renderings_and_masks_are_shown_until_their_stages_run_again(bpy, addon, learned, stage):
     project = addon.folders.project_of(learned)
     project.uncertainty_file.touch()
     assert bpy.ops.karf.see_view() == {"FINISHED"}
@@ -244,7 +244,7 @@ def test_renderings_and_masks_are_shown_until_their_stages_are_learned_anew(bpy,
     assert not any(find(learned) for find in finders)
 
 
-def test_renderings_of_what_was_learned_before_are_removed_and_nothing_else(bpy, addon, learned, tmp_path):
+def test_outdated_renderings_are_removed_and_nothing_else(bpy, addon, learned, tmp_path):
     assert bpy.ops.karf.see_view() == {"FINISHED"}
     before = addon.disk.renderings_folder(learned)
     others = [before.with_name("notes"), before.with_name("0123456789abcdef")]

@@ -22,7 +22,7 @@ PLACES = (
 
 @pytest.fixture
 def outside(addon, tmp_path):
-    """A folder that looks like what the extension writes, and belongs to somebody else."""
+    """A folder of somebody else, with files named as the extension names its own."""
     folder = tmp_path / "outside"
     for name in ("photo_0.png", "pot/photo_0.png", "recolor/photo_0.png", "20200101-000000-000-warm/a.png"):
         addon.images.write_png(folder / name, np.ones((16, 24, 3)))

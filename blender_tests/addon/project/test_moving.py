@@ -29,7 +29,7 @@ def folder_of(addon, scene):
     return addon.folders.project_of(scene).folder
 
 
-def test_a_project_moves_beside_its_file_which_is_saved_with_its_new_place(bpy, addon, saved, tmp_path):
+def test_project_moves_next_to_its_file_which_is_saved(bpy, addon, saved, tmp_path):
     old, files = folder_of(addon, saved), sorted(path.name for path in folder_of(addon, saved).rglob("*.npz"))
     addon.steps.set_swatch(saved, "pot", 1, (0.25, 0.5, 0.75))
     addon.images.write_png(old / "photos" / "straight.png", np.zeros((4, 4, 3)))
@@ -46,7 +46,7 @@ def test_a_project_moves_beside_its_file_which_is_saved_with_its_new_place(bpy, 
     assert addon.disk.is_prepared(scene)
 
 
-def test_a_disk_that_is_full_leaves_all_as_it_was(bpy, addon, saved, tmp_path, monkeypatch):
+def test_full_disk_changes_nothing(bpy, addon, saved, tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
@@ -83,7 +83,7 @@ def test_undo_across_the_move_finds_the_project_where_it_is(bpy, addon, saved, t
     assert folder_of(addon, bpy.context.scene) == tmp_path / "desk" / "pots_karf"
 
 
-def test_a_project_of_two_files_is_copied_and_nothing_beside_the_file_is_overwritten(bpy, addon, saved, tmp_path):
+def test_shared_project_is_copied_and_nothing_is_overwritten(bpy, addon, saved, tmp_path):
     (tmp_path / "desk" / "pots_karf").mkdir()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "desk" / "other.blend"))
     old = folder_of(addon, saved)
@@ -91,7 +91,7 @@ def test_a_project_of_two_files_is_copied_and_nothing_beside_the_file_is_overwri
     assert old.is_dir() and folder_of(addon, saved) == tmp_path / "desk" / "pots_karf_2"
 
 
-def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved):
+def test_question_is_asked_once_for_a_hidden_project(bpy, addon, saved):
     asked = addon.session.get(addon.moving.AskedProjects).paths
     assert addon.moving.window_to_ask() is not None
     saved.karf.stays_hidden = True
@@ -104,7 +104,7 @@ def test_the_question_comes_once_for_a_project_that_is_hidden(bpy, addon, saved)
     assert addon.moving.window_to_ask() is None and not bpy.ops.karf.move_project.poll()
 
 
-def test_an_unsaved_file_has_no_place_beside_it(bpy, hidden):
+def test_unsaved_file_cannot_move_its_project(bpy, hidden):
     assert not bpy.ops.karf.move_project.poll()
 
 

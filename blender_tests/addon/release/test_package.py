@@ -26,14 +26,14 @@ def run(*command, **options):
 
 
 def build(checkout, out):
-    """Build a checkout, whatever its measurements, into a folder, which is returned."""
-    run("-m", "tools.release", "--draft", "--out", out, cwd=checkout)
+    """Build a checkout into a folder, which is returned."""
+    run("-m", "tools.release", "--out", out, cwd=checkout)
     return out
 
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    """What the build writes of this checkout."""
+    """The folder of a build of this checkout."""
     return build(ROOT, tmp_path_factory.mktemp("dist"))
 
 
@@ -55,14 +55,14 @@ def contents(package):
 
 
 # --- the same as Blender's own tool makes --------------------------------------------------------------------------
-def test_the_package_is_what_blenders_own_tool_packs_and_accepts(blenders_tool, package, tmp_path):
+def test_package_equals_that_of_blenders_tool_and_is_valid(blenders_tool, package, tmp_path):
     for target in (ROOT, package):
         blenders_tool("validate", target)
     blenders_tool("build", "--source-dir", ROOT, "--output-dir", tmp_path)
     assert contents(package) == contents(tmp_path / package.name)
 
 
-def test_every_kind_of_pattern_means_what_it_means_to_blenders_tool(blenders_tool, tmp_path):
+def test_exclude_patterns_work_as_in_blenders_tool(blenders_tool, tmp_path):
     from tools.release.packing import packed_files
 
     names = "__init__.py out/a.py in/out/a.py in/b.pyc .c in/.d/e f.zip in/f.zip out2/a in/kept/b in/g.md in/kept/g.md"
@@ -93,7 +93,7 @@ def test_the_package_holds_the_extension_and_nothing_else(package):
     assert data == ["karf_blender/workspace/workspace.blend"]
 
 
-def test_the_repository_lists_what_blenders_own_generator_lists(blenders_tool, built, tmp_path):
+def test_repository_index_equals_that_of_blenders_tool(blenders_tool, built, tmp_path):
     shutil.copytree(built / "repository", tmp_path / "theirs")
     (tmp_path / "theirs" / "index.json").unlink()
     blenders_tool("server-generate", "--repo-dir", tmp_path / "theirs")

@@ -20,26 +20,18 @@ def scene(bpy, learned):
 @pytest.fixture
 def render(bpy, addon, scene, monkeypatch):
     """A function that renders, and gives what Blender holds of each pass, [H, W, channels], the highest row first."""
-    handed, size = {}, {}
-    put, bordered = addon.still._put, addon.still._bordered
+    handed, put = {}, addon.still._put
 
     def putting(target, pixels):
         put(target, pixels)
-        handed[target.name] = np.array(target.rect).reshape(*size["still"], -1)[::-1]
-
-    def remembering(*given):
-        camera = bordered(*given)
-        size["still"] = camera.height, camera.width
-        return camera
-
-    monkeypatch.setattr(addon.still, "_put", putting)
-    monkeypatch.setattr(addon.still, "_bordered", remembering)
+        handed[target.name] = np.array(target.rect).reshape(pixels.shape)[::-1]
 
     def run():
         handed.clear()
         bpy.ops.render.render()
         return dict(handed)
 
+    monkeypatch.setattr(addon.still, "_put", putting)
     return run
 
 
@@ -63,7 +55,7 @@ def queries(addon, monkeypatch):
 
 
 @pytest.mark.parametrize("color", [(0.2, 0.4, 0.8), None])
-def test_the_picture_has_the_swatches_colors_or_those_learned_and_stands_upright(addon, scene, render, color):
+def test_picture_is_upright_with_edited_or_learned_colors(addon, scene, render, color):
     if color is None:
         scene.karf.objects.clear()  # before palettes are learned
     else:
@@ -74,7 +66,7 @@ def test_the_picture_has_the_swatches_colors_or_those_learned_and_stands_upright
     assert (combined[..., 3] == 1).all()
 
 
-def test_keyframed_colors_and_surfaces_are_those_of_the_frame_in_an_animation(bpy, addon, scene, queries):
+def test_animation_follows_keyframed_colors_and_surfaces(bpy, addon, scene, queries):
     pot, lid = (addon.edits.swatch_at(scene, name, 1) for name in ("pot", "lid"))
     for frame, red, saturation in ((1, 0.0, 1.0), (3, 1.0, 0.0)):
         pot.color, lid.saturation = (red, 0, 0), saturation
@@ -117,12 +109,12 @@ def test_cryptomatte_and_weights_are_passes(scene, render):
 
 
 @pytest.mark.parametrize("fades, seen", [(True, 0.75), (False, 0.25)])
-def test_how_well_photos_know_it_is_a_pass_and_the_checkbox_reaches_the_engine(scene, render, fades, seen):
+def test_seen_is_a_pass_and_fading_reaches_the_engine(scene, render, fades, seen):
     scene.view_layers[0].karf.use_seen, scene.karf.fade_unseen = True, fades
     assert (render()["Seen"] == seen).all()
 
 
-def test_a_border_renders_that_part_of_the_picture_as_the_whole_camera_sees_it(addon, scene, render):
+def test_border_renders_its_part_of_the_picture(addon, scene, render):
     assert render()["Combined"].shape == (HEIGHT, WIDTH, 4)
     settings = scene.render
     settings.use_border = settings.use_crop_to_border = True
@@ -135,7 +127,7 @@ def test_a_border_renders_that_part_of_the_picture_as_the_whole_camera_sees_it(a
     assert (x, y) == pytest.approx((u - WIDTH / 4, v))
 
 
-def test_one_process_renders_all_frames_and_its_files_go(addon, scene, render, queries):
+def test_one_process_renders_all_frames_and_deletes_its_files(addon, scene, render, queries):
     for frame in (1, 2, 3):
         scene.frame_set(frame)
         render()
@@ -164,7 +156,7 @@ def test_a_cancelled_render_ends_the_worker(addon, scene, queries):
         ("no project", "no KaRF project"),
     ],
 )
-def test_what_cannot_be_rendered_is_said(scene, render, queries, trouble, sentence):
+def test_render_errors_are_reported(scene, render, queries, trouble, sentence):
     queries.more = {"behave": trouble}
     if trouble == "orthographic camera":
         scene.camera.data.type = "ORTHO"
@@ -174,7 +166,7 @@ def test_what_cannot_be_rendered_is_said(scene, render, queries, trouble, senten
         render()
 
 
-def test_blenders_panels_are_there_while_the_extension_is_enabled(bpy, addon):
+def test_blenders_panels_are_shown_while_the_extension_is_enabled(bpy, addon):
     def known():
         panels = bpy.types.Panel.__subclasses__()
         return {each.__name__ for each in panels if "KARF" in getattr(each, "COMPAT_ENGINES", ())}
@@ -197,7 +189,7 @@ def own_objects(bpy, scene):
     return scene
 
 
-def test_the_objects_scene_has_all_but_the_capture_and_the_nearer_one_is_rendered(addon, own_objects):
+def test_over_scene_renders_the_nearer_of_scene_and_objects(addon, own_objects):
     objects = addon.steps.put_objects_in(own_objects)
     assert {each.name for each in objects.objects} == {"vase", "lamp"}
     assert (own_objects.render.engine, objects.render.engine) == ("KARF", "CYCLES")
@@ -208,7 +200,7 @@ def test_the_objects_scene_has_all_but_the_capture_and_the_nearer_one_is_rendere
     assert addon.compat.compositing_output(node.id_data).links[0].from_node == node
 
 
-def test_pressed_again_over_scene_holds_what_the_scene_holds_now(bpy, addon, own_objects):
+def test_over_scene_pressed_again_updates_its_scene(bpy, addon, own_objects):
     objects = addon.steps.put_objects_in(own_objects)
     bpy.data.objects.remove(bpy.data.objects["vase"])
     own_objects.render.resolution_x = 123

@@ -44,7 +44,7 @@ def move(view):
     view.data.view_matrix.translation.x += 1
 
 
-def test_a_small_picture_comes_first_and_the_whole_one_when_all_stands_still(addon, view):
+def test_small_picture_comes_first_and_the_full_one_at_rest(addon, view):
     view.draw()
     assert view.long_sides == [addon.viewport.FIRST_SIDE]
     view.draw(0.01)
@@ -55,7 +55,7 @@ def test_a_small_picture_comes_first_and_the_whole_one_when_all_stands_still(add
     assert len(view.long_sides) == 2
 
 
-def test_a_picture_follows_the_swatches_and_the_view_and_is_larger_where_it_is_fast(bpy, addon, view):
+def test_picture_follows_swatches_and_view_and_grows_if_fast(bpy, addon, view):
     view.draw()  # the fake engine says that it took 10 ms
     addon.steps.set_swatch(bpy.context.scene, "pot", 1, (0.2, 0.4, 0.8))
     upper_left = view.draw(0.01)._pixels[-1, 0, :3]  # scene-linear
@@ -66,7 +66,7 @@ def test_a_picture_follows_the_swatches_and_the_view_and_is_larger_where_it_is_f
     assert len(view.long_sides) == 3 and view.long_sides[:2] == [first, 2 * first]
 
 
-def test_an_orthographic_view_shows_nothing_and_says_why(bpy, addon, view, monkeypatch):
+def test_orthographic_view_shows_only_a_message(bpy, addon, view, monkeypatch):
     redrawn = []
     shown = view.draw()
     monkeypatch.setattr(addon.viewport.windows, "redraw", lambda *kinds: redrawn.append(kinds))
@@ -76,7 +76,7 @@ def test_an_orthographic_view_shows_nothing_and_says_why(bpy, addon, view, monke
     assert not redrawn  # else it would be drawn for ever
 
 
-def test_an_error_is_shown_and_asked_again_only_when_something_changes(addon, view, monkeypatch):
+def test_failed_query_is_repeated_only_after_a_change(addon, view, monkeypatch):
     of, behave = addon.camera_pixels.options_of, {"behave": "refuse"}
     monkeypatch.setattr(addon.camera_pixels, "options_of", lambda *given: of(*given) | behave)
     assert "photo_7.png is missing" in view.draw().message

@@ -57,11 +57,12 @@ def show_halves(addon, scene):
     show(addon, scene, weights, base)
 
 
-def show_block(addon, scene, gains=(1.0, 1.0, 1.0)):
-    """Show a red pot in the middle of a gray ground, exposed by these gains, and no lid."""
+def show_block(addon, scene, gains=(1.0, 1.0, 1.0), has_lid=False):
+    """Show a red pot in the middle of a gray ground, exposed by these gains; a red lid can be right beside it."""
     weights = np.zeros((2, 3, HEIGHT, WIDTH))
     weights[1, 1, 4:12, 6:18] = 1
-    show(addon, scene, weights, np.where(weights[1, 1, ..., None] > 0, RED, GRAY) * gains, gains=gains)
+    weights[0, 1, 4:12, 18:22] = has_lid
+    show(addon, scene, weights, np.where(weights[:, 1].any(0)[..., None], RED, GRAY) * gains, gains=gains)
 
 
 def set_histogram(addon, scene, palette, weights):

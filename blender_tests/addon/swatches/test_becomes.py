@@ -84,10 +84,10 @@ def test_what_is_left_follows_swatches_pair_and_rule(addon, learned, item, press
     assert known.left_to_target(item) is None
 
 
-def test_a_target_that_is_missed_is_told_with_the_reason(addon, item):
-    item.source, item.target = RED, BLUE
+def test_a_target_that_is_missed_is_told_with_the_reason(item, press, capfd):
     item.swatches[1].locked = True
-    assert "not quite what was wanted, because" in addon.edits.become_target(item)
+    press(RED, BLUE)
+    assert "not quite what was wanted, because" in capfd.readouterr().out
 
 
 # --- a painted view --------------------------------------------------------------------------------------------------

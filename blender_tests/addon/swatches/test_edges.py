@@ -48,6 +48,7 @@ def test_colors_and_edges_move_together(addon, block, blue):
 
 @pytest.mark.parametrize("compositing", ["delta", "paper"])
 def test_it_is_what_the_engine_composes(addon, block, blue, compositing):
+    show_block(addon, block, has_lid=True)  # which leaves the pot no room there
     block.karf.compositing = compositing
     blue.choke, blue.feather = -1.5, 3
     planes, known = addon.displayed.of(block).view.planes, addon.colors.palettes(block)

@@ -29,24 +29,27 @@ class Hand:
     def scene(self):
         return self.bpy.context.scene
 
-    def edit(self, name, *arguments):
-        return getattr(self.addon.edits, name)(self.scene, *arguments)
-
     def item(self, name):
         return self.scene.karf.objects[name]
 
     def swatch(self, name, index):
         return self.item(name).swatches[index]
 
-    def surface(self, name, index, **numbers):
-        for number, value in numbers.items():
-            setattr(self.swatch(name, index), number, value)
+    def edit(self, name, *arguments):
+        return getattr(self.addon.edits, name)(self.scene, *arguments)
+
+    def drag(self, place, *colors):
+        for each in colors:
+            self.swatch(*place).color = each
+
+    def surface(self, place, **numbers):
+        for name, values in numbers.items():
+            for value in values:
+                setattr(self.swatch(*place), name, value)
 
     def toggle(self, owner, name, values=(False, True)):
+        owner = self.item(owner) if owner else self.scene.karf
         setattr(owner, name, values[0] if getattr(owner, name) == values[1] else values[1])
-
-    def drag(self, place, color):
-        self.swatch(*place).color = color
 
     def lock(self, *places):
         for place in places:
@@ -57,23 +60,49 @@ class Hand:
             for swatch in item.swatches[1:]:
                 swatch.locked = False
 
-    def pick(self, source, target, rule="becomes"):
-        item = self.item("pot")
-        item.source, item.target, item.rule = source, target, rule
+    def unlink(self, place):
+        self.unlink_swatch(*place)
+        assert not self.swatch(*place).link
+
+    def fill(self, name, **values):
+        """Fill fields of an object."""
+        for field, value in values.items():
+            setattr(self.item(name), field, value)
 
     def press(self, *pair):
         """Choose colors of the pot and let the first become the other."""
         if pair:
-            self.pick(*pair)
+            self.fill("pot", **dict(zip(("source", "target", "rule"), pair, strict=False)))
         self.ops.becomes(object_name="pot")
+
+    def pick_in_picture(self, name, column):
+        self.item(name).source = picture(self.bpy)[8, column] / 255
 
     def preset(self):
         self.item("pot").palette = self.item("lid").palette
+
+    def paste(self, name, text=""):
+        self.edit("paste", name, None, text or self.edit("copied", "pot", None))
 
     def script_edit(self):
         palettes = {each.name: each.colors.copy() for each in self.addon.colors.palettes(self.scene)}
         palettes["pot"][1] = TEAL
         self.apply_edit(self.addon.steps.Edit(palettes))
+
+    def keep_file(self, name, color):
+        """Save an edit with this color, and take it back."""
+        self.set_swatch(*POT2, color)
+        assert self.ops.save_edit(filepath=str(self.folder / name)) == {"FINISHED"}
+        self.edit("reset", "pot")
+
+    def load_file(self, name):
+        self.ops.load_edit(filepath=str(self.folder / name))
+
+    def locked_blue(self):
+        self.save_edit(self.folder / "learned.json")
+        self.set_swatch(*POT1, BLUE)
+        self.set_swatch(*POT2, PINK)
+        self.lock(POT1)
 
 
 @pytest.fixture
@@ -81,134 +110,79 @@ def hand(bpy, addon, learned, tmp_path):
     return Hand(bpy, addon, tmp_path)
 
 
-def nothing(hand):
-    pass
+def do(name, /, *arguments, **options):
+    """A step, or what else a hand does."""
+    return lambda hand: getattr(hand, name)(*arguments, **options)
 
 
-def blue_lid(hand):
-    hand.set_swatch(*LID2, BLUE)
+def operator(idname, **options):
+    return lambda hand: getattr(hand.ops, idname)(**options)
 
 
-def link_three(hand):
-    hand.link_swatches(POT1, LID2)
-    hand.link_swatches(LID1, POT1)
+def set_to(place, color):
+    return do("set_swatch", *place, color)
 
 
-def link_and_unlink(hand):
-    hand.link_swatches(POT1, LID1)
-    hand.unlink_swatch(*POT1)
-    assert not hand.swatch(*LID1).link
-
-
-def merge(hand):
-    assert hand.merge_swatch(*POT2) == 1
-
-
-def split_again(hand):
-    merge(hand)
-    hand.set_swatch(*POT1, PINK)
-    hand.split_swatch(*POT1)
-
-
-def locked_blue(hand):
-    hand.save_edit(hand.folder / "learned.json")
-    hand.set_swatch(*POT1, BLUE)
-    hand.set_swatch(*POT2, PINK)
-    hand.lock(POT1)
-
-
-def keep_file(name, color):
-    """Save an edit with this color, and take it back."""
-
-    def keep(hand):
-        hand.set_swatch(*POT2, color)
-        assert hand.ops.save_edit(filepath=str(hand.folder / name)) == {"FINISHED"}
-        hand.edit("reset", "pot")
-
-    return keep
-
-
-def load_file(name):
-    return lambda hand: hand.ops.load_edit(filepath=str(hand.folder / name))
+def then(*gestures):
+    return lambda hand: [gesture(hand) for gesture in gestures]
 
 
 SWAP = {"object_name": "pot", "index": 1, "other_name": "lid", "other_index": 2}
+BLUE_LID, LOCKED = set_to(LID2, BLUE), do("locked_blue")
+LINK_THREE = then(do("link_swatches", POT1, LID2), do("link_swatches", LID1, POT1))
+MERGE, LINK = do("merge_swatch", *POT2), do("link_swatches", POT1, LID1)
+SPLIT = then(MERGE, set_to(POT1, PINK), do("split_swatch", *POT1))
+TURN_BLUE, LOCK = do("becomes", "pot", RED, BLUE), do("lock", POT2)
+RED_TO_PINK, YELLOW_TO_BLUE = do("press", RED, PINK), do("press", YELLOW, BLUE)
+PICK = do("fill", "pot", source=RED, target=BLUE, rule="fewest")
 # gesture -> what was done before, the gesture, the colors that it gives (None: any); all others are as learned
 GESTURES = {
-    "script": (nothing, lambda hand: hand.set_swatch(*POT1, BLUE), {POT1: BLUE}),
-    "script's edit": (nothing, Hand.script_edit, {POT1: TEAL}),
-    "link": (blue_lid, lambda hand: hand.ops.link_swatches(**SWAP), {POT1: BLUE, LID2: BLUE}),
-    "linked": (link_three, lambda hand: hand.drag(POT1, GREEN), {POT1: GREEN, LID1: GREEN, LID2: GREEN}),
-    "reset of a linked one": (
-        lambda hand: (link_three(hand), hand.drag(POT1, GREEN)),
-        lambda hand: hand.ops.reset_swatch(object_name="pot", index=1),
+    "script": (then(), set_to(POT1, BLUE), {POT1: BLUE}),
+    "script's edit": (then(), do("script_edit"), {POT1: TEAL}),
+    "link": (BLUE_LID, operator("link_swatches", **SWAP), {POT1: BLUE, LID2: BLUE}),
+    "linked": (LINK_THREE, do("drag", POT1, GREEN), {POT1: GREEN, LID1: GREEN, LID2: GREEN}),
+    "reset of linked": (
+        then(LINK_THREE, do("drag", POT1, GREEN)),
+        operator("reset_swatch", object_name="pot", index=1),
         {},
     ),
-    "unlinked": (link_and_unlink, lambda hand: hand.set_swatch(*POT1, GREEN), {POT1: GREEN}),
-    "merge": (nothing, lambda hand: hand.ops.merge_swatch(object_name="pot", index=2), {}),
-    "merged": (merge, lambda hand: hand.set_swatch(*POT1, PINK), {POT1: PINK, POT2: (0.8, 1, 0.8)}),
-    "split": (split_again, lambda hand: hand.set_swatch(*POT1, BLUE), {POT1: BLUE, POT2: (0.8, 1, 0.8)}),
-    "swap": (nothing, lambda hand: hand.ops.swap_swatches(**SWAP), {POT1: LID[1], LID2: RED}),
-    "reset": (blue_lid, lambda hand: hand.ops.reset_swatch(object_name="lid"), {}),
-    "paste": (
-        lambda hand: hand.set_swatch(*POT2, BRIGHT),
-        lambda hand: hand.edit("paste", "lid", None, hand.edit("copied", "pot", None)),
-        {LID1: RED, LID2: BRIGHT, POT2: BRIGHT},
-    ),
-    "preset": (blue_lid, Hand.preset, {LID2: BLUE, POT1: LID[0], POT2: BLUE}),
-    "edit file": (keep_file("a.json", BRIGHT), load_file("a.json"), {POT2: BRIGHT}),
-    "palette of GIMP": (keep_file("a.gpl", TEAL), load_file("a.gpl"), {POT2: TEAL}),
-    "palette of Adobe": (keep_file("a.ase", TEAL), load_file("a.ase"), {POT2: TEAL}),
-    "becomes": (lambda hand: hand.lock(POT2), lambda hand: hand.press(RED, BLUE), {POT1: BLUE}),
-    "fewest": (lambda hand: hand.lock(POT2), lambda hand: hand.press(RED, BLUE, "fewest"), {POT1: BLUE}),
-    "edited becomes": (
-        lambda hand: hand.becomes("pot", RED, BLUE),
-        lambda hand: hand.press(BLUE, GREEN),
+    "unlinked": (then(LINK, do("unlink", POT1), do("unlink", LID1)), set_to(POT1, GREEN), {POT1: GREEN}),
+    "merge": (then(), operator("merge_swatch", object_name="pot", index=2), {}),
+    "merged": (MERGE, set_to(POT1, PINK), {POT1: PINK, POT2: (0.8, 1, 0.8)}),
+    "split": (SPLIT, set_to(POT1, BLUE), {POT1: BLUE, POT2: (0.8, 1, 0.8)}),
+    "swap": (then(), operator("swap_swatches", **SWAP), {POT1: LID[1], LID2: RED}),
+    "reset": (BLUE_LID, operator("reset_swatch", object_name="lid"), {}),
+    "paste": (set_to(POT2, BRIGHT), do("paste", "lid"), {LID1: RED, LID2: BRIGHT, POT2: BRIGHT}),
+    "preset": (BLUE_LID, do("preset"), {LID2: BLUE, POT1: LID[0], POT2: BLUE}),
+    "edit file": (do("keep_file", "a.json", BRIGHT), do("load_file", "a.json"), {POT2: BRIGHT}),
+    "palette of GIMP": (do("keep_file", "a.gpl", TEAL), do("load_file", "a.gpl"), {POT2: TEAL}),
+    "palette of Adobe": (do("keep_file", "a.ase", TEAL), do("load_file", "a.ase"), {POT2: TEAL}),
+    "becomes": (LOCK, do("press", RED, BLUE), {POT1: BLUE}),
+    "fewest": (LOCK, do("press", RED, BLUE, "fewest"), {POT1: BLUE}),
+    "edited becomes": (TURN_BLUE, do("press", BLUE, GREEN), {POT1: GREEN, POT2: None}),
+    "script's becomes": (
+        TURN_BLUE,
+        do("becomes", "pot", BLUE, GREEN, from_edited=True),
         {POT1: GREEN, POT2: None},
     ),
-    "edited becomes by a script": (
-        lambda hand: hand.becomes("pot", RED, BLUE),
-        lambda hand: hand.becomes("pot", BLUE, GREEN, from_edited=True),
-        {POT1: GREEN, POT2: None},
-    ),
-    "changed since picked": (
-        lambda hand: (hand.pick(RED, BLUE, "fewest"), hand.set_swatch(*POT2, TEAL)),
-        Hand.press,
-        {POT1: None, POT2: TEAL},
-    ),
-    "becomes beside bright paint": (
-        lambda hand: hand.set_swatch(*POT2, (1.3, 1.2, 0.7)),
-        lambda hand: hand.press(RED, BLUE),
-        {POT1: BLUE, POT2: None},
-    ),
-    "paint after paint": (
-        lambda hand: hand.press(RED, PINK),
-        lambda hand: hand.press(YELLOW, BLUE),
-        {POT1: PINK, POT2: BLUE},
-    ),
-    "paint on held paint": (
-        lambda hand: (hand.press(RED, PINK), hand.press(YELLOW, BLUE)),
-        lambda hand: hand.press(PINK, GREEN),
-        {POT1: GREEN, POT2: BLUE},
-    ),
-    "reset of locked": (locked_blue, lambda hand: hand.ops.reset_swatch(object_name="pot"), {POT1: BLUE}),
-    "paste on locked": (
-        locked_blue,
-        lambda hand: hand.edit("paste", "pot", None, "#00ff00 #00ff00"),
-        {POT1: BLUE, POT2: (0, 1, 0)},
-    ),
-    "edit file on locked": (locked_blue, load_file("learned.json"), {POT1: BLUE}),
+    "changed since picked": (then(PICK, set_to(POT2, TEAL)), do("press"), {POT1: None, POT2: TEAL}),
+    "beside bright paint": (set_to(POT2, (1.3, 1.2, 0.7)), do("press", RED, BLUE), {POT1: BLUE, POT2: None}),
+    "paint after paint": (RED_TO_PINK, YELLOW_TO_BLUE, {POT1: PINK, POT2: BLUE}),
+    "on held paint": (then(RED_TO_PINK, YELLOW_TO_BLUE), do("press", PINK, GREEN), {POT1: GREEN, POT2: BLUE}),
+    "reset of locked": (LOCKED, operator("reset_swatch", object_name="pot"), {POT1: BLUE}),
+    "paste on locked": (LOCKED, do("paste", "pot", "#00ff00 #00ff00"), {POT1: BLUE, POT2: (0, 1, 0)}),
+    "edit file on locked": (LOCKED, do("load_file", "learned.json"), {POT1: BLUE}),
     "linked to locked": (
-        lambda hand: (locked_blue(hand), hand.link_swatches(LID1, POT1)),
-        lambda hand: hand.set_swatch(*LID1, GREEN),
+        then(LOCKED, do("link_swatches", LID1, POT1)),
+        set_to(LID1, GREEN),
         {POT1: BLUE, POT2: PINK, LID1: GREEN},
     ),
 }
 BYTE = 0.5 / 255 + 1e-6
 # of palettes with 8 bits, and of a solver that is kept a little short
 TOLERANCES = dict.fromkeys(("paste", "preset", "palette of GIMP"), BYTE) | {"becomes": 0.01, "fewest": 1e-3}
-TOLERANCES |= {"edited becomes": 0.02, "edited becomes by a script": 0.02, "becomes beside bright paint": 0.05}
-TOLERANCES |= {"paint after paint": 0.06, "paint on held paint": 0.06}
+TOLERANCES |= {"edited becomes": 0.02, "script's becomes": 0.02, "beside bright paint": 0.05}
+TOLERANCES |= {"paint after paint": 0.06, "on held paint": 0.06}
 
 
 def state(hand):
@@ -222,11 +196,11 @@ def assert_same(found, wanted):
 
 @pytest.mark.parametrize("gesture", GESTURES)
 def test_a_gesture_gives_these_colors_and_undo_takes_it_back(bpy, hand, gesture):
-    prepare, do, wanted = GESTURES[gesture]
+    prepare, act, wanted = GESTURES[gesture]
     prepare(hand)
     bpy.ops.ed.undo_push(message="before")
     before = state(hand)
-    do(hand)
+    act(hand)
     after = state(hand)
     tolerance = TOLERANCES.get(gesture, 1e-6)
     for place, learned in LEARNED.items():
@@ -243,37 +217,37 @@ def test_a_gesture_gives_these_colors_and_undo_takes_it_back(bpy, hand, gesture)
 
 # gestures that change more than colors; the numbers are those of the richer project
 MORE = (
-    lambda hand: hand.drag(("pot", 3), GREEN),
-    lambda hand: [hand.drag(("pot", 1), (red, 0.5, 0.2)) for red in (0.8, 0.4, 1.1)],
-    lambda hand: hand.drag(("lid", 3), BRIGHT),
-    lambda hand: hand.lock(("pot", 4)),
-    Hand.unlock,
-    lambda hand: hand.ops.unlink_swatch(object_name="lid", index=2),
-    lambda hand: hand.ops.merge_swatch(object_name="lid", index=1),
-    lambda hand: hand.ops.split_swatch(object_name="pot", index=1),
-    lambda hand: [hand.surface("pot", 1, saturation=value) for value in (0.3, 1.8)],
-    lambda hand: hand.surface("pot", 3, brightness=-0.5, gloss=0.2),
-    lambda hand: hand.ops.reset_surface(object_name="pot", index=1),
-    lambda hand: setattr(hand.item("pot"), "source", picture(hand.bpy)[8, 20] / 255),
-    lambda hand: setattr(hand.item("lid"), "source", picture(hand.bpy)[8, 2] / 255),
-    lambda hand: [setattr(hand.item("pot"), "target", (value, 0.4, 0.6)) for value in (0.2, 0.9)],
-    lambda hand: hand.toggle(hand.item("pot"), "live"),
-    lambda hand: hand.toggle(hand.item("pot"), "is_metal"),
-    lambda hand: hand.toggle(hand.scene.karf, "material"),
-    lambda hand: hand.toggle(hand.item("pot"), "rule", ("becomes", "fewest")),
-    lambda hand: hand.toggle(hand.scene.karf, "compositing", ("delta", "paper")),
-    lambda hand: hand.toggle(hand.scene.karf, "active_view", ("photo_0", "photo_1")),
-    lambda hand: hand.ops.add_color(object_name="pot", picked=RICH["pot"][3]),
-    lambda hand: hand.ops.add_color(object_name="lid", picked=RICH["lid"][1]),
-    lambda hand: hand.drag(("pot", 5), BLUE),
+    do("drag", ("pot", 3), GREEN),
+    do("drag", POT1, RED, (0.4, 0.5, 0.2), (1.1, 0.5, 0.2)),
+    do("drag", ("lid", 3), BRIGHT),
+    do("drag", ("pot", 5), BLUE),
+    do("lock", ("pot", 4)),
+    operator("unlink_swatch", object_name="lid", index=2),
+    operator("merge_swatch", object_name="lid", index=1),
+    operator("split_swatch", object_name="pot", index=1),
+    do("surface", POT1, saturation=(0.3, 1.8)),
+    do("surface", ("pot", 3), brightness=(-0.5,), gloss=(0.2,)),
+    operator("reset_surface", object_name="pot", index=1),
+    do("pick_in_picture", "pot", 20),
+    do("pick_in_picture", "lid", 2),
+    do("fill", "pot", target=(0.2, 0.4, 0.6)),
+    do("fill", "pot", target=(0.9, 0.4, 0.6)),
+    do("fill", "pot", choke=1.5, feather=2.5),
+    do("toggle", "pot", "live"),
+    do("toggle", "pot", "is_metal"),
+    do("toggle", "pot", "rule", ("becomes", "fewest")),
+    do("toggle", "", "material"),
+    do("toggle", "", "compositing", ("delta", "paper")),
+    do("toggle", "", "active_view", ("photo_0", "photo_1")),
+    operator("add_color", object_name="pot", picked=RICH["pot"][3]),
+    operator("add_color", object_name="lid", picked=RICH["lid"][1]),
     lambda hand: setattr(hand.swatch("pot", 5), "reach", 0.7),
-    lambda hand: hand.ops.remove_color(object_name="pot", index=5),
-    lambda hand: hand.ops.protect_neutrals(object_name="pot", index=1),
-    lambda hand: (setattr(hand.item("pot"), "choke", 1.5), setattr(hand.item("lid"), "feather", 2.5)),
-    lambda hand: hand.ops.keep_look(),
-    lambda hand: hand.ops.keep_look(name="A"),
-    lambda hand: hand.ops.choose_look(name="A"),
-    lambda hand: hand.ops.flip_looks(),
+    operator("remove_color", object_name="pot", index=5),
+    operator("protect_neutrals", object_name="pot", index=1),
+    operator("keep_look"),
+    operator("keep_look", name="A"),
+    operator("choose_look", name="A"),
+    operator("flip_looks"),
 )
 
 
@@ -290,15 +264,15 @@ def test_gestures_in_any_order_are_undone_and_redone_to_where_they_began(bpy, ad
     enrich(bpy, hand.folder / "project")
     for name in ("learned.json", "a.json", "a.gpl", "a.ase"):
         hand.save_edit(hand.folder / name)
-    gestures = [each for row in GESTURES.values() for each in row[:2] if each is not nothing] + [*MORE, *MORE]
-    gestures += 6 * [Hand.unlock]
+    gestures = [each for row in GESTURES.values() for each in row[:2]] + [*MORE, *MORE]
+    gestures += 8 * [Hand.unlock]
     random.Random(1).shuffle(gestures)
     bpy.ops.ed.undo_push(message="begin")
     states, refused = [state(hand)], 0
     for gesture in gestures:
         try:
             gesture(hand)
-        except (RuntimeError, addon.steps.KarfError, IndexError, AssertionError) as error:
+        except (RuntimeError, addon.steps.KarfError, IndexError) as error:
             assert "Traceback" not in str(error), error  # but a sentence that says why it cannot
             refused += 1
         bpy.ops.ed.undo_push(message="gesture")
@@ -320,7 +294,7 @@ def test_one_color_travels_as_text(hand):
 
 @pytest.mark.parametrize("suffix", [".gpl", ".ase"])
 def test_a_palette_of_another_program_leaves_the_way_of_compositing(hand, suffix):
-    keep_file(f"a{suffix}", TEAL)(hand)
+    hand.keep_file(f"a{suffix}", TEAL)
     hand.scene.karf.compositing = "paper"
     hand.apply_edit(hand.folder / f"a{suffix}")
     assert hand.scene.karf.compositing == "paper"
@@ -335,36 +309,36 @@ def test_becomes_moves_merged_swatches_as_one(hand):
 
 
 REFUSED = (
-    ("Objects: lid, pot", lambda hand: hand.set_swatch("kettle", 1, "#ffffff")),
-    ("no swatch 0", lambda hand: hand.set_swatch("pot", 0, "#ffffff")),
+    ("Objects: lid, pot", set_to(("kettle", 1), "#ffffff")),
+    ("no swatch 0", set_to(("pot", 0), "#ffffff")),
     ("'photo_9'", lambda hand: hand.show_view("photo_9").wait()),
-    ("no color", lambda hand: hand.edit("paste", "lid", None, "no color at all")),
-    ("black", lambda hand: hand.add_color("pot", (0, 0, 0))),
-    ("merged into 1", lambda hand: hand.set_swatch(*POT2, BLUE)),
-    ("cannot be linked with that swatch", lambda hand: hand.link_swatches(POT1, POT2)),
-    ("cannot be merged into another", lambda hand: hand.merge_swatch(*POT1)),
-    ("cannot be merged into 3", lambda hand: hand.merge_swatch(*LID1, 3)),
-    ("is an added color", lambda hand: hand.merge_swatch("pot", 3)),
-    ("is a learned color", lambda hand: hand.remove_color(*POT1)),
+    ("no color", do("paste", "lid", "no color at all")),
+    ("black", do("add_color", "pot", (0, 0, 0))),
+    ("merged into 1", set_to(POT2, BLUE)),
+    ("cannot be linked with that swatch", do("link_swatches", POT1, POT2)),
+    ("cannot be merged into another", do("merge_swatch", *POT1)),
+    ("cannot be merged into 3", do("merge_swatch", *LID1, 3)),
+    ("is an added color", do("merge_swatch", "pot", 3)),
+    ("is a learned color", do("remove_color", *POT1)),
     ("added to pot", lambda hand: hand.save_edit(hand.folder / "pots.gpl")),
-    ("gloss", lambda hand: hand.set_surface(*POT1, gloss=-1.0)),
-    ("pot shows no color like #00ff00", lambda hand: hand.becomes("pot", (0, 1, 0), BLUE)),
+    ("gloss", do("set_surface", *POT1, gloss=-1.0)),
+    ("pot shows no color like #00ff00", do("becomes", "pot", (0, 1, 0), BLUE)),
 )
-LOCKED = (
-    lambda hand: hand.set_swatch(*POT1, GREEN),
-    lambda hand: hand.set_surface(*POT1, gloss=0.0),
-    lambda hand: hand.edit("reset", *POT1),
-    lambda hand: hand.edit("swap", LID1, POT1),
-    lambda hand: hand.edit("paste", *POT1, "#00ff00"),
-    lambda hand: hand.link_swatches(POT1, LID2),
-    lambda hand: hand.merge_swatch(*POT1, 2),
-    lambda hand: hand.remove_color("pot", 3),
+LOCKED_ONES = (
+    set_to(POT1, GREEN),
+    do("set_surface", *POT1, gloss=0.0),
+    do("edit", "reset", *POT1),
+    do("edit", "swap", LID1, POT1),
+    do("edit", "paste", *POT1, "#00ff00"),
+    do("link_swatches", POT1, LID2),
+    do("merge_swatch", *POT1, 2),
+    do("remove_color", "pot", 3),
     lambda hand: hand.apply_edit(hand.folder / "without.json"),  # which has no added color
 )
 
 
 def test_refusals_say_why_and_change_nothing(addon, hand):
-    merge(hand)
+    assert hand.merge_swatch(*POT2) == 1
     assert hand.add_color("pot", YELLOW, BLUE) == 3
     before = state(hand)
     for sentence, tool in REFUSED:
@@ -379,7 +353,7 @@ def test_no_tool_changes_a_locked_swatch(addon, hand):
     hand.set_swatch(*POT1, GREEN)
     hand.lock(POT1, ("pot", 3))
     before = state(hand)
-    for tool in LOCKED:
+    for tool in LOCKED_ONES:
         with pytest.raises(addon.engine_api.BadRequest, match="locked"):
             tool(hand)
     assert_same(state(hand), before)

@@ -1,4 +1,4 @@
-"""One bar for a task of several jobs: a *Learn All* that was recorded on two cores, the demo with its preset."""
+"""One progress bar for several jobs, by a recorded *Learn All* of the demo on two cores."""
 
 import importlib
 
@@ -50,13 +50,13 @@ def test_the_bar_never_goes_back_and_ends_full(course):
     assert shares == sorted(shares) and shares[0] < 0.1 and shares[-1] > 0.95
 
 
-def test_after_a_tenth_the_time_left_is_right_within_a_third(course):
+def test_time_left_is_right_within_a_third_after_a_tenth(course):
     for now, _, left in replayed(course()):
         if now > TOTAL / 10:
             assert abs(left - (TOTAL - now)) < max((TOTAL - now) / 3, 5), f"{left:.0f} s at {now} of {TOTAL}"
 
 
-def test_a_wrong_expectation_is_corrected_by_what_is_counted(course):
+def test_wrong_expectation_is_corrected_by_counting_steps(course):
     for factor in (0.5, 2):
         wrong = {stage: seconds * factor for stage, seconds in EXPECTED.items()}
         for now, _, left in replayed(course(**wrong)):
@@ -64,7 +64,7 @@ def test_a_wrong_expectation_is_corrected_by_what_is_counted(course):
                 assert abs(left - (TOTAL - now)) < (TOTAL - now) * 2 / 3, f"{left:.0f} s at {now} of {TOTAL}"
 
 
-def test_a_job_whose_work_was_done_before_says_nothing_of_the_others(course):
+def test_cached_job_does_not_change_the_estimate_of_others(course):
     known = course()
     known.begin_next(0.3)  # the scene was learned
     assert known.left() == pytest.approx(sum(EXPECTED.values()) - EXPECTED["geometry"])

@@ -19,7 +19,7 @@ def n_rigs(bpy):
     return len([item for item in bpy.data.objects if item.type == "EMPTY"])
 
 
-def test_poses_found_after_another_file_was_opened_stay_on_disk(bpy, addon, poses, warnings):
+def test_poses_stay_on_disk_if_another_file_was_opened(bpy, addon, poses, warnings):
     bpy.ops.wm.read_homefile(use_empty=True)
     addon.runner.wait(poses)
     out = poses.requests[0].options["out"]
@@ -46,7 +46,7 @@ def test_poses_do_not_displace_a_project_chosen_meanwhile(bpy, addon, scene, pos
     assert addon.folders.project_of(scene).folder == tmp_path / "chosen" and n_rigs(bpy) == 1
 
 
-def test_palettes_go_to_no_file_that_was_opened_meanwhile(bpy, addon, learned, warnings):
+def test_palettes_go_to_no_file_opened_meanwhile(bpy, addon, learned, warnings):
     project = addon.folders.project_of(learned).folder
     task = addon.steps.extract_palette(learned)
     bpy.ops.wm.read_homefile(use_empty=True)
@@ -58,7 +58,7 @@ def test_palettes_go_to_no_file_that_was_opened_meanwhile(bpy, addon, learned, w
     assert warnings().count(str(project)) == 1
 
 
-def test_palettes_leave_a_scene_alone_that_has_chosen_another_project(addon, learned, warnings, tmp_path):
+def test_palettes_leave_a_scene_with_another_project_alone(addon, learned, warnings, tmp_path):
     task = addon.steps.extract_palette(learned)
     addon.steps.set_swatch(learned, "pot", 1, "#102030")
     learned.karf.project = str(tmp_path / "elsewhere")

@@ -38,7 +38,7 @@ def test_one_process_answers_one_query_after_the_other_and_knows_the_project(add
     assert first["pid"] == second["pid"]
 
 
-def test_what_a_blender_that_crashed_has_left_goes_with_the_next_worker(addon, project_scene, query, jobs):
+def test_leftovers_of_a_crashed_blender_are_removed(addon, project_scene, query, jobs):
     code = "import sys; from karf_engine.project import Project, jobs; jobs.new_job(Project(sys.argv[1]), 'warm')"
     command = [sys.executable, "-c", code, str(addon.folders.project_of(project_scene).folder)]
     subprocess.run(command, cwd=ROOT, check=True)
@@ -50,20 +50,22 @@ def test_what_a_blender_that_crashed_has_left_goes_with_the_next_worker(addon, p
 
 
 @pytest.mark.parametrize(
-    ("behave", "error", "sentence", "stays", "n_folders"),
+    ("behave", "error", "sentence", "stays", "n_workers", "n_folders"),
     [
-        ("refuse", "DataError", r"photo_7.png is missing\.", True, 1),
-        ("crash", "KarfError", "The engine crashed in the warm job", False, 1),  # its log is kept
-        ("idle", "KarfError", "exited before it answered", False, 0),  # so did the second one that was asked
+        ("refuse", "DataError", r"photo_7.png is missing\. Find it\.", True, 1, 1),
+        ("crash", "KarfError", "The engine crashed in the warm job", False, 1, 1),  # its log is kept
+        ("idle", "KarfError", "exited before it answered", False, 2, 0),
     ],
 )
-def test_an_error_is_raised_and_a_worker_that_ended_is_followed_by_another(
-    addon, query, jobs, behave, error, sentence, stays, n_folders
+def test_error_is_raised_and_a_dead_worker_is_replaced(
+    addon, query, jobs, monkeypatch, behave, error, sentence, stays, n_workers, n_folders
 ):
+    started, begin_job = [], addon.queries.begin_job
+    monkeypatch.setattr(addon.queries, "begin_job", lambda *given: (started.append(given), begin_job(*given)))
     pid = query()["pid"]
-    with pytest.raises(getattr(addon.engine_api, error), match=sentence) as caught:
+    with pytest.raises(getattr(addon.engine_api, error), match=sentence):
         query(behave=behave)
-    assert behave != "refuse" or caught.value.hint == "Find it."
+    assert len(started) == n_workers
     assert [(folder / addon.engine_api.LOG_FILE).exists() for folder in jobs()] == [True] * n_folders
     assert (query()["pid"] == pid) == stays
 
@@ -125,7 +127,7 @@ def test_a_query_returns_at_once_and_a_timer_brings_the_answer(addon, send, time
     assert len(heard.answers) == 1 and not addon.queries.is_waiting("echo")
 
 
-def test_queries_that_wait_for_the_start_are_replaced_by_later_ones_of_their_kind(addon, send):
+def test_waiting_queries_are_replaced_by_later_ones_of_their_kind(addon, send):
     for number in range(50):
         heard = send(n=number)
     run_to_end(addon.queries._poll)
@@ -133,7 +135,7 @@ def test_queries_that_wait_for_the_start_are_replaced_by_later_ones_of_their_kin
 
 
 @pytest.mark.parametrize("lost", ["dropped by the engine", "of another project"])
-def test_of_a_query_that_is_lost_nothing_more_is_heard(addon, project_scene, send, tmp_path, lost):
+def test_dropped_query_calls_nobody(addon, project_scene, send, tmp_path, lost):
     heard = send(behave="drop" if lost == "dropped by the engine" else "")
     if lost == "of another project":
         project_scene.karf.project = str(tmp_path / "elsewhere")
@@ -141,7 +143,7 @@ def test_of_a_query_that_is_lost_nothing_more_is_heard(addon, project_scene, sen
     assert heard.answers == heard.errors == []
 
 
-def test_an_error_that_nobody_takes_stands_in_the_panel(bpy, addon, project_scene, timers):
+def test_unhandled_error_is_shown_in_the_panel(bpy, addon, project_scene, timers):
     addon.queries.send(project_scene, "echo", {"behave": "refuse"}, lambda *answer: None)
     run_to_end(addon.queries._poll)
     progress = bpy.context.window_manager.karf_progress
@@ -149,7 +151,7 @@ def test_an_error_that_nobody_takes_stands_in_the_panel(bpy, addon, project_scen
 
 
 @pytest.mark.parametrize("kind", ["damage", "disk"])
-def test_an_error_in_what_follows_an_answer_is_told_and_later_answers_still_come(addon, send, kind):
+def test_error_in_a_callback_is_reported_and_later_answers_arrive(addon, send, kind):
     def refuse(scene, values):
         if kind == "damage":
             raise addon.engine_api.DataError("The planes are damaged.", "Try again.")

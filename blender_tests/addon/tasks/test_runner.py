@@ -74,7 +74,7 @@ def test_the_timer_runs_a_task_to_its_end_without_blocking(bpy, addon, project_s
     assert progress.warnings == "This is not a real engine."
 
 
-def test_what_an_artist_can_do_nothing_about_stays_in_the_jobs_record(bpy, addon):
+def test_technical_warnings_are_not_shown(bpy, addon):
     for code, sentence in (("convergence", "A residual is left."), ("lacking", "Nothing belongs to 'lid'.")):
         event = addon.engine_api.Event("warning", 1, 0.0, {"code": code, "sentence": sentence})
         addon.progress.show_event("Learn All", event)
@@ -101,7 +101,7 @@ def test_a_file_saved_during_a_job_does_not_show_it_when_loaded(bpy, addon, scen
     assert not progress.running and progress.error == ""
 
 
-def test_one_process_runs_what_is_learned_in_a_row_and_waits_for_more(addon, project_scene, tmp_path):
+def test_one_process_runs_several_jobs_and_waits_for_more(addon, project_scene, tmp_path):
     (tmp_path / "masks" / "pot").mkdir(parents=True)
     addon.steps.learn_scene(project_scene).wait()
     addon.steps.segment(project_scene, tmp_path / "masks").wait()
@@ -137,7 +137,7 @@ def test_a_crash_is_a_sentence_with_a_report_and_a_log(bpy, addon, end, capfd):
     assert not bpy.ops.karf.copy_report.poll() and not bpy.ops.karf.open_log.poll()
 
 
-def test_what_a_user_can_mend_needs_no_report(bpy, addon, end):
+def test_error_the_user_can_fix_has_no_report(bpy, addon, end):
     progress = end("error")
     assert (progress.error, progress.hint) == ("photo_7.png is missing.", "Find it.")
     assert not {"karf.copy_report", "karf.open_log"} & set(drawn_status(bpy, addon))
@@ -169,14 +169,14 @@ def test_a_folder_that_cannot_be_made_is_named(bpy, addon, project_scene, tmp_pa
     assert "Traceback" not in str(caught.value)
 
 
-def test_what_the_disk_refuses_after_a_job_is_said(end):
+def test_disk_error_after_a_job_is_reported(end):
     def full(request):
         raise OSError(28, "No space left on device", "/film/picture.png")
 
     assert end("", full).error == "/film/picture.png: No space left on device."
 
 
-def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, end):
+def test_bug_after_a_job_ends_the_task_and_is_raised(bpy, addon, end):
     def fault(request):
         raise ZeroDivisionError("ours")
 
@@ -184,10 +184,3 @@ def test_a_fault_after_the_job_ends_the_task_and_is_not_hidden(bpy, addon, end):
         end("", fault)
     progress = bpy.context.window_manager.karf_progress
     assert not addon.runner.is_running() and not progress.running and "ours" in progress.error
-
-
-def test_an_operator_says_what_the_disk_refuses(bpy, learned, tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(RuntimeError, match="file") as caught:
-        bpy.ops.karf.save_edit(filepath=str(tmp_path / "file" / "edit.json"))
-    assert "Traceback" not in str(caught.value)

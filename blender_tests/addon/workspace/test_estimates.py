@@ -1,4 +1,4 @@
-"""How long a preset takes is said before it is pressed, and learned from the jobs that were done."""
+"""Estimates of a preset's duration, corrected by finished jobs."""
 
 import pytest
 
@@ -42,5 +42,5 @@ def test_the_end_of_a_job_is_taken_as_a_measure(addon, known, learned, monkeypat
 
 
 @pytest.mark.parametrize("seconds, said", [(50, "a minute"), (430, "7 minutes"), (8000, "2 hours")])
-def test_a_duration_is_said_as_one_says_it(addon, seconds, said):
+def test_durations_are_rounded_for_people(addon, seconds, said):
     assert addon.learning.duration(seconds) == f"About {said} on this computer"

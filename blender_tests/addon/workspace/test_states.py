@@ -12,52 +12,53 @@ LEARNED, MARKED = IMPORTED | {"learn": "done"}, IMPORTED | {"mark": "done"}
 
 
 @pytest.fixture
-def project(addon, project_scene, tmp_path):
-    """The folder of the scene's project, learned with a mask of the pot, tmp_path/masks/pot/photo_0.png."""
+def project(addon, learned, tmp_path):
+    """The scene's project, segmented by a mask of the pot, tmp_path/masks/pot/photo_0.png, and recolored."""
     addon.images.write_png(tmp_path / "masks" / "pot" / "photo_0.png", np.ones((16, 24, 3)))
-    project_scene.karf.masks = str(tmp_path / "masks")
-    addon.steps.learn_scene(project_scene).wait()
-    addon.steps.segment(project_scene).wait()
-    addon.folders.project_of(project_scene).segmentation_file.touch()
-    addon.steps.extract_palette(project_scene).wait()
-    return tmp_path / "project"
+    learned.karf.masks = str(tmp_path / "masks")
+    project = addon.folders.project_of(learned)
+    project.finish("segmentation", "fake")
+    project.segmentation_file.touch()
+    project.finish("recoloring", "fake")
+    return project
 
 
 def kinds(addon, scene):
     return {step: addon.states.state_of(scene, step).kind for step in addon.states.STEPS}
 
 
-def test_a_step_is_done_when_what_it_makes_is_there(addon, learned):
+def test_step_is_done_when_its_result_exists(addon, learned):
     assert kinds(addon, learned) == NEW | dict.fromkeys(("import", "learn", "palette"), "done")
 
 
 @pytest.mark.parametrize("mark", ["../masks/pot/photo_0.png", "corrections/pot/photo_0.png", "volumes.json"])
-def test_a_mark_that_is_newer_than_the_segments_makes_them_stale(addon, project_scene, project, mark):
-    file = project / mark
+def test_newer_mark_makes_segments_stale(addon, learned, project, mark):
+    file = project.folder / mark
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
-    assert kinds(addon, project_scene)["segment"] == "done"
+    assert kinds(addon, learned)["segment"] == "done"
     later = file.stat().st_mtime + 60
     os.utime(file, (later, later))
-    state = addon.states.state_of(project_scene, "segment")
+    state = addon.states.state_of(learned, "segment")
     assert state.kind == "stale" and "Marks have changed" in state.reason
 
 
-def test_a_stage_that_ran_anew_makes_the_later_ones_stale(addon, project_scene, project):
-    addon.steps.learn_scene(project_scene).wait()
+def test_rerun_stage_makes_later_ones_stale(addon, learned, project):
+    assert kinds(addon, learned)["palette"] == "done"
+    project.finish("geometry", "anew")
     for step, reason in (("segment", "learned again"), ("palette", "segmented again")):
-        state = addon.states.state_of(project_scene, step)
+        state = addon.states.state_of(learned, step)
         assert state.kind == "stale" and reason in state.reason
 
 
-def test_another_preset_than_was_learned_with_says_so(addon, learned, monkeypatch):
+def test_another_preset_than_learned_with_is_shown(addon, learned, monkeypatch):
     monkeypatch.setattr(addon.disk, "_learned_with", lambda state: ("fine", ""))
     assert "another preset" in addon.states.state_of(learned, "learn").reason
     learned.karf.preset = "fine"
     assert kinds(addon, learned)["learn"] == "done"
 
 
-def test_the_step_whose_job_runs_says_so(addon, learned, monkeypatch):
+def test_step_of_the_running_job_is_shown(addon, learned, monkeypatch):
     request = addon.engine_api.Request("segmentation", addon.folders.project_of(learned).folder, {})
     monkeypatch.setattr(addon.runner, "current_request", lambda scene: request)
     assert kinds(addon, learned)["segment"] == "running"
@@ -79,11 +80,11 @@ def test_the_step_whose_job_runs_says_so(addon, learned, monkeypatch):
         (DONE, DONE | {"segment": "stale"}, {"segment": True}),
     ],
 )
-def test_steps_that_are_done_fold_and_the_next_or_a_stale_one_opens(addon, before, after, changes):
+def test_done_steps_fold_and_the_next_or_stale_one_opens(addon, before, after, changes):
     assert addon.states.opened(before, after) == changes
 
 
-def test_what_is_opened_by_hand_stays_until_a_step_is_done(bpy, addon, project_scene):
+def test_panels_opened_by_hand_stay_open_until_a_step_is_done(bpy, addon, project_scene):
     folding = bpy.context.window_manager.karf_folding
     addon.states.update()
     assert folding.show_learn and not folding.show_import

@@ -6,7 +6,7 @@ import pytest
 
 @pytest.fixture
 def editor(bpy, scene):
-    """A function that returns the Image Editor of the window; a file that is opened has another one."""
+    """A function that returns the window's Image Editor; an opened file has another one."""
 
     def areas():
         return bpy.data.window_managers[0].windows[0].screen.areas
@@ -42,19 +42,19 @@ def test_a_capture_is_ready_to_mark_until_it_is_learned(addon, project_scene, wi
         assert editor().image == marking.photo is not None
 
 
-def test_what_is_learned_is_left_as_it_is_shown(addon, project_scene, window, editor):
+def test_learned_scene_is_left_as_shown(addon, project_scene, window, editor):
     addon.steps.learn_scene(project_scene).wait()
     addon.masks.begin_marking(window)
     assert project_scene.karf.marking.photo is None and not project_scene.karf.marking.objects
 
 
-def test_of_what_is_learned_the_workspace_shows_the_picture(addon, learned, window, editor):
+def test_workspace_shows_the_picture_of_a_learned_scene(addon, learned, window, editor):
     learned.karf.result = None  # imported with a project that was learned before
     addon.masks.begin_marking(window)
     assert editor().image == learned.karf.result is not None
 
 
-def test_without_a_photo_the_workspace_opens_all_the_same(addon, project_scene, capture_folder, window, editor, capsys):
+def test_workspace_opens_without_photos(addon, project_scene, capture_folder, window, editor, capsys):
     for photo in (capture_folder / "images").glob("*.png"):
         photo.unlink()
     addon.masks.begin_marking(window)
@@ -63,14 +63,14 @@ def test_without_a_photo_the_workspace_opens_all_the_same(addon, project_scene, 
 
 
 # --- the picture that is shown -------------------------------------------------------------------------------------
-def test_a_file_that_is_opened_shows_its_picture(bpy, learned, editor, tmp_path):
+def test_opened_file_shows_its_picture(bpy, learned, editor, tmp_path):
     editor().image = None
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "pots.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "pots.blend"))
     assert editor().image == bpy.context.scene.karf.result is not None
 
 
-def test_a_lost_preview_is_replaced_and_a_picture_of_the_artists_own_stays(bpy, addon, learned, editor):
+def test_lost_preview_is_replaced_and_the_artists_picture_stays(bpy, addon, learned, editor):
     gone = bpy.data.images.new("KaRF preview", 1, 1)
     gone.source, gone.filepath = "FILE", "/nowhere/preview.png"
     editor().image = gone
@@ -133,7 +133,7 @@ def n_draws(bpy, addon):
     return bpy.types.STATUSBAR_HT_header.draw._draw_funcs.count(addon.statusbar.draw)
 
 
-def test_what_an_installation_puts_back_draws_the_job_too(bpy, addon):
+def test_status_bar_draws_the_job_after_an_installation(bpy, addon):
     workspace, header = bpy.data.workspaces[0], bpy.types.STATUSBAR_HT_header
     addon.extension.unregister()
     header.draw = header.draw._draw_funcs[0]  # nothing was ever added in this session
@@ -145,7 +145,7 @@ def test_what_an_installation_puts_back_draws_the_job_too(bpy, addon):
     assert n_draws(bpy, addon) == 1
 
 
-def test_a_tool_with_its_own_status_is_followed_by_the_job_again(bpy, addon):
+def test_status_bar_draws_the_job_after_a_tools_status(bpy, addon):
     workspace = bpy.data.workspaces[0]
     workspace.status_text_set(lambda header, context: None)
     addon.extension.unregister()

@@ -14,8 +14,6 @@ from blender_tests.engine.conftest import ROOT
 from karf_engine.capture.child_process import LOCK, child_messages, work_folder
 from karf_engine.errors import KarfError
 
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
-
 
 def count(send, task):
     for number in range(task):
@@ -55,28 +53,23 @@ def test_leaving_early_ends_the_child(tmp_path):
     assert time.monotonic() - start < 60
 
 
-# scripts, which are given a path
-SLEEPING = """
-import sys
-from blender_tests.engine.capture.test_child_process import note_and_sleep
-from karf_engine.capture.child_process import child_messages
-if __name__ == "__main__":
-    with child_messages("sleeping", note_and_sleep, sys.argv[1]) as messages:
-        for _ in messages:
-            pass
-"""
-LEAVING = """
+HEAD = """
 import os, sys
 from pathlib import Path
-from karf_engine.capture.child_process import work_folder
+from blender_tests.engine.capture.test_child_process import count, note_and_sleep
+from karf_engine.capture.child_process import child_messages, work_folder
+"""
+SLEEPING = """
+if __name__ == "__main__":
+    with child_messages("sleeping", note_and_sleep, sys.argv[1]) as messages:
+        list(messages)
+"""
+LEAVING = """
 with work_folder(Path(sys.argv[1]), "work-") as folder:
     (folder / "large.db").write_text("x")
     os.kill(os.getpid(), 9)
 """
 LEARNING = """
-from blender_tests.engine.capture.test_child_process import count
-from karf_engine.capture.child_process import child_messages
-
 print("run")
 with child_messages("counting", count, 1) as messages:
     print(list(messages)[-1])
@@ -84,9 +77,9 @@ with child_messages("counting", count, 1) as messages:
 
 
 def start(folder, script, *arguments):
-    (folder / "script.py").write_text(script)
+    (folder / "script.py").write_text(HEAD + script)
     command = [sys.executable, folder / "script.py", *arguments]
-    return subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, text=True)
 
 
 def test_a_child_ends_when_its_parent_is_killed(tmp_path):

@@ -14,7 +14,7 @@ from blender_tests.engine.reference.capture_files import (
     random_rig,
     write_colmap,
 )
-from karf_engine.capture import colmap_model, open_capture
+from karf_engine.capture import open_capture
 from karf_engine.capture.colmap_model import PARAMETERS
 from karf_engine.errors import DataError
 
@@ -82,23 +82,6 @@ def test_models_that_colmap_writes_are_read_as_colmap_reads_them(tmp_path, model
     assert capture.warnings == ()
     assert capture.views[0].camera.fisheye == ("FISHEYE" in model)
     assert_agrees(capture, pycolmap.Reconstruction(sparse))
-
-
-def test_the_table_of_camera_models_is_colmaps():
-    pycolmap = pytest.importorskip("pycolmap")
-    theirs = {int(kind): name for name, kind in pycolmap.CameraModelId.__members__.items() if name != "INVALID"}
-    assert {number: name for number, (name, _) in colmap_model.MODELS.items()} == theirs
-    for number, (_, parameters) in colmap_model.MODELS.items():
-        camera = pycolmap.Camera.create_from_model_id(1, pycolmap.CameraModelId(number), 100.0, 640, 480)
-        assert len(camera.params) == len(parameters.split())
-
-
-@pytest.mark.parametrize("suffix", [".bin", ".txt"])
-def test_our_own_writer_agrees_with_colmap(tmp_path, suffix):
-    """The other tests write models themselves."""
-    pycolmap = pytest.importorskip("pycolmap")
-    write_colmap(tmp_path, CAMERAS, NAMES, suffix)
-    assert_agrees(open_capture(tmp_path), pycolmap.Reconstruction(tmp_path / "sparse" / "0"))
 
 
 # ------------------------------------------------------------------------------------------------------------ the model

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from blender_tests.engine.capture.example_format import CSV
 from blender_tests.engine.reference.capture_files import (
     centered,
+    llff_table,
     put,
     put_photos,
     random_rig,
@@ -70,6 +71,7 @@ def test_every_format_gives_the_same_cameras(tmp_path_factory, name, seed, lens)
         assert view.image.is_file()
 
 
+RIG = [centered(camera) for camera in random_rig(3)]
 WITH_SIZES = [name for name in FORMATS if name != "nerf-synthetic"]  # whose cameras say how large their photos are
 
 
@@ -201,10 +203,48 @@ def test_photos_alone_are_no_capture(tmp_path):
     )
 
 
+# -------------------------------------------------------------------------------------------------------------------- LLFF
+@pytest.fixture
+def llff(tmp_path):
+    write_llff(tmp_path, RIG, NAMES)
+    return tmp_path
+
+
+def test_the_columns_are_down_right_back(tmp_path):
+    #        down  right  back  position  (height, width, focal)
+    block = [[0.0, 1.0, 0.0, 5.0, 6.0], [-1.0, 0.0, 0.0, 6.0, 8.0], [0.0, 0.0, 1.0, 7.0, 10.0]]
+    np.save(tmp_path / "poses_bounds.npy", [[*np.ravel(block), 2.0, 30.0]])
+    put_photos(tmp_path / "images", ["a.png"], (8, 6))
+    view = open_capture(tmp_path).views[0]
+    assert_allclose(view.camera.camera_to_world, [[1, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]])
+    assert (view.camera.width, view.camera.height, view.camera.fx, view.camera.cx, view.camera.cy) == (8, 6, 10, 4, 3)
+    assert view.depth_bounds == (2, 30)
+
+
+@pytest.mark.parametrize("chosen", ["poses_bounds.npy", "."])
+def test_all_views_are_learned_from_and_other_files_are_no_photos(llff, chosen):
+    put(llff / "images" / "._IMG_0.png", b"resource fork")
+    put(llff / "images" / "notes.txt", b"text")
+    capture = open_capture(llff / chosen)
+    assert capture.format == "llff" and capture.warnings == ()
+    assert [view.image for view in capture.split("train")] == [llff / "images" / name for name in NAMES]
+
+
+def test_the_largest_photos_that_are_complete_are_taken(llff):
+    (llff / "images" / NAMES[4]).unlink()
+    for name, size in (("images_2", (40, 30)), ("images_4", (20, 15)), ("images_20x15", (20, 16))):
+        put_photos(llff / name, NAMES, size)
+    assert {view.image.parent.name for view in open_capture(llff).views} == {"images_2"}
+
+
+def test_impossible_depth_bounds_are_left_out_with_a_remark(llff):
+    np.save(llff / "poses_bounds.npy", llff_table(RIG, bounds=(-1.0, 5.0)))
+    capture = open_capture(llff)
+    assert all(view.depth_bounds is None for view in capture.views)
+    assert capture.warnings == ("9 views: depth bounds that are not a range of positive depths were left out.",)
+
+
 # --------------------------------------------------------------------------------------------------- a format of one's own
-RIG = [centered(camera) for camera in random_rig(3)]
-
-
 @pytest.fixture
 def registered(monkeypatch):
     monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))

@@ -64,7 +64,6 @@ def test_a_capture_without_points_is_refused(tmp_path):
         reprojection_errors(Capture(tmp_path, "test", (View("v", "v", PINHOLE, None, "train"),)), 0)
 
 
-# ------------------------------------------------------------------------------------------------------ cameras of a splat
 def test_a_camera_of_a_splat_looks_along_the_third_column_with_y_down(tmp_path):
     entry = {
         "id": 0, "img_name": "IMG_1", "width": 640, "height": 480, "fx": 500.0, "fy": 510.0,

@@ -115,7 +115,7 @@ def test_nerf_synthetic_splits_are_kept_and_equal_stems_get_distinct_names(tmp_p
     assert len(open_capture(tmp_path / "transforms_test.json").views) == 7  # one file stands for its folder
 
 
-def test_one_split_file_alone_holds_its_bare_cameras(tmp_path):
+def test_a_split_file_holds_only_its_own_bare_cameras(tmp_path):
     for split in ("train", "test"):
         write_captured(tmp_path, f"transforms_{split}.json", [f"{split}/r_0"], w=4, h=4)
     bare = open_capture(tmp_path / "transforms_test.json", photos=False)

@@ -4,9 +4,11 @@ import shutil
 
 import pytest
 
+import karf_engine as karf
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.capture import View
+from karf_engine.cli import main
 from karf_engine.project import Project
 
 
@@ -14,6 +16,17 @@ from karf_engine.project import Project
 def copy(learned, tmp_path):
     """The learned still life, copied."""
     return Project(shutil.copytree(learned.project, tmp_path / "project"))
+
+
+@pytest.fixture(scope="module")
+def model(learned):
+    """The learned still life, loaded; not to be changed."""
+    return karf.load(learned.project, "cpu")
+
+
+def run(*words):
+    """Run the command line; its exit code."""
+    return main([*map(str, words)])
 
 
 class Events:
@@ -43,3 +56,10 @@ def cameras_file(path, count=1, size=16, angle=1.0):
     camera = camera_at(angle, 0.5, size=size)
     write_cameras(path, [View(f"frame_{n}", f"frame_{n}", camera, None, "train") for n in range(count)])
     return path
+
+
+def geometry_command(still_life, project, *settings):
+    """Arguments that learn the geometry alone."""
+    command = still_life.command(project, *settings)
+    masks = command.index("--masks")
+    return ["geometry", *command[1:masks], *command[masks + 2 :]]

@@ -1,8 +1,6 @@
 """Every stage away from the CPU: on the device that `--device` names, else on one that is only pretended."""
 
-import importlib
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +10,11 @@ pytest.importorskip("scipy")
 PRETEND = "blender_tests.engine.pretend_device"
 pytest.importorskip(PRETEND, reason="this torch has no device made of Python alone", exc_type=ImportError)
 
+from blender_tests.engine.commands.conftest import geometry_command, run
 from blender_tests.engine.pretend_device import pretend_device
 from blender_tests.engine.reference.nerf import still_life as views_and_photos
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture.capture import SparsePoints
-from karf_engine.cli import main
 from karf_engine.compute import runtime
 from karf_engine.compute.progress import Progress
 from karf_engine.fields.files import load_scene, save_scene
@@ -26,9 +24,8 @@ from karf_engine.fields.registry import field_kind
 from karf_engine.fields.rendering.rays import PixelDataset
 from karf_engine.fields.rendering.surface_cache import cache_surface
 from karf_engine.fields.scene import psnr_of_views
-from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project import STAGE_ORDER
 from karf_engine.project.settings import GeometrySettings, Level, NerfSettings, OpenSettings
-from karf_engine.recolor.model import Model
 
 LEVELS = (Level(12, 8, 1.0), Level(16, 8, 1.0))
 SETTINGS = replace(
@@ -115,18 +112,6 @@ def test_a_scene_is_learned_stored_and_looked_at_away_from_the_cpu(geometry, els
         assert values.device.type == elsewhere.type and len(values) == len(positions)
 
 
-def test_an_interrupted_nerf_resumes_away_from_the_cpu(elsewhere):
-    fit, _ = started("alpha", "box", "nerf", elsewhere)
-    scenes = fit.scenes(SILENT)
-    next(scenes)
-    state = {name: value.cpu().clone() for name, value in fit.state().items()}
-    other, _ = started("alpha", "box", "nerf", elsewhere)
-    other.resume(state)
-    next(scenes)
-    next(other.scenes(SILENT))
-    assert all(torch.equal(a, b) for a, b in zip(fit.field.parameters(), other.field.parameters(), strict=True))
-
-
 def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
     monkeypatch.setattr(importing, "MIN_PSNR", 0.0)
     fit, dataset = started("opaque", "frustum", "nerf", elsewhere)
@@ -137,10 +122,6 @@ def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
 
 
 # ------------------------------------------------------------------------------------------------------ the other stages
-def runs(*arguments):
-    assert main([*map(str, arguments)]) == 0
-
-
 QUICK = ("segmentation.iterations=25", "recoloring.iterations=4", "segmentation.rounds=1")
 WAYS = {
     "as by default": (),
@@ -152,27 +133,17 @@ WAYS = {
 @pytest.mark.parametrize("settings", WAYS.values(), ids=WAYS)
 def test_the_stages_after_geometry_run_away_from_the_cpu(still_life, copy, elsewhere, tmp_path, settings):
     project = copy.folder
-    runs(*still_life.command(project, *QUICK, *settings), "--device", elsewhere)
+    assert run(*still_life.command(project, *QUICK, *settings), "--device", elsewhere) == 0
     assert all(copy.finished(stage) for stage in STAGE_ORDER)
     green = tmp_path / "green.json"
-    runs("match", project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", green)
+    assert run("match", project, "--object", "ball", "--from", "#c0221a", "--to", "#1ec040", "--out", green) == 0
     for base in ("photo", "render"):
         options = ("--edit", green, "--base", base, "--depth", "--planes", "--out", tmp_path / base)
-        runs("render", project, "--views", "test_r_1", *options, "--threads", 1, "--device", elsewhere)
+        assert run("render", project, "--views", "test_r_1", *options, "--threads", 1, "--device", elsewhere) == 0
         assert (tmp_path / base / "recolor" / "test_r_1.png").exists()
 
 
 def test_the_whole_geometry_stage_runs_away_from_the_cpu(still_life, elsewhere, tmp_path):
     few = 'geometry.levels=[{"voxels": 12, "iterations": 20, "step": 1.0}]'
-    arguments = still_life.command(tmp_path / "project", few)
-    arguments = [part for part in arguments if part not in ("--masks", str(still_life.masks))]
-    runs("geometry", *arguments[1:], "--device", elsewhere)
+    assert run(*geometry_command(still_life, tmp_path / "project", few), "--device", elsewhere) == 0
     assert (tmp_path / "project" / "preview.png").exists()
-
-
-def test_the_comparison_of_weights_runs_away_from_the_cpu(learned, elsewhere, monkeypatch):
-    ablations = importlib.import_module("tools.evaluate.ablations")
-    monkeypatch.setattr(ablations, "score_palettes_of", lambda test, masks: SimpleNamespace(psnr_object=30.0))
-    done = SimpleNamespace(model=Model(Project(learned.project), elsewhere))
-    bench = SimpleNamespace(ablation=lambda overrides, seed: done, truth=SimpleNamespace(masks=lambda split: None))
-    assert np.isfinite(ablations.decomposition_row(bench, ())).all()

@@ -73,34 +73,19 @@ def warnings(events):
     return events.values("warning", "code")
 
 
-def all_to_learn(capture):
-    return replace(capture, views=tuple(replace(view, split="train") for view in capture.views), holdout=0)
-
-
-def test_the_space_and_how_well_held_out_views_did_are_noted(capture, learn):
-    events, facts = learn(capture)
-    assert facts["space"] == "contraction"
-    assert len(facts["held_out"]) == 2
-    assert all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
-    assert 1 < facts["pixels_per_voxel"] < 6
-    assert warnings(events) == ["detail"]  # 16 voxels are few
-
-
-def test_a_project_keeps_the_holdout_and_the_points_that_it_was_learned_with(capture, learn):
-    bare = all_to_learn(capture)
+def test_a_project_keeps_the_holdout_and_the_points_and_notes_how_well_held_out_views_did(capture, learn):
+    bare = replace(capture, views=tuple(replace(view, split="train") for view in capture.views), holdout=0)
     moved = replace(bare, points=replace(bare.points, positions=bare.points.positions + 0.01))
-    told = []
-    for each, options, holdout, is_done in (
-        (bare, {"holdout": 8}, 8, False),
-        (bare, {}, 8, True),
-        (bare, {"holdout": 0}, 0, False),
-        (moved, {"holdout": 0}, 0, False),
-    ):
-        events, facts = learn(each, **options)
-        assert (facts["holdout"], events.is_done_already("geometry")) == (holdout, is_done)
-        told.append(facts["held_out"])
-    assert told[0] and not told[-1]
-    assert any("new views" in (text or "") for text in events.values("stage", "text"))  # that none is measured
+    rows = [(bare, {"holdout": 8}, 8), (bare, {}, 8), (bare, {"holdout": 0}, 0), (moved, {"holdout": 0}, 0)]
+    told = [learn(each, **options) for each, options, _ in rows]
+    assert [facts["holdout"] for _, facts in told] == [holdout for *_, holdout in rows]
+    assert [events.is_done_already("geometry") for events, _ in told] == [False, True, False, False]
+    (events, facts), *_, (silent, bare_facts) = told
+    assert facts["space"] == "contraction" and 1 < facts["pixels_per_voxel"] < 6
+    assert len(facts["held_out"]) == 2 and all(5 < worst <= mean < 40 for mean, worst in facts["held_out"])
+    assert warnings(events) == ["detail"]  # 16 voxels are few
+    assert bare_facts["held_out"] == []
+    assert any("new views" in (text or "") for text in silent.values("stage", "text"))  # that none is measured
 
 
 def test_a_marked_photo_is_learned_from_and_a_later_mark_asks_for_no_new_geometry(capture, learn, tmp_path):

@@ -170,12 +170,25 @@ def test_photos_that_it_does_not_show_are_refused(imported, tmp_path, still_life
     assert "poses" in caught.value.hint and not (tmp_path / "capture").exists()
 
 
-@pytest.mark.parametrize(
-    "option", [{"views": 5}, {"size": 100}, {"up": "y"}, {"cameras": "own.json"}], ids=lambda option: next(iter(option))
-)
-def test_options_that_mean_nothing_beside_photos_are_refused(imported, still_life, option):
-    with pytest.raises(BadRequest, match=f"With photos.*'{next(iter(option))}'"):
-        imported(photos=still_life.capture, **option)
+REFUSED = {
+    **{
+        name: (BadRequest, {name: value}, f"With photos.*'{name}'")
+        for name, value in (("views", 5), ("size", 100), ("up", "y"), ("cameras", "own.json"))
+    },
+    **{f"{views} views": (BadRequest, SMALL | {"views": views}, "views are too few") for views in range(3)},
+    "missing": (DataError, SMALL | {"source": "gone.ply"}, r"gone\.ply"),
+    "cancelled": (Cancelled, SMALL | {"should_stop": lambda: True}, ""),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused_leaves_nothing(imported, splat, tmp_path, still_life, case):
+    error, options, says = REFUSED[case]
+    source = tmp_path / options.get("source", splat.name)
+    photos = {"photos": still_life.capture} if says.startswith("With photos") else {}
+    with pytest.raises(error, match=says or None):
+        imported(source, **photos | {name: value for name, value in options.items() if name != "source"})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["still.ply"]
 
 
 def test_a_folder_that_holds_something_is_not_written_to(imported, tmp_path):
@@ -183,21 +196,3 @@ def test_a_folder_that_holds_something_is_not_written_to(imported, tmp_path):
     (tmp_path / "capture" / "mine.txt").write_text("x")
     with pytest.raises(BadRequest, match="not empty"):
         imported(**SMALL)
-
-
-@pytest.mark.parametrize("views", range(3))
-def test_too_few_views_are_refused(imported, tmp_path, views):
-    with pytest.raises(BadRequest, match="views are too few") as caught:
-        imported(**SMALL | {"views": views})
-    assert caught.value.hint and not (tmp_path / "capture").exists()
-
-
-def test_cancelling_leaves_nothing(imported, tmp_path):
-    with pytest.raises(Cancelled):
-        imported(**SMALL, should_stop=lambda: True)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["still.ply"]
-
-
-def test_a_missing_file_is_named(imported, tmp_path):
-    with pytest.raises(DataError, match=r"gone\.ply"):
-        imported(tmp_path / "gone.ply", **SMALL)

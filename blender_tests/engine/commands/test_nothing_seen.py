@@ -9,11 +9,11 @@ import pytest
 torch = pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
+from blender_tests.engine.commands.conftest import run
 from blender_tests.engine.reference.still_life import camera_at
 from karf_engine.capture import write_cameras
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import View
-from karf_engine.cli import main
 from karf_engine.fields.nerf.field import NerfField, NerfNetwork, NerfSampling, NerfShape
 from karf_engine.fields.rendering.space import Box, Contraction, Frustum
 from karf_engine.fields.scene import Scene
@@ -88,10 +88,6 @@ def test_every_camera_renders_every_space(make, filled, camera):
 
 
 # ------------------------------------------------------------------------------------------------------ a learned project
-def run(*words):
-    return main([*map(str, words)])
-
-
 @pytest.mark.parametrize("known", ["geometry", "segmentation", "recoloring"])
 def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
     later = {"geometry": "segmentation", "segmentation": "palette"}
@@ -114,22 +110,21 @@ def test_a_camera_that_sees_nothing_ends_no_render(copy, tmp_path, known):
 
 
 # -------------------------------------------------------------------------------------------------- marks of hardly anything
-def marked(still_life, tmp_path, places):
-    """Masks of the still life whose ball is only these (row, column) pixels of r_0."""
+@pytest.fixture
+def beside(still_life, tmp_path):
+    """Masks of the still life, but of the ball only a pixel that shows nothing."""
     masks = shutil.copytree(still_life.masks, tmp_path / "masks")
     shutil.rmtree(masks / "ball")
     mask = np.zeros((32, 32), bool)
-    for place in places:
-        mask[place] = True
+    mask[0, 0] = True
     write_png(masks / "ball" / "r_0.png", mask)
     return masks
 
 
 @pytest.mark.parametrize("labels", ["surface", "masks"])
-def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, copy, tmp_path, capsys, labels):
-    masks = marked(still_life, tmp_path, [(0, 0)])
+def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, beside, copy, tmp_path, capsys, labels):
     few = ("segmentation.iterations=40", "recoloring.iterations=10", f"segmentation.labels={labels}")
-    assert run(*replace(still_life, masks=masks).command(copy.folder, *few)) == 0
+    assert run(*replace(still_life, masks=beside).command(copy.folder, *few)) == 0
     printed = capsys.readouterr().err
     assert "Nothing in the scene belongs to 'ball': mark it more generously, or in another view." in printed
     assert "'ball' shows only 0 pixels in all views" in printed
@@ -143,21 +138,7 @@ def test_a_mark_beside_everything_does_not_stop_the_other_objects(still_life, co
     assert any(shown["block"]) and not any(shown["ball"])
 
 
-NOTHING = "Nothing in the scene belongs to 'ball'."
-
-
-def test_marks_that_are_all_beside_everything_are_refused_in_a_sentence(still_life, copy, tmp_path, capsys):
-    masks = marked(still_life, tmp_path, [(0, 0)])
-    shutil.rmtree(masks / "block")
-    assert run("segmentation", copy.folder, "--masks", masks) == 4
-    assert NOTHING in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("count", [1, 4, None], ids=["one pixel", "four pixels", "all pixels"])
-def test_marks_of_hardly_anything_or_all_are_enough_or_refused_in_a_sentence(still_life, copy, tmp_path, capsys, count):
-    rows, columns = np.nonzero(still_life.photos["train/r_0"].labels == 1)
-    row, column = int(np.median(rows)), int(np.median(columns))
-    places = [(row, column + number) for number in range(count)] if count else [(slice(None), slice(None))]
-    code = run("segmentation", copy.folder, "--masks", marked(still_life, tmp_path, places), "--threads", 1)
-    printed = capsys.readouterr().err
-    assert code == 0 or (code == 4 and (NOTHING in printed or count is None)), printed
+def test_marks_that_are_all_beside_everything_are_refused_in_a_sentence(beside, copy, capsys):
+    shutil.rmtree(beside / "block")
+    assert run("segmentation", copy.folder, "--masks", beside) == 4
+    assert "Nothing in the scene belongs to 'ball'." in capsys.readouterr().err

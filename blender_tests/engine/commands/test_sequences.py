@@ -6,7 +6,6 @@ import tracemalloc
 import weakref
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 pytest.importorskip("torch")
@@ -14,9 +13,8 @@ pytest.importorskip("scipy")
 
 from blender_tests.engine.commands.conftest import Events
 from blender_tests.engine.commands.farm.sequences import Sequence
-from karf_engine.errors import BadRequest, Cancelled
-from karf_engine.export.finished_frames import RECORD_NAME, FinishedFrames, model_fingerprint, view_fingerprint
-from karf_engine.io.images import read_photo
+from karf_engine.errors import Cancelled
+from karf_engine.export.finished_frames import RECORD_NAME, model_fingerprint, view_fingerprint
 from karf_engine.recolor.model import Model
 
 ALL = ["frame_0001", "frame_0002", "frame_0003", "frame_0004"]
@@ -124,28 +122,6 @@ def test_a_cancelled_sequence_keeps_its_frames_and_goes_on(sequence):
     kept = sorted(sequence.times())
     assert kept == ALL[: len(kept)] and 0 < len(kept) < 4
     assert sequence.render() == ALL[len(kept) :]
-
-
-def test_frames_of_a_camera_may_be_deep_and_transparent(sequence):
-    sequence.render()
-    opaque = read_photo(sequence.out / "recolor" / "frame_0002.png")
-    sequence.render(format="exr16", alpha=True)
-    clear = read_photo(sequence.out / "recolor" / "frame_0002.exr")
-    alpha = clear[..., 3:]
-    assert alpha.min() < 0.05 and alpha.max() > 0.95
-    np.testing.assert_allclose(clear[..., :3] * alpha, opaque, atol=0.01)  # behind the still life is black
-    with pytest.raises(BadRequest, match="format = 'gif' is unknown"):
-        sequence.render(format="gif")
-
-
-def test_the_note_says_what_each_frame_was_made_from(sequence):
-    sequence.render()
-    finished = FinishedFrames.read(sequence.out)
-    assert sorted(finished.frames) == ALL
-    entry = finished.frames["frame_0002"]
-    kinds = ("render", "recolor", "masks/ball", "masks/block")
-    assert set(entry["files"]) == {f"{kind}/frame_0002.png" for kind in kinds}
-    assert finished.has("frame_0002", entry["made_from"]) and not finished.has("frame_0002", "other")
 
 
 def test_memory_does_not_grow_with_the_number_of_frames(learned, tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """Captured views recolored in their photos' own pixels, and cameras of any size: on the learned still life."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -8,21 +9,28 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 torch = pytest.importorskip("torch")
 Image = pytest.importorskip("PIL.Image")
-OpenEXR = pytest.importorskip("OpenEXR")
 
 import karf_engine as karf
-from blender_tests.engine.commands.conftest import cameras_file
+from blender_tests.engine.commands.conftest import cameras_file, geometry_command
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture.capture import View
 from karf_engine.capture.distortion import undistort_points
 from karf_engine.cli import main
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.export.finished_frames import frame_fingerprint
-from karf_engine.io.color import srgb_to_linear, to_bytes
-from karf_engine.io.images import INVERSE_EXIF_ORIENTATION, apply_exif_orientation_copy, read_mask, read_photo
+from karf_engine.io.color import to_bytes
+from karf_engine.io.color_spaces import color_space
+from karf_engine.io.images import (
+    INVERSE_EXIF_ORIENTATION,
+    apply_exif_orientation_copy,
+    encode_image,
+    read_mask,
+    read_photo,
+)
 from karf_engine.metrics.masks import iou
 from karf_engine.palettes.compositing import delta_composite, stack_palettes
-from karf_engine.project import STAGE_ORDER
+from karf_engine.project import STAGE_ORDER, Project
+from karf_engine.project.contents import read_capture
 from karf_engine.project.state import write_state
 from karf_engine.recolor.full_resolution import make_photo_view
 from karf_engine.recolor.matting.photo_mattes import field_mattes
@@ -125,24 +133,6 @@ def test_a_photo_keeps_its_lens(model, tmp_path):
     assert scores[0] > 0.7 and scores[0] > scores[1] + 0.05
 
 
-def test_a_matte_keeps_its_alpha_and_its_hidden_colors(model, green, photo, tmp_path):
-    alpha = to_bytes(photo.alpha)
-    Image.fromarray(np.dstack([to_bytes(photo.color), alpha])).save(tmp_path / "a.png")
-    ready = model.photo_view(view_of(tmp_path / "a.png"))
-    after = ready.recolor(green).pixels
-    assert_array_equal(after[..., 3], alpha)
-    assert_array_equal(after[alpha == 0], open_photo(tmp_path / "a.png").pixels[alpha == 0])
-    assert is_green(after[ready.masks()[0] & (alpha == 255)])
-
-
-def test_linear_light_is_recolored_as_its_display_colors_are(model, green, photo, tmp_path):
-    light = srgb_to_linear(to_bytes(photo.color) / 255).astype(np.float32)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {"RGB": light}).write(str(tmp_path / "a.exr"))
-    shown = model.recolor(saved(tmp_path / "a.png", photo.color), green)
-    assert_allclose(model.recolor(view_of(tmp_path / "a.exr"), green), shown, atol=1.1 / 255)
-
-
 @pytest.mark.parametrize("orientation", [1, 6])
 def test_rough_masks_lie_in_the_grid_of_the_stored_photo(model, photo, tmp_path, orientation):
     taken = []
@@ -181,31 +171,13 @@ def test_a_photo_and_its_pinhole_are_the_same_at_the_learned_size(model, green, 
     assert_array_equal(to_bytes(model.recolor(view, green)), to_bytes(plain))
 
 
-@pytest.mark.parametrize(("name", "orientation"), [("green", 6), ("added", 1)])
-def test_layers_of_a_photo_recolor_it(request, model, photo, tmp_path, name, orientation):
-    edit = request.getfixturevalue(name)
-    ready = model.photo_view(saved(tmp_path / "a.png", photo.color, orientation))
-    layers = ready.layers(np.ones((2, 2)), edit.added)
-    if not edit.added:
-        assert_allclose(layers.palette_weights.sum(1, dtype=np.float32), layers.coverage, atol=4e-3)
+def test_layers_of_a_photo_recolor_it_with_an_added_color(model, added, photo, tmp_path):
+    ready = model.photo_view(saved(tmp_path / "a.png", photo.color, 6))
+    layers = ready.layers(np.ones((2, 2)), added.added)
     learned = stack_palettes(model.objects, {palette.name: palette.colors for palette in layers.palettes})
-    edited = stack_palettes(model.objects, edit.colors)
+    edited = stack_palettes(model.objects, added.colors)
     result = delta_composite(layers.base.astype(np.float32) / 255, layers.palette_weights, learned, edited)
-    assert_allclose(result, ready.over_white(ready.recolor(edit)), atol=1.6 / 255)
-
-
-def test_other_edits_of_the_object_leave_its_added_colors(model, added):
-    size = len(model.edit().colors["ball"])
-    for edit in (added.becomes("ball", "#c0221a", "#2040c0"), added.swatch("ball", 1, "#ffffff")):
-        assert_array_equal(edit.colors["ball"][size:], added.colors["ball"][size:])
-        assert (edit.colors["ball"][:size] != added.colors["ball"][:size]).any()
-        assert edit.added == added.added
-
-
-@pytest.mark.parametrize("reach", [0, 4.5])
-def test_a_reach_that_cannot_be_is_refused(model, reach):
-    with pytest.raises(BadRequest, match="is not a reach"):
-        model.edit().add_color("ball", "#c0221a", "#1ec040", reach)
+    assert_allclose(result, ready.over_white(ready.recolor(added)), atol=1.6 / 255)
 
 
 def test_an_edit_with_an_added_color_is_another_frame(model, added):
@@ -265,14 +237,6 @@ def test_what_photo_and_scene_disagree_about_is_told_once(render, capsys, disput
     assert "disagree about ball in test_r_0, train_r_0: its edges there are the scene's" in printed
 
 
-def test_colorways_tell_what_photo_and_scene_disagree_about(learned, tmp_path, capsys, disputed):
-    sheet = tmp_path / "sheet.csv"
-    sheet.write_text("colorway,object,hex\nGreen,ball,#1ec040\nViolet,ball,#8040c0\n")
-    options = ("--sheet", sheet, "--views", "test_r_0", "--out", tmp_path / "out", "--threads", 1)
-    assert main(["colorways", *map(str, (learned.project, *options))]) == 0
-    assert "".join(capsys.readouterr()).count("disagree about ball in test_r_0:") == 1
-
-
 def test_settings_of_rendering_are_in_no_fingerprint_and_may_be_missing(copy):
     state = copy.state()
     assert "render" not in STAGE_ORDER
@@ -282,15 +246,17 @@ def test_settings_of_rendering_are_in_no_fingerprint_and_may_be_missing(copy):
     assert karf.load(copy.folder, device="cpu").settings.render.edges == "photo"
 
 
-def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(render, green, tmp_path):
+@pytest.mark.parametrize(("kind", "suffix"), [("png8", "png"), ("exr16", "exr")])
+def test_a_camera_is_rendered_with_alpha_and_several_rays_a_pixel(render, green, tmp_path, kind, suffix):
     cameras, truth = cameras_file(tmp_path / "path.json", size=24), take_photo(camera_at(1.0, 0.5, size=24))
     green.save(tmp_path / "green.json")
     options = ("--edit", tmp_path / "green.json", "--alpha", "--depth", "--set", "render.supersampling=3")
-    assert render("--views", cameras, *options) == 0
-    for kind in ("render", "recolor"):
-        picture = read_photo(tmp_path / "out" / kind / "frame_0.png")
+    assert render("--views", cameras, *options, "--format", kind) == 0
+    shown, recolored = (
+        read_photo(tmp_path / "out" / name) for name in ("render/frame_0.png", f"recolor/frame_0.{suffix}")
+    )
+    for picture in (shown, recolored):
         assert np.abs(picture[..., 3] - truth.alpha).mean() < 0.08
-    shown = read_photo(tmp_path / "out" / "render" / "frame_0.png")
     solid = truth.alpha > 0.99
     assert np.abs(shown[solid][:, :3] - truth.color[solid]).mean() < 0.1
     depth = np.load(tmp_path / "out" / "depth" / "frame_0.npy")
@@ -304,3 +270,46 @@ def test_bands_of_rows_are_the_whole_picture(model, monkeypatch):
     bands = model.render(camera, 2)
     for name in ("color", "depth", "opacity", "probabilities", "palette_weights", "base"):
         assert_allclose(getattr(bands, name), getattr(whole, name), atol=1e-4)
+
+
+# ---------------------------------------------------------------------------------------------------------- other color spaces
+SPACE = "sRGB Encoded P3-D65"
+
+
+@pytest.fixture(scope="module")
+def wide(still_life, tmp_path_factory):
+    """The still life with photos of 16 bits in a wide gamut."""
+    pytest.importorskip("PyOpenColorIO")
+    folder = shutil.copytree(still_life.capture, tmp_path_factory.mktemp("wide") / "capture")
+    for path in folder.rglob("*.png"):
+        stored = color_space(SPACE).from_srgb(read_photo(path)[..., :3])
+        path.write_bytes(encode_image(".png", np.rint(np.clip(stored, 0, 1) * 65535).astype(np.uint16)))
+    return folder
+
+
+def test_photos_in_another_space_are_recolored_as_those_in_srgb_are(still_life, learned, wide, tmp_path, capsys):
+    project, edit = tmp_path / "project", tmp_path / "edit.json"
+    unknown = ["geometry", str(wide), "--project", str(project), "--photo-space", "P3 sRGB"]
+    assert main(unknown) == BadRequest.exit_code and not project.exists()
+    told = capsys.readouterr().err
+    assert "no color space 'P3 sRGB'" in told and "Nearest: " in told and SPACE in told
+
+    of_wide = replace(still_life, capture=wide)
+    command = of_wide.command(project, "splats.iterations=1", "recoloring.iterations=20")
+    assert main([*command, "--photo-space", SPACE]) == 0
+    assert {view.space.name for view in read_capture(Project(project)).views} == {SPACE}
+    pictures = []
+    for each, space in ((learned.project, None), (project, color_space(SPACE))):
+        out = tmp_path / f"of {each.parent.name}"
+        pair = ("--object", "ball", "--from", "#d92619", "--to", "#1f5fbf", "--out", edit)
+        assert main(["match", *map(str, (each, *pair))]) == 0
+        assert main(["render", *map(str, (each, "--views", "test_r_0", "--edit", edit, "--out", out))]) == 0
+        pictures.append(read_photo(out / "recolor" / "test_r_0.png", space=space)[..., :3])
+    change = np.abs(pictures[0] - pictures[1])
+    assert change.mean() < 0.01 and change.max() < 0.1
+    before, after = open_photo(wide / "test" / "r_0.png"), open_photo(out / "recolor" / "test_r_0.png")
+    assert after.pixels.dtype == np.uint16
+    assert 0.5 < (before.pixels == after.pixels).all(-1).mean() < 0.99
+    capsys.readouterr()
+    assert main(geometry_command(of_wide, project)) == 0  # without the option a project stays as it was learned
+    assert "already done" in capsys.readouterr().err

@@ -71,6 +71,8 @@ def test_they_need_a_field_and_no_masks(bare, tmp_path):
     assert frame.palette_weights is None and frame.color.max() > 0.3
     with pytest.raises(DataError, match="is not a KaRF project"):
         learn(Project(tmp_path / "nothing"))
+    with pytest.raises(BadRequest, match="Only settings of splats"):
+        learn(bare, "geometry.long_side=64")
 
 
 def test_none_are_learned_where_none_are_asked_for(bare):
@@ -91,14 +93,6 @@ def test_where_none_can_be_learned_there_is_a_warning_and_the_field_is_shown(bar
     events = learn(bare, *FEW)
     assert events.values("warning", "code") == ["splats"] and why in events.values("warning", "sentence")[0]
     assert bare.finished("splats") is None and karf.load(bare.folder, "cpu").splats is None
-
-
-@pytest.mark.parametrize("override", ["geometry.long_side=64", "seed=3", "render.source=field", "splats.iteration=3"])
-def test_settings_of_other_stages_are_refused(bare, override):
-    before = bare.state()
-    with pytest.raises(BadRequest) as caught:
-        learn(bare, override)
-    assert caught.value.hint and bare.state() == before
 
 
 def test_a_cancelled_stage_leaves_the_project_as_it_was_and_resumes(bare):

@@ -1,7 +1,8 @@
 """All stages on a tiny still life: learned once through the command line, then rendered, edited and run again."""
 
+import inspect
 import json
-import shutil
+from importlib import import_module
 from pathlib import Path
 
 import imageio.v3 as iio
@@ -13,13 +14,12 @@ maximum_filter = pytest.importorskip("scipy.ndimage").maximum_filter
 OpenEXR = pytest.importorskip("OpenEXR")
 
 import karf_engine
-from blender_tests.engine.commands.conftest import Events, cameras_file
+from blender_tests.engine.commands.conftest import cameras_file, run
 from blender_tests.engine.conftest import of_field
 from blender_tests.engine.reference.still_life import camera_at, take_photo
 from karf_engine.capture import open_capture
-from karf_engine.cli import main
-from karf_engine.commands import render
-from karf_engine.commands.options import RenderOptions
+from karf_engine.commands.dispatch import run_command
+from karf_engine.commands.options import COMMANDS, InspectOptions, LearnOptions, MarkOptions
 from karf_engine.errors import BadRequest
 from karf_engine.export.layer_names import read_layer_names
 from karf_engine.export.scene_points import read_points
@@ -34,13 +34,9 @@ from karf_engine.project.state import result_fingerprint
 from karf_engine.project.volumes import Volume, write_volumes
 from karf_engine.recolor.field_rendering import weights_of_field
 from karf_engine.recolor.model import Model
+from karf_engine.worker.protocol import STAGES, WARM
 
 BALL_COLOR, GREEN = "#c0221a", "#1ec040"
-SAME = '{"schema": "karf-edit/1", "objects": {}}'
-
-
-def run(*words):
-    return main([*map(str, words)])
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +52,7 @@ def green(learned, tmp_path_factory):
 def frames(learned, green, tmp_path_factory):
     """The held-out views rendered with everything there is."""
     out = tmp_path_factory.mktemp("frames")
-    options = ("--edit", green, "--depth", "--unsure", "--planes", "--layers", "--out", out, "--threads", 1)
+    options = ("--edit", green, "--depth", "--unsure", "--planes", "--out", out, "--threads", 1)
     assert run("render", learned.project, "--views", "test", *options) == 0
     return out
 
@@ -88,11 +84,11 @@ def test_a_second_run_does_nothing_and_a_changed_setting_runs_what_depends_on_it
     before = contents(copy)
     files = before.keys() - {Path("lock")}  # which older releases of filelock touch
     times = {name: (copy.folder / name).stat().st_mtime_ns for name in files}
-    assert main(still_life.command(copy.folder)) == 0
+    assert run(*still_life.command(copy.folder)) == 0
     assert contents(copy) == before
     assert times == {name: (copy.folder / name).stat().st_mtime_ns for name in files}
     assert done_already(capsys.readouterr().err) == [True] * 5
-    assert main(still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
+    assert run(*still_life.command(copy.folder, "palette.colors=2", "recoloring.iterations=3")) == 0
     assert done_already(capsys.readouterr().err) == [True, True, False, False, True]
     changed = {name.name for name, content in contents(copy).items() if before.get(name) != content}
     assert changed == {"project.json", "palette.json", "object_colors.npz", "recoloring.safetensors"}
@@ -126,15 +122,6 @@ def test_palettes_stay_as_extracted_without_a_recoloring_field(copy, green, tmp_
     assert "Only settings of recoloring" in capsys.readouterr().err
 
 
-def test_changed_masks_run_the_segmentation_again(still_life, copy, tmp_path, capsys):
-    masks = shutil.copytree(still_life.masks, tmp_path / "masks")
-    for name, other in (("block", "ball"), ("ball", "block")):
-        shutil.copy(still_life.masks / other / "r_0.png", masks / name / "r_0.png")
-    assert run("segmentation", copy.folder, "--masks", masks, "--threads", 1) == 0
-    assert "already done" not in capsys.readouterr().err
-    assert [copy.finished(stage) is not None for stage in STAGE_ORDER] == [True, True, False, False, True]
-
-
 def test_no_view_shows_an_object_beyond_its_volume(copy):
     half = np.diag([0.2, 2.0, 2.0, 1.0])
     half[0, 3] = 0.25  # x from 0.05 to 0.45; the block's is from 0.15 to 0.75
@@ -150,26 +137,18 @@ def test_no_view_shows_an_object_beyond_its_volume(copy):
 
 
 # -------------------------------------------------------------------------------------------------------------- rendering
-def test_held_out_views_show_the_scene_and_its_objects(still_life, frames):
+def test_held_out_views_show_the_scene_its_objects_their_depth_and_doubts(still_life, frames):
     for stem in ("r_0", "r_1"):
         truth = still_life.photos[f"test/{stem}"]
         assert psnr(read_photo(frames / "render" / f"test_{stem}.png"), truth.color) > 20
         for label, name in ((1, "ball"), (2, "block")):
             assert iou(read_mask(frames / "masks" / name / f"test_{stem}.png"), truth.labels == label) > 0.6
-
-
-def test_depth_is_that_of_the_still_life(still_life, frames):
-    truth = still_life.photos["test/r_0"]
-    depth = np.load(frames / "depth" / "test_r_0.npy")
-    assert depth.dtype == np.float32 and depth.shape == (32, 32)
-    _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
-    assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
-
-
-def test_what_is_unsure_lies_where_objects_are_and_what_shows_nothing_is_not(frames):
-    for name in ("ball", "block"):
-        unsure = read_photo(frames / "unsure" / name / "test_r_0.png")[..., 0]
-        assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+            unsure = read_photo(frames / "unsure" / name / f"test_{stem}.png")[..., 0]
+            assert unsure.shape == (32, 32) and (unsure[:2, :2] == 0).all() and 0 < unsure.max() <= 1
+        depth = np.load(frames / "depth" / f"test_{stem}.npy")
+        assert depth.dtype == np.float32 and depth.shape == (32, 32)
+        _, ball_depth = truth.camera.project(np.array([[-0.4, 0.0, 0.1]]))
+        assert abs(np.median(depth[truth.labels == 1]) - (ball_depth[0] - 0.3)) < 0.25
 
 
 def test_the_edit_turns_the_ball_green_and_leaves_the_rest(still_life, frames):
@@ -195,38 +174,27 @@ def test_planes_are_written_for_blender_and_hold_the_photo(still_life, learned, 
     assert planes_made_from(in_project) == result_fingerprint(project.state(), "recoloring")
 
 
-def test_an_unchanged_palette_gives_the_photos_bit_by_bit(still_life, learned, tmp_path):
-    (tmp_path / "same.json").write_text(SAME)
+def test_an_edit_that_changes_nothing_gives_the_photos_bit_by_bit_and_splits_share_no_picture(
+    still_life, learned, tmp_path
+):
+    (tmp_path / "same.json").write_text('{"schema": "karf-edit/1", "objects": {}}')
     options = ("--edit", tmp_path / "same.json", "--out", tmp_path, "--threads", 1)
-    assert run("render", learned.project, "--views", "train", *options) == 0
+    assert run("render", learned.project, "--views", "train_r_0,test_r_0,r_3", *options) == 0  # two are r_0 on disk
     written, capture = sorted((tmp_path / "recolor").iterdir()), open_capture(still_life.capture)
-    assert len(written) == 16
+    assert [path.stem for path in written] == ["r_3", "test_r_0", "train_r_0"]
     for path in written:
         assert np.array_equal(read_photo(path), read_photo(capture.view(path.stem).image))
 
 
-def test_views_of_two_splits_never_share_a_picture(learned, tmp_path):
-    """Both are called r_0 on disk."""
-    assert run("render", learned.project, "--views", "train_r_0,test_r_0", "--out", tmp_path, "--threads", 1) == 0
-    pictures = sorted((tmp_path / "render").iterdir())
-    assert [path.name for path in pictures] == ["test_r_0.png", "train_r_0.png"]
-
-
-def test_a_job_may_edit_every_view_in_its_own_way(learned, green, tmp_path):
-    (tmp_path / "same.json").write_text(SAME)
-    same, events = str(tmp_path / "same.json"), Events()
-
-    def render_with(*edits):
-        options = {"views": str(cameras_file(tmp_path / "path.json", 3)), "edit": edits, "out": tmp_path, "threads": 1}
-        render.run(RenderOptions.of(project=learned.project, **options), events, lambda: False)
-
-    render_with(same, str(green), same)
-    plain, changed, again = (read_photo(tmp_path / "recolor" / f"frame_{i}.png") for i in range(3))
-    unedited = read_photo(tmp_path / "render" / "frame_0.png")
-    assert (plain == unedited).all() and (again == unedited).all() and (changed != unedited).any()
-    assert set(events.values("progress", "total")) == {3}
-    with pytest.raises(BadRequest, match="2 edits for 3 views"):
-        render_with(same, str(green))
+def recomposed(path, edit):
+    """What a compositor makes of layers and an edit, and their depth."""
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        planes = {name: channel.pixels.astype(np.float32) for name, channel in file.channels().items()}
+    result = linear_to_srgb(np.stack([planes[letter] for letter in "RGB"], -1))
+    for each in read_layer_names(path):
+        for name, change in zip(each.weights, edit.colors[each.name] - each.colors, strict=True):
+            result += planes[f"{name}.V"][..., None] * change
+    return np.clip(result, 0, 1), planes["Depth.Z"]
 
 
 def test_free_cameras_are_rendered_recolored_and_layered_without_a_photo(learned, green, tmp_path):
@@ -242,25 +210,6 @@ def test_free_cameras_are_rendered_recolored_and_layered_without_a_photo(learned
     result, depth = recomposed(tmp_path / "layers" / "frame_0.exr", edit)
     assert np.abs(result - recolored).max() < 1 / 255
     np.testing.assert_array_equal(depth, np.load(tmp_path / "depth" / "frame_0.npy"))
-
-
-def recomposed(path, edit):
-    """What a compositor makes of layers and an edit, and their depth."""
-    with OpenEXR.File(str(path), separate_channels=True) as file:
-        planes = {name: channel.pixels.astype(np.float32) for name, channel in file.channels().items()}
-    result = linear_to_srgb(np.stack([planes[letter] for letter in "RGB"], -1))
-    for each in read_layer_names(path):
-        for name, change in zip(each.weights, edit.colors[each.name] - each.colors, strict=True):
-            result += planes[f"{name}.V"][..., None] * change
-    return np.clip(result, 0, 1), planes["Depth.Z"]
-
-
-def test_layers_of_a_photo_recompose_it_in_all_its_pixels(learned, green, frames):
-    model = karf_engine.load(learned.project, "cpu")
-    view, edit = model.capture.view("test_r_0"), read_edit(green, model.palettes)
-    result, depth = recomposed(frames / "layers" / "test_r_0.exr", edit)
-    assert result.shape[1::-1] == depth.shape[::-1] == (view.camera.width, view.camera.height)
-    assert np.abs(result - model.recolor(view, edit)).max() < 1.1 / 255
 
 
 # --------------------------------------------------------------------------------------------------------------- palettes
@@ -320,3 +269,21 @@ def test_matched_edits_change_the_named_object_only_and_add_up(learned, green, t
     assert np.array_equal(first.colors["ball"], both.colors["ball"])
     assert np.array_equal(first.colors["block"], block) and not np.array_equal(both.colors["block"], block)
     assert all(rgb_to_hex(colors[0]) == "#000000" for colors in both.colors.values())
+
+
+# ---------------------------------------------------------------------------------------------------------- every command
+def test_every_command_is_run_in_the_same_way_and_may_be_a_job():
+    for name in (name for name, kind in COMMANDS.items() if kind is not LearnOptions):
+        run = import_module(f"karf_engine.commands.{name.replace('-', '_')}").run
+        assert list(inspect.signature(run).parameters)[:3] == ["options", "emit", "should_stop"], name
+    assert STAGES == (*COMMANDS, WARM)
+
+
+def test_what_a_command_answers_is_returned(still_life, tmp_path, events):
+    inspect_options = InspectOptions.of(capture=still_life.capture, out=tmp_path / "inspected")
+    advice = run_command(inspect_options, events, lambda: False)
+    assert advice.findings and (tmp_path / "inspected" / "inspection.json").exists()
+    box = {"view": "train_r_0", "object_name": "ball", "box": (8, 8, 20, 20)}
+    mark_options = MarkOptions.of(capture=still_life.capture, masks=tmp_path / "masks", **box)
+    mask = run_command(mark_options, events, lambda: False)
+    assert mask.is_file() and events.values("artifact", "path") == [str(tmp_path / "inspected"), str(mask)]

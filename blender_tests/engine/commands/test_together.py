@@ -109,23 +109,19 @@ def test_where_one_process_fails_all_end(tmp_path):
 
 
 # ----------------------------------------------------------------------------------------------------- the process group
-def test_each_process_draws_its_own_numbers_and_then_all_stand_at_one_place():
+def test_each_process_draws_its_own_numbers_also_where_a_share_is_tried_again_and_then_all_stand_at_one_place():
     drawn, after = [], []
     for rank in range(2):
         generator = torch.Generator().manual_seed(3)
+        before = generator.get_state()
+        with pytest.raises(MemoryError), ProcessGroup(rank, 2).rank_random(generator):
+            torch.rand(3, generator=generator)
+            raise MemoryError
+        assert torch.equal(generator.get_state(), before)
         with ProcessGroup(rank, 2).rank_random(generator):
             drawn.append(torch.rand(10 + rank, generator=generator)[:10])
         after.append(torch.rand(10, generator=generator))
     assert not torch.equal(*drawn) and torch.equal(*after)
-
-
-def test_a_share_that_is_tried_again_draws_what_it_would_have_drawn():
-    generator = torch.Generator().manual_seed(3)
-    before = generator.get_state()
-    with pytest.raises(MemoryError), ProcessGroup(1, 2).rank_random(generator):
-        torch.rand(3, generator=generator)
-        raise MemoryError
-    assert torch.equal(generator.get_state(), before)
 
 
 def test_processes_whose_grids_differ_are_told_apart(monkeypatch):

@@ -25,32 +25,16 @@ from karf_engine.project import STAGE_ORDER, Project
 
 SIZE, N_PHOTOS = 36, 8
 MASKED_VIEWS = ("r_0", "r_4")
-SETTINGS = (
-    "geometry.space=box",
-    f"geometry.long_side={SIZE}",
-    'geometry.levels=[{"voxels": 16, "iterations": 60, "step": 1.0}, {"voxels": 24, "iterations": 25, "step": 1.0}]',
-    "geometry.samples=6000",
-    "geometry.max_rays=512",
-    "geometry.features=6",
-    "geometry.table_rate=0.3",
-    "geometry.network_rate=0.02",
-    "geometry.sparsity=0.0",
-    "geometry.prune_alpha=0.001",
-    "geometry.prune_visibility=0.005",
-    "segmentation.iterations=40",
-    "segmentation.rate=0.03",
-    "segmentation.batch=256",
-    "segmentation.cache_views=6",
-    f"segmentation.cache_long_side={SIZE}",
-    "segmentation.width=8",
-    "recoloring.iterations=15",
-    "recoloring.width=8",
-    "recoloring.batch=128",
-    "splats.iterations=12",
-    "splats.count=1000",
-    "splats.long_side=32",
-    "splats.degree=1",
-)
+SETTINGS = """
+    geometry.space=box geometry.long_side=36 geometry.samples=6000 geometry.max_rays=512 geometry.features=6
+    geometry.levels=[{"voxels":16,"iterations":60,"step":1.0},{"voxels":24,"iterations":25,"step":1.0}]
+    geometry.table_rate=0.3 geometry.network_rate=0.02 geometry.sparsity=0.0 geometry.prune_alpha=0.001
+    geometry.prune_visibility=0.005
+    segmentation.iterations=40 segmentation.rate=0.03 segmentation.batch=256 segmentation.width=8
+    segmentation.cache_views=6 segmentation.cache_long_side=36
+    recoloring.iterations=15 recoloring.width=8 recoloring.batch=128
+    splats.iterations=12 splats.count=1000 splats.long_side=32 splats.degree=1
+""".split()
 CHANGES = {  # what makes each stage be learned anew; segmentation is given other masks
     "geometry": ("seed=1", "geometry.long_side=32"),
     "segmentation": (),
@@ -77,7 +61,6 @@ class Scenario:
     """One stage that is learned for the first time, or anew. start: the project before; end: what it leads to."""
 
     title: str
-    stage: str
     start: Path | None
     command: list[str]
     end: State
@@ -100,7 +83,6 @@ class Bench:
         write_masks(self.other_masks, photos, ("r_2", "r_6"))
         self._learn()
 
-    # --- commands --------------------------------------------------------------------------------------------------
     def command(self, stage: str, changed: bool = False, settings_of: str = "geometry") -> list[str]:
         """The command line of a stage, of the first learning or changed. settings_of: whose settings geometry gets."""
         common = ["--threads", "1"]
@@ -123,12 +105,11 @@ class Bench:
         colors = ["--object", "ball", "--from", "#b5302c", "--to", "#3059b8"]
         return ["match", str(self.project), *colors, "--out", str(self.look / "edit.json")]
 
-    # --- right states ----------------------------------------------------------------------------------------------
     def _learn(self) -> None:
         """Make all right states, and the scenarios that lead from one to another."""
         start = None
         for stage in STAGE_ORDER:
-            self._add(f"{stage}, first", stage, start, self.command(stage))
+            self._add(f"{stage}, first", start, self.command(stage))
             start = self.scenarios[-1].end.folder
         self.complete = self.scenarios[-1].end
         self._must(self.match)
@@ -139,13 +120,13 @@ class Bench:
                 self.restore(start)
                 self._must(self.command("geometry", True, stage))
                 start = self._snapshot(f"{stage} to be learned anew")
-            self._add(f"{stage}, anew", stage, start, self.command(stage, True))
+            self._add(f"{stage}, anew", start, self.command(stage, True))
         self.restore(self.complete.folder)
         seconds = self._must(self.render("--planes"))
         start = self.complete.folder
-        self.scenarios.append(Scenario("render", "render", start, self.render("--planes"), self.complete, seconds))
+        self.scenarios.append(Scenario("render", start, self.render("--planes"), self.complete, seconds))
 
-    def _add(self, title: str, stage: str, start: Path | None, command: list[str]) -> None:
+    def _add(self, title: str, start: Path | None, command: list[str]) -> None:
         self.restore(start)
         seconds = self._must(command)
         chain, files, folder = self.chain(), self.files(), self._snapshot(title)
@@ -153,7 +134,7 @@ class Bench:
         if shown.code:
             raise RuntimeError(shown.text)
         self.states[chain] = State(chain, folder, files, pictures)
-        self.scenarios.append(Scenario(title, stage, start, command, self.states[chain], seconds))
+        self.scenarios.append(Scenario(title, start, command, self.states[chain], seconds))
 
     def _must(self, command: list[str]) -> float:
         """Run a command, which must succeed; returns its seconds."""
@@ -186,7 +167,6 @@ class Bench:
         """Those that begin with a complete project: old and new must not mix."""
         return [scenario for scenario in self.some(few) if not scenario.title.endswith("first")]
 
-    # --- what a project is -----------------------------------------------------------------------------------------
     def chain(self) -> tuple[tuple[str, str], ...]:
         """The finished stages with their fingerprints. Raises KarfError where the project does not open."""
         stages = Project(self.project).state()["stages"]
@@ -238,15 +218,8 @@ class Bench:
         run(scenario.command, partial(record_changes, self.project, record, flushes))
         return record.read_text().splitlines()
 
-    # --- after a fault ---------------------------------------------------------------------------------------------
     def survives(self, scenario: Scenario, ended: Run | None = None, exact: bool = True) -> None:
-        """Assert what holds after every fault: nothing is lost, and the same command completes it.
-
-        Args:
-            scenario: What was interrupted.
-            ended: How, if it may not have ended in just any way.
-            exact: Whether pictures are those of the right state to the bit.
-        """
+        """Assert what holds after every fault, which `ended` in some way: nothing is lost, the same command completes it."""
         assert self.lost(exact) is None
         assert ended is None or ended.flaw is None
         assert self.rerun(scenario, exact) is None

@@ -16,7 +16,6 @@ pytest.importorskip("torch")
 from blender_tests.engine.faults.engine import Child, run
 from blender_tests.engine.faults.traps import die_at_change, refuse_changes
 
-FILE_SIZES = (0, 3_000, 12_000)  # bytes that a file may have
 MEGABYTES = (2, 6, 15, 40, 90)  # of memory, more than the engine has when it starts
 OUT_OF_MEMORY = 5
 # a library below Python gave up: nothing above can prevent it, and nothing must be lost by it
@@ -24,7 +23,6 @@ DEATHS = (-signal.SIGABRT, -signal.SIGSEGV, -signal.SIGBUS)
 NOBODY = 65534  # root may write everywhere, so it becomes somebody who may not
 
 
-# ------------------------------------------------------------------------------------------------------ killed, cancelled
 def interrupted(scenario, share, number):
     """How a command ends that is sent a signal after a share of its time."""
     child = Child(scenario.command)
@@ -63,20 +61,12 @@ def test_kills_before_each_change_of_a_file(bench, throw, few):
             throw(scenario, killed, before=changes[number - 1], number=number)
 
 
-# --------------------------------------------------------------------------------------------------------- disk and memory
 def test_no_room_from_one_change_of_a_file_on(bench, throw, few):
     for scenario in bench.repeated(few):
         count = len(bench.changes(scenario, flushes=True))
         for number in range(1, count + 1, 16 if few else 1):
             full = partial(refuse_changes, bench.project, errno.ENOSPC, number, names=False)
             throw(scenario, partial(run, scenario.command, full), number=number)
-
-
-def test_files_are_cut_off_while_they_are_written(bench, throw, few):
-    """Files cannot grow beyond some bytes: RLIMIT_FSIZE, which stops every library's writing, half-way."""
-    for scenario, size in itertools.product(bench.some(few), FILE_SIZES[-1:] if few else FILE_SIZES):
-        limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-        throw(scenario, partial(run, scenario.command, limit), bytes=size)
 
 
 def limit_memory(megabytes):
@@ -99,7 +89,6 @@ def test_every_stage_does_its_work_in_little_memory_or_says_that_it_cannot(bench
         throw(scenario, partial(in_little_memory, scenario, megabytes), is_exact, megabytes=megabytes)
 
 
-# ----------------------------------------------------------------------------------------------------------------- folders
 def half_way(scenario, act):
     """How a command ends, half-way through which something happens."""
     child = Child(scenario.command)
@@ -167,7 +156,6 @@ def test_a_project_where_none_can_be_is_refused(bench, name):
     assert ended.code and ended.flaw is None
 
 
-# ------------------------------------------------------------------------------------------------- two engines, one project
 def several(bench, few):
     return [scenario for scenario in bench.some(few) if scenario.title.endswith("anew") for _ in range(1 if few else 5)]
 

@@ -31,13 +31,9 @@ def die_at_change(folder: Path, number: int) -> None:
 
 
 def refuse_changes(folder: Path, number: int, first: int = 1, names: bool = True) -> None:
-    """Let changes fail with the system's error of this number; removals, which need no room, do not.
+    """Let changes from the `first` on fail with the system's error of this number; removals, which need no room, do not.
 
-    Args:
-        folder: Where.
-        number: The system's number of the error.
-        first: The first change that fails, counted from 1; with more than one, flushes count.
-        names: Whether the error names the path, as the system's calls do.
+    names: whether the error names the path, as the system's calls do; without it, flushes count as changes.
     """
     count = itertools.count(1)
 

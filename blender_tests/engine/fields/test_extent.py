@@ -10,16 +10,7 @@ torch = pytest.importorskip("torch")
 from blender_tests.engine.fields.fitting import bank_of, observed_by_all, views_of
 from blender_tests.engine.reference.still_life import BALL_CENTER, BALL_RADIUS, camera_at, cameras, take_photo
 from karf_engine.compute.runtime import start_runtime
-from karf_engine.fields import priors
-from karf_engine.fields.extent import (
-    contraction_around_focus,
-    is_wide_baseline,
-    pixels_per_voxel,
-    psnr_without_detail,
-    remove_detail,
-    typical_pixels_per_voxel,
-    upright_axes,
-)
+from karf_engine.fields import extent, priors
 from karf_engine.fields.priors import CLEAR_SHARE, FREE_SHARE, clear_radii, free_depths
 from karf_engine.fields.rendering.rays import PixelDataset, camera_rays
 from karf_engine.fields.rendering.space import Box, Contraction
@@ -38,14 +29,14 @@ def zoomed(camera, factor):
 def test_a_voxel_spans_as_many_pixels_as_it_projects_to_whatever_the_lens():
     camera, place = camera_at(0.0, 0.3), np.array([[0.2, -0.1, 0.1]])
     _, depth = camera.project(place)
-    np.testing.assert_allclose(pixels_per_voxel(Box(), 0.1, place, camera), 0.1 * camera.fx / depth, rtol=1e-3)
+    np.testing.assert_allclose(extent.pixels_per_voxel(Box(), 0.1, place, camera), 0.1 * camera.fx / depth, rtol=1e-3)
     ball = Contraction(torch.zeros(3), 0.5, 1.0, 0.1)
-    np.testing.assert_allclose(pixels_per_voxel(ball, 0.1, place, camera), 0.05 * camera.fx / depth, rtol=1e-3)
-    assert np.isnan(pixels_per_voxel(Box(), 0.1, 2 * camera.position[None], camera)).all()
-    wide, tele = (contraction_around_focus([zoomed(c, f) for c in cameras(12)], OpenSettings()) for f in (1, 4))
+    np.testing.assert_allclose(extent.pixels_per_voxel(ball, 0.1, place, camera), 0.05 * camera.fx / depth, rtol=1e-3)
+    assert np.isnan(extent.pixels_per_voxel(Box(), 0.1, 2 * camera.position[None], camera)).all()
+    wide, tele = (extent.contraction_around_focus([zoomed(c, f) for c in cameras(12)], OpenSettings()) for f in (1, 4))
     assert wide.radius == pytest.approx(4 * tele.radius)
     of_wide, of_tele = (
-        pixels_per_voxel(space, 0.02, np.zeros((1, 3)), zoomed(camera, f)) for space, f in ((wide, 1), (tele, 4))
+        extent.pixels_per_voxel(space, 0.02, np.zeros((1, 3)), zoomed(camera, f)) for space, f in ((wide, 1), (tele, 4))
     )
     np.testing.assert_allclose(of_wide, of_tele, rtol=1e-4)
 
@@ -53,7 +44,7 @@ def test_a_voxel_spans_as_many_pixels_as_it_projects_to_whatever_the_lens():
 def test_the_typical_voxel_lies_where_photos_look():
     views = views_of(cameras(6))
     at_focus, of_none, of_near = (
-        typical_pixels_per_voxel(Box(), 0.1, views, points)
+        extent.typical_pixels_per_voxel(Box(), 0.1, views, points)
         for points in (None, observed_by_all(np.zeros((0, 3)), 6), observed_by_all(np.array([[0.0, 0.0, 0.5]]), 6))
     )
     assert at_focus == of_none == pytest.approx(0.1 * views[0].camera.fx / 3.6, rel=1e-3)
@@ -63,10 +54,10 @@ def test_the_typical_voxel_lies_where_photos_look():
 def test_detail_finer_than_a_voxel_is_removed():
     stripes = np.zeros((64, 64, 3))
     stripes[:, ::2] = 1
-    np.testing.assert_allclose(remove_detail(stripes, 2.0), 0.5)
-    np.testing.assert_array_equal(remove_detail(stripes, 1.0), stripes)
+    np.testing.assert_allclose(extent.remove_detail(stripes, 2.0), 0.5)
+    np.testing.assert_array_equal(extent.remove_detail(stripes, 1.0), stripes)
     smooth = np.tile(np.linspace(0, 1, 64)[:, None, None], (1, 64, 3))
-    fine, coarse = psnr_without_detail([stripes, smooth], 4.0)
+    fine, coarse = extent.psnr_without_detail([stripes, smooth], 4.0)
     assert fine == pytest.approx(6.02, abs=0.1) and coarse > 40
 
 
@@ -113,7 +104,7 @@ def test_free_depth_is_that_of_the_nearest_point_or_the_depth_bounds():
     bounds = [replace(view, depth_bounds=(nearest, 9.0)) for view, nearest in zip(views[:2], (2.0, 3.0), strict=True)]
     assert free_depths([views[0], *bounds], None) == [0.0, FREE_SHARE * 2.0, FREE_SHARE * 3.0]
     of_points = pytest.approx(FREE_SHARE * 2.6, abs=0.1)
-    assert free_depths([views[0], bounds[0]], observed_by_all(ball_of_points(), 2)) == [of_points, FREE_SHARE * 2.0]
+    assert free_depths([views[0], bounds[0]], observed_by_all(ball_of_points(), 3)) == [of_points, FREE_SHARE * 2.0]
     assert free_depths(views, observed_by_all(ball_of_points(40), 6))[0] == 0.0
     points = observed_by_all(np.concatenate([ball_of_points(100, 0.5), ball_of_points(900, 8.0)]), 6)
     kept = (points.view != 0) | (points.point >= 100)
@@ -181,7 +172,7 @@ def test_a_near_wall_is_not_learned_as_sky():
 
 def test_few_cameras_all_round_have_wide_baselines():
     rigs = (cameras(12), cameras(40), [camera_at(0.1 * number, 0.5) for number in range(14)], cameras(2))
-    assert [is_wide_baseline(rig, ORIGIN) for rig in rigs] == [True, False, False, False]
+    assert [extent.is_wide_baseline(rig, ORIGIN) for rig in rigs] == [True, False, False, False]
 
 
 def test_photo_consistent_places_could_be_solid():
@@ -195,7 +186,7 @@ def test_photo_consistent_places_could_be_solid():
 
 
 def test_turned_directions_keep_their_elevation_whatever_is_up():
-    axes = torch.from_numpy(upright_axes(cameras(12))).float()
+    axes = torch.from_numpy(extent.upright_axes(cameras(12))).float()
     viewdirs = torch.nn.functional.normalize(torch.randn(50, 3, generator=torch.Generator().manual_seed(0)), dim=1)
     result = priors.rotate_about_vertical(viewdirs, axes, torch.linspace(0, 1, 50))
     assert torch.allclose(result @ axes[2], viewdirs @ axes[2], atol=1e-6)

@@ -62,29 +62,22 @@ def _comes_back(args, kwargs) -> bool:
 
 @pytest.fixture
 def waits(monkeypatch):
-    found, gradients = [], training._gradients
+    found, gradients, has_cuda = [], training._gradients, torch.cuda.is_available()
 
     def counted(*arguments):
-        with Waits() as waits, _refused_by_cuda():
-            result = gradients(*arguments)
+        if has_cuda:
+            torch.cuda.set_sync_debug_mode("error")  # CUDA itself raises where it is waited for
+        try:
+            with Waits() as waits:
+                result = gradients(*arguments)
+        finally:
+            if has_cuda:
+                torch.cuda.set_sync_debug_mode("default")
         found.append(waits.found)
         return result
 
     monkeypatch.setattr(training, "_gradients", counted)
     return found
-
-
-@contextlib.contextmanager
-def _refused_by_cuda():
-    """CUDA itself raises where it is waited for."""
-    if not torch.cuda.is_available():
-        yield
-        return
-    torch.cuda.set_sync_debug_mode("error")
-    try:
-        yield
-    finally:
-        torch.cuda.set_sync_debug_mode("default")
 
 
 @pytest.fixture(params=["asked for", "pretend"])

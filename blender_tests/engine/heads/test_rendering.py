@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from karf_engine.compute.progress import Progress
 from karf_engine.compute.runtime import start_runtime
@@ -109,26 +107,21 @@ def test_a_batch_too_large_for_the_memory_is_seen_whole_in_parts(monkeypatch):
 
 
 # -------------------------------------------------------------------------------------------------------- training rays
-BLACK_AND_RED = np.array([[0, 0, 0], [1, 0, 0]], np.float32)
-PALETTES = [Palette(name, BLACK_AND_RED) for name in ("ball", "block")]
-
-
-def surface_of(owners):
-    """Interior rays of one sample, red, of these object numbers."""
-    n = len(owners)
+def rays_of(owners):
+    """Training rays of a surface of one red sample for each of these object numbers."""
+    n, palette = len(owners), np.array([[0, 0, 0], [1, 0, 0]], np.float32)
     colors = torch.tensor([[255, 0, 0]], dtype=torch.uint8).expand(n, 3)
     owner, view = torch.tensor(owners, dtype=torch.uint8), torch.zeros(n, dtype=torch.int16)
-    return ObjectSurface(torch.zeros(n, 1, 3), torch.zeros(n, 3), colors, owner, torch.ones(n, dtype=torch.bool), view)
+    is_interior = torch.ones(n, dtype=torch.bool)
+    surface = ObjectSurface(torch.zeros(n, 1, 3), torch.zeros(n, 3), colors, owner, is_interior, view)
+    return training_rays(None, surface, [Palette(name, palette) for name in ("ball", "block")], RecoloringSettings())
 
 
-def test_a_segmentation_of_nothing_is_refused_with_the_objects_and_a_remedy():
+def test_one_object_or_the_background_alone_is_enough_and_nothing_is_refused_with_a_remedy():
+    for owners in ([1], [BACKGROUND]):
+        weights = rays_of(owners).weights
+        assert len(weights) == 1 and weights.sum() == 1
     with pytest.raises(DataError) as caught:
-        training_rays(None, surface_of([]), PALETTES, RecoloringSettings())
+        rays_of([])
     assert caught.value.sentence == "The segmentation has no surface points of 'ball', 'block'."
     assert "another photo" in caught.value.hint and "mask" in caught.value.hint
-
-
-@pytest.mark.parametrize("owners", [[1], [BACKGROUND]])
-def test_one_object_or_the_background_alone_is_enough(owners):
-    rays = training_rays(None, surface_of(owners), PALETTES, RecoloringSettings())
-    assert len(rays.weights) == 1 and rays.weights.sum() == 1

@@ -11,7 +11,6 @@ torch = pytest.importorskip("torch")
 cv2 = pytest.importorskip("cv2")
 OpenEXR = pytest.importorskip("OpenEXR")
 
-from blender_tests.engine.conftest import run_engine
 from blender_tests.engine.splats.clouds import cloud
 from blender_tests.engine.splats.formats.files import ENDS
 from karf_engine.capture.structure_from_motion import write_sharpest_frames
@@ -93,18 +92,21 @@ def test_a_file_there_is_written_and_read(folder, work, name):
     work(folder / name)
 
 
-@pytest.mark.parametrize("end", [".usda", ".usdc"])
-def test_where_a_library_takes_only_unicode_the_path_and_the_remedy_are_named(folder, end):
+def usd(folder, end):
     pytest.importorskip("pxr")
-    with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translate_errors():
-        write_splats(folder / f"cloud{end}", SplatFile(cloud(9)))
+    write_splats(folder / f"cloud{end}", SplatFile(cloud(9)))
 
 
-def test_a_color_configuration_there_is_refused_by_a_sentence(folder):
+def configuration(folder, end):
     pytest.importorskip("PyOpenColorIO")
     (folder / "config.ocio").write_text("ocio_profile_version: 2\n")
+    color_space("ACEScg", str(folder / "config.ocio"))
+
+
+@pytest.mark.parametrize(("work", "end"), [(usd, ".usda"), (usd, ".usdc"), (configuration, ".ocio")])
+def test_where_a_library_takes_only_unicode_the_path_and_the_remedy_are_named(folder, work, end):
     with pytest.raises(KarfError, match=r"caf.*not UTF-8.*Rename that file or folder"), translate_errors():
-        color_space("ACEScg", str(folder / "config.ocio"))
+        work(folder, end)
 
 
 def test_a_file_whose_own_name_is_not_utf8_is_reached(tmp_path, folder):
@@ -112,11 +114,3 @@ def test_a_file_whose_own_name_is_not_utf8_is_reached(tmp_path, folder):
     path.write_bytes(b"content")
     with library_path(path) as readable:
         assert Path(readable).read_bytes() == b"content"
-
-
-def test_a_project_there_renders(folder, learned):
-    shutil.copytree(learned.project, folder / "project")
-    out = folder / "frames"
-    done = run_engine("render", folder / "project", "--views", "test", "--layers", "--planes", "--depth", "--out", out)
-    assert done.returncode == 0, done.stderr
-    assert {path.name for path in out.iterdir()} >= {"render", "masks", "layers", "planes", "depth"}

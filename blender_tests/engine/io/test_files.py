@@ -95,7 +95,6 @@ def test_a_rename_is_flushed_to_disk_with_its_folder(tmp_path, monkeypatch):
     assert flushed[-1] == tmp_path
 
 
-# -------------------------------------------------------------------------------------------- a folder that a stranger filled
 @pytest.fixture
 def project(tmp_path):
     """A project beside a file and a folder that it must not reach."""

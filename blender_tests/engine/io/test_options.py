@@ -19,30 +19,25 @@ from karf_engine.errors import BadRequest
 from karf_engine.io.arguments import check_arguments, check_array, check_number, coerce, describe_type, format_value
 from karf_engine.io.options import Options
 
-NEEDED = {  # the least that each command takes
-    "poses": {"photos": "photos", "out": "out"},
-    "import-splat": {"splat": "scene.ply", "out": "out"},
-    "inspect": {"capture": "capture"},
-    "mark": {"capture": "capture", "view": "a", "object_name": "pot", "masks": "masks"},
-    "all": {"capture": "capture", "project": "project", "masks": "masks"},
-    "geometry": {"capture": "capture", "project": "project"},
-    "segmentation": {"project": "project"},
-    "palette": {"project": "project"},
-    "recoloring": {"project": "project"},
-    "splats": {"project": "project"},
-    "match": {"project": "project", "object": "pot", "source": "#ff0000", "target": "#00ff00", "out": "edit.json"},
-    "render": {"project": "project"},
-    "colorways": {"project": "project", "sheet": "sheet.csv", "out": "out"},
-    "points": {"project": "project", "out": "points.ply"},
-    "export-splat": {"project": "project", "out": "scene.ply"},
-    "farm": {"source": "project", "out": "out"},
+CAPTURE, PROJECT, OUT = {"capture": "capture"}, {"project": "project"}, {"out": "out"}
+TAKEN = {  # each command's function of the library, and the least that it takes
+    "poses": ("find_poses", {"photos": "photos"} | OUT),
+    "import-splat": ("import_splat", {"splat": "scene.ply"} | OUT),
+    "inspect": ("inspect_capture", CAPTURE),
+    "mark": ("mark", CAPTURE | {"view": "a", "object_name": "pot", "masks": "masks"}),
+    "all": ("learn", CAPTURE | PROJECT | {"masks": "masks"}),
+    "geometry": ("learn_geometry", CAPTURE | PROJECT),
+    "segmentation": ("segment", PROJECT),
+    "palette": ("extract_palettes", PROJECT),
+    "recoloring": ("learn_recoloring", PROJECT),
+    "splats": ("learn_splats", PROJECT),
+    "match": (None, PROJECT | OUT | {"object": "pot", "source": "#ff0000", "target": "#00ff00"}),
+    "render": ("render", PROJECT),
+    "colorways": ("colorways", PROJECT | OUT | {"sheet": "sheet.csv"}),
+    "points": ("write_points", PROJECT | OUT),
+    "export-splat": ("export_splat", PROJECT | OUT),
+    "farm": ("learning_bundle", OUT | {"source": "project"}),
 }
-FUNCTIONS = {
-    "find_poses": "poses", "import_splat": "import-splat", "inspect_capture": "inspect", "mark": "mark", "learn": "all", "learn_geometry": "geometry", "segment": "segmentation",
-    "extract_palettes": "palette", "learn_recoloring": "recoloring", "learn_splats": "splats", "render": "render", "colorways": "colorways",
-    "write_points": "points", "export_splat": "export-splat", "learning_bundle": "farm",
-}  # fmt: skip
-every_command = pytest.mark.parametrize("command", COMMANDS)
 
 
 def refused(kind, **values):
@@ -51,44 +46,21 @@ def refused(kind, **values):
     return str(caught.value)
 
 
-@every_command
-def test_the_least_that_a_command_takes_is_enough_and_nothing_of_it_can_be_left_out(command):
-    kind, needed = COMMANDS[command], NEEDED[command]
-    kind.of(**needed)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_takes_what_it_needs_and_refuses_what_is_missing_or_misspelled(command):
+    kind, (_, needed) = COMMANDS[command], TAKEN[command]
     for name in needed:
-        message = refused(kind, **{other: value for other, value in needed.items() if other != name})
-        assert name in message
-
-
-@every_command
-def test_a_misspelled_option_is_refused_with_the_nearest_name(command):
-    assert refused(COMMANDS[command], **NEEDED[command], thread=1) == "Unknown option thread. Did you mean threads?"
-
-
-@every_command
-@pytest.mark.parametrize("value", [3.5, float("nan"), object(), {}])
-def test_no_option_takes_what_is_of_no_type_of_its_own(command, value):
-    for item in dataclasses.fields(COMMANDS[command]):
-        assert f"option {item.name} = " in refused(COMMANDS[command], **{**NEEDED[command], item.name: value})
-
-
-@every_command
-def test_options_survive_the_way_through_json(command):
-    options = COMMANDS[command].of(**NEEDED[command], threads=2)
-    again = COMMANDS[command].from_json(json.loads(json.dumps(options.to_json())))
-    assert again == options
-
-
-@every_command
-def test_the_command_line_gives_the_same_options(command):
-    options = COMMANDS[command].of(**NEEDED[command], threads=2)
-    positional = [NEEDED[command][item.name] for item in dataclasses.fields(options) if item.metadata["positional"]]
+        assert name in refused(kind, **{other: value for other, value in needed.items() if other != name})
+    assert refused(kind, **needed, thread=1) == "Unknown option thread. Did you mean threads?"
+    options = kind.of(**needed, threads=2)
+    assert kind.from_json(json.loads(json.dumps(options.to_json()))) == options
+    positional = [needed[item.name] for item in dataclasses.fields(options) if item.metadata["positional"]]
     assert options_of(make_parser().parse_args([command, *positional, *options.to_arguments()])) == options
 
 
-@pytest.mark.parametrize(("function", "command"), FUNCTIONS.items())
-def test_a_function_of_the_library_shows_and_explains_every_option(function, command):
-    found = getattr(karf, function)
+@pytest.mark.parametrize("command", COMMANDS.keys() - {"match"})
+def test_a_function_of_the_library_shows_and_explains_every_option(command):
+    found = getattr(karf, TAKEN[command][0])
     names = {item.name for item in dataclasses.fields(COMMANDS[command])} - {"source"}
     assert names <= set(inspect.signature(found).parameters)
     assert all(f"{name}:" in found.__doc__ for name in names)
@@ -106,17 +78,20 @@ def test_a_job_of_an_earlier_version_is_understood():
     assert (options.views, options.planes, options.base, options.out) == ("r_0", True, "photo", None)
 
 
-def test_what_a_match_lacks_is_named_as_its_kind_has_it():
-    assert "no picture" in refused(MatchOptions, project="a", out="b", view="r_0")
-    assert "no target" in refused(MatchOptions, project="a", out="b", object="pot", source="#ff0000")
+@pytest.mark.parametrize(
+    ("kind", "values", "words"),
+    [
+        (MatchOptions, {"project": "a", "out": "b", "view": "r_0"}, "no picture"),
+        (MatchOptions, {"project": "a", "out": "b", "object": "pot", "source": "#ff0000"}, "no target"),
+        (Options, {"threads": 0}, "out of range"),
+        (Options, {"threads": 257}, "1 to 256"),
+        (Options, {"threads": True}, "whole number"),
+    ],
+)
+def test_values_that_do_not_go_together_or_are_out_of_range_are_refused(kind, values, words):
+    assert words in refused(kind, **values)
 
 
-@pytest.mark.parametrize(("threads", "words"), [(0, "out of range"), (257, "1 to 256"), (True, "whole number")])
-def test_threads_have_a_range(threads, words):
-    assert words in refused(Options, threads=threads)
-
-
-# -------------------------------------------------------------------------------------------------------- values and types
 @pytest.mark.parametrize(
     ("value", "kind", "of_a_program", "of_json"),
     [
@@ -147,31 +122,33 @@ def test_what_fits_is_taken_and_json_is_converted(value, kind, of_a_program, of_
         assert found is MISSING if wanted is MISSING else (found == wanted and type(found) is type(wanted))
 
 
-def test_a_zero_character_in_json_is_refused():
-    with pytest.raises(BadRequest, match="zero character"):
-        coerce(["a\0"], tuple[Path, ...], is_json=True)
-
-
-def test_types_have_words():
+def test_types_and_values_have_words():
     assert describe_type(int | None) == "a whole number or None"
     assert describe_type(tuple[str, ...]) == "a tuple, each a text"
     assert describe_type(tuple[float, float], is_json=True) == "a list of 2 values"
     assert describe_type(np.ndarray) == "an array" and describe_type(BadRequest) == "a BadRequest"
-
-
-def test_a_decorated_function_takes_what_it_declares():
-    @check_arguments
-    def double(number: int) -> int:
-        return 2 * number
-
-    assert double(2) == 4
-    with pytest.raises(TypeError, match=r"double takes a whole number as number, not '2'\."):
-        double("2")
-
-
-def test_numbers_and_arrays_are_refused_in_sentences():
-    with pytest.raises(BadRequest, match=r"size = 0 is out of range\. Allowed: from 1\."):
-        check_number("size", 0, 1)
-    with pytest.raises(BadRequest, match=r"points is an array of shape \(2, 2\)\. Give numbers \[n, 3\]\."):
-        check_array("points", np.zeros((2, 2)), ("n", 3))
     assert format_value("r_003") == "'r_003'" and format_value("x" * 100) == "an object of type str"
+
+
+@check_arguments
+def double(number: int) -> int:
+    return 2 * number
+
+
+@pytest.mark.parametrize(
+    ("check", "error", "words"),
+    [
+        (lambda: double("2"), TypeError, r"double takes a whole number as number, not '2'\."),
+        (lambda: check_number("size", 0, 1), BadRequest, r"size = 0 is out of range\. Allowed: from 1\."),
+        (
+            lambda: check_array("points", np.zeros((2, 2)), ("n", 3)),
+            BadRequest,
+            r"points is an array of shape \(2, 2\)\. Give numbers \[n, 3\]\.",
+        ),
+        (lambda: coerce(["a\0"], tuple[Path, ...], is_json=True), BadRequest, "zero character"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_a_sentence(check, error, words):
+    assert double(2) == 4
+    with pytest.raises(error, match=words):
+        check()

@@ -106,15 +106,15 @@ def test_the_child_ends_with_its_parent(file):
     assert not Path("/proc", pid.read_text()).exists()
 
 
-# ----------------------------------------------------------------------------------------------------------------- leases
 HOLD = """
-import sys
+import errno, sys
 sys.path.insert(0, sys.argv[1])
+from pathlib import Path
 from blender_tests.engine.io.test_processes import refuse_locks
 from karf_engine.io import locks
-locks.FileLock.acquire = refuse_locks(int(sys.argv[3]))
+locks.FileLock.acquire = refuse_locks(errno.ENOLCK)
 locks.LEASE_SECONDS = 1.0
-lock = locks.acquire(__import__("pathlib").Path(sys.argv[2]))
+lock = locks.acquire(Path(sys.argv[2]))
 print("held", flush=True)
 sys.stdin.read()
 """
@@ -127,32 +127,35 @@ def refuse_locks(number):
     return acquire
 
 
-@pytest.fixture(params=[errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
-def number(request, monkeypatch):
-    """A file system without locks: the error that it gives."""
-    monkeypatch.setattr(locks.FileLock, "acquire", refuse_locks(request.param))
+@pytest.fixture
+def without_locks(monkeypatch):
+    """A file system that gives this error, and leases that end soon."""
     monkeypatch.setattr(locks, "LEASE_SECONDS", 1.0)
-    return request.param
+    return lambda number: monkeypatch.setattr(locks.FileLock, "acquire", refuse_locks(number))
 
 
-def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(number, tmp_path):
-    child = subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(ROOT), str(tmp_path / "lock"), str(number)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert child.stdout.readline() == "held\n"
-    with pytest.raises(Timeout):
-        acquire(tmp_path / "lock")
-    child.kill()
-    child.communicate()
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_where_there_are_no_locks_a_lease_is_taken(without_locks, number, tmp_path):
+    without_locks(number)
     lock = acquire(tmp_path / "lock")
     assert isinstance(lock, SoftFileLease)
     lock.release()
 
 
-def test_a_lease_that_came_with_a_copy_of_the_project_ends(number, tmp_path):
+def test_a_lease_keeps_another_process_out_for_as_long_as_it_runs(without_locks, tmp_path):
+    without_locks(errno.ENOLCK)
+    command = [sys.executable, "-c", HOLD, str(ROOT), str(tmp_path / "lock")]
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "held\n"
+    with pytest.raises(Timeout):
+        acquire(tmp_path / "lock")
+    child.kill()
+    child.communicate()
+    acquire(tmp_path / "lock").release()
+
+
+def test_a_lease_that_came_with_a_copy_of_the_project_ends(without_locks, tmp_path):
+    without_locks(errno.ENOLCK)
     held = acquire(tmp_path / "lock")
     (tmp_path / "copy").mkdir()
     shutil.copy(tmp_path / "lock.lease", tmp_path / "copy" / "lock.lease")
@@ -162,7 +165,7 @@ def test_a_lease_that_came_with_a_copy_of_the_project_ends(number, tmp_path):
     assert time.monotonic() - start < 10
 
 
-def test_other_errors_are_no_reason_for_a_lease(monkeypatch, tmp_path):
-    monkeypatch.setattr(locks.FileLock, "acquire", refuse_locks(errno.EACCES))
+def test_other_errors_are_no_reason_for_a_lease(without_locks, tmp_path):
+    without_locks(errno.EACCES)
     with pytest.raises(PermissionError):
         acquire(tmp_path / "lock")

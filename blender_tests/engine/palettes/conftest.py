@@ -45,7 +45,7 @@ def sphere_normals():
 
 
 def seen_of(colors, palette):
-    """What is seen of an object that shows each of these colors once."""
+    """The histogram of an object that shows each of these colors once."""
     return ColorHistogram(colors, np.ones(len(colors)), star_weights(colors, palette))
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from blender_tests.engine.drawn_chart import CAST, CORNERS, photo_of_chart
-from karf_engine.commands.calibration import find_corners
 from karf_engine.errors import BadRequest
 from karf_engine.io.color import lab_to_srgb, linear_to_srgb, srgb_to_linear
 from karf_engine.io.images import write_png
@@ -51,7 +50,7 @@ def test_a_card_that_tells_nothing_is_refused(card, lightness):
         ReferenceLight.of_card(np.array(card), lightness)
 
 
-# --------------------------------------------------------------------------------------------------------------- a chart
+# -------------------------------------------------------------------------------------------------------------- a chart
 def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
     fit = fit_photo(photo, CORNERS)
     np.testing.assert_allclose(fit.light.matrix, CAST, atol=0.005)
@@ -63,25 +62,23 @@ def test_a_chart_tells_the_light_of_a_noisy_photo_taken_at_a_slant(photo):
     assert mean_ciede2000(card.reference(photographed(PAINTS)), PAINTS) > 3
 
 
-def test_the_corners_may_begin_anywhere_and_go_either_way_round(photo):
+@pytest.mark.parametrize(
+    ("corners", "tolerance"),
+    [
+        (np.roll(CORNERS, 1, axis=0), 0),
+        (np.roll(CORNERS, 2, axis=0)[::-1], 0),
+        (CORNERS + np.array([[-6, 5], [6, 4], [5, -6], [-5, -5]]), 0.01),
+    ],
+    ids=["begun elsewhere", "the other way round", "some pixels off"],
+)
+def test_the_corners_may_begin_anywhere_go_either_way_round_and_be_some_pixels_off(photo, corners, tolerance):
     expected = fit_photo(photo, CORNERS).light.matrix
-    for way in (np.roll(CORNERS, 1, axis=0), np.roll(CORNERS, 2, axis=0)[::-1]):
-        np.testing.assert_array_equal(fit_photo(photo, way).light.matrix, expected)
+    np.testing.assert_allclose(fit_photo(photo, corners).light.matrix, expected, rtol=0, atol=tolerance)
 
 
-def test_corners_that_are_some_pixels_off_tell_nearly_the_same(photo):
-    off = CORNERS + np.array([[-6, 5], [6, 4], [5, -6], [-5, -5]])
-    np.testing.assert_allclose(fit_photo(photo, off).light.matrix, CAST, atol=0.01)
-
-
-@pytest.mark.parametrize("begin", [0, 2])
-def test_a_chart_is_found_by_itself_upright_and_upside_down(begin):
-    photo = photo_of_chart(corners=np.roll(CORNERS, begin, axis=0))
-    np.testing.assert_allclose(fit_photo(photo, find_corners(photo)).light.matrix, CAST, atol=0.01)
-
-
-def test_a_worker_reads_the_light_off_a_photo_that_is_named(photo, tmp_path):
-    write_png(tmp_path / "chart.png", photo)
+@pytest.mark.parametrize("begin", [0, 2], ids=["upright", "upside down"])
+def test_a_worker_finds_the_chart_and_reads_the_light_off_a_photo_that_is_named(tmp_path, begin):
+    write_png(tmp_path / "chart.png", photo_of_chart(corners=np.roll(CORNERS, begin, axis=0)))
     answer = QUERIES["chart"](Session(tmp_path), {"photo": str(tmp_path / "chart.png")})
     np.testing.assert_allclose(np.reshape(answer["light"], (3, 3)), CAST, atol=0.01)
     assert answer["left"] < 1
@@ -96,10 +93,12 @@ def test_clipped_patches_do_not_count():
     assert np.isnan(fit.residuals[18])  # white
 
 
-def test_a_wrong_patch_is_named_as_the_worst_one():
+def test_a_wrong_patch_is_named_as_the_worst_one_and_a_chart_in_the_dark_is_refused():
     seen = reference_colors().clip(0, 1)
     seen[14] = [0.2, 0.3, 0.7]  # a finger on the red
     assert "(red)" in str(fit_chart(seen))
+    with pytest.raises(BadRequest, match="neither too dark"):
+        fit_chart(seen * 0.05)
 
 
 @pytest.mark.parametrize(
@@ -113,8 +112,3 @@ def test_a_wrong_patch_is_named_as_the_worst_one():
 def test_what_is_no_chart_is_refused(photo, corners, words):
     with pytest.raises(BadRequest, match=words):
         fit_photo(photo, np.array(corners, float))
-
-
-def test_a_chart_in_the_dark_is_refused():
-    with pytest.raises(BadRequest, match="neither too dark"):
-        fit_chart(reference_colors().clip(0, 1) * 0.05)

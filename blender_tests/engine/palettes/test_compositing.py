@@ -1,4 +1,4 @@
-"""Compositing of edit planes: the formulas, at once and swatch by swatch; unchanged means unchanged; and their files."""
+"""Compositing of edit planes: the formulas, at once and swatch by swatch, and their files."""
 
 from dataclasses import replace
 
@@ -50,13 +50,7 @@ def paper(planes, edited):
     return paper_composite(picture_of(planes), *wide, edited)
 
 
-# ---------------------------------------------------------------------------------------------------------- the formulas
-def test_unchanged_palette_gives_identical_bytes(planes, learned):
-    base = picture_of(planes)
-    result = delta_composite(base, planes.palette_weights, learned, learned.copy())
-    assert result.tobytes() == base.tobytes() and result is not base
-
-
+# --------------------------------------------------------------------------------------------------------- the formulas
 @pytest.mark.parametrize("kind", [np.float16, np.float32])
 def test_delta_is_base_plus_weights_times_change_and_nothing_where_no_changed_swatch_is(planes, learned, kind):
     edited = learned.copy()
@@ -83,11 +77,9 @@ def test_paper_composite_repaints_the_hard_mask_and_nothing_else():
 
 
 def test_smaller_palettes_are_padded_with_zeros():
-    colors = {"a": np.ones((2, 3)), "b": np.full((3, 3), 0.5)}
-    stacked = stack_palettes(("b", "a"), colors)
-    np.testing.assert_array_equal(stacked[0], colors["b"])
-    np.testing.assert_array_equal(stacked[1], [[1, 1, 1], [1, 1, 1], [0, 0, 0]])
-    assert stack_palettes((), colors).shape == (0, 0, 3)
+    stacked = stack_palettes(("b", "a"), {"a": np.ones((2, 3)), "b": np.full((3, 3), 0.5)})
+    np.testing.assert_array_equal(stacked[:, :, 0], [[0.5, 0.5, 0.5], [1, 1, 0]])
+    assert stack_palettes((), {}).shape == (0, 0, 3)
 
 
 # ----------------------------------------------------------------------------------------------------- swatch by swatch
@@ -119,15 +111,12 @@ def test_every_edit_in_a_row_gives_the_engines_picture(planes, learned, composit
 
 def test_one_edited_swatch_gives_the_engines_bits_and_none_the_photos(planes, learned):
     picture = delta_picture(planes, np.empty((*SIZE, 3), np.float32))
-    unchanged = np.zeros_like(learned)
-    assert picture.paint(unchanged).tobytes() == picture_of(planes).tobytes()
-    for color in ((0.1, 0.9, 0.2), (0.0, 0.4, 1.9)):
+    for color in (learned[0, 2], (0.1, 0.9, 0.2), (0.0, 0.4, 1.9), learned[0, 2]):
         edited = learned.copy()
         edited[0, 2] = color
-        assert picture.paint(edited - learned).tobytes() == delta(planes, learned, edited).tobytes()
-    edited[1, 1] = 1
-    picture.paint(edited - learned)
-    assert picture.paint(unchanged).tobytes() == picture_of(planes).tobytes()
+        composed, shown = delta(planes, learned, edited), picture.paint(edited - learned)
+        assert shown.tobytes() == composed.tobytes()
+        assert (shown.tobytes() == picture_of(planes).tobytes()) == np.array_equal(edited, learned)
 
 
 def test_only_the_colors_of_an_rgba_buffer_are_written(planes, learned):
@@ -150,7 +139,7 @@ def test_objects_that_the_view_does_not_show_change_nothing(make, n_objects, n_e
     np.testing.assert_allclose(shown, 0.2, atol=1e-7)
 
 
-# ----------------------------------------------------------------------------------------------------------------- files
+# ---------------------------------------------------------------------------------------------------------------- files
 @pytest.fixture
 def small():
     weights = np.random.default_rng(4).random((2, 3, 5, 6)).astype(np.float16)
@@ -169,19 +158,6 @@ def test_planes_come_back_bit_by_bit_with_how_their_photo_is_exposed(tmp_path, s
             assert getattr(read, name).dtype == getattr(small, name).dtype
             np.testing.assert_array_equal(getattr(read, name), getattr(small, name))
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_damaged_planes_are_refused_by_name(tmp_path, small):
-    path = tmp_path / "view.npz"
-    with pytest.raises(DataError, match=r"view\.npz.*does not exist"):
-        read_planes(path)
-    write_planes(path, small)
-    content = path.read_bytes()
-    scrambled = content[:200] + bytes(100) + content[300:]
-    for broken in (b"not a zip", content[: len(content) // 2], b"", scrambled):
-        path.write_bytes(broken)
-        with pytest.raises(DataError, match=r"view\.npz"):
-            read_planes(path)
 
 
 @pytest.mark.parametrize(

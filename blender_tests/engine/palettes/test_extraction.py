@@ -4,15 +4,12 @@ import time
 
 import numpy as np
 import pytest
-
-pytest.importorskip("scipy")
-
 from scipy.spatial import ConvexHull
 
 from blender_tests.engine.palettes.conftest import LEGO
 from karf_engine.errors import DataError
 from karf_engine.palettes.color_histogram import cell_support, color_cells
-from karf_engine.palettes.extraction import _least_vertex, extract_palette
+from karf_engine.palettes.extraction import extract_palette
 from karf_engine.palettes.palette_weights import outside_distance, star_weights
 
 
@@ -44,37 +41,17 @@ def test_rarest_cells_are_dropped_up_to_their_share(drop, kept):
     assert color_cells(pixels, drop=drop)[1].tolist() == kept
 
 
-def test_support_counts_the_views_of_a_cell():
-    red, blue = np.array([[0.9, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.9]])
-    views = [np.vstack([red, red, blue]), red, red]
-    cells, _ = color_cells(np.vstack(views), drop=0)
-    np.testing.assert_array_equal(cell_support(cells, views), [1, 3])
-
-
-def test_known_hull_comes_back():
+def test_known_hull_comes_back_and_a_corner_that_was_cut_off():
     truth = np.array([[0, 0, 0], [0.9, 0.1, 0.1], [0.1, 0.8, 0.2], [0.2, 0.2, 0.9]])
     palette = extract_palette(*color_cells(mixed(truth)))
     assert palette.shape == (4, 3) and palette.dtype == np.float32
-    nearest = np.linalg.norm(palette[:, None] - truth, axis=2).min(axis=0)
     # cells are 8/255 wide
-    assert nearest.max() < 10 / 255
-
-
-def test_collapse_adds_the_least_volume():
-    # a tetrahedron with one corner cut off: the corner comes back and nothing else moves
+    assert np.linalg.norm(palette[:, None] - truth, axis=2).min(axis=0).max() < 10 / 255
+    # the collapse adds the least volume: nothing else moves
     whole = np.array([[0, 0, 0], [0.8, 0, 0], [0, 0.8, 0], [0, 0, 0.8]])
     cut = np.vstack([whole[:3], [[0.08, 0, 0.72], [0, 0.08, 0.72], [0, 0, 0.72]]])
     palette = extract_palette(cut, np.ones(len(cut)), 4)
     np.testing.assert_allclose(sorted(palette.tolist()), sorted(whole.tolist()), atol=1e-6)
-
-
-def test_linear_program_takes_the_least_corner_in_two_and_three_dimensions():
-    # x, y, z >= 0 and x + y + z >= 1: the corners are the unit vectors
-    for rank in (2, 3):
-        planes, floors = np.vstack([np.eye(rank), np.ones(rank)]), np.append(np.zeros(rank), 1.0)
-        np.testing.assert_allclose(_least_vertex(planes, floors, np.arange(1.0, rank + 1)), np.eye(rank)[0], atol=1e-12)
-    # x >= 1 and -x >= 0 leave no point
-    assert _least_vertex(np.array([[1.0, 0], [-1, 0], [0, 1]]), np.array([1.0, 0, 0]), np.ones(2)) is None
 
 
 @pytest.mark.parametrize("n_colors", [5, 6])
@@ -98,12 +75,6 @@ def test_automatic_size_is_the_smallest_within_tolerance():
     assert len(extract_palette(cells, counts, tolerance=40 / 255)) < len(palette)
 
 
-@pytest.mark.parametrize("n_colors", [2, 3, 4])
-def test_never_more_than_asked_for(n_colors):
-    palette = extract_palette(*color_cells(mixed(LEGO)), n_colors)
-    assert len(palette) <= n_colors and is_palette(palette)
-
-
 @pytest.mark.parametrize(
     ("pixels", "colors"),
     [
@@ -125,6 +96,7 @@ def test_flat_clouds_give_valid_palettes(pixels, colors):
     assert np.isfinite(star_weights(cells, palette)).all()
     # asking for more than a flat cloud has does not raise either
     assert is_palette(extract_palette(cells, counts, 6))
+    assert len(extract_palette(cells, counts, 3)) <= 3
 
 
 def test_sensor_noise_on_a_single_hue_makes_no_further_reds():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import gzip
 import io
 import json
 import math
@@ -33,7 +32,6 @@ VALUES = (None, True, False, 0, 1, -1, 1e308, -1e308, 1e-320, math.nan, math.inf
           [[1, 0, 0, 0]] * 4, -0.0, 1e6, 999999, 1e25, "x" * 5000)  # fmt: skip
 NAMES = ("../../evil", "/tmp/karf-evil", "..", ".", "", "a/b", "a\\b", "C:\\evil", "a\0b", "é" * 300, "x" * 300, ".hidden",
          "con", "a:b", "a\nb", "\udcff", "../project.json", "~/evil", "$HOME", "-rf", "background", "con.png", " ")  # fmt: skip
-NAME_KEYS = ("name", "stem", "file_path", "objects", "image", "views", "ply_file_path")
 NEW_KEYS = ("x", "", "..", "fl_x", "w", "camera_model", "name", "files")
 values = st.sampled_from(VALUES).map(copy.deepcopy)
 names = st.sampled_from(NAMES)
@@ -43,7 +41,6 @@ def happens(draw: Draw, percent: int) -> bool:
     return draw(st.integers(1, 100)) <= percent
 
 
-# ---------------------------------------------------------------------------------------------------- bytes and words
 @st.composite
 def changed_bytes(draw: Draw, data: bytes) -> bytes:
     """Overwrite numbers, flip bits, take out, put in, repeat, cut off."""
@@ -80,7 +77,6 @@ def changed_text(draw: Draw, data: bytes) -> bytes:
     return "".join(parts).encode("utf-8", "surrogateescape")
 
 
-# --------------------------------------------------------------------------------------------------------------- JSON
 @st.composite
 def changed_json(draw: Draw, data: bytes) -> bytes:
     """Replace, take out and add values anywhere in a JSON file; sometimes bytes."""
@@ -121,26 +117,6 @@ def _places(value: Any) -> Iterator[tuple[Any, Any]]:
         yield from _places(value[key])
 
 
-@st.composite
-def hostile_names(draw: Draw, data: bytes) -> bytes:
-    """Put one hostile name where a JSON file names something that may become a path."""
-    value = json.loads(data)
-    holder, key = draw(st.sampled_from(list(_named(value))))
-    holder[key] = draw(names)
-    return json_bytes(value)
-
-
-def _named(value: Any, is_named: bool = False) -> Iterator[tuple[Any, Any]]:
-    """Every (container, key) of a text below one of NAME_KEYS."""
-    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in list(items):
-        below = is_named or key in NAME_KEYS
-        if below and isinstance(inner, str):
-            yield value, key
-        yield from _named(inner, below)
-
-
-# --------------------------------------------------------------------------------------------------- files with parts
 @st.composite
 def changed_zip(draw: Draw, data: bytes) -> bytes:
     """Change, rename or remove one member, mostly a JSON one, and pack again; sometimes change bytes of the whole."""
@@ -207,25 +183,3 @@ def with_header(data: bytes, change: Callable[[dict[str, Any]], Any]) -> bytes:
     text = json_bytes(change(json.loads(data[8:end])))
     text += b" " * (-len(text) % 8)
     return len(text).to_bytes(8, "little") + text + data[end:]
-
-
-@st.composite
-def changed_gzip(draw: Draw, data: bytes) -> bytes:
-    """Change what is packed and pack it again, mostly its first bytes; sometimes bytes of the whole."""
-    if happens(draw, 20) or not data.startswith(b"\x1f\x8b"):
-        return draw(changed_bytes(data))
-    content = gzip.decompress(data)
-    head = len(content) if happens(draw, 30) else 16
-    return gzip.compress(draw(changed_bytes(content[:head])) + content[head:], mtime=0)
-
-
-@st.composite
-def changed_glb(draw: Draw, data: bytes) -> bytes:
-    """Change the JSON of a .glb and make its lengths good; sometimes bytes of the whole."""
-    if happens(draw, 30):
-        return draw(changed_bytes(data))
-    end = 20 + int.from_bytes(data[12:16], "little")
-    text = json_bytes(draw(changed_value(json.loads(data[20:end]))))
-    text += b" " * (-len(text) % 4)
-    body = struct.pack("<I4s", len(text), b"JSON") + text + data[end:]
-    return data[:8] + struct.pack("<I", 12 + len(body)) + body

@@ -362,7 +362,7 @@ def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_pa
     path = tmp_path / reader.files[0]
     change(path)
     with pytest.raises(DataError) as caught:
-        (reader.direct or reader.read)(path)
+        reader.read(path)
     sentence = caught.value.sentence
     assert str(tmp_path) in sentence and words in sentence and (named or [path.name])[0] in sentence
     assert sentence.endswith(".") and "\n" not in sentence

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("torch")
 
-from blender_tests.engine.readers.registry import RENDERS, readers
+from blender_tests.engine.readers.registry import readers
 from blender_tests.engine.readers.samples import renew_checksum
 from blender_tests.engine.readers.watch import Flaw, read_watched
 
@@ -34,8 +34,6 @@ def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, project
     """The file that breaks a reader is left in the folder."""
     reader = next(reader for reader in readers(project) if reader.name == name)
     reader.make(tmp_path)
-    if reader.share == RENDERS:  # once before it is watched: numba unpickles the compiled kernels that it keeps
-        reader.read(tmp_path / reader.files[0])
     assert [file for file in reader.files if not read_watched(reader.read, tmp_path / file, tmp_path)] == []
 
     mutants = request.config.getoption("mutants", None)
@@ -60,7 +58,6 @@ def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, project
     changed_files_are_read_or_refused()
 
 
-# -------------------------------------------------------------------------------------------- the watch sees what it must
 def write_outside(path):
     (path.parents[1] / "outside.txt").write_text("x")
 

@@ -49,14 +49,9 @@ _hooked = False
 
 
 def read_watched(read: Callable[[Path], object], path: Path, folder: Path) -> bool:
-    """Read a file; the reader may write in the folder only.
+    """Whether a file is read, and not refused in a sentence; the reader may write in the folder only.
 
-    Returns:
-        Whether it was read, and not refused in a sentence.
-
-    Raises:
-        Exception: Whatever the reader lets through.
-        Flaw: What must never happen besides.
+    Raises a Flaw for what must never happen, and whatever the reader lets through.
     """
     refused = None
     with _watched(folder) as notes:

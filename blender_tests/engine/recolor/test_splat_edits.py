@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from numpy.testing import assert_allclose, assert_array_equal
 
-torch = pytest.importorskip("torch")
 pytest.importorskip("numba")
 
 from blender_tests.engine.conftest import of_field
@@ -51,7 +51,7 @@ def shown(model, edit, camera):
     return rasterize(model.recolored_splats(edit), camera).image[..., :3].clip(0, 1)
 
 
-# ----------------------------------------------------------------------------------------------------------- the picture
+# ---------------------------------------------------------------------------------------------------------- the picture
 def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame):
     truth = of_field(model).render(camera)
     assert psnr(frame.color, truth.color) > 20
@@ -60,14 +60,11 @@ def test_a_camera_sees_the_scene_its_objects_and_its_depth(model, camera, frame)
     assert (both.sum((1, 2)) / (frame.masks | truth.masks).sum((1, 2))).min() > 0.7
     solid = (frame.opacity > 0.95) & (truth.opacity > 0.95)
     assert np.median(np.abs(frame.depth - truth.depth)[solid]) < 0.3  # the scene is two units wide
-
-
-def test_weights_of_an_object_sum_to_its_probability(frame):
     assert_allclose(frame.palette_weights.sum(1), frame.probabilities, atol=1e-5)
     assert (frame.palette_weights >= 0).all() and frame.probabilities.sum(0).max() <= 1 + 1e-5
 
 
-def test_the_field_shows_what_it_showed_before(model, camera):
+def test_the_field_is_shown_where_it_is_asked_for_or_numba_is_off(model, camera, monkeypatch):
     field = of_field(model)
     found = field.render(camera)
     assert field.splats is None and model.splats is not None
@@ -77,22 +74,18 @@ def test_the_field_shows_what_it_showed_before(model, camera):
     assert_array_equal(found.palette_weights, field_rendering.weights_of_field(model, picture))
     with pytest.raises(BadRequest, match="no finished splats"):
         field.recolored_splats(field.edit())
-
-
-def test_without_numba_the_field_is_shown(learned, monkeypatch):
     monkeypatch.setenv("KARF_KERNELS", "off")
-    assert Model.load(learned.project, "cpu").splats is None
+    assert Model.load(model.project.folder, "cpu").splats is None
 
 
-def test_large_pictures_are_rendered_in_bands_that_fit_together(model, camera, frame, monkeypatch):
+def test_bands_of_large_pictures_fit_together_and_a_finer_picture_averages_to_the_plain_one(
+    model, camera, frame, monkeypatch
+):
     bands_of = field_rendering.split_bands
     monkeypatch.setattr(field_rendering, "split_bands", lambda camera, count: bands_of(camera, count, 64 * 16))
     parts = model.render(camera)
     for name in ("color", "opacity", "probabilities", "palette_weights"):
         assert_allclose(getattr(parts, name), getattr(frame, name), atol=5e-3, err_msg=name)
-
-
-def test_a_finer_picture_averages_to_the_plain_one(model, camera, frame):
     assert psnr(frame.color, model.render(camera, 2).color) > 25
 
 
@@ -112,6 +105,9 @@ def test_an_edit_in_the_colors_is_what_the_planes_composite(model, camera, frame
     planes, baked = model.composite(frame, green), shown(model, green, camera)
     assert np.abs(planes - frame.color).max() > 0.3
     assert psnr(baked, planes) > 30 and np.abs(baked - planes).mean() < 0.01
+    with pytest.raises(BadRequest, match="cannot be baked") as caught:
+        model.recolored_splats(replace(green, compositing="paper"))  # which replaces colors
+    assert caught.value.hint
 
 
 def test_only_the_edited_object_changes(model, green):
@@ -120,11 +116,7 @@ def test_only_the_edited_object_changes(model, green):
     assert changed.any() and (model.splatted.shares[changed, model.objects.index("ball")] > 0).all()
     assert not changed[model.splats.n_foreground :].any()
     assert_array_equal(model.recolored_splats(green).table[:, :COLOR], model.splats.table[:, :COLOR])
-
-
-def test_the_last_edit_is_kept(model, green):
-    assert model.recolored_splats(green) is model.recolored_splats(green)
-    assert model.recolored_splats(model.edit()) is not model.recolored_splats(green)
+    assert model.recolored_splats(green) is model.recolored_splats(green)  # the last edit is kept
 
 
 def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
@@ -138,12 +130,6 @@ def test_shares_are_those_of_f_s_and_nothing_outside_its_boxes_or_behind(model):
     assert (shares[~inside] == 0).all() and (shares >= 0).all() and (shares.sum(1) <= 1 + 1e-5).all()
     behind = replace(model.splats, n_background=len(model.splats))
     assert not shares_of_objects(behind, model.segmentation, model.scene).any()
-
-
-def test_an_edit_that_replaces_colors_cannot_be_baked(model):
-    with pytest.raises(BadRequest, match="cannot be baked") as caught:
-        model.recolored_splats(replace(model.edit(), compositing="paper"))
-    assert caught.value.hint
 
 
 def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
@@ -162,22 +148,14 @@ def test_an_added_color_moves_what_is_near_its_hue(model, camera, frame):
 
 
 # ---------------------------------------------------------------------------------------------------------------- edges
-def changes(model, edit):
-    """By how much an edit changes each Gaussian."""
-    return np.abs(model.recolored_splats(edit).table - model.splats.table).sum(1)
-
-
-def test_a_choke_recolors_fewer_gaussians_growth_more_and_neither_the_same(model, green):
-    choked, same, plain, grown = (
-        changes(model, edit) for edit in (green.edge("ball", 3), green.edge("ball"), green, green.edge("ball", -3))
-    )
+def test_a_choke_recolors_fewer_gaussians_growth_more_and_a_feather_leaves_some_between_both_colors(model, green):
+    edges = [(3, 0), (0, 0), (-3, 0), (0, 16)]
+    edits = [green, *(green.edge("ball", *edge) for edge in edges)]
+    tables = [model.recolored_splats(edit).table for edit in edits]
+    plain, choked, same, grown, soft = (np.abs(table - model.splats.table).sum(1) for table in tables)
     assert_array_equal(same, plain)
     assert (choked <= plain + 1e-6).all() and (grown >= plain - 1e-5).all()
     assert (choked > 0).sum() < (plain > 0).sum() < (grown > 0).sum()
-
-
-def test_a_feather_leaves_gaussians_between_both_colors(model, green):
-    plain, soft = changes(model, green), changes(model, green.edge("ball", 0, 16))
     share = soft[plain > 1e-2] / plain[plain > 1e-2]
     assert ((share > 0.1) & (share < 0.9)).sum() > 20
 
@@ -214,7 +192,7 @@ def test_distances_are_those_to_the_border_whatever_a_stray_says_and_pixels_span
     assert borders.spacings[0] == pytest.approx(SPACING, rel=0.4)
 
 
-# ------------------------------------------------------------------------------------------------- colors of one Gaussian
+# ----------------------------------------------------------------------------------------------- colors of one Gaussian
 PALETTE = Palette("pot", np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 1]]))
 BLUE = Edit({"pot": np.float32([[0, 0, 0], [0, 0, 1], [1, 1, 1]])})
 
@@ -234,14 +212,11 @@ def in_blue(gaussians, share=1.0):
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_color_moves_by_its_weights_and_its_share(share):
-    color = 0.5 + C0 * in_blue(one(), share)[COLOR : COLOR + 3]
-    assert_allclose(color, [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
-
-
-def test_shading_takes_the_new_hue_too():
-    assert_allclose(in_blue(one(0.2))[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
-    assert not in_blue(one())[COLOR + 3 :].any()
+def test_a_color_moves_by_its_weights_and_its_share_and_shading_takes_the_new_hue_too(share):
+    plain, shaded = in_blue(one(), share), in_blue(one(0.2))
+    assert_allclose(0.5 + C0 * plain[COLOR : COLOR + 3], [0.6 - share * 0.6, 0, share * 0.6], atol=1e-5)
+    assert not plain[COLOR + 3 :].any()
+    assert_allclose(shaded[COLOR + 3 : COLOR + 6], [0, 0, 0.2], atol=0.02)
 
 
 def test_an_object_without_gaussians_has_empty_planes(camera):
@@ -255,9 +230,7 @@ def test_an_object_without_gaussians_has_empty_planes(camera):
 # --------------------------------------------------------------------------------------------------------------- behind
 @pytest.mark.parametrize("background", [0.0, 0.4, 1.0])
 def test_a_cut_out_gives_the_picture_again_on_its_background(background):
-    random = np.random.default_rng(0)
-    own, opacity = random.random((4, 5, 3)), random.random((4, 5))
-    opacity[0, 0] = 0
+    own, opacity = np.random.default_rng(0).random((4, 5, 3)), np.linspace(0, 1, 20).reshape(4, 5)
     behind = np.full((4, 5, 3), background)
     picture = own * opacity[..., None] + behind * (1 - opacity[..., None])
     cut = remove_background(picture, opacity, behind)

@@ -83,16 +83,18 @@ def centered(camera: Camera) -> Camera:
 
 
 # -------------------------------------------------------------------------------------------------------------- writers
+def frames_of(names, cameras, **more) -> list[dict]:
+    poses = [camera.camera_to_world.tolist() for camera in cameras]
+    return [{"file_path": name, "transform_matrix": pose} | more for name, pose in zip(names, poses, strict=True)]
+
+
 def write_nerf_synthetic(folder: Path, cameras: list[Camera]) -> None:
     """The layout of NeRF's Blender script; all but the first two cameras are train."""
     angle = 2 * math.atan(cameras[0].width / 2 / cameras[0].fx)
     groups = {"train": cameras[2:], "val": cameras[:1], "test": cameras[1:2]}
     for split, group in groups.items():
         names = [f"{split}/r_{number}" for number in range(len(group))]
-        frames = [
-            {"file_path": f"./{name}", "rotation": 0.1, "transform_matrix": camera.camera_to_world.tolist()}
-            for name, camera in zip(names, group, strict=True)
-        ]
+        frames = frames_of([f"./{name}" for name in names], group, rotation=0.1)
         put_json(folder / f"transforms_{split}.json", {"camera_angle_x": angle, "frames": frames})
         put_photos(folder, [f"{name}.png" for name in names], group)
 
@@ -101,10 +103,7 @@ def write_transforms(folder: Path, cameras: list[Camera], names: list[str]) -> N
     """The layout of nerfstudio: one lens for all."""
     first = cameras[0]
     keys = ("k1", "k2", "k3", "k4") if first.fisheye else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-    frames = [
-        {"file_path": f"images/{name}", "transform_matrix": camera.camera_to_world.tolist()}
-        for name, camera in zip(names, cameras, strict=True)
-    ]
+    frames = frames_of([f"images/{name}" for name in names], cameras)
     content = {"camera_model": "OPENCV_FISHEYE" if first.fisheye else "OPENCV", "w": first.width, "h": first.height}
     content |= {"fl_x": first.fx, "fl_y": first.fy, "cx": first.cx, "cy": first.cy, "frames": frames}
     content |= dict(zip(keys, first.distortion, strict=False))

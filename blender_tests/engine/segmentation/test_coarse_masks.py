@@ -7,11 +7,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-pytest.importorskip("cv2")
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-pytest.importorskip("OpenEXR")
-
 from blender_tests.engine.reference.no_files import NO_FILES
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
@@ -62,7 +57,7 @@ def error_of(action, *arguments):
     return caught.value.sentence
 
 
-# ----------------------------------------------------------------------------------------------------------- their shapes
+# --------------------------------------------------------------------------------------------------------- their shapes
 SHAPE = np.array([[True, False, False], [True, True, False]])
 
 
@@ -104,19 +99,14 @@ def test_pictures_shrink_by_the_mean_of_areas_and_grow_between_pixel_centers():
     assert_array_equal(resize(image, 8, 6), image)
 
 
-def test_masks_at_the_photos_or_the_working_size_both_fit(capture, draw):
+def test_masks_of_the_photos_and_of_the_working_size_fit_and_its_lens_bends_them(capture, draw):
     draw("pot/a.png")
     large, small = find_masks(draw("pot/r_0.png", mask=MASK[::2, ::2]), capture)
     for mask in (large, small):
         assert_array_equal(load_mask(mask, plate_of(mask.view, 9, 6)), MASK[::2, ::2])
     assert_array_equal(load_mask(large, plate_of(large.view)), MASK)
-
-
-def test_masks_are_painted_on_the_photo_so_its_lens_bends_them_too(capture, draw):
-    view = capture.views[0]
-    bent = replace(view, camera=replace(view.camera, distortion=(-0.9, 0.0, 0.0, 0.0)))
-    (mask,) = find_masks(draw("pot/a.png"), replace(capture, views=(bent,)))
-    found = load_mask(mask, plate_of(view))
+    bent = replace(large, view=replace(large.view, camera=replace(CAMERA, distortion=(-0.9, 0.0, 0.0, 0.0))))
+    found = load_mask(bent, plate_of(large.view))
     # a barrel lens shows things smaller than they are
     assert found.sum() > MASK.sum() and not np.array_equal(found, MASK)
 
@@ -132,7 +122,7 @@ def test_masks_that_do_not_fit_their_photo_mark_nothing_or_are_damaged_are_named
     assert str(mask.path) in error_of(load_mask, mask, plate_of(mask.view))
 
 
-# ------------------------------------------------------------------------------------------------------------ their names
+# ---------------------------------------------------------------------------------------------------------- their names
 def test_masks_are_found_by_stem_or_view_name_sorted_by_object(capture, draw):
     folder = draw("pot/a.png", "pot/r_0.png", "lid/train_r_0.png", ".hidden/a.png")
     (folder / "pot" / "._a.png").write_bytes(b"left by another system")
@@ -145,6 +135,8 @@ def test_held_out_photos_may_be_marked_and_a_stem_means_the_training_photo(tmp_p
     assert [mask.view.name for mask in find_masks(folder, capture)] == ["held", "train_r_0", "test_r_0"]
     assert marked_views(folder, capture) == {"held", "train_r_0", "test_r_0"}
     assert marked_views(tmp_path / "nowhere", capture) == set()
+    for other in (tmp_path / "nowhere", folder / "pot" / "held.png"):
+        assert error_of(find_masks, other, capture) == f"{other} is not a folder of masks."
 
 
 @pytest.mark.parametrize(
@@ -168,30 +160,22 @@ def test_folders_that_do_not_fit_the_capture_are_named(capture, draw, files, wor
     assert words in sentence and str(folder) in sentence
 
 
-@pytest.mark.parametrize("name", ["nowhere", "file"])
-def test_a_missing_folder_and_a_file_in_its_place_are_named(tmp_path, capture, name):
-    (tmp_path / "file").write_text("")
-    assert error_of(find_masks, tmp_path / name, capture) == f"{tmp_path / name} is not a folder of masks."
-
-
 @pytest.mark.parametrize("make", [*NO_FILES[1:], lambda path: path.symlink_to(path)])
-def test_what_is_no_file_in_place_of_a_mask_is_named_and_never_waited_for(tmp_path, capture, make):
-    (tmp_path / "pot").mkdir()
-    make(tmp_path / "pot" / "a.png")
-    assert str(tmp_path / "pot" / "a.png") in error_of(find_masks, tmp_path, capture)
+def test_what_is_no_file_in_place_of_a_mask_is_named_and_never_waited_for(capture, draw, make):
+    folder = draw()
+    (folder / "pot").mkdir()
+    make(folder / "pot" / "a.png")
+    assert str(folder / "pot" / "a.png") in error_of(find_masks, folder, capture)
 
 
-def test_copied_masks_lie_under_their_views_names(tmp_path, capture, draw):
-    copy_masks(find_masks(draw("pot/r_0.png"), capture), tmp_path / "copies")
-    (again,) = find_masks(tmp_path / "copies", capture)
-    assert (*names_of([again]), again.path.name) == (("pot", "train_r_0"), "train_r_0.png")
-    assert_array_equal(load_mask(again, plate_of(again.view)), MASK)
-
-
-def test_masks_and_corrections_in_two_unicode_forms_are_of_one_object(capture, draw):
-    masks, corrections = draw(f"{COMPOSED}/a.png"), draw(f"{DECOMPOSED}/a.png", folder="corrections")
-    marks = find_masks(masks, capture) + find_corrections(corrections, capture)
-    assert {mark.object_name for mark in marks} == {COMPOSED}
+def test_copies_lie_under_their_views_names_and_objects_are_one_in_two_unicode_forms(tmp_path, capture, draw):
+    found = find_masks(draw("pot/r_0.png", f"{COMPOSED}/a.png"), capture)
+    copy_masks(found, tmp_path / "copies")
+    cafe, pot = find_masks(tmp_path / "copies", capture)
+    assert (*names_of([pot]), pot.path.name) == (("pot", "train_r_0"), "train_r_0.png")
+    assert_array_equal(load_mask(pot, plate_of(pot.view)), MASK)
+    (correction,) = find_corrections(draw(f"{DECOMPOSED}/a.png", folder="corrections"), capture)
+    assert correction.object_name == cafe.object_name == COMPOSED
 
 
 def test_photos_of_names_that_are_no_text_are_found_by_their_masks(tmp_path, draw):
@@ -202,7 +186,7 @@ def test_photos_of_names_that_are_no_text_are_found_by_their_masks(tmp_path, dra
     assert [path.name for path in (tmp_path / "kept" / "pot").iterdir()] == ["r__1.png"]
 
 
-# -------------------------------------------------------------------------------------------------------- several cameras
+# ------------------------------------------------------------------------------------------------------ several cameras
 @pytest.fixture
 def rig(tmp_path):
     """A capture whose photos lie in one subfolder a camera, by the same names."""

@@ -4,9 +4,6 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("scipy")
-
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.capture import Capture, View
 from karf_engine.errors import DataError
@@ -46,10 +43,10 @@ def capture(folder):
     return Capture(folder, "test", tuple(views))
 
 
-def test_there_may_be_none_and_folders_may_be_empty(tmp_path):
-    assert find_corrections(tmp_path / "corrections", capture(tmp_path)) == []
-    (tmp_path / "corrections" / "pot").mkdir(parents=True)
-    assert find_corrections(tmp_path / "corrections", capture(tmp_path)) == []
+@pytest.mark.parametrize("folder", ["no folder", "."])
+def test_there_may_be_none_and_folders_may_be_empty(tmp_path, folder):
+    (tmp_path / "pot").mkdir()
+    assert find_corrections(tmp_path / folder, capture(tmp_path)) == []
 
 
 @pytest.mark.parametrize("name", ["a", "held"])
@@ -61,13 +58,9 @@ def test_white_is_the_object_black_is_not_and_nothing_is_said_of_the_rest(read, 
     np.testing.assert_array_equal(load_correction(found, CAMERA), expected)
 
 
-def test_a_stroke_thinner_than_a_reduced_pixel_is_not_lost(read):
+def test_a_stroke_thinner_than_a_reduced_pixel_is_not_lost_and_a_picture_of_all_pixels_is_refused(read):
     (found,) = read("a", is_it=[np.s_[4:5, :]])
     assert (load_correction(found, CAMERA.scaled(6, 4))[1] == OBJECT).all()
-
-
-def test_a_picture_that_says_something_of_every_pixel_is_refused(read):
-    (found,) = read("a")
     iio.imwrite(found.path, np.zeros((12, 18), np.uint8))
     with pytest.raises(DataError, match="has no alpha"):
         load_correction(found, CAMERA)
@@ -82,7 +75,7 @@ def test_a_pixel_is_what_one_correction_says_or_none_of_what_others_exclude():
     assert targets[0, 2].tolist() == [1, 0, 0]
 
 
-# --------------------------------------------------------------------------------------------------------------- spreading
+# ------------------------------------------------------------------------------------------------------------ spreading
 # a wall of 60 x 20 points, red on the left, green on the right; the labels say object up to column 40 of 30
 PLACES = np.stack(np.meshgrid(np.arange(60.0), np.arange(20.0), indexing="ij"), -1).reshape(-1, 2)
 COLUMN = PLACES[:, 0]

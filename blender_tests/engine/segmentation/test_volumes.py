@@ -4,9 +4,7 @@ import json
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
-pytest.importorskip("scipy")
+import torch
 
 from karf_engine.errors import DataError
 from karf_engine.fields.rendering.space import Similarity
@@ -36,9 +34,6 @@ def test_an_object_is_inside_its_boxes_and_outside_of_its_meshes_and_others_are_
     assert allowed[:, 1].tolist() == [True, False, False]
     assert allowed[:, 0].all()
     assert Volumes.from_objects({}, ["lid", "pot"])(POINTS, 2).all()
-
-
-def test_a_flat_mesh_is_refused_by_the_objects_name():
     flat = Volume("inside", None, np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]))
     with pytest.raises(DataError, match="'pot' is flat"):
         Volumes.from_objects({"pot": [flat]}, ["pot"])

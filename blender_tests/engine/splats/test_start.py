@@ -20,14 +20,6 @@ from karf_engine.recolor.model import Model
 from karf_engine.splats import start
 from karf_engine.splats.kernels.arrays import COLOR, LOG_SCALE, ROTATION
 from karf_engine.splats.rasterizer import rasterize
-from karf_engine.splats.start import (
-    PSEUDO_VIEWS_PER_PHOTO,
-    SIDE,
-    initial_gaussians,
-    pseudo_cameras,
-    render_pseudo_photos,
-    surface_views,
-)
 
 MIDDLE = np.array([1.0, 2.0, 0.5])
 
@@ -39,7 +31,7 @@ def model(learned):
 
 @pytest.fixture(scope="module")
 def begun(model):
-    return initial_gaussians(model.scene, model.capture.split("train"), 3000, 1)
+    return start.initial_gaussians(model.scene, model.capture.split("train"), 3000, 1)
 
 
 def distances_to_surface(points):
@@ -89,7 +81,7 @@ def test_a_learned_background_becomes_a_shell_of_its_colors_behind_everything(mo
 
     views = model.capture.split("train")
     scene = replace(model.scene, background=sky)
-    gaussians = initial_gaussians(scene, views, 1000, 0)
+    gaussians = start.initial_gaussians(scene, views, 1000, 0)
     shell = gaussians.table[gaussians.n_foreground :]
     assert len(shell) == start.BEHIND
     eyes = np.stack([view.camera.position for view in views])
@@ -112,7 +104,7 @@ def test_a_disk_turns_to_its_normal():
 
 def test_the_surface_is_sampled_by_evenly_spread_views_and_can_be_cancelled_after_each(model):
     for count, found in ((1, 1), (3, 3), (64, 64), (65, 64), (1000, 64)):
-        chosen = surface_views(range(count))
+        chosen = start.surface_views(range(count))
         assert len(set(chosen)) == len(chosen) == found and (chosen[0], chosen[-1]) == (0, count - 1)
     steps = []
 
@@ -122,7 +114,7 @@ def test_the_surface_is_sampled_by_evenly_spread_views_and_can_be_cancelled_afte
             raise Cancelled("The test wants it.")
 
     with pytest.raises(Cancelled):
-        initial_gaussians(model.scene, model.capture.split("train"), 1000, 0, cancel)
+        start.initial_gaussians(model.scene, model.capture.split("train"), 1000, 0, cancel)
     assert len(steps) == 3
 
 
@@ -151,21 +143,21 @@ def scene(kind="opaque"):
 
 
 def test_pseudo_cameras_need_wide_baselines_and_opaque_photos():
-    counts = {("opaque", 10): 10 * PSEUDO_VIEWS_PER_PHOTO, ("opaque", 60): 0, ("opaque", 2): 0, ("alpha", 10): 0}
-    assert {(kind, n): len(pseudo_cameras(scene(kind), ring(n), 0)) for kind, n in counts} == counts
+    counts = {("opaque", 10): 10 * start.PSEUDO_VIEWS_PER_PHOTO, ("opaque", 60): 0, ("opaque", 2): 0, ("alpha", 10): 0}
+    assert {(kind, n): len(start.pseudo_cameras(scene(kind), ring(n), 0)) for kind, n in counts} == counts
 
 
 @pytest.mark.parametrize(
     ("photos", "atol"), [(ring(10), 1e-6), (ring(10)[:6], 1e-5)], ids=["all round", "from one side"]
 )
 def test_pseudo_cameras_surround_the_focus_at_their_photos_height_and_distance(photos, atol):
-    between = pseudo_cameras(scene(), photos, 0)
+    between = start.pseudo_cameras(scene(), photos, 0)
     beside = np.stack([camera.position - MIDDLE for camera in between])[:, :2]
     angles = np.sort(np.arctan2(*beside.T))
     gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
-    assert np.degrees(gaps.max()) < 360 / PSEUDO_VIEWS_PER_PHOTO + 1
+    assert np.degrees(gaps.max()) < 360 / start.PSEUDO_VIEWS_PER_PHOTO + 1
     for number, camera in enumerate(between):
-        own, towards = photos[number // PSEUDO_VIEWS_PER_PHOTO], MIDDLE - camera.position
+        own, towards = photos[number // start.PSEUDO_VIEWS_PER_PHOTO], MIDDLE - camera.position
         assert_allclose(np.linalg.norm(towards), 4, atol=atol)
         assert_allclose(-camera.camera_to_world[:3, 2], towards / 4, atol=atol)
         assert_allclose(camera.position[2], own.position[2], atol=atol)
@@ -175,7 +167,7 @@ def test_pseudo_cameras_surround_the_focus_at_their_photos_height_and_distance(p
 
 def test_the_seed_says_where_pseudo_cameras_stand():
     first, again, other = (
-        np.stack([each.position for each in pseudo_cameras(scene(), ring(10), seed)]) for seed in (0, 0, 1)
+        np.stack([each.position for each in start.pseudo_cameras(scene(), ring(10), seed)]) for seed in (0, 0, 1)
     )
     assert_allclose(first, again)
     assert np.abs(first - other).max() > 0.1
@@ -183,8 +175,8 @@ def test_the_seed_says_where_pseudo_cameras_stand():
 
 def test_pseudo_photos_are_small_renderings_of_the_field():
     field, steps = scene(), []
-    large = replace(ring(3)[0], width=2 * SIDE, height=SIDE, fx=600.0, fy=600.0, cx=256.0, cy=128.0)
-    small, halved = render_pseudo_photos(field, [ring(3)[1], large], lambda: steps.append(1))
-    assert small.color.shape == (60, 80, 3) and halved.color.shape == (SIDE // 2, SIDE, 3)
+    large = replace(ring(3)[0], width=2 * start.SIDE, height=start.SIDE, fx=600.0, fy=600.0, cx=256.0, cy=128.0)
+    small, halved = start.render_pseudo_photos(field, [ring(3)[1], large], lambda: steps.append(1))
+    assert small.color.shape == (60, 80, 3) and halved.color.shape == (start.SIDE // 2, start.SIDE, 3)
     assert (small.color == 64).all() and small.alpha is None and small.valid is None
-    assert field.looks[1].fx == 300 and halved.camera.width == SIDE and len(steps) == 2
+    assert field.looks[1].fx == 300 and halved.camera.width == start.SIDE and len(steps) == 2

@@ -84,7 +84,7 @@ def match_fewest(
 ) -> np.ndarray:
     """Return the palette [M, 3] float32 that gives one pixel the target color while moving as few swatches as possible.
 
-    Minimises the L2,1 norm of the swatches' moves, sum_j |dP_j| (as LoCoPalettes does), by iteratively reweighted least
+    Minimises the L2,1 norm of the swatches' moves, `sum_j |dP_j|` (as LoCoPalettes does), by iteratively reweighted least
     squares. `shown` is the pixel's current color, sRGB [3]; by default the palette's mixture.
     """
     weights = np.asarray(palette_weights_of_pixel, np.float64)

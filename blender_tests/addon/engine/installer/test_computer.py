@@ -49,7 +49,7 @@ def python(path, version="3 12", has_venv=True, bits=64):
 
 @pytest.fixture
 def find(managed, tmp_path, monkeypatch):
-    """A function that looks for a starter where the PATH is a made folder."""
+    """A function that searches for a starter in a temporary PATH."""
     if sys.platform == "win32":
         pytest.skip("the made programs are shell scripts")
     monkeypatch.setattr(managed.computer, "UNIX_FOLDERS", ())
@@ -69,7 +69,7 @@ def test_blenders_own_python_comes_first_then_uv_then_others(managed, find, tmp_
     assert find(can, chosen=uv).uv == uv
 
 
-def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(managed, find, tmp_path):
+def test_error_without_a_starter_lists_all_that_was_tried(managed, find, tmp_path):
     python(tmp_path / "bin" / "python3.11", "3 11", bits=32)
     program(tmp_path / "bin" / "python3", "exit 1")
     with pytest.raises(managed.api.MissingDependency) as caught:
@@ -86,14 +86,10 @@ def test_where_nothing_can_make_an_environment_all_that_was_tried_is_listed(mana
     [
         ("plain", "plain", "plain"),
         (r"C:\env\x.exe", r"C:\env\x.exe", r"C:\env\x.exe"),
-        ("ü", "ü", "ü"),
         ("a b", "'a b'", '"a b"'),
         ("it's", "'it''s'", '"it\'s"'),
-        ("50%", "'50%'", '"50%"'),
-        ("(x86)", "'(x86)'", '"(x86)"'),
-        ("a&b", "'a&b'", '"a&b"'),
-        ("$HOME", "'$HOME'", '"$HOME"'),
-        ("a;b", "'a;b'", '"a;b"'),
+        ("(50%)", "'(50%)'", '"(50%)"'),
+        ("ü&$HOME;", "'ü&$HOME;'", '"ü&$HOME;"'),
     ],
 )
 def test_words_survive_every_shell(managed, word, powershell, cmd):

@@ -27,7 +27,7 @@ def claimed(managed, tmp_path):
         *(({"environment": name}, "unfinished") for name in ("../elsewhere", "env-x", "", 7, None)),
     ],
 )
-def test_the_environment_counts_that_installed_json_names(managed, claimed, installed, state):
+def test_status_follows_the_environment_named_in_installed_json(managed, claimed, installed, state):
     if installed is not None:
         content = {"schema": managed.home.SCHEMA, "torch": "2.0", "digest": "of other packages"}
         (claimed / "installed.json").write_text(json.dumps(content | installed))
@@ -58,9 +58,7 @@ def test_a_path_that_is_a_file_is_named(managed, tmp_path, below):
         managed.home.check_free(file / below)
 
 
-def test_remove_deletes_all_that_is_ours_follows_no_link_and_keeps_what_others_put_beside_it(
-    managed, install, place, tmp_path
-):
+def test_remove_follows_no_links_and_keeps_other_files(managed, install, place, tmp_path):
     install()
     (tmp_path / "films").mkdir()
     (tmp_path / "films" / "pots.blend").touch()
@@ -71,7 +69,7 @@ def test_remove_deletes_all_that_is_ours_follows_no_link_and_keeps_what_others_p
     assert (tmp_path / "films" / "pots.blend").exists() and managed.home.status(place).state == "none"
 
 
-def test_a_file_under_two_names_is_counted_once(managed, tmp_path):
+def test_hard_links_are_counted_once(managed, tmp_path):
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "one").write_bytes(b"x" * 1000)
     (tmp_path / "two").hardlink_to(tmp_path / "below" / "one")

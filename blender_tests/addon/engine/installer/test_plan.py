@@ -27,7 +27,7 @@ def plan(managed, tmp_path, monkeypatch):
     return make
 
 
-def test_it_says_how_much_from_where_and_where_to_and_changes_nothing(managed, plan, tmp_path):
+def test_plan_names_size_source_and_folder_and_changes_nothing(managed, plan, tmp_path):
     made = plan(devices=("cuda",))
     sizes = [wheel.size for wheel in made.lock.wheels + made.tools]
     assert made.download_bytes == sum(sizes) > 2.5e9
@@ -56,7 +56,7 @@ def test_it_says_how_much_from_where_and_where_to_and_changes_nothing(managed, p
         ("linux-aarch64", ("cuda",), "auto", "cuda", ""),
     ],
 )
-def test_each_build_comes_from_where_it_is(plan, platform, devices, choice, build, backend):
+def test_builds_of_torch_come_from_the_index_that_has_them(plan, platform, devices, choice, build, backend):
     made = plan(platform, devices, build=choice)
     assert (made.lock.build, made.backend) == (build, backend)
     assert "numba" in [wheel.name for wheel in made.lock.wheels]
@@ -84,34 +84,34 @@ def test_each_build_comes_from_where_it_is(plan, platform, devices, choice, buil
         ({"folder": Path(__file__)}, "DataError", "is a file"),
     ],
 )
-def test_what_cannot_be_is_refused(managed, plan, options, error, sentence):
+def test_impossible_choices_are_refused(managed, plan, options, error, sentence):
     with pytest.raises(getattr(managed.api, error), match=sentence):
         plan(**options)
 
 
-def test_the_source_is_that_of_this_computer_without_its_password(plan, tmp_path):
-    def source(**variables):
-        return plan(variables={"PATH": "", **variables}).source
-
-    secret = "https://name:secret@mirror.example/simple"
-    for name, told in (
-        ("UV_DEFAULT_INDEX", {}),
-        ("UV_INDEX_URL", {}),
-        ("PIP_INDEX_URL", {"UV_DEFAULT_INDEX": secret}),
-    ):
-        found = source(**{name: secret})
-        assert "https://mirror.example/simple" in found.sentence and "secret" not in found.sentence
-        assert found.variables == told
-    settings = tmp_path / "pip.conf"
-    settings.write_text("[global]\nindex-url = https://mirror.example/other\n")
-    found = source(PIP_CONFIG_FILE=str(settings))
-    assert "mirror.example/other" in found.sentence and str(settings) in found.sentence
-    assert found.variables == {"UV_DEFAULT_INDEX": "https://mirror.example/other"}
-    settings.write_text("index-url without section")
-    assert source(PIP_CONFIG_FILE=str(settings), HOME=str(tmp_path)).sentence
+SECRET, MIRROR = "https://name:secret@mirror.example/simple", "https://mirror.example/other"
 
 
-def test_a_lock_file_is_read_for_one_python(managed):
+@pytest.mark.parametrize(
+    ("variables", "index", "told"),
+    [
+        ({"UV_DEFAULT_INDEX": SECRET}, "https://mirror.example/simple", {}),
+        ({"UV_INDEX_URL": SECRET}, "https://mirror.example/simple", {}),
+        ({"PIP_INDEX_URL": SECRET}, "https://mirror.example/simple", {"UV_DEFAULT_INDEX": SECRET}),
+        (f"[global]\nindex-url = {MIRROR}\n", MIRROR, {"UV_DEFAULT_INDEX": MIRROR}),
+        ("index-url without section", "the Python Package Index", {}),
+    ],
+)
+def test_source_is_the_configured_index_without_its_password(plan, tmp_path, variables, index, told):
+    if isinstance(variables, str):  # pip's settings
+        (tmp_path / "pip.conf").write_text(variables)
+        variables = {"PIP_CONFIG_FILE": str(tmp_path / "pip.conf"), "HOME": str(tmp_path)}
+    source = plan(variables={"PATH": "", **variables}).source
+    assert index in source.sentence and "secret" not in source.sentence
+    assert source.variables == told
+
+
+def test_lock_has_one_wheel_per_package_for_each_python(managed):
     for platform, python in ((LINUX, "3.11"), (WINDOWS, "3.14"), (MAC, "3.12")):
         wheels = managed.locks.read(platform, "cpu", python, ("photos",)).wheels
         assert len({wheel.name for wheel in wheels}) == len(wheels) == 20
@@ -121,7 +121,7 @@ def test_a_lock_file_is_read_for_one_python(managed):
         managed.locks.read(LINUX, "cpu", "3.9")
 
 
-def test_a_disk_without_space_is_named_unless_what_is_there_makes_up_for_it(managed, plan, monkeypatch):
+def test_full_disk_is_named_unless_the_cache_makes_up_for_it(managed, plan, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: USAGE(9e9, 8e9, 1_000_000_000))
     with pytest.raises(managed.api.DataError, match=r"has 1\.0 GB free; the engine needs about 5\.\d GB"):
         plan(devices=("cuda",))
@@ -129,14 +129,14 @@ def test_a_disk_without_space_is_named_unless_what_is_there_makes_up_for_it(mana
     assert plan(devices=("cuda",)).free_bytes < 1.1e9
 
 
-def test_long_paths_are_a_warning_on_windows_alone(plan, tmp_path):
+def test_long_paths_are_a_warning_on_windows_only(plan, tmp_path):
     deep = tmp_path / ("d" * 120)
     assert any("long paths" in line for line in plan(WINDOWS, folder=deep).sentences)
     assert not any("long paths" in line for line in plan(MAC, ("mps",), folder=deep).sentences)
 
 
 # --- without network ----------------------------------------------------------------------------------------------
-def test_a_folder_that_lacks_files_or_has_half_of_one_names_them(managed, kitchen, planned):
+def test_missing_and_incomplete_wheels_are_named(managed, kitchen, planned):
     half = next(kitchen.folder.glob("numpy-*"))
     whole = half.read_bytes()
     half.write_bytes(whole[:100])
@@ -152,7 +152,7 @@ def test_a_folder_that_lacks_files_or_has_half_of_one_names_them(managed, kitche
         planned()
 
 
-def test_what_must_be_fetched_elsewhere_is_listed_with_hashes(addon, managed):
+def test_listing_for_offline_use_has_hashes(addon, managed):
     listing, command = addon.steps.engine_files("windows-x86_64", "3.12", "cpu", ("photos",), "cmd")
     lock = managed.locks.read(WINDOWS, "cpu", "3.12", ("photos",))
     wheels = (*lock.wheels, managed.locks.read_uv(WINDOWS))
@@ -193,7 +193,7 @@ def test_each_failure_is_a_sentence_with_a_remedy(managed, plan, said, sentence)
 
 
 @pytest.mark.parametrize("devices, is_offered", [((), True), (("cuda",), False)])
-def test_where_torchs_own_index_cannot_be_reached_the_usual_one_is_offered(managed, plan, devices, is_offered):
+def test_usual_index_is_offered_if_torchs_own_is_unreachable(managed, plan, devices, is_offered):
     made = plan(devices=devices)
     error = managed.installation.explain(made, made.steps()[-1], ["dns error"], "exit code 2")
     assert ("build cuda" in error.hint) == ("torch's own index" in error.sentence) == is_offered

@@ -1,4 +1,4 @@
-"""Tiny wheels that stand for the engine's packages, and an index on this computer that serves them."""
+"""Tiny wheels in place of the engine's packages, and a local index that serves them."""
 
 import base64
 import hashlib
@@ -34,7 +34,7 @@ MODULES = {  # package -> what is imported
 
 
 def torch(version, cuda=None):
-    """The code of a package that looks like torch."""
+    """Return the code of a stand-in for torch."""
     return TORCH.format(version=version, cuda=cuda)
 
 
@@ -57,7 +57,7 @@ def make(folder, name, version, code=None, tag="py3-none-any", more=None):
 
 
 def locked(path, name, version):
-    """What a lock file says of a wheel."""
+    """Return the lock file's lines for a wheel."""
     data = path.read_bytes()
     return f"# {path.name} {len(data)}\n{name}=={version} \\\n    --hash=sha256:{hashlib.sha256(data).hexdigest()}\n"
 
@@ -80,7 +80,7 @@ class Index(ThreadingHTTPServer):
 
     @property
     def packages(self):
-        """What was fetched, without versions."""
+        """Names of the fetched packages."""
         return {name.partition("-")[0] for name in self.fetched}
 
     def close(self):

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
 import karf_engine as karf
+from blender_tests.engine.commands.conftest import geometry_command
 from blender_tests.engine.commands.farm.sequences import write_sequence
 from karf_engine.cli import main
 from karf_engine.commands.farm import run as write_bundle
@@ -43,43 +45,41 @@ def test_no_path_of_a_bundle_leads_out_of_it(learned, still_life, sequence, tmp_
     assert all((bundle / path).exists() for path in paths if path != "frames")
 
 
-@pytest.mark.parametrize(("of_photos", "count"), [(True, 2), (False, 5)], ids=["photos", "cameras"])
-def test_a_bundle_renders_what_the_project_does_wherever_it_lies(learned, sequence, tmp_path, of_photos, count):
-    chosen = {"views": "test" if of_photos else str(sequence.cameras), "edit": sequence.edit}
-    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", **chosen)
-    moved = bundle.rename(tmp_path / "moved")
-    assert Project(moved / "project").splats_file.is_file()
-    assert len(list(moved.glob("photos/*"))) == (count if of_photos else 0)
+def test_a_bundle_renders_what_the_project_does_wherever_it_lies(learned, sequence, tmp_path):
+    """Photos, which are taken along; cameras are rendered in test_openjd.py."""
+    chosen = {"views": "test", "edit": sequence.edit}
+    moved = karf.render_bundle(learned.project, tmp_path / "bundle", **chosen).rename(tmp_path / "moved")
+    assert Project(moved / "project").splats_file.is_file() and len(names_in(moved / "photos")) == 2
     for project, out in ((learned.project, "here"), (moved / "project", "there")):
         karf.render(project, tmp_path / out, **chosen, threads=1, device="cpu")
-    here = {path.name: path.read_bytes() for path in (tmp_path / "here" / "recolor").iterdir()}
-    assert here == {path.name: path.read_bytes() for path in (tmp_path / "there" / "recolor").iterdir()}
-    assert len(here) == count
+    here, there = (
+        {path.name: path.read_bytes() for path in (tmp_path / out / "recolor").iterdir()} for out in ("here", "there")
+    )
+    assert here == there and len(here) == 2
+    cameras = karf.render_bundle(learned.project, tmp_path / "cameras", views=str(sequence.cameras))
+    assert not (cameras / "photos").exists()
 
 
 def test_each_frame_may_have_an_edit_of_its_own(learned, sequence, tmp_path):
-    edits = [tmp_path / f"edit_{number}.json" for number in range(5)]
-    for number, path in enumerate(edits):
-        sequence.paint(0.1 * number, path)
-    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", views=str(sequence.cameras), edit=edits)
-    views = {"views": str(sequence.cameras), "threads": 1, "device": "cpu"}
-    karf.render(bundle / "project", tmp_path / "all", edit=bundle / "edits", **views)
-    karf.render(bundle / "project", tmp_path / "fourth", edit=edits[3], first=4, count=1, **views)
+    edits = tmp_path / "edits"
+    for number in range(1, 8):
+        sequence.paint(0.1 * number, edits / f"frame_{number:04d}.json")
+    views = {"views": str(sequence.cameras)}
+    one_each = [edits / f"frame_{number:04d}.json" for number in range(1, 6)]
+    for name, given in (("folder", edits), ("list", one_each)):
+        bundle = karf.render_bundle(learned.project, tmp_path / name, edit=given, **views)
+        assert names_in(bundle / "edits") == [path.name for path in one_each]
+    options = views | {"threads": 1, "device": "cpu"}
+    karf.render(bundle / "project", tmp_path / "all", edit=bundle / "edits", **options)
+    karf.render(bundle / "project", tmp_path / "fourth", edit=one_each[3], first=4, count=1, **options)
     (fourth,) = (tmp_path / "fourth" / "recolor").iterdir()
     assert fourth.read_bytes() == (tmp_path / "all" / "recolor" / fourth.name).read_bytes()
     assert len({path.read_bytes() for path in (tmp_path / "all" / "recolor").iterdir()}) == 5
-
-
-def test_a_folder_of_edits_is_taken_along_for_the_views_that_are_rendered(learned, sequence, tmp_path):
-    (tmp_path / "edits").mkdir()
-    for number in range(1, 8):
-        shutil.copy(sequence.edit, tmp_path / "edits" / f"frame_{number:04d}.json")
-    views = {"views": str(sequence.cameras), "edit": tmp_path / "edits"}
-    bundle = karf.render_bundle(learned.project, tmp_path / "bundle", **views)
-    assert names_in(bundle / "edits") == [f"frame_{number:04d}.json" for number in range(1, 6)]
-    (tmp_path / "edits" / "frame_0003.json").unlink()
+    with pytest.raises(BadRequest, match="2 edits for 5 views"):
+        karf.render(bundle / "project", tmp_path / "all", edit=one_each[:2], **options)
+    one_each[2].unlink()
     with pytest.raises(DataError, match="frame_0003"):
-        karf.render_bundle(learned.project, tmp_path / "another", **views)
+        karf.render_bundle(learned.project, tmp_path / "another", edit=edits, **views)
 
 
 def test_a_bundle_is_never_written_over_nor_left_half_made(learned, still_life, tmp_path):
@@ -159,14 +159,6 @@ def test_links_of_a_capture_that_lead_out_are_packed_only_where_the_user_named_t
         karf.learning_bundle(capture, masks, tmp_path / "other", **named)
 
 
-def test_photos_outside_the_captures_folder_are_refused(film, tmp_path):
-    (film / "capture" / "train").rename(tmp_path / "train")
-    text = (film / "capture" / "transforms_train.json").read_text()
-    (film / "capture" / "transforms_train.json").write_text(text.replace("./train", str(tmp_path / "train")))
-    with pytest.raises(BadRequest, match="lies outside"):
-        karf.learning_bundle(film / "capture", film / "masks", tmp_path / "bundle")
-
-
 def test_what_is_packed_is_listed_before_anything_is_written(learned, tmp_path):
     lines = []
     options = FarmOptions.of(source=learned.project, out=tmp_path / "bundle", views="test")
@@ -195,10 +187,9 @@ def test_a_part_of_the_views_is_rendered_as_it_is_among_all_and_an_empty_one_is_
 
 def test_a_project_that_moves_with_its_photos_still_finds_them(still_life, tmp_path):
     film, elsewhere = tmp_path / "film", tmp_path / "elsewhere"
-    shutil.copytree(still_life.capture, film / "capture")
-    command = still_life.command(film / "project", 'geometry.levels=[{"voxels": 8, "iterations": 1, "step": 1.0}]')
-    masks = command.index("--masks")
-    assert main(["geometry", str(film / "capture"), *command[2:masks], *command[masks + 2 :]]) == 0
+    capture = shutil.copytree(still_life.capture, film / "capture")
+    few = 'geometry.levels=[{"voxels": 8, "iterations": 1, "step": 1.0}]'
+    assert main(geometry_command(replace(still_life, capture=capture), film / "project", few)) == 0
     film.rename(elsewhere)
     for view in read_capture(Project(elsewhere / "project")).views:
         assert view.image.is_relative_to(elsewhere / "capture") and view.image.is_file()

@@ -57,30 +57,29 @@ def refusal(path):
     with pytest.raises(DataError) as caught:
         read_nerf(path)
     assert str(path) in caught.value.sentence and caught.value.hint
-    return caught.value.sentence
+    return caught.value
 
 
 # -------------------------------------------------------------------------------------------------------- nerf-pytorch
-@pytest.mark.parametrize("zipped", [True, False])
-@pytest.mark.parametrize("prefix", ["", "module."])
-def test_a_nerf_pytorch_checkpoint_computes_what_that_program_does(tmp_path, zipped, prefix):
-    states = vanilla_state(1), vanilla_state(2)
+
+
+@pytest.mark.parametrize(
+    ("zipped", "prefix", "has_fine"), [(True, "", True), (True, "module.", True), (False, "", True), (True, "", False)]
+)
+def test_a_nerf_pytorch_checkpoint_computes_what_that_program_does(tmp_path, zipped, prefix, has_fine):
+    states = vanilla_state(1), vanilla_state(2 if has_fine else 1)  # without a fine one the coarse network serves twice
     optimizer = torch.optim.Adam([torch.nn.Parameter(torch.ones(3))])
     content = {"global_step": 200_000, "optimizer_state_dict": optimizer.state_dict()}
     for name, state in zip(("network_fn_state_dict", "network_fine_state_dict"), states, strict=True):
         content[name] = {prefix + key: value for key, value in state.items()}
+    if not has_fine:
+        content["network_fine_state_dict"] = None
     torch.save(content, tmp_path / "200000.tar", _use_new_zipfile_serialization=zipped)
-    for network, state in zip(read_nerf(tmp_path / "200000.tar"), states, strict=True):
+    coarse, fine = read_nerf(tmp_path / "200000.tar")
+    assert coarse is not fine
+    for network, state in zip((coarse, fine), states, strict=True):
         assert network.shape.skips == (5,) and not network.shape.linear_first
         agree(network, vanilla(plain(state), POINT, DIRECTION, OCTAVES))
-
-
-def test_without_a_fine_network_the_coarse_one_serves_twice(tmp_path):
-    content = {"network_fn_state_dict": vanilla_state(1), "network_fine_state_dict": None}
-    torch.save(content, tmp_path / "a.tar")
-    coarse, fine = read_nerf(tmp_path / "a.tar")
-    assert coarse is not fine
-    agree(fine, outputs(coarse))
 
 
 # ----------------------------------------------------------------------------------------------------------- krrish94
@@ -95,26 +94,23 @@ def test_a_krrish94_checkpoint_computes_what_that_program_does(tmp_path, n_layer
 
 
 # ------------------------------------------------------------------------------------------------------------ refusals
+
+
 def test_a_checkpoint_that_would_run_code_is_refused_and_runs_nothing(tmp_path):
     trap = Trap(tmp_path / "sprung")
     for name, zipped in (("a.tar", True), ("b.ckpt", False)):
         content = {"network_fn_state_dict": vanilla_state(1), "evil": trap}
         torch.save(content, tmp_path / name, _use_new_zipfile_serialization=zipped)
-        assert "cannot be read as a checkpoint of numbers alone" in refusal(tmp_path / name)
+        assert "cannot be read as a checkpoint of numbers alone" in refusal(tmp_path / name).sentence
     (tmp_path / "c.tar").write_bytes(pickle.dumps(trap, 2))
     refusal(tmp_path / "c.tar")
+    write_arrays(tmp_path / "model_1.npy", [trap])
+    error = refusal(tmp_path / "model_1.npy")
+    assert "as bmild/nerf writes" in error.sentence
+    assert "python -m tools.convert_bmild MODEL.npy OUT.tar" in f"{error.sentence} {error.hint}"
     assert not trap.folder.exists()
     pickle.loads(pickle.dumps(trap))  # the trap does work
     assert trap.folder.exists()
-
-
-def test_checkpoints_of_bmild_are_refused_with_the_command_that_converts_them(tmp_path):
-    trap = Trap(tmp_path / "sprung")
-    write_arrays(tmp_path / "model_1.npy", [trap])
-    assert "as bmild/nerf writes" in refusal(tmp_path / "model_1.npy")
-    with pytest.raises(DataError, match=r"python -m tools\.convert_bmild MODEL\.npy OUT\.tar"):
-        read_nerf(tmp_path / "model_1.npy")
-    assert not trap.folder.exists()
 
 
 class Bytes:
@@ -170,7 +166,7 @@ REFUSED = [
 def test_invalid_checkpoints_are_refused_without_taking_memory(tmp_path, make, words):
     make(tmp_path / "a.tar")
     with little_memory():
-        assert re.search(words, refusal(tmp_path / "a.tar"))
+        assert re.search(words, refusal(tmp_path / "a.tar").sentence)
 
 
 # ------------------------------------------------------------------------------------------------------------- placing

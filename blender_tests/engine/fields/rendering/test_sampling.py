@@ -14,18 +14,8 @@ from blender_tests.engine.reference.capture_files import random_rotation
 from blender_tests.engine.reference.rays import march_one
 from karf_engine.capture.camera import Camera
 from karf_engine.capture.distortion import distort
+from karf_engine.fields.rendering import sampling
 from karf_engine.fields.rendering.rays import PixelDataset, Rays, camera_rays, depth_per_distance, spherical_harmonics
-from karf_engine.fields.rendering.sampling import (
-    Polylines,
-    cell_indices,
-    coarse_occupancy,
-    dense_ray_weights,
-    interval_lengths,
-    march,
-    refine,
-    sample_pdf,
-    stratified_samples,
-)
 from karf_engine.fields.rendering.space import (
     Box,
     Contraction,
@@ -143,7 +133,7 @@ def test_a_frustum_has_its_near_plane_in_front_and_infinity_at_the_back():
 def test_a_path_is_where_the_points_of_its_ray_map_to(space):
     viewdirs = normalize(torch.tensor([0.0, 1.0, 0.0]) + random_points(60, 0.2), dim=1)
     rays = Rays(torch.tensor([1.0, 2.0, 3.0]) + random_points(60, 0.1, 1), viewdirs)
-    lines = Polylines(space.paths(rays, torch.full((3,), -9.0), torch.full((3,), 9.0)))
+    lines = sampling.Polylines(space.paths(rays, torch.full((3,), -9.0), torch.full((3,), 9.0)))
     for distance in (1.5, 4.0, 20.0, 300.0):
         _, gap = lines.nearest(space.to_grid(rays.origins + distance * viewdirs))
         assert gap.max() < 4e-3
@@ -157,7 +147,7 @@ def test_the_knots_of_a_contracted_path_are_close_together():
 
 def test_a_backward_ray_has_no_path_in_a_frustum():
     rays = Rays(torch.tensor([[1.0, 2.0, 3.0]]), torch.tensor([[0.0, -1.0, 0.0]]))
-    assert Polylines(frustum().paths(rays, torch.full((3,), -1.0), torch.full((3,), 1.0))).lengths.item() == 0
+    assert sampling.Polylines(frustum().paths(rays, torch.full((3,), -1.0), torch.full((3,), 1.0))).lengths.item() == 0
 
 
 @pytest.mark.parametrize("space", [Box(), similarity(), frustum()], ids=str)
@@ -210,7 +200,9 @@ def test_marched_samples_are_exactly_the_steps_inside_occupied_cells(shape, shar
     paths = clipped_paths(
         torch.from_numpy(origins), torch.from_numpy(viewdirs), minimum, minimum + VOXEL * torch.tensor(shape)
     )
-    samples = march(paths, minimum, VOXEL, grid, coarse_occupancy(grid), step, torch.from_numpy(jitter))
+    samples = sampling.march(
+        paths, minimum, VOXEL, grid, sampling.coarse_occupancy(grid), step, torch.from_numpy(jitter)
+    )
     ray_indices = samples.ray_indices.numpy()
     entry = np.linalg.norm(paths[:, 0].numpy() - origins, axis=1)
     distances = samples.distances.numpy() + entry[ray_indices]
@@ -234,14 +226,14 @@ def test_marched_samples_are_exactly_the_steps_inside_occupied_cells(shape, shar
 
 def test_samples_are_evenly_spaced_along_a_bent_path():
     bent = torch.tensor([[[-0.5, 0.5, 0.5], [1.75, 0.5, 0.5], [1.75, 3.5, 0.5], [1.75, 3.5, 9.0]]])
-    samples = march(bent, torch.zeros(3), 1.0, FULL, coarse_occupancy(FULL), 0.5)
+    samples = sampling.march(bent, torch.zeros(3), 1.0, FULL, sampling.coarse_occupancy(FULL), 0.5)
     assert_allclose(samples.distances, np.arange(0.75, 8.75, 0.5))  # 0.5 before the grid; z = 4 after 8.75
     along, across = samples.positions[:4], samples.positions[4:10]
     assert_allclose(along[:, 0], samples.distances[:4] - 0.5)
     assert_allclose(across[:, 1], samples.distances[4:10] - 1.75)
     assert_allclose(across[:, 0], 1.75)
     straight = torch.tensor([[[0.0, 2.0, 2.0], [4.0, 2.0, 2.0]]])
-    samples = march(straight, torch.zeros(3), 1.0, FULL, coarse_occupancy(FULL), 1.0)
+    samples = sampling.march(straight, torch.zeros(3), 1.0, FULL, sampling.coarse_occupancy(FULL), 1.0)
     assert_allclose(samples.distances, [0.5, 1.5, 2.5, 3.5])
 
 
@@ -250,7 +242,7 @@ def test_the_nearest_place_of_a_path_is_that_of_brute_force(n_knots):
     random = torch.Generator().manual_seed(n_knots)
     paths = torch.rand(40, n_knots, 3, generator=random)
     points = torch.rand(40, 3, generator=random)
-    lines = Polylines(paths)
+    lines = sampling.Polylines(paths)
     at, gap = lines.nearest(points)
     tried = torch.linspace(0, 1, 4001) * lines.lengths[:, None]
     gaps = torch.linalg.norm(lines.points(torch.arange(40), tried) - points[:, None], dim=2)
@@ -272,13 +264,13 @@ def test_a_ray_is_clipped_to_the_box():
 @pytest.mark.parametrize("occupied", [~FULL, FULL])
 def test_nothing_to_march_gives_no_samples(occupied):
     for paths in (torch.full((1, 2, 3), 9.0), torch.zeros(0, 2, 3)):
-        samples = march(paths, torch.zeros(3), 1.0, occupied, coarse_occupancy(occupied), 0.5)
+        samples = sampling.march(paths, torch.zeros(3), 1.0, occupied, sampling.coarse_occupancy(occupied), 0.5)
         assert len(samples) == 0 and samples.positions.shape == (0, 3)
 
 
 def test_positions_outside_take_the_nearest_border_cell():
     positions = torch.tensor([[-9.0, 0.5, 0.5], [1.5, 2.5, 3.5], [9.0, 9.0, 9.0]])
-    assert cell_indices(positions, torch.zeros(3), 1.0, (2, 3, 4)).tolist() == [0, 12 + 2 * 4 + 3, 23]
+    assert sampling.cell_indices(positions, torch.zeros(3), 1.0, (2, 3, 4)).tolist() == [0, 12 + 2 * 4 + 3, 23]
 
 
 # --------------------------------------------------------------------------------------------------------- coarse and fine
@@ -288,10 +280,10 @@ def random(*shape, seed=0):
 
 @pytest.mark.parametrize("in_disparity", [False, True])
 def test_coarse_samples_are_even_and_jitter_fills_the_range_with_one_a_stretch(in_disparity):
-    even = stratified_samples(2, 6, 16, in_disparity, torch.zeros(1, 0))[0]
+    even = sampling.stratified_samples(2, 6, 16, in_disparity, torch.zeros(1, 0))[0]
     expected = 1 / np.linspace(1 / 2, 1 / 6, 16) if in_disparity else np.linspace(2, 6, 16)
     assert_allclose(even, expected, rtol=1e-6)
-    t = stratified_samples(2, 6, 16, in_disparity, random(4000, 16))
+    t = sampling.stratified_samples(2, 6, 16, in_disparity, random(4000, 16))
     assert t.shape == (4000, 16) and t.min() >= 2 and t.max() <= 6
     middles = (even[1:] + even[:-1]) / 2
     assert (t[:, :-1] <= middles).all() and (t[:, 1:] >= middles).all()
@@ -306,14 +298,14 @@ def test_the_inverse_distribution_function_is_that_of_numpy():
         density = weights[row].double().numpy() + 1e-5
         cdf = np.concatenate([[0], np.cumsum(density / density.sum())])
         expected = np.interp(u[row].numpy(), cdf, edges[row].numpy())
-        assert_allclose(sample_pdf(edges, weights, u)[row], expected, atol=1e-4)
+        assert_allclose(sampling.sample_pdf(edges, weights, u)[row], expected, atol=1e-4)
 
 
 def test_fine_samples_gather_where_the_weight_is():
-    t = stratified_samples(2, 6, 32, False, torch.zeros(3, 0))
+    t = sampling.stratified_samples(2, 6, 32, False, torch.zeros(3, 0))
     weights = torch.zeros(3, 32)
     weights[:, 20] = 1
-    union = refine(t, weights, torch.linspace(0, 1, 64).expand(3, -1))
+    union = sampling.refine(t, weights, torch.linspace(0, 1, 64).expand(3, -1))
     assert union.shape == (3, 96) and (union.diff(dim=1) >= 0).all()
     assert all(torch.isin(t[row], union[row]).all() for row in range(3))
     assert (((union - t[:, 20:21]).abs() < 0.13).sum(1) > 60).all()
@@ -321,9 +313,9 @@ def test_fine_samples_gather_where_the_weight_is():
 
 def test_dense_weights_are_those_of_packed_samples():
     sigmas, t = 3 * random(5, 12), random(5, 12, seed=1).sort(1).values
-    deltas = interval_lengths(t)
+    deltas = sampling.interval_lengths(t)
     assert (deltas[:, -1] == 1e10).all()
-    weights = dense_ray_weights(sigmas, deltas)
+    weights = sampling.dense_ray_weights(sigmas, deltas)
     rays = torch.arange(5).repeat_interleave(12)
     assert_allclose(weights.view(-1), ray_weights_from_sigmas(sigmas.view(-1), deltas.view(-1), rays), atol=1e-6)
     assert_allclose(weights.sum(1), np.ones(5), atol=1e-6)
@@ -331,5 +323,5 @@ def test_dense_weights_are_those_of_packed_samples():
 
 def test_gradients_stay_finite_behind_what_is_opaque():
     sigmas = torch.tensor([[0.0, 50.0, 1e6, 2.0]], requires_grad=True)
-    dense_ray_weights(sigmas, interval_lengths(torch.tensor([[1.0, 2.0, 3.0, 4.0]])))[0, 1].backward()
+    sampling.dense_ray_weights(sigmas, sampling.interval_lengths(torch.tensor([[1.0, 2.0, 3.0, 4.0]])))[0, 1].backward()
     assert torch.isfinite(sigmas.grad).all()

@@ -9,16 +9,10 @@ from numpy.testing import assert_allclose
 torch = pytest.importorskip("torch")
 
 from blender_tests.engine.reference.rays import composite
+from karf_engine.fields.rendering import volume
 from karf_engine.fields.rendering.rays import Rays
 from karf_engine.fields.rendering.sampling import Samples
 from karf_engine.fields.rendering.surface_cache import MIN_OPACITY, concatenate_caches, quantile_samples
-from karf_engine.fields.rendering.volume import (
-    accumulate,
-    distortion,
-    final_transmittance_from_sigmas,
-    ray_weights_from_sigmas,
-    transmittance_from_optical_depths,
-)
 
 HALF = math.log(2.0)  # a density at which half of the light stops
 
@@ -45,14 +39,14 @@ def random_rays(n_rays, dtype=torch.float64, scale=2.0, device="cpu"):
 )
 def test_few_samples_by_hand(sigmas, rays, weights, rest):
     sigmas, rays = torch.tensor(sigmas), torch.tensor(rays, dtype=torch.long)
-    found = ray_weights_from_sigmas(sigmas, 1.0, rays)
+    found = volume.ray_weights_from_sigmas(sigmas, 1.0, rays)
     assert_allclose(found, weights, rtol=1e-6, atol=1e-9)
-    assert_allclose(final_transmittance_from_sigmas(sigmas, 1.0, rays, 2), rest, rtol=1e-6, atol=1e-9)
-    assert_allclose(accumulate(found, None, rays, 2)[:, 0], 1 - np.array(rest), atol=2e-7)
+    assert_allclose(volume.final_transmittance_from_sigmas(sigmas, 1.0, rays, 2), rest, rtol=1e-6, atol=1e-9)
+    assert_allclose(volume.accumulate(found, None, rays, 2)[:, 0], 1 - np.array(rest), atol=2e-7)
     values = torch.tensor([1.0, 4.0, 9.0])[: len(sigmas), None] * torch.tensor([1.0, 0.5])
     expected = np.zeros((2, 2))
     np.add.at(expected, rays.numpy(), np.array(weights)[:, None] * values.numpy())
-    assert_allclose(accumulate(found, values, rays, 2), expected, rtol=1e-6)
+    assert_allclose(volume.accumulate(found, values, rays, 2), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -63,13 +57,13 @@ def test_packed_rays_agree_with_the_loop_over_single_rays(n_rays, dtype, scale, 
     """Of 4000 rays a plain float32 running sum would have lost two digits after the point."""
     sigmas, deltas, ray_indices = random_rays(n_rays, dtype, scale, device)
     expected = composite(*[values.cpu().numpy() for values in (sigmas, deltas, ray_indices)], n_rays)
-    weights = ray_weights_from_sigmas(sigmas, deltas, ray_indices)
-    rest = final_transmittance_from_sigmas(sigmas, deltas, ray_indices, n_rays)
-    found = (transmittance_from_optical_depths(sigmas * deltas, ray_indices), weights, rest)
+    weights = volume.ray_weights_from_sigmas(sigmas, deltas, ray_indices)
+    rest = volume.final_transmittance_from_sigmas(sigmas, deltas, ray_indices, n_rays)
+    found = (volume.transmittance_from_optical_depths(sigmas * deltas, ray_indices), weights, rest)
     for ours, loop in zip(found, expected, strict=True):
         assert ours.dtype == dtype and ours.min() >= 0
         assert_allclose(ours.cpu(), loop, atol=tolerance)
-    sums = accumulate(weights, None, ray_indices, n_rays)[:, 0] + rest
+    sums = volume.accumulate(weights, None, ray_indices, n_rays)[:, 0] + rest
     assert_allclose(sums.cpu(), np.ones(n_rays), atol=2 * tolerance)
 
 
@@ -77,8 +71,8 @@ def test_gradients_are_finite_for_every_density():
     logs = torch.linspace(-100, 50, 301, requires_grad=True)
     ray_indices = torch.arange(301) // 7
     for order in (logs, logs.flip(0)):
-        weights = ray_weights_from_sigmas(order.exp(), 0.3, ray_indices)
-        rest = final_transmittance_from_sigmas(order.exp(), 0.3, ray_indices, 43)
+        weights = volume.ray_weights_from_sigmas(order.exp(), 0.3, ray_indices)
+        rest = volume.final_transmittance_from_sigmas(order.exp(), 0.3, ray_indices, 43)
         loss = (weights * torch.arange(301)).sum() + rest.sum()
         (gradient,) = torch.autograd.grad(loss, logs)
         assert torch.isfinite(weights).all() and torch.isfinite(gradient).all()
@@ -88,20 +82,20 @@ def test_gradients_are_finite_for_every_density():
 def test_the_analytic_gradient_agrees_with_finite_differences():
     sigmas, deltas, ray_indices = random_rays(4)
     sigmas = (sigmas + 0.1).requires_grad_(True)
-    assert torch.autograd.gradcheck(lambda s: ray_weights_from_sigmas(s, deltas, ray_indices), sigmas)
-    assert torch.autograd.gradcheck(lambda s: final_transmittance_from_sigmas(s, deltas, ray_indices, 4), sigmas)
+    assert torch.autograd.gradcheck(lambda s: volume.ray_weights_from_sigmas(s, deltas, ray_indices), sigmas)
+    assert torch.autograd.gradcheck(lambda s: volume.final_transmittance_from_sigmas(s, deltas, ray_indices, 4), sigmas)
 
 
 def test_distortion_is_the_double_sum_over_each_ray():
     sigmas, deltas, ray_indices = random_rays(12)
-    ray_weights = ray_weights_from_sigmas(sigmas, 0.1, ray_indices)
+    ray_weights = volume.ray_weights_from_sigmas(sigmas, 0.1, ray_indices)
     distances = torch.cumsum(deltas, 0) + 5
     expected = []
     for ray in range(12):
         weights, places = ray_weights[ray_indices == ray], distances[ray_indices == ray]
         pairs = weights[:, None] * weights * (places[:, None] - places).abs()
         expected.append(pairs.sum() + 0.1 / 3 * (weights**2).sum())
-    found = distortion(ray_weights, distances, 0.1, ray_indices, 12)
+    found = volume.distortion(ray_weights, distances, 0.1, ray_indices, 12)
     assert_allclose(found, torch.stack(expected), rtol=1e-8, atol=1e-10)
 
 

@@ -127,7 +127,7 @@ def test_total_variation_uses_no_pruned_vertex(monkeypatch):
     def prune_half_as_well(field, keep):
         return prune(field, keep & (torch.arange(len(keep)) < len(keep) // 2))
 
-    state = start(cameras(8), "contraction", True, open_settings(Level(12, 40, 1.0), Level(16, 8, 1.0)))
+    state = start(cameras(8), "contraction", True, open_settings(Level(12, 16, 1.0), Level(16, 4, 1.0)))
     monkeypatch.setenv("KARF_KERNELS", "off")
     monkeypatch.setattr(TorchRenderer, "differences", note)
     monkeypatch.setattr(VoxelField, "pruned", prune_half_as_well)

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-torch = pytest.importorskip("torch")
+import torch
 
 from karf_engine.errors import BadRequest, DataError, MissingDependency
 from karf_engine.segmentation.marking.prompts import Prompts

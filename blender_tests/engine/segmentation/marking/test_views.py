@@ -4,10 +4,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("cv2")
-pytest.importorskip("scipy")
-pytest.importorskip("imageio")
-
 from blender_tests.engine.conftest import run_engine
 from karf_engine import KarfError, mark, open_capture
 from karf_engine.io.images import read_mask, read_photo

@@ -5,15 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from blender_tests.engine.splats.formats.files import (
-    ENDS,
-    distances,
-    packaged,
-    unit_cloud,
-    write_sog,
-    write_splat,
-    write_text,
-)
+from blender_tests.engine.splats.formats import files
 from karf_engine.errors import BadRequest, DataError
 from karf_engine.splats.formats import gltf, packed, ply
 from karf_engine.splats.formats.registry import read_splats, write_splats
@@ -35,15 +27,15 @@ COLUMNS = {"label": np.arange(20, dtype=np.uint8), "weight": np.linspace(0, 1, 2
 
 
 def check(found, wanted, end):
-    far = {name: far for name, far in distances(found, wanted).items() if far > PRECISION[end].get(name, 0)}
+    far = {name: far for name, far in files.distances(found, wanted).items() if far > PRECISION[end].get(name, 0)}
     assert found.dtype == np.float32 and found.flags.c_contiguous and far == {}
 
 
 @pytest.mark.parametrize("degree", range(4))
-@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("end", files.ENDS)
 def test_every_kind_is_read_as_it_was_written(end, degree, tmp_path):
-    packaged(end)
-    table = unit_cloud(degree=degree)
+    files.packaged(end)
+    table = files.unit_cloud(degree=degree)
     table[:, 14:] = np.clip(table[:, 14:], -0.99, 0.99)  # as far as SPZ goes
     write_splats(tmp_path / f"cloud{end}", SplatFile(table))
     order = packed.morton_order(table) if end == ".compressed.ply" else slice(None)
@@ -52,13 +44,13 @@ def test_every_kind_is_read_as_it_was_written(end, degree, tmp_path):
 
 @pytest.mark.parametrize(("end", "degree"), [*((".sog", degree) for degree in range(4)), (".splat", 0), (".usdz", 1)])
 def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path):
-    packaged(end)
-    table, path = unit_cloud(degree=degree), tmp_path / f"cloud{end}"
+    files.packaged(end)
+    table, path = files.unit_cloud(degree=degree), tmp_path / f"cloud{end}"
     if end == ".sog":
-        write_sog(path, table)
+        files.write_sog(path, table)
     elif end == ".splat":
         table[:, 11:] = np.clip(table[:, 11:], -1.7, 1.7)  # colors in [0, 1]
-        write_splat(path, table)
+        files.write_splat(path, table)
     else:
         from pxr import UsdUtils
 
@@ -78,23 +70,23 @@ def test_kinds_that_are_only_read_are_read_and_not_written(end, degree, tmp_path
 @pytest.mark.parametrize("end", [".ply", ".spz"])
 @pytest.mark.parametrize("is_antialiased", [True, False])
 def test_the_screen_filter_is_kept(end, is_antialiased, tmp_path):
-    packaged(end)
-    write_splats(tmp_path / f"cloud{end}", SplatFile(unit_cloud(4), is_antialiased))
+    files.packaged(end)
+    write_splats(tmp_path / f"cloud{end}", SplatFile(files.unit_cloud(4), is_antialiased))
     assert read_splats(tmp_path / f"cloud{end}").is_antialiased is is_antialiased
 
 
 def test_extreme_opacities_are_kept(tmp_path):
-    table = unit_cloud(3, 0)
+    table = files.unit_cloud(3, 0)
     table[:, 10] = [-87, 16, 0]
     for end in (".glb", ".ply", ".usdc"):
-        packaged(end)
+        files.packaged(end)
         write_splats(tmp_path / f"cloud{end}", SplatFile(table))
         np.testing.assert_allclose(read_splats(tmp_path / f"cloud{end}").table[:, 10], table[:, 10], atol=1)
 
 
 def test_far_centers_of_spz_are_kept_as_far_as_it_holds_them(tmp_path):
-    packaged(".spz")
-    table = unit_cloud(3, 0)
+    files.packaged(".spz")
+    table = files.unit_cloud(3, 0)
     for far in (1e5, 2**22 - 1):
         table[0, 0] = far
         write_splats(tmp_path / "cloud.spz", SplatFile(table))
@@ -108,7 +100,7 @@ def test_far_centers_of_spz_are_kept_as_far_as_it_holds_them(tmp_path):
 
 def test_writing_gltf_overwrites_no_other_file(tmp_path):
     (tmp_path / "cloud.bin").write_bytes(b"precious")
-    first, second = SplatFile(unit_cloud(3, 0, 1)), SplatFile(unit_cloud(3, 0, 2))
+    first, second = SplatFile(files.unit_cloud(3, 0, 1)), SplatFile(files.unit_cloud(3, 0, 2))
     path = tmp_path / "cloud #1.gltf"
     write_splats(path, first)
     before = path.read_bytes()
@@ -121,7 +113,7 @@ def test_writing_gltf_overwrites_no_other_file(tmp_path):
 
 
 def test_interrupted_writing_keeps_the_old_gltf(tmp_path, monkeypatch):
-    path, first = tmp_path / "cloud.gltf", SplatFile(unit_cloud(3, 0, 1))
+    path, first = tmp_path / "cloud.gltf", SplatFile(files.unit_cloud(3, 0, 1))
     write_splats(path, first)
     written = gltf.atomic_write
 
@@ -132,14 +124,14 @@ def test_interrupted_writing_keeps_the_old_gltf(tmp_path, monkeypatch):
 
     monkeypatch.setattr(gltf, "atomic_write", ends_before)
     with pytest.raises(KeyboardInterrupt):
-        write_splats(path, SplatFile(unit_cloud(3, 0, 2)))
+        write_splats(path, SplatFile(files.unit_cloud(3, 0, 2)))
     assert np.array_equal(read_splats(path).table[:, :3], first.table[:, :3])
 
 
 # ----------------------------------------------------------------------------------------------- PLY files of other programs
 def foreign(path, order="<", line_end="\n", kind="f4"):
     """A file of another program: properties in another order, further ones between, comments, an element behind."""
-    table = unit_cloud(20, 1)
+    table = files.unit_cloud(20, 1)
     names = ply.property_names(table.shape[1])
     shuffled = [*names[5:], "segment", *names[:5]]
     rows = np.zeros(20, [(name, "u1" if name == "segment" else order + kind) for name in shuffled])
@@ -180,8 +172,8 @@ def test_other_programs_files_are_read_and_rewritten(order, line_end, kind, tmp_
 
 def test_text_is_read_but_not_rewritten(tmp_path):
     path = tmp_path / "cloud.ply"
-    table = unit_cloud(2, 0)
-    write_text(path, table)
+    table = files.unit_cloud(2, 0)
+    files.write_text(path, table)
     assert np.array_equal(ply.read(path).table, table)
     with pytest.raises(DataError, match=r"cloud\.ply is a PLY file of text"):
         ply.rewrite(ply.open_original(path), path, table)
@@ -204,7 +196,7 @@ def test_a_text_file_takes_the_memory_of_its_numbers(tmp_path):
 
 
 def test_columns_are_kept_in_their_types(tmp_path):
-    ply.write(tmp_path / "cloud.ply", SplatFile(unit_cloud(20, 2), False, COLUMNS))
+    ply.write(tmp_path / "cloud.ply", SplatFile(files.unit_cloud(20, 2), False, COLUMNS))
     found = ply.read(tmp_path / "cloud.ply")
     assert {name: column.dtype for name, column in found.columns.items()} == {"label": np.uint8, "weight": np.float64}
     assert all(np.array_equal(found.columns[name], COLUMNS[name]) for name in COLUMNS)
@@ -213,6 +205,6 @@ def test_columns_are_kept_in_their_types(tmp_path):
 def test_what_a_ply_cannot_hold_is_refused(tmp_path):
     foreign(tmp_path / "cloud.ply")
     with pytest.raises(ValueError, match=r"\(20, 14\) for a file of \(20, 23\)"):
-        ply.rewrite(ply.open_original(tmp_path / "cloud.ply"), tmp_path / "out.ply", unit_cloud(20, 0))
+        ply.rewrite(ply.open_original(tmp_path / "cloud.ply"), tmp_path / "out.ply", files.unit_cloud(20, 0))
     with pytest.raises(ValueError, match="PLY has no type i8"):
-        ply.write(tmp_path / "cloud.ply", SplatFile(unit_cloud(20, 0), columns={"label": np.arange(20)}))
+        ply.write(tmp_path / "cloud.ply", SplatFile(files.unit_cloud(20, 0), columns={"label": np.arange(20)}))
