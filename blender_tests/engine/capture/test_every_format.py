@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from blender_tests.engine.capture.example_format import CSV
 from blender_tests.engine.reference.capture_files import (
@@ -106,41 +106,28 @@ def test_bare_cameras_need_no_photos(tmp_path, name):
 
 # -------------------------------------------------------------------------------------------------------- canonical JSON
 @pytest.mark.parametrize("lens", LENSES)
-def test_the_canonical_json_keeps_every_lens(tmp_path, lens):
-    cameras = random_rig(5, 3, *LENSES[lens])
-    views = [
-        View(f"v{i}", f"v{i}", camera, tmp_path / f"{i}.png", "train", (0.5, 8.0)) for i, camera in enumerate(cameras)
-    ]
-    capture = Capture(tmp_path, "colmap", tuple(views), ("a remark",))
-    again = capture_from_json(capture_to_json(capture), tmp_path / "capture.json")
-    for before, after in zip(capture.views, again.views, strict=True):
-        assert replace(after, camera=before.camera) == before
-        assert_allclose(after.camera.camera_to_world, before.camera.camera_to_world, rtol=0, atol=0)
-        assert replace(after.camera, camera_to_world=np.eye(4)) == replace(before.camera, camera_to_world=np.eye(4))
-
-
-def test_the_canonical_json_keeps_exposures_and_names_none_of_photos_exposed_alike(tmp_path):
-    view = View("v", "v", random_rig(5, 1)[0], tmp_path / "v.png", "train")
-    alike = Capture(tmp_path, "colmap", (view,))
-    assert "gains" not in capture_to_json(alike)["views"][0]
-    exposed = capture_to_json(with_gains(alike, {"v": (1.25, 1.0, 0.75)}))
-    assert capture_from_json(exposed, tmp_path / "capture.json").views[0].gains == (1.25, 1.0, 0.75)
-
-
-def test_the_canonical_json_finds_the_splats_of_a_folder_that_moved(tmp_path):
+def test_the_canonical_json_keeps_every_lens_and_finds_the_splats_of_a_folder_that_moved(tmp_path, lens):
     then, now = tmp_path / "then", tmp_path / "now"
     splats = CapturedSplats(put(then / "splat.ply", b"ply"), True)
-    content = capture_to_json(Capture(then, "transforms", (), splats=splats), then / "project")
-    assert capture_from_json(content, then / "project" / "capture.json").splats == splats
+    cameras = random_rig(5, 3, *LENSES[lens])
+    views = [View(f"v{i}", f"v{i}", camera, None, "train", (0.5, 8.0)) for i, camera in enumerate(cameras)]
+    capture = Capture(then, "colmap", tuple(views), ("a remark",), splats=splats)
+    capture = with_gains(capture, {"v1": (1.25, 1.0, 0.75)})
+    assert [view.gains for view in capture.views] == [(1, 1, 1), (1.25, 1.0, 0.75), (1, 1, 1)]
+    content = capture_to_json(capture, then / "project")
     then.rename(now)
-    found = capture_from_json(content, now / "project" / "capture.json").splats
-    assert found == CapturedSplats(now / "splat.ply", True)
+    again = capture_from_json(content, now / "project" / "capture.json")
+    assert again.splats == CapturedSplats(now / "splat.ply", True) and again.warnings == ("a remark",)
+    for before, after in zip(capture.views, again.views, strict=True):
+        assert replace(after, camera=before.camera) == before
+        assert_array_equal(after.camera.camera_to_world, before.camera.camera_to_world)
+        assert replace(after.camera, camera_to_world=np.eye(4)) == replace(before.camera, camera_to_world=np.eye(4))
 
 
 def test_older_engines_refuse_a_capture_with_splats_and_know_one_without(tmp_path):
     """They would pass over the splats, and learn others."""
-    bare = Capture(tmp_path, "transforms", ())
-    assert capture_to_json(bare)["schema"] == "karf-capture/1"
+    bare = Capture(tmp_path, "transforms", (View("v", "v", RIG[0], tmp_path / "v.png", "train"),))
+    assert capture_to_json(bare)["schema"] == "karf-capture/1" and "gains" not in capture_to_json(bare)["views"][0]
     with_splats = capture_to_json(replace(bare, splats=CapturedSplats(tmp_path / "splat.ply")))
     assert with_splats["schema"] == "karf-capture/2"
     early = capture_from_json(with_splats | {"schema": "karf-capture/1"}, tmp_path / "capture.json")
@@ -148,6 +135,12 @@ def test_older_engines_refuse_a_capture_with_splats_and_know_one_without(tmp_pat
 
 
 # ----------------------------------------------------------------------------------------------------------- precedence
+@pytest.fixture
+def unregistered(monkeypatch):
+    """Formats that are registered in the test are forgotten after it."""
+    monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))
+
+
 def write_all(folder, *formats):
     cameras = [centered(camera) for camera in random_rig(2)]
     for name in formats:
@@ -192,7 +185,7 @@ def test_what_only_resembles_a_model_does_not_hide_other_cameras(tmp_path):
     assert open_capture(tmp_path).format == "llff"
 
 
-def test_photos_alone_are_no_capture(tmp_path):
+def test_photos_alone_are_no_capture_and_all_known_formats_are_named(unregistered, tmp_path):
     put_photos(tmp_path / "images", NAMES)
     with pytest.raises(DataError, match="does not exist"):
         open_capture(tmp_path / "nothing")
@@ -201,6 +194,10 @@ def test_photos_alone_are_no_capture(tmp_path):
     assert caught.value.hint == (
         "A capture has one of these: transforms_train.json, transforms.json, sparse/, poses_bounds.npy."
     )
+    register_format(CSV)
+    with pytest.raises(DataError) as caught:
+        open_capture(tmp_path)
+    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
 
 
 # -------------------------------------------------------------------------------------------------------------------- LLFF
@@ -246,8 +243,7 @@ def test_impossible_depth_bounds_are_left_out_with_a_remark(llff):
 
 # --------------------------------------------------------------------------------------------------- a format of one's own
 @pytest.fixture
-def registered(monkeypatch):
-    monkeypatch.setattr(captures, "FORMATS", list(captures.FORMATS))
+def registered(unregistered):
     register_format(CSV)
 
 
@@ -262,29 +258,16 @@ def write_csv(folder):
 
 
 @pytest.mark.parametrize("place", [".", "cameras.csv"])
-def test_a_registered_format_is_opened_by_its_folder_or_its_file(registered, tmp_path, place):
+def test_a_registered_format_is_opened_before_the_others_by_its_folder_or_its_file(registered, tmp_path, place):
     write_csv(tmp_path)
-    capture = open_capture(tmp_path / place)
+    capture = open_capture(tmp_path / place, holdout=8)
     assert (capture.format, capture.warnings) == ("csv", ())
-    held_out = open_capture(tmp_path / place, holdout=8).split("test")
-    assert [view.name for view in held_out] == [capture.views[0].name, capture.views[8].name]
-    assert [view.image for view in open_capture(tmp_path, photos=False).views] == [None] * 9
+    assert [view.split for view in capture.views] == ["test", *["train"] * 7, "test"]
     for view, camera, name in zip(capture.views, RIG, NAMES, strict=True):
         assert view.image == (tmp_path / "images" / name).absolute()
-        assert (view.camera.width, view.camera.height, view.camera.fx) == (camera.width, camera.height, camera.fx)
-        assert_allclose(view.camera.camera_to_world, camera.camera_to_world, rtol=1e-12)
-
-
-def test_it_is_read_before_the_formats_that_were_known(registered, tmp_path):
+        assert_same_camera(view.camera, camera)
     write_llff(tmp_path, RIG, NAMES)
-    write_csv(tmp_path)
     assert open_capture(tmp_path).warnings == ("cameras.csv was read, not poses_bounds.npy: it was written by hand.",)
-
-
-def test_its_marker_is_named_where_no_format_is_found(registered, tmp_path):
-    with pytest.raises(DataError) as caught:
-        open_capture(tmp_path)
-    assert caught.value.hint.startswith("A capture has one of these: cameras.csv, transforms_train.json")
 
 
 def test_a_name_is_registered_once(registered):

@@ -1,7 +1,7 @@
 """transforms*.json: layouts found in the wild, and exact round trips."""
 
+import io
 import math
-import struct
 
 import numpy as np
 import pytest
@@ -223,14 +223,14 @@ COLORS = np.array([[255, 0, 10], [1, 2, 3]])
 
 
 def ply(encoding: str) -> bytes:
-    header = f"ply\nformat {encoding} 1.0\ncomment points\nelement vertex 2\n"
-    header += "".join(f"property float {axis}\n" for axis in "xyz")
-    header += "".join(f"property uchar {color}\n" for color in ("red", "green", "blue")) + "end_header\n"
-    rows = zip(POINTS.tolist(), COLORS.tolist(), strict=True)
-    if encoding == "ascii":
-        return (header + "".join(" ".join(map(str, point + color)) + "\n" for point, color in rows)).encode()
-    order = "<" if encoding == "binary_little_endian" else ">"
-    return header.encode() + b"".join(struct.pack(order + "3f3B", *point, *color) for point, color in rows)
+    plyfile = pytest.importorskip("plyfile")
+    columns = [(axis, "f4") for axis in "xyz"] + [(color, "u1") for color in ("red", "green", "blue")]
+    rows = np.array([(*point, *color) for point, color in zip(POINTS, COLORS, strict=True)], columns)
+    order = ">" if "big" in encoding else "<"
+    stream = io.BytesIO()
+    table = plyfile.PlyElement.describe(rows, "vertex", comments=["points"])
+    plyfile.PlyData([table], text=encoding == "ascii", byte_order=order).write(stream)
+    return stream.getvalue()
 
 
 NERFSTUDIO = {

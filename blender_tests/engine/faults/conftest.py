@@ -10,7 +10,7 @@ collect_ignore_glob = ["*"] if os.name == "nt" else []  # processes are forked a
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--all-faults", action="store_true", help="in every stage and at every change of a file")
-    parser.addoption("--kills", type=int, help="kills at random moments (default: 200 with --all-faults, else 6)")
+    parser.addoption("--kills", type=int, help="kills at random moments (default: 200 with --all-faults, else 4)")
     parser.addoption("--seed", type=int, default=0, help="seed of all chance (default: 0)")
 
 
@@ -33,7 +33,7 @@ def few(request) -> bool:
 
 @pytest.fixture
 def kills(request, few) -> int:
-    return request.config.getoption("kills", None) or (6 if few else 200)
+    return request.config.getoption("kills", None) or (4 if few else 200)
 
 
 @pytest.fixture

@@ -56,7 +56,7 @@ def killed_at_change(bench, scenario, number):
 def test_kills_before_each_change_of_a_file(bench, throw, few):
     for scenario in bench.repeated(few):
         changes = bench.changes(scenario, flushes=False)  # a flush leaves what a kill finds as it was
-        for number in range(1, len(changes) + 1, 8 if few else 1):
+        for number in range(1, len(changes) + 1, 12 if few else 1):
             killed = partial(killed_at_change, bench, scenario, number)
             throw(scenario, killed, before=changes[number - 1], number=number)
 

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("torch")
 
 from blender_tests.engine.readers.registry import readers
-from blender_tests.engine.readers.samples import NAMES, ply_text
+from blender_tests.engine.readers.samples import NAMES
 from blender_tests.engine.reference.capture_files import ColmapModel, jpeg_head, png_bytes, put_photos
 from blender_tests.engine.reference.no_files import NO_FILES
 from blender_tests.engine.reference.still_life import cameras
@@ -80,6 +80,10 @@ def frame(**values):
     return in_json(lambda value: value["frames"][0].update(values))
 
 
+def pose(matrix):
+    return frame(transform_matrix=matrix)
+
+
 def frames(*values):
     return fields(frames=list(values))
 
@@ -110,6 +114,10 @@ POINT_KEYS = ("number", "position", "color", "error", "track")
 
 def with_values(row, keys, values):
     return tuple((dict(zip(keys, row, strict=True)) | values).values())
+
+
+def pinhole(fx):
+    return lens("PINHOLE", 8, 6, fx, 5.0, 4.0, 3.0)
 
 
 def image(index, **values):
@@ -152,231 +160,209 @@ NO_HEADER = "no complete PNG, JPEG, WebP, TIFF, BMP or EXR header"
 NO_PICTURE = "cannot be read as a picture"
 NO_ARRAY = "not a complete array"
 NO_POSE = "not a rotation and position"
+NO_FILE = ", not a file"
+IN_PLACE = [in_place(make) for make in NO_FILES]
 PLY = b"ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty %s z\nend_header\n"
 
-# a row: what is done to the reader's first file, words of the sentence, and the file that it names if another
+# a row: words of the sentence, and all that is done to the reader's first file to get it; another file than that one is
+# named before " … ", and nothing before it names the capture's folder alone
 TABLE = {
     **{
         f"{table}.bin": [
-            *((cut(share), "is cut off at byte") for share in (0.5, 0.1, 0.97)),
-            (content(b""), "is empty"),
-            (changed(lambda data: HUGE + data[8:]), "is cut off"),
-            (changed(lambda data: data + b"123456789"), "9 bytes after its last"),
-            (content(POINTER), "Git-LFS pointer"),
-            *((in_place(make), ", not a file") for make in NO_FILES),
+            ("is cut off at byte", cut(0.5), cut(0.1), cut(0.97)),
+            ("is empty", content(b"")),
+            ("is cut off", changed(lambda data: HUGE + data[8:])),
+            ("9 bytes after its last", changed(lambda data: data + b"123456789")),
+            ("Git-LFS pointer", content(POINTER)),
+            (NO_FILE, *IN_PLACE),
         ]
         for table in ("cameras", "images", "points3D")
     },
     **{
         f"{table}.txt": [
-            (changed(lambda data: data + b"\xff\xfe"), "not UTF-8 text"),
-            (content(b"# list\n1 2 3\n"), "line 2 does not hold"),
-            (content(b"not the table you want"), "line 1 does not hold"),
+            ("not UTF-8 text", changed(lambda data: data + b"\xff\xfe")),
+            ("line 2 does not hold", content(b"# list\n1 2 3\n")),
+            ("line 1 does not hold", content(b"not the table you want")),
         ]
         for table in ("cameras", "images", "points3D")
     },
     "LLFF": [
-        (number(2, 3, math.nan), "row 2 has a pose that is not finite"),
-        (content(b""), "is empty"),
-        (changed(lambda data: data[:50]), NO_ARRAY),
-        (changed(lambda data: data[:-9]), NO_ARRAY),
-        (content(b"1 2 3 4\n" * 10), NO_ARRAY),
-        (changed(lambda data: b"\x93NUMPX" + data[6:]), NO_ARRAY),
-        (changed(lambda data: data.replace(b"(4, 17), }         ", b"(400000000000, 17),}")), NO_ARRAY),
-        (npy(np.array([{}, []], object)), NO_ARRAY),
-        (content(b"PK\x05\x06" + b"\0" * 18), NO_ARRAY),
-        (npy(np.full((4, 17), "word")), NO_ARRAY),
-        (npy(np.ones((4, 16))), "shape (4, 16)"),
-        (npy(np.ones((4, 3, 5))), "shape (4, 3, 5)"),
-        (npy(np.float64(3)), "shape ()"),
-        (npy(np.ones((0, 17))), "shape (0, 17)"),
-        (number(1, 0, 2.0), "row 1 has a pose that is not a rotation"),
-        (array(lambda table: table * ([-1] * 4 + [1] * 13)), "row 0 has a pose that is not a rotation"),
-        (number(3, 14, 0), "row 3 has the focal length"),
-        (number(3, 14, math.nan), "row 3 has the focal length"),
-        (number(0, 4, -6), "row 0 has a picture of"),
-        (array(lambda table: table[:3]), "3 poses, but images has 4 photos"),
-        (lambda path: put_photos(path.parent / "images", ["more.png"]), "4 poses, but images has 5 photos"),
-        (lambda path: (path.parent / "images").rename(path.parent / "away"), "no photos"),
-        *((in_place(make), ", not a file") for make in NO_FILES),
+        ("row 2 has a pose that is not finite", number(2, 3, math.nan)),
+        ("is empty", content(b"")),
+        (NO_ARRAY, changed(lambda data: data[:50]), changed(lambda data: data[:-9])),
+        (NO_ARRAY, changed(lambda data: data.replace(b"(4, 17), }         ", b"(400000000000, 17),}"))),
+        (NO_ARRAY, content(b"1 2 3 4\n" * 10), changed(lambda data: b"\x93NUMPX" + data[6:])),
+        (NO_ARRAY, npy(np.array([{}, []], object)), npy(np.full((4, 17), "word")), content(b"PK\x05\x06" + bytes(18))),
+        ("shape (4, 16)", npy(np.ones((4, 16)))),
+        ("shape (4, 3, 5)", npy(np.ones((4, 3, 5)))),
+        ("shape ()", npy(np.float64(3))),
+        ("shape (0, 17)", npy(np.ones((0, 17)))),
+        ("row 1 has a pose that is not a rotation", number(1, 0, 2.0)),
+        ("row 0 has a pose that is not a rotation", array(lambda table: table * ([-1] * 4 + [1] * 13))),
+        ("row 3 has the focal length", number(3, 14, 0), number(3, 14, math.nan)),
+        ("row 0 has a picture of", number(0, 4, -6)),
+        ("3 poses, but images has 4 photos", array(lambda table: table[:3])),
+        ("4 poses, but images has 5 photos", lambda path: put_photos(path.parent / "images", ["more.png"])),
+        ("no photos", beside("images", lambda photos: photos.rename(photos.with_name("away")))),
+        (NO_FILE, *IN_PLACE),
     ],
     "NeX": [
-        (npy(np.ones(5)), "holds 5 numbers"),
-        (Path.unlink, "14 columns, poses without focal lengths, and no hwf_cxcy.npy lies beside it", "poses_bounds.npy"),
-        (npy(np.array([6, 8, 5, 5, math.nan, 3])), "principal point", "poses_bounds.npy"),
+        ("holds 5 numbers", npy(np.ones(5))),
+        ("poses_bounds.npy … 14 columns, poses without focal lengths, and no hwf_cxcy.npy lies beside it", Path.unlink),
+        ("poses_bounds.npy … principal point", npy(np.array([6, 8, 5, 5, math.nan, 3]))),
     ],
     "transforms.json": [
-        (fields(fl_x=0), "fl_x = 0"),
-        (content(b""), "broken JSON"),
-        (cut(0.9), "broken JSON"),
-        (content(b"\xff\xfe\x00\x80"), "cannot be read"),
-        (content(b"[" * 200_000), "cannot be read"),
-        (content(b'{"fl_x": ' + b"9" * 10_000 + b"}"), "cannot be read"),
-        (in_json(lambda value: [value]), "JSON list"),
-        (content(b"7"), "JSON int"),
-        (without("frames"), "no list of frames"),
-        *((fields(frames=value), "no list of frames") for value in ([], {"a": 1}, "all")),
-        (frames("a.png"), "frame 0 has no file_path"),
-        (frames({"transform_matrix": POSE}), "frame 0 has no file_path"),
-        (frame(file_path=""), "frame 0 has no file_path"),
-        (in_json(lambda value: value["frames"].__setitem__(1, [])), "frame 1 has no file_path"),
-        (without("fl_x", "fl_y"), "neither fl_x nor camera_angle_x"),
-        (without("fl_x", camera_angle_x=50), "camera_angle_x = 50"),
-        (fields(fl_x="wide"), "fl_x = 'wide'"),
-        (fields(fl_x=math.nan), "fl_x = nan"),
-        (fields(fl_x=-4), "must be positive"),
-        (fields(w=0), "w = 0"),
-        (fields(w=[8]), "w = [8]"),
-        (fields(w=1e30), "declares 1e+30x"),
-        (fields(h=-6), "h = -6"),
-        (fields(camera_model="EQUIRECTANGULAR"), "EQUIRECTANGULAR"),
-        (fields(camera_model="FISHEYE624"), "FISHEYE624 camera"),
-        (fields(camera_model=["OPENCV"]), "['OPENCV'] camera"),
-        (fields(k4="none"), "k4 = 'none'"),
-        (frames({"file_path": f"images/{NAMES[0]}"}), "frame 0"),
-        (frame(transform_matrix=[[1, 0, 0], [0, 1], [0]]), "no 4x4"),
-        (frame(transform_matrix=np.eye(3).tolist()), "no 4x4"),
-        (frame(transform_matrix=[["a"] * 4] * 4), "no 4x4"),
-        (frame(transform_matrix=[[10**400, 0, 0, 0], *POSE[1:]]), "no 4x4"),
-        (frame(transform_matrix=[[1, 0, 0, math.inf], *POSE[1:]]), "not finite"),
-        (frame(transform_matrix=(np.eye(4) * 1e200).tolist()), "not finite"),
-        (frame(transform_matrix=[[2, 0, 0, 0], *POSE[1:]]), "uniform scale"),
-        (frame(transform_matrix=[[1, 0.6, 0, 0], [0, 0.8, 0, 0], *POSE[2:]]), "uniform scale"),
-        (frame(transform_matrix=[[-1, 0, 0, 0], *POSE[1:]]), "uniform scale"),
-        (frame(transform_matrix=np.zeros((4, 4)).tolist()), "uniform scale"),
-        (frames({"file_path": "a" * 5000, "transform_matrix": POSE}), "none of its 1 photos was found", ""),
-        (frames(*OTHER_NAMES), "none of its 2 photos was found", ""),
-        (fields(splat_file_path="gone.ply"), "missing", "gone.ply"),
-        (beside("points.ply", cut(0.97)), "cut off", "points.ply"),
-        (beside(f"images/{NAMES[0]}", content(POINTER)), "Git-LFS pointer", NAMES[0]),
+        ("fl_x = 0", fields(fl_x=0)),
+        ("broken JSON", content(b""), cut(0.9)),
+        ("cannot be read", content(b"\xff\xfe\x00\x80"), content(b"[" * 200_000)),
+        ("cannot be read", content(b'{"fl_x": ' + b"9" * 10_000 + b"}")),
+        ("JSON list", in_json(lambda value: [value])),
+        ("JSON int", content(b"7")),
+        ("no list of frames", without("frames"), frames(), fields(frames={"a": 1}), fields(frames="all")),
+        ("frame 0 has no file_path", frames("a.png"), frames({"transform_matrix": POSE}), frame(file_path="")),
+        ("frame 1 has no file_path", in_json(lambda value: value["frames"].__setitem__(1, []))),
+        ("neither fl_x nor camera_angle_x", without("fl_x", "fl_y")),
+        ("camera_angle_x = 50", without("fl_x", camera_angle_x=50)),
+        ("fl_x = 'wide'", fields(fl_x="wide")),
+        ("fl_x = nan", fields(fl_x=math.nan)),
+        ("must be positive", fields(fl_x=-4)),
+        ("w = 0", fields(w=0)),
+        ("w = [8]", fields(w=[8])),
+        ("declares 1e+30x", fields(w=1e30)),
+        ("h = -6", fields(h=-6)),
+        ("EQUIRECTANGULAR", fields(camera_model="EQUIRECTANGULAR")),
+        ("FISHEYE624 camera", fields(camera_model="FISHEYE624")),
+        ("['OPENCV'] camera", fields(camera_model=["OPENCV"])),
+        ("k4 = 'none'", fields(k4="none")),
+        ("frame 0", frames({"file_path": f"images/{NAMES[0]}"})),
+        ("no 4x4", pose([[1, 0, 0], [0, 1], [0]]), pose(POSE[:3][:2]), pose([["a"] * 4] * 4)),
+        ("no 4x4", pose(np.eye(3).tolist()), pose([[10**400, 0, 0, 0], *POSE[1:]])),
+        ("not finite", pose([[1, 0, 0, math.inf], *POSE[1:]]), pose((np.eye(4) * 1e200).tolist())),
+        ("uniform scale", pose([[2, 0, 0, 0], *POSE[1:]]), pose([[1, 0.6, 0, 0], [0, 0.8, 0, 0], *POSE[2:]])),
+        ("uniform scale", pose([[-1, 0, 0, 0], *POSE[1:]]), pose(np.zeros((4, 4)).tolist())),
+        (" … none of its 1 photos was found", frames({"file_path": "a" * 5000, "transform_matrix": POSE})),
+        (" … none of its 2 photos was found", frames(*OTHER_NAMES)),
+        ("gone.ply … missing", fields(splat_file_path="gone.ply")),
+        ("points.ply … cut off", beside("points.ply", cut(0.97))),
+        (f"{NAMES[0]} … Git-LFS pointer", beside(f"images/{NAMES[0]}", content(POINTER))),
     ],
-    "camera file": [(without("w"), "declares no picture size")],
+    "camera file": [("declares no picture size", without("w"))],
     "cameras of a splat": [
-        *((content(text), "") for text in (b"{}", b"[]", b"[", b'"x"', b"[1]")),
-        (camera(rotation=[[1, 0], [0, 1]]), "camera 1"),
-        (camera(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, math.nan]]), "camera 1"),
-        (camera(rotation=[[1, 0, 0], [0, 3, 0], [0, 0, 1]]), "rotation"),
-        (camera(position="here"), "camera 1"),
-        (camera(width=None), "camera 1"),
-        (camera(width=-5), "camera 1"),
-        (camera(fx=0), "camera 1"),
+        ("", content(b"{}"), content(b"[]"), content(b"["), content(b'"x"'), content(b"[1]")),
+        ("camera 1", camera(rotation=[[1, 0], [0, 1]]), camera(rotation=[[1, 0, 0], [0, 1, 0], [0, 0, math.nan]])),
+        ("camera 1", camera(position="here"), camera(width=None), camera(width=-5), camera(fx=0)),
+        ("rotation", camera(rotation=[[1, 0, 0], [0, 3, 0], [0, 0, 1]])),
     ],
     "canonical capture": [
-        (in_json(lambda value: value["views"][0].update(gains=[1.0, 0.0, 1.0])), "gains"),
-        (fields(splats={"is_antialiased": True}), "not a canonical capture"),
+        ("gains", in_json(lambda value: value["views"][0].update(gains=[1.0, 0.0, 1.0]))),
+        ("not a canonical capture", fields(splats={"is_antialiased": True})),
     ],
     "points in PLY": [
-        (content(b""), "is empty"),
-        (content(b"solid cube\n"), "header cannot be understood"),
-        (content(PLY % (2, b"float") + b"1 2 3 4 5"), "cut off"),
-        (content(PLY % (10**15, b"float") + b"1 2 3"), "cut off"),
-        (content(PLY % (-1, b"float")), "header cannot be understood"),
-        (content(PLY % (1, b"float") + b"1 2 three"), "not numbers"),
-        (content(PLY % (1, b"float") + b"1 2 nan"), "not finite"),
-        (content(PLY % (1, b"half") + b"1 2 3"), "header cannot be understood"),
-        (content(ply_text()[:-2]), "cut off"),
+        ("is empty", content(b"")),
+        ("header cannot be understood", content(b"solid cube\n"), content(PLY % (-1, b"float"))),
+        ("header cannot be understood", content(PLY % (1, b"half") + b"1 2 3")),
+        ("cut off", content(PLY % (2, b"float") + b"1 2 3 4 5"), content(PLY % (10**15, b"float") + b"1 2 3")),
+        ("cut off", changed(lambda data: data[:-2])),
+        ("not numbers", content(PLY % (1, b"float") + b"1 2 three")),
+        ("not finite", content(PLY % (1, b"float") + b"1 2 nan")),
     ],
     "header of a picture": [
-        (content(b""), "is empty"),
-        (content(POINTER), "Git-LFS pointer"),
-        (changed(lambda data: data.decode("utf-8", "replace").encode()), "copied as text"),
-        (content(b"<html>404</html>"), NO_HEADER),
-        (content(png_bytes(4, 4)[:18]), NO_HEADER),
-        (content(png_bytes(0, 4)), NO_HEADER),
-        (content(jpeg_head(4, 4)[:42]), NO_HEADER),
-        *((content(data), NO_PICTURE) for data in EMPTY_SEGMENTS),
-        *((in_place(make), ", not a file") for make in NO_FILES),
+        ("is empty", content(b"")),
+        ("Git-LFS pointer", content(POINTER)),
+        ("copied as text", changed(lambda data: data.decode("utf-8", "replace").encode())),
+        (NO_HEADER, content(b"<html>404</html>"), content(png_bytes(4, 4)[:18]), content(png_bytes(0, 4))),
+        (NO_HEADER, content(jpeg_head(4, 4)[:42])),
+        (NO_PICTURE, *map(content, EMPTY_SEGMENTS)),
+        (NO_FILE, *IN_PLACE),
     ],
     "PNG": [
-        (content(b""), "is empty"),
-        (content(POINTER), "Git-LFS pointer"),
-        (content(b"hello, no picture"), NO_PICTURE),
-        (cut(0.7), NO_PICTURE),
-        (of_sample("deep.png", cut(0.7)), NO_PICTURE),
-        (Path.unlink, "does not exist"),
-        *((in_place(make), ", not a file") for make in NO_FILES),
+        ("is empty", content(b"")),
+        ("Git-LFS pointer", content(POINTER)),
+        (NO_PICTURE, content(b"hello, no picture"), cut(0.7), of_sample("deep.png", cut(0.7))),
+        ("does not exist", Path.unlink),
+        (NO_FILE, *IN_PLACE),
     ],
-    "JPEG": [(content(data), NO_PICTURE) for data in EMPTY_SEGMENTS],
-    "WebP, BMP, TIFF": [(of_sample("deep.tif", cut(0.5)), NO_PICTURE)],
-    "EXR": [(cut(0.5), NO_PICTURE)],
-    "mask": [(in_place(make), ", not a file") for make in NO_FILES],
+    "JPEG": [(NO_PICTURE, *map(content, EMPTY_SEGMENTS))],
+    "WebP, BMP, TIFF": [(NO_PICTURE, of_sample("deep.tif", cut(0.5)))],
+    "EXR": [(NO_PICTURE, cut(0.5))],
+    "mask": [(NO_FILE, *IN_PLACE)],
 }  # fmt: skip
 
 TABLE["cameras.bin"] += [
-    (content(struct.pack("<Q", 0)), "holds no cameras"),
-    (lens(99, 8, 6, 5.0), "camera model id 99, which is unknown"),
-    (lens(-1, 8, 6), "camera model id -1, which is unknown"),
-    (lens("PINHOLE", 8, 6, 0.0, 5.0, 4.0, 3.0), "cannot be", "images.bin"),
-    (lens("PINHOLE", 8, 6, math.nan, 5.0, 4.0, 3.0), "fx nan", "images.bin"),
-    (lens("PINHOLE", 2**63, 6, 5.0, 5.0, 4.0, 3.0), "cannot be", "images.bin"),
-    (lens("SIMPLE_RADIAL", 8, 6, 5.0, 4.0, 3.0, math.inf), "coefficient inf", "images.bin"),
+    ("holds no cameras", content(struct.pack("<Q", 0))),
+    ("camera model id 99, which is unknown", lens(99, 8, 6, 5.0)),
+    ("camera model id -1, which is unknown", lens(-1, 8, 6)),
+    ("images.bin … cannot be", pinhole(0.0), lens("PINHOLE", 2**63, 6, 5.0, 5.0, 4.0, 3.0)),
+    ("images.bin … fx nan", pinhole(math.nan)),
+    ("images.bin … coefficient inf", lens("SIMPLE_RADIAL", 8, 6, 5.0, 4.0, 3.0, math.inf)),
 ]
 TABLE["cameras.txt"] += [
-    (lens("HOLOGRAM", 8, 6, 5.0), "camera model HOLOGRAM, which is unknown"),
-    (lens("PINHOLE", 8, 6, 5.0, 5.0), "2 parameters where PINHOLE has 4"),
-    (lens("PINHOLE", 8, 6, 5.0, -5.0, 4.0, 3.0), "fy -5", "images.txt"),
-    (lens("PINHOLE", -8, 6, 5.0, 5.0, 4.0, 3.0), "-8x6 pixels", "images.txt"),
-    (changed(lambda data: data + data), "two entries of camera 7"),
+    ("camera model HOLOGRAM, which is unknown", lens("HOLOGRAM", 8, 6, 5.0)),
+    ("2 parameters where PINHOLE has 4", lens("PINHOLE", 8, 6, 5.0, 5.0)),
+    ("images.txt … fx -5", pinhole(-5.0)),
+    ("images.txt … -8x6 pixels", lens("PINHOLE", -8, 6, 5.0, 5.0, 4.0, 3.0)),
+    ("two entries of camera 7", changed(lambda data: data + data)),
 ]
 TABLE["images.bin"] += [
-    (content(IMAGE + b"a.png\0" + HUGE), "is cut off"),
-    (content(IMAGE + b"a.png"), "is cut off"),
-    (image(1, pose=np.full(7, math.nan)), NO_POSE),
-    (image(1, pose=np.full(7, 1e200)), NO_POSE),
-    (image(2, features=[(math.nan, 1.0, -1)]), "features that are not finite"),
-    (image(1, number=100), "two entries of image 100"),
-    (image(0, camera=12), "camera 12, which cameras.bin does not hold"),
-    (image(0, name=b"\xff\xfe.png"), "name that is not UTF-8"),
-    (image(0, name="../000.png"), "'../000.png'", "sparse/0"),
-    (image(0, name="C:\\x\\000.png"), "not a path below", "sparse/0"),
-    (image(0, name=""), "''", "sparse/0"),
-    (Path.unlink, "cameras.bin, points3D.bin, but not", "sparse/0"),
-    (lambda path: (path.parents[2] / "images").rename(path.parents[2] / "away"), "none of its 4 photos", "sparse/0"),
-    (beside(f"../../images/{NAMES[0]}", content(POINTER)), "Git-LFS pointer", NAMES[0]),
+    ("is cut off", content(IMAGE + b"a.png\0" + HUGE), content(IMAGE + b"a.png")),
+    (NO_POSE, image(1, pose=np.full(7, math.nan)), image(1, pose=np.full(7, 1e200))),
+    ("features that are not finite", image(2, features=[(math.nan, 1.0, -1)])),
+    ("two entries of image 100", image(1, number=100)),
+    ("camera 12, which cameras.bin does not hold", image(0, camera=12)),
+    ("name that is not UTF-8", image(0, name=b"\xff\xfe.png")),
+    ("sparse/0 … '../000.png'", image(0, name="../000.png")),
+    ("sparse/0 … not a path below", image(0, name="C:\\x\\000.png")),
+    ("sparse/0 … ''", image(0, name="")),
+    ("sparse/0 … cameras.bin, points3D.bin, but not", Path.unlink),
+    ("sparse/0 … none of its 4 photos", beside("../../images", lambda photos: photos.rename(photos.with_name("away")))),
+    (f"{NAMES[0]} … Git-LFS pointer", beside(f"../../images/{NAMES[0]}", content(POINTER))),
 ]
 TABLE["images.txt"] += [
-    (content(b"# nothing\n"), "holds no images"),
-    (image(1, pose=np.zeros(7)), NO_POSE),
-    (image(0, name="/home/x/000.png"), "'/home/x/000.png'", "sparse/0"),
-    (content(b"1 1 0 0 0 0 0 0 7 000.png\n1.5 2.5\n"), "does not hold the features"),
-    (content(b"".join(b"%d 1 0 0 0 0 0 0 7 00%d.png\n" % (n, n) for n in (1, 2))), "line 2 does not hold the features"),
+    ("holds no images", content(b"# nothing\n")),
+    (NO_POSE, image(1, pose=np.zeros(7))),
+    ("sparse/0 … '/home/x/000.png'", image(0, name="/home/x/000.png")),
+    ("does not hold the features", content(b"1 1 0 0 0 0 0 0 7 000.png\n1.5 2.5\n")),
+    ("line 2 does not hold the features", content(b"1 1 0 0 0 0 0 0 7 0.png\n2 1 0 0 0 0 0 0 7 1.png\n")),
 ]
 TABLE["points3D.bin"] += [
-    (content(struct.pack("<QQ3d3BdQ", 1, 1, 0, 0, 0, 0, 0, 0, 0, 2**61)), "is cut off"),
-    (point(number=37), "two points of one id"),
-    (point(track=[(55, 0)]), "seen by image 55"),
+    ("is cut off", content(struct.pack("<QQ3d3BdQ", 1, 1, 0, 0, 0, 0, 0, 0, 0, 2**61))),
+    ("two points of one id", point(number=37)),
+    ("seen by image 55", point(track=[(55, 0)])),
 ]
 TABLE["points3D.txt"] += [
-    (point(position=[0, math.nan, 0]), "not finite"),
-    (point(color=[0, 256, 0]), "line 2 does not hold"),
+    ("not finite", point(position=[0, math.nan, 0])),
+    ("line 2 does not hold", point(color=[0, 256, 0])),
 ]
-ROWS = [(name, *row) for name, rows in TABLE.items() for row in rows]
-IDS = [f"{name}: {words}" for name, _, words, *_ in ROWS]
+ROWS = [(name, words, change) for name, rows in TABLE.items() for words, *changes in rows for change in changes]
 
 
-@pytest.mark.parametrize("row", ROWS, ids=IDS)
-def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_path, row):
-    name, change, words, *named = row
-    reader = READERS[name]
-    reader.make(tmp_path)
-    path = tmp_path / reader.files[0]
+def corrupt(folder, name, change):
+    """The changed file of a reader."""
+    READERS[name].make(folder)
+    path = folder / READERS[name].files[0]
     change(path)
+    return path
+
+
+@pytest.mark.parametrize(("name", "words", "change"), ROWS, ids=[f"{name}: {words}" for name, words, _ in ROWS])
+def test_a_corrupted_file_ends_in_one_sentence_that_names_it_and_a_remedy(tmp_path, name, words, change):
+    path = corrupt(tmp_path, name, change)
     with pytest.raises(DataError) as caught:
-        reader.read(path)
+        READERS[name].read(path)
     sentence = caught.value.sentence
-    assert str(tmp_path) in sentence and words in sentence and (named or [path.name])[0] in sentence
+    named = words.split(" … ") if " … " in words else [path.name, words]
+    assert [part for part in (str(tmp_path), *named) if part not in sentence] == []
     assert sentence.endswith(".") and "\n" not in sentence
     assert caught.value.hint.endswith(".")
 
 
 @pytest.mark.parametrize("name", ["images.bin", "LLFF", "transforms.json"])
 def test_the_command_line_ends_with_four_and_leaves_nothing(tmp_path, capsys, name):
-    reader, (change, words, *_) = READERS[name], TABLE[name][0]
     capture, project = tmp_path / "capture", tmp_path / "project"
     capture.mkdir()
-    reader.make(capture)
-    change(capture / reader.files[0])
+    words, change = TABLE[name][0][:2]
+    path = corrupt(capture, name, change)
     assert main(["geometry", str(capture), "--project", str(project)]) == DataError.exit_code
     errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert len(errors) == 1 and Path(reader.files[0]).name in errors[0] and words in errors[0]
+    assert len(errors) == 1 and path.name in errors[0] and words in errors[0]
     assert not project.exists()
