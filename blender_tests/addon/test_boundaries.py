@@ -125,14 +125,12 @@ SAWS = {"saw": "from . import drill", "drill": ""}
     ("sources", "floors", "sentences"),
     [
         (HOUSE | {"ground/wood": "from ..tools import drill"}, (("ground",), ("tools",)), [UPWARDS]),
-        (HOUSE | {"ground/wood": "import house.tools.drill"}, (("ground",), ("tools",)), [UPWARDS]),
         (
             HOUSE | {"ground/wood": "def f(): from .. import tools"},
             (("ground",), ("tools",)),
             [UPWARDS.replace("drill", "__init__")],
         ),
         (SAWS, (("drill", "saw"),), ["saw imports drill, but drill is on the same floor."]),
-        (SAWS, (("drill",), ("saw",)), []),
         (CIRCLE, (("tools",),), ["A circle: tools.a imports tools.b imports tools.c imports tools.a."]),
         (
             {"attic": ""},

@@ -134,20 +134,6 @@ def module_state(source):
     return found
 
 
-@pytest.mark.parametrize(
-    "source",
-    [
-        "known = {}\ndef f(): known[1] = 2",
-        "known = []\ndef f(): known.append(2)",
-        "known = None\ndef f():\n    global known\n    known = 2",
-        "@lru_cache\ndef read(path): pass\ndef f(): read.cache_clear()",
-        "class Known:\n    names = []",
-    ],
-)
-def test_state_of_a_module_is_found(source):
-    assert module_state(source)
-
-
 def test_only_the_session_keeps_state():
     found = {path.relative_to(FOLDER).as_posix(): module_state(path.read_text()) for path in FOLDER.rglob("*.py")}
     assert found.pop("session.py") == {"_session"}

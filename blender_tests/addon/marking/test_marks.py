@@ -41,25 +41,30 @@ def write_disc(addon, path):
     addon.images.write_png(path, disc(8, 8, 5)[..., None].repeat(3, -1))
 
 
-BOX = (COLUMNS > 4) & (COLUMNS < 20) & (ROWS > 4) & (ROWS < 12)
-LASSO = (COLUMNS > 10) & (COLUMNS < 20) & (ROWS > 2) & (ROWS < 12)
-CORNERS = [(10, 2), (20, 2), (20, 12), (10, 12)]
-LINE = np.hypot(COLUMNS - 5, np.maximum(0, np.maximum(5 - ROWS, ROWS - 9))) <= 2
+BOX = (COLUMNS > 3.4) & (COLUMNS < 20.5) & (ROWS > 2.6) & (ROWS < 12.4)
+LASSO = (COLUMNS > 2) & (ROWS - 2 > (COLUMNS - 2) * 6 / 18) & (14 - ROWS > (COLUMNS - 2) * 6 / 18)
+DENTED = (ROWS < 8) | (COLUMNS < 8) | (COLUMNS > 16)
+DENT = [(0, 0), (24, 0), (24, 16), (16, 16), (16, 8), (8, 8), (8, 16), (0, 16)]
+LINE = np.hypot(COLUMNS - 5.2, np.maximum(0, np.maximum(5 - ROWS, ROWS - 9))) <= 2.5
 PAINTED = disc(8, 8, 6) | near(20, 8)
 # gestures, each with the mask that it leaves
 GESTURES = {
     "strokes": [
         (("mark_stroke", [(5, 5)], 3), disc(5, 5, 3)),
-        (("mark_stroke", [(15, 8)], 2), disc(5, 5, 3) | disc(15, 8, 2)),
+        (("mark_stroke", [(15.2, 7.7)], 4.5), disc(5, 5, 3) | disc(15.2, 7.7, 4.5)),
     ],
     "brush, lasso and eraser": [
-        (("mark_stroke", [(5, 5), (5, 9)], 2), LINE),
+        (("mark_stroke", [(5.2, 5), (5.2, 9)], 2.5), LINE),
         (("mark_stroke", [(5, 5)], 30, "TAKE"), None),
-        (("mark_lasso", CORNERS), LASSO),
-        (("mark_stroke", [(15, 7)], 2, "TAKE"), LASSO & ~disc(15, 7, 2)),
+        (("mark_lasso", [(2, 2), (20, 8), (2, 14)]), LASSO),
+        (("mark_lasso", DENT), DENTED | LASSO),
+        (("mark_stroke", [(15, 7)], 2, "TAKE"), (DENTED | LASSO) & ~disc(15, 7, 2)),
     ],
     "erased": [(("mark_stroke", [(5, 5)], 3), disc(5, 5, 3)), (("erase_mask",), None)],
-    "box and click": [(("mark_box", (4, 4), (20, 12)), BOX), (("mark_click", (6, 6), "TAKE"), BOX & ~near(6, 6))],
+    "box and click": [
+        (("mark_box", (20.5, 12.4), (3.4, 2.6)), BOX),
+        (("mark_click", (6, 6), "TAKE"), BOX & ~near(6, 6)),
+    ],
     "clicks": [(("mark_click", (6, 6)), near(6, 6)), (("mark_click", (16, 6)), near(6, 6) | near(16, 6))],
     "clicks on what was painted": [
         (("mark_stroke", [(8, 8)], 6), disc(8, 8, 6)),
@@ -116,9 +121,7 @@ def test_a_mask_of_any_view_is_reopened_and_corrected(addon, marked):
     np.testing.assert_array_equal(mask(addon, marked, view="photo_1"), disc(9, 9, 2))
 
 
-def test_a_mask_of_the_users_own_folder_is_corrected_in_its_file_and_undo_brings_it_back_byte_for_byte(
-    bpy, addon, marked, tmp_path
-):
+def test_a_given_mask_file_is_corrected_and_restored_by_undo(bpy, addon, marked, tmp_path):
     given = tmp_path / "given"
     for name in ("lid/images/photo_0.png", "lid/photo_1.png", "pot/photo_2.png"):
         write_disc(addon, given / name)
@@ -196,7 +199,7 @@ def test_an_answer_that_undo_has_overtaken_changes_nothing(bpy, addon, marked, m
 def test_without_an_engine_a_box_is_a_rectangle_and_a_click_says_why_not(addon, marked, monkeypatch):
     monkeypatch.setenv("KARF_ENGINE_PYTHON", "/nowhere/python")
     addon.state.refresh()
-    addon.steps.mark_box(marked, (4, 4), (20, 12))
+    addon.steps.mark_box(marked, (3.4, 2.6), (20.5, 12.4))
     np.testing.assert_array_equal(mask(addon, marked), BOX)
     with pytest.raises(addon.engine_api.BadRequest, match="Clicks need the engine"):
         addon.steps.mark_click(marked, (6, 6))
@@ -226,7 +229,7 @@ def test_correct_brings_the_photo_and_a_tool_so_that_the_first_stroke_counts(bpy
     addon.tools.lay_down()
 
 
-def test_corrections_say_is_is_not_and_nothing_and_the_corrected_masks_are_shown_at_once(addon, correcting):
+def test_corrections_are_written_and_solved_at_once(addon, correcting):
     file = addon.objects.mark_folders(correcting)[1] / "pot" / "photo_0.png"
     solved = addon.mask_layers.open_layers(correcting).solved["pot"]
     assert solved.pixels[:, :12].all() and not solved.pixels[:, 12:].any()
@@ -266,7 +269,7 @@ def test_every_name_that_people_type_becomes_one_that_works(addon, project_scene
         assert addon.engine_api.is_file_name(name)
 
 
-def test_two_objects_never_share_a_folder(addon, project_scene):
+def test_two_objects_never_share_a_folder_and_another_project_has_its_own(addon, project_scene, tmp_path):
     addon.steps.show_photo(project_scene)  # the first object is there when the photo is
     names = [addon.steps.add_object(project_scene, name) for name in ("pot", "pot", "Pot", "caf\u00e9")]
     assert names == ["pot", "pot 2", "Pot 3", "caf\u00e9"]
@@ -274,6 +277,9 @@ def test_two_objects_never_share_a_folder(addon, project_scene):
     (addon.objects.masks_folder(project_scene) / "cafe\u0301").mkdir(parents=True)
     addon.objects.sync(project_scene)
     assert project_scene.karf.marking.objects.keys() == ["object", *names]
+    write_disc(addon, tmp_path / "other" / "masks" / "lid" / "photo_0.png")
+    project_scene.karf.project = str(tmp_path / "other")
+    assert project_scene.karf.marking.objects.keys() == ["lid"]
 
 
 def test_a_renamed_or_removed_object_takes_its_masks_along_and_undo_brings_them_back(bpy, addon, marked):
@@ -301,12 +307,6 @@ def test_views_are_gone_through_around_the_end_and_marked_ones_alone_where_wante
     addon.steps.mark_stroke(marked, [(5, 5)], 3)
     marked.karf.active_view = "photo_0"
     assert addon.steps.go_to_view(marked, -1, marked=True) == "photo_2"
-
-
-def test_another_project_brings_its_own_objects(addon, marked, tmp_path):
-    write_disc(addon, tmp_path / "other" / "masks" / "lid" / "photo_0.png")
-    marked.karf.project = str(tmp_path / "other")
-    assert marked.karf.marking.objects.keys() == ["lid"]
 
 
 def test_suggested_views_come_one_after_the_other(addon, project_scene):

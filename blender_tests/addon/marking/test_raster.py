@@ -1,35 +1,6 @@
-"""Brush, lasso and box: a pixel is marked where its center is covered; and PNG files of masks."""
+"""Marks at the border of a photo, and PNG files of masks; test_marks.py has the tools' pixels."""
 
 import numpy as np
-import pytest
-
-Y, X = np.mgrid[0:20, 0:30] + 0.5
-DENTED = [(0, 0), (30, 0), (30, 20), (20, 20), (20, 10), (10, 10), (10, 20), (0, 20)]
-DRAWN = {
-    "dab": ("stroke", ((10.2, 8.7), (10.2, 8.7), 4.5), np.hypot(X - 10.2, Y - 8.7) <= 4.5),
-    "stroke": (
-        "stroke",
-        ((5, 5), (25, 5), 2),
-        np.hypot(np.maximum(0, np.maximum(5 - X, X - 25)), Y - 5) <= 2,
-    ),
-    "lasso": (
-        "polygon",
-        ([(2, 2), (27, 10), (2, 18)],),
-        (X > 2) & (Y - 2 > (X - 2) * 8 / 25) & (18 - Y > (X - 2) * 8 / 25),
-    ),
-    "lasso with a dent": ("polygon", (DENTED,), (Y < 10) | (X < 10) | (X > 20)),
-    "box": ("box", ((10.5, 12.4), (3.4, 2.6)), (X > 3.4) & (X < 10.5) & (Y > 2.6) & (Y < 12.4)),
-}
-
-
-@pytest.mark.parametrize("tool", DRAWN)
-def test_a_tool_covers_these_pixels_and_takes_them_away_again(addon, tool):
-    name, arguments, wanted = DRAWN[tool]
-    layer = np.zeros((20, 30), np.int8)
-    getattr(addon.raster, name)(layer, *arguments, 1)
-    np.testing.assert_array_equal(layer, wanted)
-    getattr(addon.raster, name)(layer, *arguments, 0)
-    assert not layer.any()
 
 
 def test_what_lies_outside_the_photo_is_left_out(addon):

@@ -241,7 +241,7 @@ def draw_dialog(bpy, addon):
     return draw
 
 
-def test_the_dialog_of_frames_asks_with_blenders_own_names_and_for_depths_that_a_format_has(learned, draw_dialog):
+def test_dialogs_ask_for_what_was_chosen(learned, draw_dialog):
     karf, drawn = learned.karf, draw_dialog("render_camera")
     assert {"camera", "resolution_x", "frame_start", "frame_end", "frame_step", "file_format", "out"} <= {*drawn}
     assert drawn.count("color_depth") == 2 and karf.color_depth == "8"
@@ -249,9 +249,6 @@ def test_the_dialog_of_frames_asks_with_blenders_own_names_and_for_depths_that_a
     assert karf.color_depth == "16"
     karf.color_depth, karf.file_format = "32", "PNG"
     assert karf.color_depth == "16"
-
-
-def test_a_long_side_is_asked_for_where_it_is_chosen(learned, draw_dialog):
     drawn = draw_dialog("render_capture")
     assert {"split", "captured_size"} <= {*drawn} and "captured_pixels" not in drawn
     learned.karf.captured_size = "PIXELS"
@@ -271,7 +268,7 @@ OF_THE_PICTURE = {
 OF_THE_SCENE = {"karf.import_capture", "karf.learn_all", "karf.segment", "karf.extract_palette", "karf.render_camera"}
 
 
-def test_nothing_stands_twice_side_by_side_and_an_editor_that_is_alone_has_all_steps(learned, desk):
+def test_two_editors_share_the_steps_and_one_has_all(learned, desk):
     desk.segmented()
     desk.set(desk.progress, text="", error="", warnings="")
     left, right = desk.draw(VIEW, IMAGE), desk.draw(IMAGE, VIEW)
@@ -286,16 +283,13 @@ def test_nothing_stands_twice_side_by_side_and_an_editor_that_is_alone_has_all_s
         assert "Image Editor" not in desk.draw(editor)
 
 
-def test_an_editor_whose_neighbor_has_put_its_sidebar_away_has_all_steps(addon):
+def test_both_editors_have_the_panel_and_all_steps_beside_a_closed_sidebar(bpy, addon):
     screen = SimpleNamespace(areas=[area(VIEW), area(IMAGE, has_sidebar=False)])
     context = SimpleNamespace(area=screen.areas[0], screen=screen)
     assert addon.sidebar.is_displayed_here(context, IMAGE)
     screen.areas[1].spaces.active.show_region_ui = True
     assert not addon.sidebar.is_displayed_here(context, IMAGE)
-
-
-def test_both_editors_have_the_panel_whose_tab_comes_after_those_of_blender(bpy, addon):
-    """Blender puts panels without a header before all others, and tabs stand in the order of their first panels."""
+    # Blender puts panels without a header, and their tabs, before all others
     panels = addon.sidebar.StepsPanel.__subclasses__()
     assert {panel.bl_space_type for panel in panels} == {VIEW, IMAGE}
     assert all(hasattr(bpy.types, panel.__name__) for panel in panels)

@@ -14,9 +14,7 @@ def editor(addon, learned, image_editor, monkeypatch):
 
 
 @pytest.mark.parametrize("before", ["", "KaRF photo", "sketch"])
-def test_the_picture_that_a_job_brings_is_shown_whole_once_and_a_picture_of_the_artists_own_stays(
-    bpy, addon, learned, editor, before
-):
+def test_a_new_picture_is_fitted_once_and_never_replaces_other_images(bpy, addon, learned, editor, before):
     space, fitted = editor
     own = bpy.data.images.new(before, 8, 8) if before else None
     space.image = own

@@ -30,7 +30,7 @@ def background(bpy, scene):
 
 
 @pytest.mark.parametrize("part", [1, 2])
-def test_a_distorted_photo_is_shown_as_the_pinhole_sees_it_a_large_one_small_and_painted_whole(
+def test_a_distorted_photo_is_shown_undistorted_and_painted_as_stored(
     bpy, addon, scene, bent, tmp_path, monkeypatch, part
 ):
     if part > 1:

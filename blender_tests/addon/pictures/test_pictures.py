@@ -61,7 +61,7 @@ def test_a_picture_that_follows_the_mouse_is_not_packed_at_every_step_nor_one_th
 
 
 # --- tints -----------------------------------------------------------------------------------------------------------
-def test_an_object_keeps_its_color_and_its_place_when_it_is_renamed(addon, learned):
+def test_an_object_keeps_its_color_when_it_is_renamed_and_its_mask_has_it(addon, learned, seeing):
     def tints():
         return {item.name: addon.objects.tint(item) for item in objects}
 
@@ -74,16 +74,10 @@ def test_an_object_keeps_its_color_and_its_place_when_it_is_renamed(addon, learn
     assert tints() == {("can" if name == "zebra" else name): tint for name, tint in before.items()}
     assert len(set(before.values())) == 4
     assert addon.object_masks.in_order(learned, ["pot", "lid", "other"]) == [*order, "other"]
-
-
-def test_the_masks_have_the_colors_of_the_list(bpy, addon, learned):
-    addon.objects.sync(learned)
-    learned.karf.marking.objects["pot"].number = 5
-    bpy.context.window_manager.karf_seeing.show_masks = True
+    objects["pot"].number, seeing.show_masks = 5, True
     addon.displayed.of(learned).load_masks()
     masks = addon.displayed.of(learned).known_masks()
-    assert masks.tints["pot"] == addon.tints.tint_of(5) == addon.objects.tint(learned.karf.marking.objects["pot"])
-    bpy.context.window_manager.karf_seeing.show_masks = False
+    assert masks.tints["pot"] == addon.tints.tint_of(5) == addon.objects.tint(objects["pot"])
 
 
 def test_tints_of_eight_objects_can_be_told_apart(addon):

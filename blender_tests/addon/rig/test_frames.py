@@ -81,13 +81,10 @@ def cameras_file(addon, tmp_path):
     return write
 
 
-def test_cameras_without_frame_numbers_follow_one_another(addon, scene, cameras_file):
+def test_imported_cameras_get_frames_and_one_size(addon, scene, cameras_file, tmp_path):
     scene.frame_start = 7
     addon.steps.import_cameras(scene, cameras_file(left=(1, 35.0), right2=(1, 35.0))[0])
     assert (scene.frame_start, scene.frame_end) == (7, 8)
-
-
-def test_other_sizes_are_brought_to_the_first_ones(addon, scene, cameras_file, tmp_path):
     file, cameras = cameras_file(f0=(1, 35.0), f1=(3, 35.0))
     addon.steps.import_cameras(scene, file)
     found = addon.steps.export_cameras(scene, tmp_path / "d.json")

@@ -52,7 +52,7 @@ def column(attribute, name, width):
     return values.reshape(-1, width)
 
 
-def test_points_are_vertices_with_their_color_and_error(addon, imported):
+def test_points_have_their_color_and_error_and_are_shown_as_balls(bpy, addon, imported):
     points, item = addon.captures.of(imported).points, points_of(imported)
     assert len(item.data.vertices) == imported.karf.n_points == 40 and not item.data.edges
     coordinates = np.empty(120, np.float32)
@@ -63,26 +63,11 @@ def test_points_are_vertices_with_their_color_and_error(addon, imported):
     np.testing.assert_allclose(column(color, "color_srgb", 4)[:, :3] * 255, points.colors, atol=1e-3)
     np.testing.assert_allclose(column(error, "value", 1)[:, 0], points.errors)
     assert item.hide_render and not item.hide_select
-
-
-def test_points_are_shown_as_balls_whose_active_color_is_theirs(bpy, imported):
     imported.view_layers[0].update()
     shown = points_of(imported).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     assert len(shown.polygons) == 40 * 8 and len(shown.vertices) == 40 * 6
     assert shown.color_attributes.active_color_name == "color"
     assert shown.materials[shown.polygons[0].material_index].name.startswith("KaRF points")
-
-
-def test_a_hundred_thousand_points_keep_their_places(bpy, addon, scene):
-    api, n = addon.engine_api, 100_000
-    places = np.random.default_rng(0).normal(size=(n, 3))
-    none = np.empty(0, np.int32)
-    points = api.SparsePoints(
-        places, np.full((n, 3), 7, np.uint8), np.zeros(n, np.float32), none, none, np.empty((0, 2), np.float32)
-    )
-    item = addon.cameras.build_points(points, bpy.data.objects.new("rig", None), 0.01)
-    assert len(item.data.vertices) == n
-    np.testing.assert_allclose(item.data.vertices[n - 1].co, places[-1], atol=1e-5)
 
 
 def test_points_can_be_left_out_and_errors_are_those_of_the_photo_as_stored(addon, scene, colmap_folder, tmp_path):
@@ -107,7 +92,7 @@ def test_the_overlay_puts_marks_where_the_pinhole_shows_them(addon, imported):
     assert (known.colors[:, 0] > known.colors[:, 1]).all()  # 3 of 4 pixels: nearer to red than to green
 
 
-def test_another_camera_has_no_errors_until_it_is_looked_through_and_a_loaded_file_none(bpy, addon, imported, reopen):
+def test_errors_belong_to_the_camera_looked_through(bpy, addon, imported, reopen):
     addon.steps.look_through(imported, "p1")
     imported.camera = addon.cameras.camera_of(imported, "p2")
     assert addon.reprojection.of_camera(imported, imported.camera) is None

@@ -12,18 +12,13 @@ def imported(bpy, scene, capture_folder, tmp_path):
     return scene
 
 
-@pytest.fixture
-def saved(bpy, scene, tmp_path):
-    """The scene in a file."""
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
-    return scene
-
-
 def splits(scene):
     return [view.split for view in scene.karf.views]
 
 
-def test_there_is_a_camera_with_its_photo_in_its_place_for_every_view(bpy, addon, imported, capture_folder):
+def test_every_view_has_a_camera_with_its_photo_and_the_scene_the_size_of_the_first(
+    bpy, addon, imported, capture_folder
+):
     cameras = {camera.karf_view: camera for camera in imported.karf.rig.children}
     assert sorted(cameras) == ["photo_0", "photo_1", "photo_2"]
     for view in addon.captures.of(imported).views:
@@ -31,9 +26,6 @@ def test_there_is_a_camera_with_its_photo_in_its_place_for_every_view(bpy, addon
         np.testing.assert_allclose(np.array(camera.matrix_world), view.camera.camera_to_world, atol=1e-6)
         image = camera.data.background_images[0].image
         assert bpy.path.abspath(image.filepath) == str(capture_folder / "images" / f"{view.name}.png")
-
-
-def test_the_scene_looks_through_the_first_view_at_its_size(bpy, imported):
     assert imported.camera.karf_view == imported.karf.active_view == "photo_0"
     assert (imported.render.resolution_x, imported.render.resolution_y) == (24, 16)
     aspect = imported.render.pixel_aspect_x / imported.render.pixel_aspect_y
@@ -42,7 +34,7 @@ def test_the_scene_looks_through_the_first_view_at_its_size(bpy, imported):
     assert imported.camera.karf_view == "photo_2"
 
 
-def test_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
+def test_import_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, capture_folder, tmp_path):
     options = {"orientation": "UPRIGHT", "size": 10.0, "photos": False, "camera_size": 5.0}
     bpy.ops.karf.import_capture(filepath=str(capture_folder), project=str(tmp_path / "project"), **options)
     capture, cameras = addon.captures.of(scene), scene.karf.rig.children
@@ -53,9 +45,6 @@ def test_options_change_the_rig_and_never_the_pinholes(bpy, addon, scene, captur
         assert not camera.data.background_images and camera.data.display_size == pytest.approx(0.5)
         found = addon.lens.pinhole(scene, camera).camera_to_world
         np.testing.assert_allclose(found, capture.view(camera.karf_view).camera.camera_to_world, atol=1e-5)
-
-
-def test_the_import_can_be_a_preset_without_its_paths(bpy, addon):
     properties = bpy.ops.karf.import_capture.get_rna_type().properties
     kept = {each.identifier for each in properties if not (each.is_hidden or each.is_skip_save)} - {"rna_type"}
     assert kept == {"orientation", "size", "points", "photos", "camera_size"}
@@ -91,7 +80,7 @@ def test_a_rig_that_cannot_be_built_leaves_nothing_behind(bpy, addon, scene, cap
 
 
 @pytest.mark.parametrize("moved", [0.0, 0.5])
-def test_blenders_own_cube_leaves_a_new_file_unless_it_was_touched_and_undo_takes_the_import_back(
+def test_the_import_removes_an_untouched_default_cube_and_undo_brings_it_back(
     bpy, addon, capture_folder, tmp_path, moved
 ):
     bpy.ops.wm.read_homefile(use_factory_startup=True)
@@ -106,21 +95,19 @@ def test_blenders_own_cube_leaves_a_new_file_unless_it_was_touched_and_undo_take
 
 
 # --- the project -----------------------------------------------------------------------------------------------------
-def test_without_a_project_a_saved_file_gets_one_beside_it(addon, saved, capture_folder, tmp_path):
-    addon.steps.import_capture(saved, capture_folder)
-    assert saved.karf.project == "//pots_karf"
-    assert addon.folders.project_of(saved).folder == tmp_path / "pots_karf"
-
-
-def test_an_unsaved_file_gets_a_project_in_the_extensions_own_folder(
-    bpy, addon, scene, capture_folder, tmp_path, monkeypatch
-):
+def test_the_default_project_folder(bpy, addon, scene, capture_folder, tmp_path, monkeypatch):
     def user_folder(package, path, create):
         return str(tmp_path / package.rpartition(".")[2] / path)
 
     monkeypatch.setattr(bpy.utils, "extension_path_user", user_folder)
     addon.steps.import_capture(scene, capture_folder)
     assert addon.folders.project_of(scene).folder == tmp_path / "karf" / "projects" / "pots"
+    bpy.ops.wm.read_homefile(use_empty=True)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    scene = bpy.context.scene
+    addon.steps.import_capture(scene, capture_folder)
+    assert scene.karf.project == "//pots_karf"
+    assert addon.folders.project_of(scene).folder == tmp_path / "pots_karf"
 
 
 @pytest.mark.parametrize("file", ["", "transforms.json"])
@@ -162,15 +149,14 @@ def test_finished_stages_are_those_of_the_project_as_it_is_now(addon, imported):
     assert addon.disk.read(imported).stages == {"geometry", "palette", "recoloring"}
 
 
-def test_poses_are_found_in_projects_beside_the_file_that_leave_earlier_ones_alone(
-    bpy, addon, saved, capture_folder, tmp_path
-):
+def test_found_poses_get_a_new_project_beside_the_file(bpy, addon, scene, capture_folder, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     assert bpy.ops.karf.find_poses(filepath=str(capture_folder / "images")) == {"FINISHED"}
-    assert saved.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
-    assert addon.folders.absolute(saved.karf.capture) == tmp_path / "images_karf" / "capture"
-    addon.steps.find_poses(saved, capture_folder / "images").wait()
-    assert addon.folders.absolute(saved.karf.project) == tmp_path / "images_karf_2"
-    assert addon.folders.absolute(saved.karf.capture) == tmp_path / "images_karf_2" / "capture"
+    assert scene.karf.views.keys() == ["photo_0", "photo_1", "photo_2"]
+    assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf" / "capture"
+    addon.steps.find_poses(scene, capture_folder / "images").wait()
+    assert addon.folders.absolute(scene.karf.project) == tmp_path / "images_karf_2"
+    assert addon.folders.absolute(scene.karf.capture) == tmp_path / "images_karf_2" / "capture"
 
 
 # --- dropped files ---------------------------------------------------------------------------------------------------
@@ -216,9 +202,7 @@ def test_all_photos_are_learned_from_unless_some_are_held_out(bpy, addon, import
 
 
 # --- check -----------------------------------------------------------------------------------------------------------
-def test_the_engines_advice_and_its_map_are_shown_and_stay_with_the_capture(
-    bpy, addon, project_scene, capture_folder, two_splits, tmp_path
-):
+def test_advice_belongs_to_the_capture(bpy, addon, project_scene, capture_folder, two_splits, tmp_path):
     karf = project_scene.karf
     assert bpy.ops.karf.check_capture() == {"FINISHED"}
     assert karf.is_poor and karf.advice.splitlines() == [
@@ -229,15 +213,11 @@ def test_the_engines_advice_and_its_map_are_shown_and_stay_with_the_capture(
     assert path.is_file() and bpy.data.images["KaRF more photos"].filepath == str(path)
     assert bpy.ops.karf.learn_scene() == {"FINISHED"}  # all the same
     assert "geometry" in addon.disk.read(project_scene).stages
+    (tmp_path / "masks").mkdir()
     karf.masks = str(tmp_path / "masks")
     addon.steps.import_capture(project_scene, capture_folder)
     assert karf.advice and karf.masks
-    addon.steps.import_capture(project_scene, two_splits, tmp_path / "other")
-    assert not karf.is_poor and karf.advice == karf.masks == ""
-
-
-def test_masks_that_were_drawn_are_looked_at_too(addon, project_scene, tmp_path):
-    (tmp_path / "masks").mkdir()
-    project_scene.karf.masks = str(tmp_path / "masks")
     addon.steps.check_capture(project_scene)
-    assert not project_scene.karf.is_poor
+    assert not karf.is_poor  # the drawn masks are looked at too
+    addon.steps.import_capture(project_scene, two_splits, tmp_path / "other")
+    assert karf.advice == karf.masks == ""

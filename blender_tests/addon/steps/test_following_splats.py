@@ -63,9 +63,7 @@ def assert_shows(item, color):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_script_gives_an_object_the_colors_of_now_and_the_button_goes_on_and_off(
-    bpy, addon, with_splats, kind, set_pot
-):
+def test_a_script_and_the_button_give_the_current_colors(bpy, addon, with_splats, kind, set_pot):
     item, surface = make(bpy, kind, 4), with_splats.karf.surface
     for color in (BLUE, RED):
         set_pot(color)
@@ -77,7 +75,7 @@ def test_a_script_gives_an_object_the_colors_of_now_and_the_button_goes_on_and_o
     assert_shows(item, BLUE)
 
 
-def test_it_follows_swatches_and_asks_no_more_than_they_change(beside, followed, set_pot):
+def test_it_follows_each_change_once_until_it_is_released(bpy, addon, beside, followed, set_pot):
     (options,) = beside.asked
     assert options["points"]["count"] == N and options["points"]["positions"][2] == [2, 4, -2]
     assert_shows(followed, LEARNED)
@@ -85,6 +83,10 @@ def test_it_follows_swatches_and_asks_no_more_than_they_change(beside, followed,
     assert beside.settle() == 1
     assert_shows(followed, BLUE)
     assert beside.settle() == 0
+    addon.steps.unfollow_splat(bpy.context.scene)
+    set_pot(RED)
+    assert beside.settle() == 0 and addon.splats._tick() is None
+    assert_shows(followed, BLUE)
 
 
 def test_of_several_changes_the_newest_wins(addon, beside, item, set_pot):
@@ -93,13 +95,6 @@ def test_of_several_changes_the_newest_wins(addon, beside, item, set_pot):
         addon.splats._tick()
     assert len(beside.asked) == 1 and beside.settle() == 1
     assert_shows(item, (0.1, 0.2, 0.7))
-
-
-def test_an_object_that_follows_no_more_keeps_its_colors(bpy, addon, beside, followed, set_pot):
-    addon.steps.unfollow_splat(bpy.context.scene)
-    set_pot(BLUE)
-    assert beside.settle() == 0 and addon.splats._tick() is None
-    assert_shows(followed, LEARNED)
 
 
 def test_colors_that_come_too_late_are_dropped(bpy, addon, beside, item):
@@ -145,7 +140,7 @@ def test_it_waits_in_edit_mode_for_tasks_and_for_a_project(bpy, addon, beside, i
     assert beside.settle() == 0
 
 
-def test_a_refusal_is_said_once_and_the_next_change_is_asked_for(bpy, addon, beside, set_pot, monkeypatch):
+def test_errors_are_reported_and_the_next_change_is_asked_for(bpy, addon, beside, set_pot, monkeypatch):
     item, points_of = make(bpy, "kiri", 4), addon.splat_objects.points_of
     monkeypatch.setattr(addon.splat_objects, "points_of", lambda item: points_of(item) | {"count": 3})
     addon.steps.follow_splat(bpy.context.scene, item)
@@ -156,13 +151,11 @@ def test_a_refusal_is_said_once_and_the_next_change_is_asked_for(bpy, addon, bes
     beside.settle()
     assert_shows(item, BLUE)
 
-
-def test_an_engine_that_cannot_start_is_said(addon, followed, set_pot, monkeypatch):
     def refuse(*_):
         raise addon.engine_api.BadRequest("There is no engine yet.")
 
     monkeypatch.setattr(addon.queries, "send", refuse)
-    set_pot(BLUE)
+    set_pot(RED)
     assert addon.splats._tick() is not None
     assert addon.progress.state().error == "There is no engine yet."
 

@@ -68,7 +68,7 @@ def test_coarse_comes_first_then_half_then_full_all_as_large_and_then_nothing(bp
     assert list(jobs.glob("*-warm/answers/*")) == []  # read and removed
 
 
-def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
+def test_the_picture_follows_camera_and_rig_and_swatches_without_the_engine(bpy, addon, live):
     live.look(3)
     before = picture(bpy, addon)
     live.scene.camera.location *= 0.5
@@ -80,10 +80,6 @@ def test_the_picture_follows_the_camera_and_the_rig(bpy, addon, live):
     live.scene.karf.rig.location.x += 5
     live.look(3)
     assert picture(bpy, addon).mean() > before.mean()
-
-
-def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
-    live.look(3)
     addon.queries.stop()
     before = picture(bpy, addon)
     live.pot.color = GREEN
@@ -92,7 +88,7 @@ def test_the_picture_follows_swatches_without_the_engine(bpy, addon, live):
     assert np.allclose(picture(bpy, addon) - before, [0, 0.4 * 0.25 * 255, 0], atol=1.5)
 
 
-def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_when_one_does(bpy, addon, live):
+def test_a_hidden_picture_is_not_rendered_and_a_removed_one_comes_back(bpy, addon, live):
     live.look(3)
     live.editor.image = bpy.data.images.new("another", 8, 8)
     live.scene.camera.location *= 0.5
@@ -101,12 +97,8 @@ def test_nothing_is_rendered_while_no_editor_shows_the_picture_and_it_goes_on_wh
     live.editor.image = bpy.data.images["KaRF camera"]
     assert live.look(3) == SIDES
     assert addon.preview.message() == ""
-
-
-def test_a_picture_that_undo_has_taken_comes_back_into_its_editor(bpy, addon, live):
-    live.look(3)
     before = picture(bpy, addon)
-    bpy.data.images.remove(bpy.data.images["KaRF camera"])
+    bpy.data.images.remove(bpy.data.images["KaRF camera"])  # as undo does
     addon.preview._tick()
     assert live.editor.image == bpy.data.images["KaRF camera"]
     assert np.array_equal(picture(bpy, addon), before)
@@ -165,17 +157,7 @@ def test_what_a_camera_cannot_show_is_said(bpy, addon, live, monkeypatch):
     assert np.ptp(picture(bpy, addon)) == 0  # the scene as learned, of one gray
 
 
-def test_a_camera_without_a_picture_says_why_and_gets_it_when_it_can(addon, live):
-    live.look(3)
-    live.scene.camera.data.type = "ORTHO"
-    addon.preview._tick()
-    assert "is not a perspective camera" in addon.preview.message()
-    live.scene.camera.data.type = "PERSP"
-    live.look(1)
-    assert addon.preview.message() == ""
-
-
-def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_moves(addon, live, monkeypatch):
+def test_errors_are_reported_and_the_next_camera_is_tried(addon, live, monkeypatch):
     options = addon.preview._options
     monkeypatch.setattr(addon.preview, "_options", lambda *camera: options(*camera) | {"behave": "crash"})
     deadline = time.monotonic() + 20
@@ -188,6 +170,12 @@ def test_an_engine_that_crashes_is_said_once_and_tried_again_when_the_camera_mov
     live.scene.camera.location.x += 0.1
     live.look(1)
     assert addon.preview.message() == ""
+    live.scene.camera.data.type = "ORTHO"
+    addon.preview._tick()
+    assert "is not a perspective camera" in addon.preview.message()
+    live.scene.camera.data.type = "PERSP"
+    live.look(1)
+    assert addon.preview.message() == ""
 
 
 def test_the_picture_is_saved_with_the_file_and_it_ends_with_its_project(bpy, addon, live, tmp_path):
@@ -198,12 +186,9 @@ def test_the_picture_is_saved_with_the_file_and_it_ends_with_its_project(bpy, ad
     assert addon.preview._tick() is None and not addon.preview.is_live()
 
 
-def test_the_switch_needs_a_window(bpy, filmed):
+def test_a_script_writes_what_a_camera_sees_and_the_switch_needs_a_window(bpy, addon, filmed, tmp_path):
     with pytest.raises(RuntimeError, match="needs a window"):
         bpy.ops.karf.live_camera()
-
-
-def test_a_script_writes_what_a_camera_sees_with_the_swatches_as_they_stand(addon, filmed, tmp_path):
     addon.steps.set_swatch(filmed, "pot", 1, GREEN)
     path = addon.steps.preview_camera(filmed, tmp_path / "out" / "seen.png", long_side=100)
     seen = addon.images.read_picture(path)

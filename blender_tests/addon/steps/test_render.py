@@ -45,9 +45,7 @@ def new_camera(bpy, scene, name):
 
 # --- captured views --------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize("has_engine", [False, True])
-def test_this_view_is_written_by_the_engine_or_without_it_as_displayed(
-    bpy, addon, dark, tmp_path, monkeypatch, has_engine
-):
+def test_this_view_is_written_with_and_without_an_engine(bpy, addon, dark, tmp_path, monkeypatch, has_engine):
     if not has_engine:
         monkeypatch.setenv("KARF_ENGINE_PYTHON", str(tmp_path / "no python"))
         addon.preferences.current().engine_python = ""
@@ -109,7 +107,7 @@ def test_photos_have_the_size_that_the_panel_says_unless_a_call_says_another(add
 
 
 # --- frames of a camera ----------------------------------------------------------------------------------------------
-def test_a_cameras_frames_are_rendered_with_keyframed_swatches(addon, keyed, tmp_path):
+def test_a_cameras_frames_are_one_job_with_the_swatches_of_each_frame(addon, keyed, tmp_path):
     keyed.frame_start, keyed.frame_end = 1, 5
     keyed.frame_set(2)
     folder = addon.steps.render_sequence(keyed, out=tmp_path / "out").wait()
@@ -118,9 +116,6 @@ def test_a_cameras_frames_are_rendered_with_keyframed_swatches(addon, keyed, tmp
     np.testing.assert_allclose([each[0, 0, 0] for each in pictures], [0, 0.2, 0.4, 0.4, 0.4], atol=0.5 / 255 + 1e-3)
     assert keyed.frame_current == 2
     assert pictures[0].shape == (16, 24, 3)
-
-
-def test_a_sequence_is_one_job_with_an_edit_for_each_of_its_swatches(addon, keyed):
     options = options_of(addon.steps.render_sequence(keyed, keyed.camera, range(1, 31)))
     assert len(json.loads(Path(options["views"]).read_text())["frames"]) == len(options["edit"]) == 30
     assert len(set(options["edit"])) == 3 and set(options["edit"][2:]) == {options["edit"][2]}
@@ -148,7 +143,12 @@ def test_a_moving_camera_reaches_the_engine_frame_by_frame(addon, learned):
     assert [view.name for view in views] == ["frame_0001", "frame_0002"]
 
 
-def test_rendering_without_palettes_or_camera_is_refused(bpy, addon, learned):
+def test_what_is_missing_is_said(bpy, addon, learned, tmp_path):
+    assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
+    with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
+        addon.steps.show_frames(learned)
+    with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
+        addon.steps.add_strip(learned, tmp_path)
     learned.camera = None
     with pytest.raises(addon.engine_api.BadRequest, match="has no camera"):
         addon.steps.render_sequence(learned).wait()
@@ -239,14 +239,6 @@ def test_one_click_makes_a_strip_and_frames_of_an_earlier_longer_job_are_left_ou
     assert addon.compat.strip_range(addon.steps.add_strip(film)) == (3, 6)
 
 
-def test_buttons_wait_for_frames_and_a_folder_without_frames_is_told(bpy, addon, learned, tmp_path):
-    assert not bpy.ops.karf.add_strip.poll() and not bpy.ops.karf.show_frames.poll()
-    with pytest.raises(addon.engine_api.BadRequest, match="No frames have been rendered"):
-        addon.steps.show_frames(learned)
-    with pytest.raises(addon.engine_api.BadRequest, match="There are no frames in"):
-        addon.steps.add_strip(learned, tmp_path)
-
-
 # --- farm ------------------------------------------------------------------------------------------------------------
 @pytest.fixture
 def filmed(bpy, keyed):
@@ -256,7 +248,7 @@ def filmed(bpy, keyed):
     return keyed
 
 
-def test_the_job_has_the_cameras_and_swatches_of_each_frame_and_renders_as_the_panel_says(addon, filmed, tmp_path):
+def test_a_farm_job_has_the_cameras_and_swatches_of_each_frame(bpy, addon, filmed, tmp_path):
     filmed.karf.file_format, filmed.karf.color_depth, filmed.karf.color_mode = "OPEN_EXR", "16", "RGBA"
     bundle = addon.steps.farm_bundle(filmed, out=tmp_path / "job", per_task=3)
     names = [f"frame_{number:04d}" for number in range(1, 5)]
@@ -270,9 +262,6 @@ def test_the_job_has_the_cameras_and_swatches_of_each_frame_and_renders_as_the_p
     assert (told["FirstFrame"], told["LastFrame"], told["FramesPerTask"]) == (1, 4, 3)
     arguments = " ".join(template["steps"][0]["script"]["actions"]["onRun"]["args"])
     assert "--base render --alpha --format exr16" in arguments
-
-
-def test_the_button_writes_a_new_folder_each_time(bpy, addon, filmed):
     for name in ("Path", "Path_2"):
         assert bpy.ops.karf.farm_bundle(per_task=2) == {"FINISHED"}
         bundle = addon.folders.out_folder(filmed) / "farm" / name

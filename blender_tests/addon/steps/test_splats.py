@@ -34,9 +34,7 @@ def exported(addon, tmp_path):
     return export
 
 
-def test_a_splat_becomes_an_upright_capture_beside_the_blend_and_goes_out_where_it_came_from(
-    addon, imported, exported, tmp_path
-):
+def test_a_splat_becomes_an_upright_capture_and_goes_out_unmoved(addon, imported, exported, tmp_path):
     karf, folder = imported.karf, tmp_path / "garden_karf"
     assert addon.folders.absolute(karf.project) == folder
     assert addon.folders.absolute(karf.capture) == folder / "capture"
@@ -82,17 +80,14 @@ def test_an_object_goes_out_with_the_swatches_as_they_stand(bpy, addon, with_spl
     np.testing.assert_allclose(pot["colors"][1], (0.1, 0.2, 0.9), atol=1e-6)
 
 
-def test_it_lies_in_the_file_where_the_rig_stands(bpy, with_splats, exported):
+@pytest.mark.parametrize(("name", "axes"), [("here.glb", "blender"), ("here.spz", "blender"), ("here.ply", "viewers")])
+def test_exported_splats_stand_as_the_rig_does(bpy, with_splats, exported, name, axes):
+    """PLY files have y down; other kinds are written from them with y up."""
     rig = with_splats.karf.rig
     rig.location, rig.rotation_euler, rig.scale = (1, 2, 3), (0.5, 0, 0), (2, 2, 2)
     bpy.context.view_layer.update()
     matrix = np.reshape(exported(with_splats)["matrix"], (4, 4))
     np.testing.assert_allclose(matrix, np.array(rig.matrix_world), atol=1e-6)
-
-
-@pytest.mark.parametrize(("name", "axes"), [("here.glb", "blender"), ("here.spz", "blender"), ("here.ply", "viewers")])
-def test_blenders_up_is_up_for_other_programs(with_splats, exported, name, axes):
-    """PLY files have y down; other kinds are written from them with y up."""
     matrix = np.reshape(exported(with_splats, name, axes=axes)["matrix"], (4, 4))
     expected = COLMAP_TO_BLENDER.T @ np.array(with_splats.karf.rig.matrix_world)[:3, :3]
     np.testing.assert_allclose(matrix[:3, :3], expected, atol=1e-6)

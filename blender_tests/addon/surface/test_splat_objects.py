@@ -29,7 +29,7 @@ def test_each_point_gets_the_harmonics_that_both_sides_have_and_keeps_all_else(b
         np.testing.assert_array_equal(after, opacities)
 
 
-def test_kiris_color_is_the_direct_part_within_what_can_be_shown(bpy, addon, harmonics):
+def test_kiris_color_is_the_clipped_direct_part(bpy, addon, harmonics):
     item = make(bpy, "kiri", 4)
     harmonics[0, :3] = 9, -9, 0
     addon.splat_objects.write(item, harmonics)
@@ -38,9 +38,6 @@ def test_kiris_color_is_the_direct_part_within_what_can_be_shown(bpy, addon, har
     np.testing.assert_allclose(shown[:, :3], np.clip(0.5 + C0 * harmonics[:, :3], 0, 1), atol=1e-6)
     np.testing.assert_array_equal(shown[0, :3], [1, 0, 0.5])
     np.testing.assert_allclose(shown[:, 3], 0.25)
-
-
-def test_kiris_color_need_not_be_there(bpy, addon, harmonics):
     item = make(bpy, "kiri", 4)
     item.data.attributes.remove(item.data.attributes["Col"])
     addon.splat_objects.write(item, harmonics)
@@ -56,14 +53,6 @@ def test_another_number_of_points_is_refused_with_both(bpy, addon, harmonics, ki
     ):
         addon.splat_objects.write(item, harmonics[:3])
     np.testing.assert_array_equal(colors_of(item)[0], before)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_points_are_told_by_their_number_and_some_places(bpy, addon, kind):
-    item = make(bpy, kind, 4)
-    points = addon.splat_objects.points_of(item)
-    assert points["count"] == N and points["rows"] == list(range(N))
-    np.testing.assert_array_equal(points["positions"], [[row, row**2, -row] for row in range(N)])
 
 
 def test_of_many_points_the_first_the_last_and_some_between_are_told(bpy, addon):

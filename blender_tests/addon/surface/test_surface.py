@@ -79,7 +79,7 @@ def test_the_first_time_3d_views_show_its_colors_and_later_as_the_artist_has_set
     assert shading.light == "STUDIO"
 
 
-def test_points_are_faces_in_their_places_with_what_recoloring_needs(addon, learned, points, shown):
+def test_points_are_faces_that_swatches_recolor_as_the_engine_does(bpy, addon, learned, points, points_file, shown):
     data = shown.data
     assert shown.parent == learned.karf.rig and len(data.polygons) == len(points)
     assert {"Color", "normal", "karf/lid", "karf/pot", "karf/lid/1", "karf/pot/2"} <= set(data.attributes.keys())
@@ -90,16 +90,6 @@ def test_points_are_faces_in_their_places_with_what_recoloring_needs(addon, lear
     weights = np.empty(len(points), np.float32)
     data.attributes["karf/pot/2"].data.foreach_get("value", weights)
     np.testing.assert_array_equal(weights, points.palette_weights[:, 1, 2])
-
-
-def assert_recolored(bpy, item, points):
-    assert np.abs(colors_of(bpy, item) - recolored(points)).max() < 0.51 / 255
-    assert np.abs(recolored(points) - points.colors / 255).max() > 0.3
-
-
-def test_swatches_recolor_the_object_as_the_engine_does_also_those_it_begins_with(
-    bpy, addon, learned, points, points_file, shown
-):
     np.testing.assert_allclose(colors_of(bpy, shown) * 255, points.colors, atol=0.01)
     set_edit(bpy, addon)
     assert_recolored(bpy, shown, points)
@@ -108,6 +98,11 @@ def test_swatches_recolor_the_object_as_the_engine_does_also_those_it_begins_wit
     made = addon.steps.place_points(learned, points_file)
     assert addon.scene_object.find(learned) == made
     assert_recolored(bpy, made, points)
+
+
+def assert_recolored(bpy, item, points):
+    assert np.abs(colors_of(bpy, item) - recolored(points)).max() < 0.51 / 255
+    assert np.abs(recolored(points) - points.colors / 255).max() > 0.3
 
 
 def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
@@ -121,9 +116,7 @@ def test_keyframed_swatches_are_followed(bpy, addon, learned, points, shown):
     assert_recolored(bpy, shown, points)
 
 
-def test_the_radius_scales_faces_round_their_centers_and_stays_where_the_object_is_made_again(
-    bpy, addon, learned, points, points_file, shown
-):
+def test_the_radius_scales_faces_and_survives_a_new_import(bpy, addon, learned, points, points_file, shown):
     def sides():
         data = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return np.array([face.area for face in data.polygons]) ** 0.5, np.array([f.center for f in data.polygons])

@@ -17,7 +17,7 @@ def assert_shows(addon, scene, *wanted, atol=0.02):
     np.testing.assert_allclose(halves(addon, scene), wanted, atol=atol)
 
 
-def test_adding_a_color_shows_one_more_swatch_and_changes_no_picture(bpy, addon, pots):
+def test_an_added_color_changes_no_picture(bpy, addon, pots):
     addon.steps.set_swatch(pots, "pot", 1, GREEN)
     before, swatches = pixels(addon, pots), pots.karf.objects["pot"].swatches
     assert bpy.ops.karf.add_color(object_name="pot", picked=YELLOW) == {"FINISHED"}
@@ -38,16 +38,14 @@ def test_only_its_pigment_follows_it_and_no_longer_other_swatches(addon, pots):
     assert len(pots.karf.objects["pot"].swatches) == 3
 
 
-def test_it_begins_as_the_edited_picture_shows_it(addon, pots):
+def test_it_is_picked_as_learned_and_begins_as_the_edited_picture_shows_it(addon, pots):
     addon.steps.set_swatch(pots, "pot", 2, BLUE)
     number = addon.steps.add_color(pots, "pot", YELLOW)
     np.testing.assert_allclose(color(pots, "pot", number), BLUE, atol=1e-6)
     assert_shows(addon, pots, RED, BLUE)
     addon.edits.reset(pots, "pot", number)
     assert_shows(addon, pots, RED, YELLOW, atol=0.01)
-
-
-def test_the_color_at_a_place_is_that_of_the_object_as_learned(addon, pots):
+    # a color is picked as learned
     addon.steps.set_swatch(pots, "pot", 1, BLUE)
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.2, 0.5)), RED, atol=1e-3)
     np.testing.assert_allclose(addon.steps.color_at(pots, "pot", (0.8, 0.5)), YELLOW, atol=1e-3)
@@ -113,16 +111,13 @@ def test_it_stays_when_palettes_are_found_anew(addon, pots):
     np.testing.assert_allclose(swatches[7].color, BLUE, atol=0.02)  # of its own set
 
 
-def test_the_compositors_layers_have_it(addon, pots):
+def test_the_compositor_and_the_scene_in_3d_have_it(bpy, addon, pots):
     (request,) = addon.steps.build_compositor(pots).requests
     assert request.options["edit"] is None
     addon.steps.add_color(pots, "pot", YELLOW, BLUE)
     (request,) = addon.steps.build_compositor(pots).requests
     edit = addon.engine_api.read_edit_file(Path(request.options["edit"]), addon.colors.palettes(pots))
     assert len(edit.added["pot"]) == 1 and len(edit.colors["pot"]) == 6
-
-
-def test_the_scene_in_3d_has_it(bpy, addon, pots):
     none, weights = np.zeros((2, 3), np.float32), np.zeros((2, 2, 3), np.float16)
     weights[0, 1, 1] = weights[1, 1, 2] = 1
     points = addon.engine_api.ScenePoints(
@@ -137,7 +132,6 @@ def test_the_scene_in_3d_has_it(bpy, addon, pots):
     )
     file = addon.folders.project_of(pots).points_file
     addon.engine_api.write_points(file, points)
-    addon.steps.add_color(pots, "pot", YELLOW)
     item, flat = addon.steps.place_points(pots, file), np.empty(32, np.float32)
     for wanted in (BLUE, GREEN):
         addon.steps.set_swatch(pots, "pot", 3, wanted)
@@ -191,7 +185,7 @@ def test_protect_neutrals_takes_back_what_had_followed_the_drag(addon, learned, 
     np.testing.assert_allclose(colors(can)[:3], before, atol=1e-6)
 
 
-def test_an_added_color_is_only_told_so(bpy, addon, learned, can):
+def test_protection_of_an_added_color_is_a_number_proposed_or_given(bpy, addon, learned, can):
     number = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN), reach=2.0, protect=0.0)
     bpy.ops.karf.solo_swatch(object_name="can", index=number)
     assert halves(addon, learned)[:, 0].min() > 0.5  # its hue is all that counts
@@ -200,9 +194,6 @@ def test_an_added_color_is_only_told_so(bpy, addon, learned, can):
     bpy.context.window_manager.karf_seeing.mode = "EDITED"
     assert letters > 0.8 and silver < 0.01
     assert can.swatches[number].protect == pytest.approx(addon.engine_api.PROTECT)
-
-
-def test_protection_is_proposed_and_what_is_given_counts(addon, learned, can):
     proposed = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN))
     given = addon.steps.add_color(learned, "can", tuple(LETTERS @ CAN), reach=0.5, protect=0.0)
     assert can.swatches[proposed].protect == pytest.approx(addon.engine_api.PROTECT)

@@ -30,12 +30,9 @@ def assert_shows(item, *colors, atol):
             np.testing.assert_allclose(swatch.color, wanted, atol=atol)
 
 
-def test_it_begins_with_the_color_that_the_object_mostly_has(item):
+def test_a_live_target_moves_the_swatches_from_the_main_color(item):
     np.testing.assert_allclose(item.source, RED, atol=0.01)
     assert item.source[:] == item.target[:]
-
-
-def test_a_live_target_moves_the_swatches_at_once_and_from_where_it_began(item):
     item.source, item.target = RED, BLUE
     assert item.swatches[1].color[:] == item.swatches[1].learned[:]
     item.live = True
@@ -47,12 +44,16 @@ def test_a_live_target_moves_the_swatches_at_once_and_from_where_it_began(item):
     assert_shows(item, blue, None, atol=1e-5)
 
 
-def test_a_color_that_the_object_does_not_show_changes_nothing(addon, item, press):
+def test_an_impossible_source_or_target_is_reported(addon, item, press, capfd):
     item.source, item.target = (0.0, 1.0, 0.0), BLUE
     with pytest.raises(RuntimeError, match="pot shows no color like #00ff00"):
         press()
     item.live = True
     np.testing.assert_array_equal(addon.colors.edited(item), addon.colors.learned(item))
+    item.live = False
+    item.swatches[1].locked = True
+    press(RED, BLUE)
+    assert "not quite what was wanted, because" in capfd.readouterr().out
 
 
 def test_what_was_dragged_before_does_not_hide_the_color_that_it_begins_with(addon, learned, item, press):
@@ -82,12 +83,6 @@ def test_what_is_left_follows_swatches_pair_and_rule(addon, learned, item, press
     assert known.left_to_target(item) == pytest.approx(float(api.ciede2000(red, blue)), abs=1e-3)
     item.target = item.source
     assert known.left_to_target(item) is None
-
-
-def test_a_target_that_is_missed_is_told_with_the_reason(item, press, capfd):
-    item.swatches[1].locked = True
-    press(RED, BLUE)
-    assert "not quite what was wanted, because" in capfd.readouterr().out
 
 
 # --- a painted view --------------------------------------------------------------------------------------------------

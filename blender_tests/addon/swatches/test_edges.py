@@ -26,7 +26,7 @@ def row(addon, pot):
     return pixels(addon, pot.id_data)[8]
 
 
-def test_the_picture_follows_and_both_at_0_bring_the_same_bits_back(addon, block, blue):
+def test_the_picture_follows_edges_and_colors(addon, block, blue):
     before = pixels(addon, block)
     blue.choke = 2
     np.testing.assert_allclose(row(addon, blue)[[6, 7, 16, 17]], [RED] * 4, atol=0.01)
@@ -35,9 +35,6 @@ def test_the_picture_follows_and_both_at_0_bring_the_same_bits_back(addon, block
     assert len(np.unique(row(addon, blue)[:, 2].round(3))) > 3
     blue.choke, blue.feather = 0, 0
     np.testing.assert_array_equal(pixels(addon, block), before)
-
-
-def test_colors_and_edges_move_together(addon, block, blue):
     blue.choke = 1
     for color in (YELLOW, BLUE, GREEN):
         addon.steps.set_swatch(block, "pot", 1, color)

@@ -153,6 +153,7 @@ GESTURES = {
     "swap": (then(), operator("swap_swatches", **SWAP), {POT1: LID[1], LID2: RED}),
     "reset": (BLUE_LID, operator("reset_swatch", object_name="lid"), {}),
     "paste": (set_to(POT2, BRIGHT), do("paste", "lid"), {LID1: RED, LID2: BRIGHT, POT2: BRIGHT}),
+    "paste of one": (then(), do("edit", "paste", *LID1, "#993366"), {LID1: (0.6, 0.2, 0.4)}),
     "preset": (BLUE_LID, do("preset"), {LID2: BLUE, POT1: LID[0], POT2: BLUE}),
     "edit file": (do("keep_file", "a.json", BRIGHT), do("load_file", "a.json"), {POT2: BRIGHT}),
     "palette of GIMP": (do("keep_file", "a.gpl", TEAL), do("load_file", "a.gpl"), {POT2: TEAL}),
@@ -286,18 +287,13 @@ def test_gestures_in_any_order_are_undone_and_redone_to_where_they_began(bpy, ad
         assert_same(state(hand), wanted)
 
 
-def test_one_color_travels_as_text(hand):
+def test_colors_as_text_and_palettes_without_compositing(hand):
     assert hand.edit("copied", *POT1) == "#cc331a"
-    hand.edit("paste", "lid", 1, "#cc331a")
-    np.testing.assert_allclose(color(hand.scene, *LID1) * 255, (204, 51, 26), atol=1e-3)
-
-
-@pytest.mark.parametrize("suffix", [".gpl", ".ase"])
-def test_a_palette_of_another_program_leaves_the_way_of_compositing(hand, suffix):
-    hand.keep_file(f"a{suffix}", TEAL)
-    hand.scene.karf.compositing = "paper"
-    hand.apply_edit(hand.folder / f"a{suffix}")
-    assert hand.scene.karf.compositing == "paper"
+    for name in ("a.gpl", "a.ase"):
+        hand.keep_file(name, TEAL)
+        hand.scene.karf.compositing = "paper"
+        hand.apply_edit(hand.folder / name)
+        assert hand.scene.karf.compositing == "paper"
 
 
 def test_becomes_moves_merged_swatches_as_one(hand):

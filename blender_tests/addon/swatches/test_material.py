@@ -32,7 +32,7 @@ def test_shades_of_the_paint_follow_and_other_paints_stay(pot):
     np.testing.assert_allclose(colors(pot)[3], YELLOW, atol=1e-6)
 
 
-def test_a_drag_ends_where_its_last_color_alone_would_and_back_or_reset_where_it_began(bpy, pot):
+def test_a_drag_depends_on_its_start_and_last_color_alone(bpy, pot):
     before = colors(pot)
     pot.swatches[1].color = BLUE
     direct = colors(pot)
@@ -57,7 +57,7 @@ def test_so_does_a_drag_of_a_swatch_with_merged_ones(addon, learned, pot):
     np.testing.assert_array_equal(colors(pot), direct)
 
 
-def test_locked_swatches_stay_and_without_material_or_by_a_script_all_others_do(addon, learned, pot):
+def test_a_drag_leaves_locked_swatches_and_without_material_all_others(addon, learned, pot):
     before = colors(pot)
     pot.swatches[2].locked = True
     pot.swatches[1].color = BLUE
@@ -124,15 +124,13 @@ def test_a_surface_turns_the_paint_gray_and_neutral_numbers_show_the_chosen_colo
     assert edited().tobytes() == addon.colors.chosen(pot).tobytes()
 
 
-def test_a_number_that_is_moved_to_and_fro_ends_where_it_would_at_once(pot, edited):
+def test_a_surface_depends_on_its_last_number_and_follows_drags(pot, edited):
     pot.swatches[1].brightness = 0.4
     direct = edited()
     for value in (-1, 0.9, 0.0, 1.7, 0.4):
         pot.swatches[1].brightness = value
     np.testing.assert_array_equal(edited(), direct)
-
-
-def test_a_color_that_is_dragged_takes_its_surface_along(pot, edited):
+    pot.swatches[1].brightness = 0
     pot.swatches[1].saturation = 0
     pot.swatches[1].color = BLUE
     assert is_gray(edited()[1]) and edited()[1].sum() < 1.2

@@ -85,10 +85,14 @@ def test_a_name_sets_the_target_color(addon, learned, book, drawn, use):
     assert any("Traffic red: invisible" in text for text in drawn("KARF_MT_target_names"))
 
 
-def test_a_color_that_no_picture_shows_is_said(addon, learned, book):
+def test_out_of_gamut_names_and_relative_paths(bpy, addon, learned, book, tmp_path):
     read = addon.color_book.known().book
     assert addon.steps.use_color_name(learned, "pot", 1, read, "Neon") > 3
     assert addon.steps.use_color_name(learned, "pot", 1, read, "Sky") == 0
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
+    preferences = addon.preferences.current()
+    preferences.color_book = "//inks.csv"
+    assert preferences.color_book == str(book) and len(addon.color_book.known().book) == 3
 
 
 def test_a_book_is_read_again_only_where_it_has_changed(addon, book, drawn, monkeypatch):
@@ -103,9 +107,7 @@ def test_a_book_is_read_again_only_where_it_has_changed(addon, book, drawn, monk
 
 
 @pytest.mark.parametrize("content, sentence", [(DAMAGED, "is not a color"), (None, "does not exist")])
-def test_a_damaged_or_missing_book_is_said_in_the_menu_and_the_preferences(
-    bpy, addon, book, drawn, use, content, sentence
-):
+def test_menu_and_preferences_report_a_damaged_book(bpy, addon, book, drawn, use, content, sentence):
     assert sentence not in drawn_preferences(bpy, addon.preferences.current())
     book.unlink() if content is None else book.write_text(content)
     assert sentence in " ".join(drawn()) and "karf.use_color_name" not in drawn()
@@ -121,15 +123,8 @@ def test_a_file_that_is_no_book_is_not_chosen(bpy, addon, book, tmp_path):
     assert addon.preferences.current().color_book == str(book)
 
 
-def test_a_relative_path_is_made_whole(bpy, addon, learned, book, tmp_path):
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    preferences = addon.preferences.current()
-    preferences.color_book = "//inks.csv"
-    assert preferences.color_book == str(book) and len(addon.color_book.known().book) == 3
-
-
 # --- light -----------------------------------------------------------------------------------------------------------
-def test_a_gray_card_turns_names_into_what_the_photos_show_of_them(addon, learned, book, drawn, use):
+def test_a_gray_card_gives_the_light_of_names(bpy, addon, learned, book, drawn, use):
     api, card = addon.engine_api, np.array((0.6, 0.46, 0.35))
     learned.karf.card = card
     use("Sky")
@@ -138,9 +133,6 @@ def test_a_gray_card_turns_names_into_what_the_photos_show_of_them(addon, learne
     assert np.abs(wanted - api.hex_to_rgb("#3a7fb0")).max() > 0.05
     names = [text for text in drawn() if text.startswith("Sky")]
     assert names and "invisible" in names[0]  # read back under daylight it is that color
-
-
-def test_a_card_that_tells_nothing_is_said_and_changes_nothing(bpy, addon, learned, book, use):
     learned.karf.card = (1, 1, 1)
     found = []
     addon.editing.draw_light(Layout(bpy, found), learned)

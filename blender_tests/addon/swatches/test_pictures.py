@@ -42,12 +42,9 @@ def test_a_swatch_adds_its_share_of_the_change_to_every_pixel(bpy, addon, learne
     np.testing.assert_array_equal(levels(addon, learned), BASE)
 
 
-def test_black_stays_whatever_is_set(addon, learned):
+def test_black_stays_whatever_is_set_and_paper_compositing_shows_the_palette_alone(addon, learned):
     learned.karf.objects["pot"].swatches[0].color = (1, 1, 1)
     np.testing.assert_array_equal(levels(addon, learned), BASE)
-
-
-def test_paper_compositing_replaces_pixels_by_the_palette(addon, learned):
     learned.karf.compositing = "paper"
     # both objects are equally probable, the background impossible: the first (lid) wins everywhere with shares 1 2 1 / 4
     expected = 0.5 * np.array([0.2, 0.4, 0.6]) + 0.25
@@ -127,7 +124,7 @@ def two_scenes(addon, learned):
     return learned, other
 
 
-def test_each_scene_has_its_own_picture_and_reads_its_planes_once(addon, two_scenes, monkeypatch):
+def test_each_scene_has_its_own_picture_and_memory(bpy, addon, two_scenes, monkeypatch):
     def read_planes(file):
         raise AssertionError(f"{file} is read again")
 
@@ -137,9 +134,7 @@ def test_each_scene_has_its_own_picture_and_reads_its_planes_once(addon, two_sce
         scene.karf.objects["pot"].swatches[1].color = (0.0, 0.6, 0.1)
         assert_shows(addon, scene, (-0.2, 0.1, 0.0))
         np.testing.assert_array_equal(levels(addon, other), before)
-
-
-def test_memory_of_a_scene_read_anew_or_removed_is_freed_alone(bpy, addon, two_scenes):
+    monkeypatch.undo()
     first, second = two_scenes
     kept, uid = addon.displayed.of(second).view, second.session_uid
     addon.displayed.forget(first)

@@ -60,7 +60,7 @@ def test_the_eye_of_a_swatch_shows_its_weights_and_goes_out_again(bpy, addon, le
     np.testing.assert_array_equal(levels(addon, learned), photo)
 
 
-def test_a_difference_is_black_where_nothing_changed_and_brighter_the_larger_it_is(addon, learned, seeing):
+def test_a_larger_difference_is_brighter(addon, learned, seeing):
     seeing.mode = "DIFFERENCE"
     nothing = addon.views.heat(np.zeros(1))[0] * 255
     assert np.abs(levels(addon, learned) - nothing).max() <= 0.5
@@ -68,9 +68,6 @@ def test_a_difference_is_black_where_nothing_changed_and_brighter_the_larger_it_
     small = levels(addon, learned).sum()
     addon.steps.set_swatch(learned, "pot", 1, (0.0, 0.6, 0.1))
     assert small < levels(addon, learned).sum()
-
-
-def test_large_pictures_are_compared_in_some_of_their_pixels(addon):
     first = np.zeros((601, 900, 3), np.float32)
     second = first.copy()
     second[:, 450:] = 1
@@ -88,9 +85,7 @@ def test_large_pictures_are_compared_in_some_of_their_pixels(addon):
         ("UNSURE", "uncertainty_file", "is_doubted", (255, 140, 10), "segmentation"),
     ],
 )
-def test_what_is_learned_and_what_is_unsure_are_shown_once_they_were_rendered(
-    bpy, addon, learned, seeing, mode, file, known, color, stage
-):
+def test_rendered_modes_show_the_photo_until_rendered(bpy, addon, learned, seeing, mode, file, known, color, stage):
     photo, project = levels(addon, learned), addon.folders.project_of(learned)
     if file:
         getattr(project, file).touch()
@@ -137,7 +132,7 @@ def test_masks_are_made_after_segment_and_shown_over_the_photo(bpy, addon, proje
     assert displayed.known_masks() is None
 
 
-def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
+def test_outlines_and_the_loupe(addon):
     mask = np.zeros((4, 2), bool)
     mask[0, 1] = True  # the upper right pixel
     lines = addon.object_masks.outline(mask)[:, :2].reshape(-1, 2, 2)
@@ -147,9 +142,6 @@ def test_an_outline_goes_between_the_pixels_of_an_object_and_all_others(addon):
         ((0.5, 1.0), (1.0, 1.0)),
         ((0.5, 0.75), (1.0, 0.75)),
     }
-
-
-def test_the_loupe_shows_the_pixels_round_a_place_and_continues_the_border(addon):
     side = addon.overlays.LOUPE_SIDE
     picture = np.zeros((40, 60, 3), np.uint8)
     picture[10, 20] = (255, 0, 0)

@@ -1,7 +1,7 @@
 """The command line: help, exit codes with one sentence each, and no traceback."""
 
-import json
 import shutil
+import subprocess
 import sys
 
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("imageio")
 
-from blender_tests.engine.conftest import run_engine
+from blender_tests.engine.conftest import LONG_PATH, ROOT, odd_folder, run_engine
 from blender_tests.engine.drawn_chart import CAST, CORNERS, photo_of_chart
 from karf_engine.cli import main, verbs
 from karf_engine.io.images import write_png
@@ -18,7 +18,7 @@ from karf_engine.palettes.calibration import ReferenceLight
 from karf_engine.palettes.palette import hex_to_rgb, rgb_to_hex
 from karf_engine.palettes.project_edit import edit_of
 from karf_engine.project import Project
-from karf_engine.worker.findings import VERDICT, Finding
+from karf_engine.worker.protocol import EventReader, Request
 
 VERBS = (
     *("poses", "inspect", "mark", "all", "geometry", "segmentation", "palette", "recoloring", "splats", "match"),
@@ -65,25 +65,6 @@ def test_commands_that_cannot_be_understood_end_with_two(arguments, capsys):
     assert "usage: karf_engine" in capsys.readouterr().err
 
 
-def test_the_doctor_says_line_by_line_what_it_finds(tmp_path, capsys, monkeypatch):
-    pytest.importorskip("torch")
-    free = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr(shutil, "disk_usage", lambda folder: free)  # others write meanwhile
-    runs("doctor", "--quick", "--folder", tmp_path)
-    text = capsys.readouterr().out
-    runs("doctor", "--quick", "--json", "--folder", tmp_path)
-    found = [Finding.from_line(line) for line in capsys.readouterr().out.splitlines()]
-    assert text.splitlines() == [line for finding in found for line in finding.to_text().splitlines()]
-    assert found[-1].name == VERDICT and all(finding.name != VERDICT for finding in found[:-1])
-    assert set(json.loads(found[0].to_line())) == {"name", "status", "sentence", "remedy", "command", "code", "seconds"}
-
-
-@pytest.mark.parametrize("line", ["", "{", "[]", "null", '{"name": "disk"}', '{"status": "fine"}', "a warning"])
-def test_what_is_no_finding_is_refused(line):
-    with pytest.raises(ValueError):
-        Finding.from_line(line)
-
-
 # ----------------------------------------------------------------------------------------------------------- exit codes
 @pytest.fixture
 def places(still_life, learned, tmp_path):
@@ -104,6 +85,7 @@ PAIR, TO_OUT = "--from #d92619 --to #1f5fbf", "--out OUT"
 FAILURES = [
     (4, "geometry NOWHERE --project OUT", "NOWHERE does not exist.", ""),
     (2, "geometry CAPTURE --project OUT --set geometry.max_ray=9", "geometry.max_ray", "geometry.max_rays"),
+    (2, f"palette LEARNED --threads {'9' * 30}", f"threads = {'9' * 30} is out of range", ""),
     (2, "geometry COPY --project LEARNED", "LEARNED already holds a project of CAPTURE", "COPY"),
     (4, f"palette EMPTY {TO_OUT}", "EMPTY is not a KaRF project", ""),
     (2, "palette NEW", "NEW has no settings yet.", "geometry"),
@@ -220,3 +202,42 @@ def test_a_reference_that_cannot_be_used_is_refused(learned, tmp_path, monkeypat
     write_png(tmp_path / "gray.png", np.full((60, 80, 3), 0.5))
     options = ("--object", "ball", *PAIR.split(), "--out", "edit.json", *words)
     assert sentence in fails(capsys, 2, "match", learned.project, *options)[0]
+
+
+# -------------------------------------------------------- folders with spaces, letters of all alphabets, and long paths
+FEW_LETTERS = {"PYTHONIOENCODING": "ascii"}  # a console that knows no letters but those of English
+
+
+@pytest.fixture
+def project(learned, tmp_path):
+    """The learned still life, copied."""
+    folder = odd_folder(tmp_path) / "project 1"
+    assert len(str(folder)) > LONG_PATH
+    shutil.copytree(learned.project, folder)
+    return folder
+
+
+def test_every_kind_of_frame_is_written_there(project):
+    out = project.with_name("frames 1")
+    options = ["--views", "test", "--layers", "--planes", "--depth", "--threads", "1", "--out", out]
+    done = run_engine("render", project, *options, environment=FEW_LETTERS)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in out.iterdir()} >= {"render", "masks", "layers", "planes", "depth"}
+
+
+def test_what_is_printed_of_it_survives_a_console_of_few_letters(project):
+    done = run_engine("palette", project / "壺", environment=FEW_LETTERS)
+    assert done.returncode == 4 and "is not a KaRF project" in done.stderr and "\\u58fa" in done.stderr
+
+
+def test_an_extension_installed_there_runs_a_job_as_blender_starts_it(project):
+    engine = project.with_name("karf engine 1") / "karf_engine"
+    shutil.copytree(ROOT / "karf_engine", engine, ignore=shutil.ignore_patterns("__pycache__"))
+    job, edit = Project(project).new_job("match"), project.with_name("Änderung 1.json")
+    options = {"object": "ball", "source": "#c04030", "target": "#3059b8", "out": str(edit)}
+    Request("match", project, options).write(job)
+    command = [sys.executable, "-I", "-B", "-u", "-X", "utf8", engine, "run", job]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, cwd=job, capture_output=True, text=True, encoding="utf-8")
+    assert done.returncode == 0, done.stderr
+    assert [event.kind for event in EventReader(job).poll()][-1] == "done"
+    assert edit.is_file()

@@ -16,9 +16,9 @@ pytest.importorskip("imageio")
 
 from blender_tests.engine.conftest import ROOT
 from karf_engine.cli import main
-from karf_engine.errors import BadRequest, Cancelled, OutOfMemory
+from karf_engine.errors import Cancelled, OutOfMemory
 from karf_engine.worker import loop
-from karf_engine.worker.protocol import EventReader, Request
+from karf_engine.worker.protocol import Request
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
@@ -141,33 +141,6 @@ def test_events_on_a_full_disk_end_the_job_with_a_sentence(tmp_path):
     (tmp_path / "events.jsonl").symlink_to(FULL)
     done = engine("run", tmp_path, capture_output=True, text=True)
     assert done.returncode == 4 and "The disk is full" in done.stderr and "Traceback" not in done.stderr
-
-
-# -------------------------------------------------------------------------------------------------------------- options
-@pytest.mark.parametrize("threads", ["1000000", "-1", "0", "9" * 30])
-def test_an_impossible_number_of_threads_is_a_bad_request(tmp_path, capsys, threads):
-    assert main(["palette", str(tmp_path), "--threads", threads]) == 2
-    assert f"threads = {threads} is out of range" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"threads": "2"}, "threads = '2' is not a whole number"),
-        ({"views": ["r_0"]}, "views = ['r_0'] is not a text"),
-        ({"out": 5}, "out = 5 is not a path"),
-        ({"edit": [5]}, "edit = [5] is not a path or a list, each a path"),
-        ({"overrides": "abc"}, "overrides = 'abc' is not a list, each a text"),
-        ({"planes": "yes"}, "planes = 'yes' is not true or false"),
-        ({"out": "a\0b"}, "holds a zero character"),
-        ({"plane": True}, "Unknown option plane"),
-    ],
-)
-def test_options_of_another_type_are_named_to_the_caller(tmp_path, options, words):
-    Request("render", tmp_path, options).write(tmp_path)
-    assert main(["run", str(tmp_path)]) == BadRequest.exit_code
-    last = list(EventReader(tmp_path).poll())[-1]
-    assert last.kind == "error" and last["code"] == "request" and words in last["sentence"] and last["hint"]
 
 
 # ------------------------------------------------------------------------------------------------------ standard output

@@ -1,4 +1,4 @@
-"""A project of one's own, and jobs whose events are kept, for the tests of commands."""
+"""A copied project and recorded events, for the tests of commands."""
 
 import shutil
 
@@ -20,7 +20,7 @@ def copy(learned, tmp_path):
 
 @pytest.fixture(scope="module")
 def model(learned):
-    """The learned still life, loaded; not to be changed."""
+    """The learned still life, loaded. Do not change it."""
     return karf.load(learned.project, "cpu")
 
 
@@ -39,7 +39,7 @@ class Events:
         self.told.append((kind, values))
 
     def values(self, kind, name):
-        """What events of a kind say of a name."""
+        """Return the value of this name in each event of a kind."""
         return [values.get(name) for own, values in self.told if own == kind]
 
     def is_done_already(self, stage):
@@ -52,7 +52,7 @@ def events():
 
 
 def cameras_file(path, count=1, size=16, angle=1.0):
-    """A file of new cameras that are called frame_0, frame_1 .."""
+    """Write new cameras named frame_0, frame_1 .. to a file."""
     camera = camera_at(angle, 0.5, size=size)
     write_cameras(path, [View(f"frame_{n}", f"frame_{n}", camera, None, "train") for n in range(count)])
     return path

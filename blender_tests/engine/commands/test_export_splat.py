@@ -31,7 +31,7 @@ def own(learned):
 
 @pytest.fixture(scope="module")
 def of_ball(model):
-    """How much each Gaussian belongs to the ball."""
+    """The ball's share of each Gaussian."""
     return model.splatted.shares[:, model.objects.index("ball")]
 
 

@@ -70,7 +70,7 @@ def test_without_photos_its_views_show_it_from_around(imported, splat, table):
 
 @pytest.mark.parametrize("name", ["still.gltf", "still.glb", "still.spz", "still.compressed.ply"])
 def test_other_kinds_of_files_are_imported_whole(imported, table, tmp_path, name):
-    """A .gltf lies in two files, of which the capture keeps what they hold."""
+    """A .gltf consists of two files; the capture keeps the contents of both."""
     write_splats(tmp_path / "theirs" / name, SplatFile(table))
     capture, _ = imported(tmp_path / "theirs" / name, **SMALL)
     shutil.rmtree(tmp_path / "theirs")

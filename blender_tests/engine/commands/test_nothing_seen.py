@@ -26,7 +26,7 @@ from karf_engine.project.state import without_stage, write_state
 
 
 def turned_away(distance=400.0):
-    """A camera that looks from the still life's outside into the distance."""
+    """A camera outside of the still life that turns its back to it."""
     camera = camera_at(0.3, 0.5, 8, distance)
     pose = camera.camera_to_world.copy()
     pose[:3, [0, 2]] *= -1

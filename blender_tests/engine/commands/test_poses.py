@@ -102,7 +102,7 @@ def test_turned_photos_become_upright_copies_and_others_are_linked(tmp_path):
 
 # ----------------------------------------------------------------------------------------------------------------- video
 def write_video(path, count):
-    """A moving pattern of which every fourth frame is sharp."""
+    """Write a film of a moving pattern; every fourth frame is sharp."""
     pattern = np.random.default_rng(2).integers(0, 256, size=(120, 400, 3), dtype=np.uint8)
     pattern = cv2.resize(pattern[::6, ::6], (400, 120), interpolation=cv2.INTER_NEAREST)
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25, (160, 120))

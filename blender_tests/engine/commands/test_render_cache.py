@@ -1,4 +1,4 @@
-"""What the field says of captured views is asked once: kept in the project, and taken again where nothing has changed."""
+"""The cache of renderings and mattes: reused while nothing has changed, made again where it is damaged."""
 
 import shutil
 from dataclasses import replace
@@ -20,13 +20,13 @@ from karf_engine.recolor.model import Model
 
 @pytest.fixture
 def unseen(copy):
-    """A project of one's own, in which nothing has been looked at."""
+    """A copied project with an empty cache."""
     shutil.rmtree(copy.render_cache_folder, ignore_errors=True)
     return copy
 
 
 def noting(monkeypatch, owner, name):
-    """A list that gets an entry whenever this function of a class or module is called."""
+    """Record the calls of a function of a class or module in a list."""
     calls, function = [], getattr(owner, name)
 
     def note(*arguments):
@@ -54,14 +54,14 @@ def first_test_view(project):
 
 
 def rendered(project):
-    """A rendering of a test view by a model that is loaded anew."""
+    """A rendering of a test view by a newly loaded model."""
     model = Model(project)
     frame = model.render_field(model.working_camera(model.capture.split("test")[0]))
     return np.concatenate([np.ravel(part) for part in (frame.color, frame.depth, frame.opacity, frame.probabilities)])
 
 
 def recolored(project):
-    """The photo of a test view, all of its first object made green, by a model that is loaded anew."""
+    """The photo of a test view with a green first object, by a newly loaded model."""
     model = Model(project)
     colors = {palette.name: palette.colors.copy() for palette in model.palettes}
     colors[model.objects[0]][1:] = [0.1, 0.9, 0.2]

@@ -79,7 +79,6 @@ def test_small_files_that_claim_many_pixels_are_refused_by_their_size(tmp_path, 
 
 
 def test_photographs_of_a_hundred_megapixels_are_read(tmp_path):
-    """By their header: what a camera writes of them is large enough."""
     stream = io.BytesIO()
     Image.new("L", (8, 8)).save(stream, "JPEG")
     content = bytearray(stream.getvalue())
@@ -97,10 +96,6 @@ def test_a_mask_of_a_large_photo_is_read_though_it_packs_well(tmp_path):
     assert read_mask(tmp_path / "a.png").sum() == 50 * 60
 
 
-def deep_mask(path):
-    cv2.imwrite(str(path), np.zeros((5_000, 5_000, 4), np.uint16))
-
-
 def float_photo(side):
     pixels = np.zeros((side, side, 3), np.float32)
     return lambda path: cv2.imwrite(str(path), pixels, [cv2.IMWRITE_TIFF_COMPRESSION, 8])
@@ -111,20 +106,21 @@ def photo_of_light(path):
     OpenEXR.File(dict(ZIP), {"RGBA": light}).write(str(path))
 
 
+DEEP = {  # the maker of a picture, what reads it, the error that this raises, and the megabytes that it may take
+    "mask.png": (lambda path: cv2.imwrite(str(path), np.zeros((5_000, 5_000, 4), np.uint16)), "read_mask", "", 550),
+    "photo.tif": (float_photo(4_000), "read_photo", "", 600),
+    "larger.tif": (float_photo(5_600), "read_photo", "DataError", 200),
+    "photo.exr": (photo_of_light, "read_photo", "", 700),
+}
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="others have no such figures")
-@pytest.mark.parametrize(
-    ("name", "make", "read", "fails_with", "megabytes"),
-    [
-        ("mask.png", deep_mask, "read_mask", "", 550),  # of which OpenCV takes 400
-        ("photo.tif", float_photo(4_000), "read_photo", "", 600),
-        ("larger.tif", float_photo(5_600), "read_photo", "DataError", 200),
-        ("photo.exr", photo_of_light, "read_photo", "", 700),
-    ],
-)
-def test_deep_pictures_take_little_more_memory_than_their_pixels(name, make, read, fails_with, megabytes, tmp_path):
+@pytest.mark.parametrize("name", DEEP)
+def test_deep_pictures_take_little_more_memory_than_their_pixels(name, tmp_path):
+    make, read, error, megabytes = DEEP[name]
     make(tmp_path / name)
     code = f"from karf_engine.io.images import {read}; {read}(Path(sys.argv[1]))"
-    assert peak_of(code, tmp_path / name, fails_with=fails_with) < megabytes * 10**6
+    assert peak_of(code, tmp_path / name, fails_with=error) < megabytes * 10**6
 
 
 def test_memory_that_runs_out_while_a_photo_is_read_is_no_damage_of_the_photo(tmp_path, monkeypatch):

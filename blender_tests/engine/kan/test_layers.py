@@ -66,12 +66,6 @@ def test_float32_equals_the_plain_float64_form(kernels, n_centers, spacings, dev
         assert error < (1e-5 * size + 1e-6 * inputs[1].numel() if name == "bandwidth" else 2e-5 * size), name
 
 
-def test_bandwidth_gradient_has_full_precision_in_float64(device):
-    inputs = make_inputs(dtype=torch.float64, n=1200, device=device)
-    fast, exact = (value_and_gradients(function, inputs)["bandwidth"] for function in (grbf, grbf_reference))
-    assert abs(fast - exact) < 1e-5 * abs(exact)
-
-
 @SPACINGS
 @pytest.mark.parametrize("magnitude", [0.0, 2.0, 2.7, 4.0, 30.0, 1e4, 1e30])
 def test_values_and_gradients_are_finite_for_any_input(spacings, magnitude, device):
@@ -82,19 +76,14 @@ def test_values_and_gradients_are_finite_for_any_input(spacings, magnitude, devi
 
 
 @SPACINGS
-def test_far_outside_the_grid_only_the_base_branch_is_left(spacings):
+def test_far_outside_the_grid_only_the_base_branch_is_left_and_what_is_not_a_number_stays_so(spacings):
     x, u, weight, bias, bandwidth = make_inputs(spacings=spacings)
     expected = linear(silu(x), weight[:, 8 * x.shape[1] :], bias)
-    found = grbf(x, torch.where(u > 0, 1e4, -1e4), weight, bias, bandwidth, 8)
-    torch.testing.assert_close(found, expected, rtol=1e-5, atol=1e-5)
-
-
-def test_what_is_not_a_number_stays_so():
-    inputs = make_inputs()
-    with torch.no_grad():
-        inputs[0][3] = inputs[1][3] = torch.nan
-    output = grbf(*inputs, 8)
-    assert torch.isnan(output[3]).all() and torch.isfinite(output[4:]).all()
+    far = torch.where(u > 0, 1e4, -1e4)
+    far[3] = torch.nan
+    found = grbf(x, far, weight, bias, bandwidth, 8)
+    assert torch.isnan(found[3]).all()
+    torch.testing.assert_close(found[4:], expected[4:], rtol=1e-5, atol=1e-5)
 
 
 # ------------------------------------------------------------------------------------------------ Gaussian: derivatives

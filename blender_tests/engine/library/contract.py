@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ NAN, INF = float("nan"), float("inf")
 OMITTED = object()  # a right value that is not given
 
 
-@dataclass(frozen=True)
 class Kind:
     """A kind of argument.
 
@@ -26,39 +25,33 @@ class Kind:
         answered: Values that may be answered; where they hold not-a-number, the answer does.
     """
 
-    right: Any
-    wrong: tuple
-    answered: tuple = ()
-
-
-def kind(right: Any, *wrong: Any, answered: tuple = ()) -> Kind:
-    """A kind of argument."""
-    return Kind(right, wrong, answered)
+    def __init__(self, right: Any, *wrong: Any, answered: tuple = ()) -> None:
+        self.right, self.wrong, self.answered = right, wrong, answered
 
 
 def path(right: Path, *wrong: Any) -> Kind:
     """A path."""
-    return kind(right, 3, [], b"x", object(), "", "\0", *wrong)
+    return Kind(right, 3, [], b"x", object(), "", "\0", *wrong)
 
 
 def whole(right: int, *wrong: Any) -> Kind:
     """A whole number."""
-    return kind(right, "8", 1.5, [8], True, NAN, *wrong)
+    return Kind(right, "8", 1.5, [8], True, NAN, *wrong)
 
 
 def number(right: float, *wrong: Any) -> Kind:
     """A number."""
-    return kind(right, "1", [1], NAN, INF, *wrong)
+    return Kind(right, "1", [1], NAN, INF, *wrong)
 
 
 def text(right: str, *wrong: Any) -> Kind:
     """A text."""
-    return kind(right, None, 3, [right], *wrong)
+    return Kind(right, None, 3, [right], *wrong)
 
 
 def array(right: np.ndarray, *wrong: Any, answered: tuple = ()) -> Kind:
     """An array of numbers."""
-    return kind(right, "a", 3, right.tolist(), np.full(right.shape, "a"), *wrong, answered=answered)
+    return Kind(right, "a", 3, right.tolist(), np.full(right.shape, "a"), *wrong, answered=answered)
 
 
 def rows(n_columns: int) -> Kind:
@@ -72,7 +65,7 @@ def tensor(*shape: int, wrong: tuple = ()) -> Kind:
     """A layer's input: no rows and not-a-number are answered with themselves."""
     types = ([[0.0] * shape[-1]], np.zeros(shape, np.float32), torch.zeros(shape, dtype=torch.int64))
     answered = (torch.full(shape, NAN), torch.zeros(0, shape[-1]))
-    return kind(torch.zeros(*shape), None, *types, torch.tensor(0.0), *wrong, answered=answered)
+    return Kind(torch.zeros(*shape), None, *types, torch.tensor(0.0), *wrong, answered=answered)
 
 
 def layer_input(*shape: int) -> Kind:
@@ -119,8 +112,8 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "read_color_book.path": path(folder / "book.csv", None, typo, folder / "edit.json"),
         "write_video.path": path(folder / "new.mp4", None, folder / "new.yaml"),
         "Model.match.picture": path(view.image, None, typo),
-        "Capture.source": kind(folder / "capture", None, 3, [], b"x", object()),
-        "image": kind(None, 3, [], b"x", object()),
+        "Capture.source": Kind(folder / "capture", None, 3, [], b"x", object()),
+        "image": Kind(None, 3, [], b"x", object()),
         # texts
         "sentence hint format preset ColorBook.name": text("text"),
         "View.name stem Palette.name": text("r_0", ""),
@@ -134,13 +127,13 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "layer": text("grbf", "", "typo"),
         "variant": text("all", "", "typo"),
         "register_layer.name": text("mine", "", "grbf"),
-        "render_view.base": kind("photo", 3, object(), "", "typo"),
-        "device": kind("cpu", 3, object(), "", "typo", "cuda:99", "meta"),
-        "Model.device": kind("cpu", None, 3, object(), "", "typo", "cuda:99", "meta"),
-        "warnings disputed": kind((), "text", None, [3], (3,)),
-        "names": kind(("a", "b", "c"), "abc", None, 3, (3, 4, 5), (), ("a", "b")),
+        "render_view.base": Kind("photo", 3, object(), "", "typo"),
+        "device": Kind("cpu", 3, object(), "", "typo", "cuda:99", "meta"),
+        "Model.device": Kind("cpu", None, 3, object(), "", "typo", "cuda:99", "meta"),
+        "warnings disputed": Kind((), "text", None, [3], (3,)),
+        "names": Kind(("a", "b", "c"), "abc", None, 3, (3, 4, 5), (), ("a", "b")),
         # numbers
-        "fisheye is_closed is_metal layer_norm learn_bandwidth is_output open_capture.photos": kind(
+        "fisheye is_closed is_metal layer_norm learn_bandwidth is_output open_capture.photos": Kind(
             True, "yes", 1.5, None, []
         ),
         "width height count Camera.reduced.long_side n_in n_out grid n_position": whole(8, None, 0, -1),
@@ -153,7 +146,7 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "supersampling": whole(1, None, 0, -1, 10**6),
         "index": whole(1, None, 0, -1, 99),
         "orientation": whole(1, None, 0, 9),
-        "size": kind("photo", None, 1.5, [8], object(), NAN, 0, "", -1, "typo"),
+        "size": Kind("photo", None, 1.5, [8], object(), NAN, 0, "", -1, "typo"),
         "fx fy": number(9.0, None, 0.0, -1.0),
         "cx cy": number(4.0, None),
         "protect": number(0.2, None, 1.0, -1.0),
@@ -166,9 +159,9 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         "scale": number(0.5, None, 0.0, -1.0),
         "elevation": number(20.0, 90.0, -99.0),
         "fps": number(24.0, None, 0.0, -1.0),
-        "bandwidth": kind("eq5", None, [1], NAN, INF, "", 0.0, "typo", -1.0),
-        "distortion": kind((), "k", None, 3, ("k",), (NAN,)),
-        "depth_bounds": kind((1.0, 2.0), 3, "12", (1.0,), ("1", "2"), (NAN, 1.0), (2.0, 1.0)),
+        "bandwidth": Kind("eq5", None, [1], NAN, INF, "", 0.0, "typo", -1.0),
+        "distortion": Kind((), "k", None, 3, ("k",), (NAN,)),
+        "depth_bounds": Kind((1.0, 2.0), 3, "12", (1.0,), ("1", "2"), (NAN, 1.0), (2.0, 1.0)),
         # arrays
         "camera_to_world": array(
             np.eye(4), None, np.eye(3), np.zeros(16), np.zeros((0, 4)), np.full((4, 4), NAN),
@@ -195,69 +188,69 @@ def kinds(folder: Path, model: karf.Model) -> dict[str, Kind]:
         ),
         "depth": array(np.ones(size, np.float32), None, np.ones(3), np.ones((0, 0))),
         # colors
-        "color source target picked wanted": kind(
+        "color source target picked wanted": Kind(
             "#2060a0", None, 3, {}, object(), (0.1, 0.2), np.zeros((3, 3)), (NAN, 0.0, 0.0), "", (), "blue",
             (9.0, 0.0, 0.0),
         ),
-        "also": kind((), None, 3, "ab", [("#ffffff",)], ["#ffffff"], [(1, 2)], [("#ffffff", (NAN, 0, 0))]),
-        "colors": kind(edit.colors, None, 3, *bad_colors, *odd_colors),
-        "added": kind({}, None, *added),
-        "layers.added": kind(None, *added),
-        "edges": kind(edges, None, *bad_edges),
-        "layers.edges": kind(edges, *bad_edges),
+        "also": Kind((), None, 3, "ab", [("#ffffff",)], ["#ffffff"], [(1, 2)], [("#ffffff", (NAN, 0, 0))]),
+        "colors": Kind(edit.colors, None, 3, *bad_colors, *odd_colors),
+        "added": Kind({}, None, *added),
+        "layers.added": Kind(None, *added),
+        "edges": Kind(edges, None, *bad_edges),
+        "layers.edges": Kind(edges, *bad_edges),
         # things of the library
-        "camera pinhole": kind(
+        "camera pinhole": Kind(
             camera, None, 3, "r_0", view, camera.camera_to_world, replace(camera, width=10**9),
             replace(camera, camera_to_world=camera.camera_to_world * [[2, 2, 2, 1]]),
         ),
-        "cameras": kind([each.camera for each in model.capture.views], None, 3, "r_0", ["r_0"], camera, []),
-        "view": kind(view, None, 3, "r_0", camera, model.capture),
-        "views": kind(model.capture.views, None, 3, "r_0", ("r_0",), view),
-        "capture": kind(model.capture, None, 3, [], b"x", view, "", "\0", typo),
-        "frames": kind([frame.base], None, 3, "f", ["f"], [None], [np.zeros((2, 2))], []),
-        "edit": kind(
+        "cameras": Kind([each.camera for each in model.capture.views], None, 3, "r_0", ["r_0"], camera, []),
+        "view": Kind(view, None, 3, "r_0", camera, model.capture),
+        "views": Kind(model.capture.views, None, 3, "r_0", ("r_0",), view),
+        "capture": Kind(model.capture, None, 3, [], b"x", view, "", "\0", typo),
+        "frames": Kind([frame.base], None, 3, "f", ["f"], [None], [np.zeros((2, 2))], []),
+        "edit": Kind(
             edit, None, 3, "edit.json", {}, folder / "edit.json", model.palettes, karf.Edit({}), of_typo, of_more_colors
         ),
-        "write_edit.edit": kind(edit, None, 3, "edit.json", {}, model.palettes),
-        "edits": kind([edit], None, 3, "edit.json", ["edit.json"], edit, [of_typo]),
-        "frame": kind(
+        "write_edit.edit": Kind(edit, None, 3, "edit.json", {}, model.palettes),
+        "edits": Kind([edit], None, 3, "edit.json", ["edit.json"], edit, [of_typo]),
+        "frame": Kind(
             frame, None, 3, frame.base, view, replace(frame, **one_object), replace(frame, palette_weights=None)
         ),
-        "label_uncertainty.frame": kind(frame, None, 3, frame.base, view, replace(frame, **one_object)),
-        "picture": kind(frame.picture, None, 3, frame, frame.base),
-        "photo": kind(photo_view.photo, None, 3, view, frame),
-        "mattes": kind(photo_view.mattes, None, 3, "m", ["m"]),
-        "palettes ProjectEdit.palettes": kind(model.palettes, None, 3, "ball", ["ball"], model.palettes[0]),
-        "objects": kind(model.objects, None, 3, "ball", [3]),
-        "Model.project ProjectEdit.project": kind(model.project, None, 3, "project", model.project.folder),
-        "book": kind(book, None, 3, "book.csv", {}),
-        "settings": kind(model.settings, 3, "demo", {}),
-        "Capture.points": kind(None, 3, "points", np.zeros((2, 3))),
-        "Capture.splats": kind(None, 3, "splats.ply"),
+        "label_uncertainty.frame": Kind(frame, None, 3, frame.base, view, replace(frame, **one_object)),
+        "picture": Kind(frame.picture, None, 3, frame, frame.base),
+        "photo": Kind(photo_view.photo, None, 3, view, frame),
+        "mattes": Kind(photo_view.mattes, None, 3, "m", ["m"]),
+        "palettes ProjectEdit.palettes": Kind(model.palettes, None, 3, "ball", ["ball"], model.palettes[0]),
+        "objects": Kind(model.objects, None, 3, "ball", [3]),
+        "Model.project ProjectEdit.project": Kind(model.project, None, 3, "project", model.project.folder),
+        "book": Kind(book, None, 3, "book.csv", {}),
+        "settings": Kind(model.settings, 3, "demo", {}),
+        "Capture.points": Kind(None, 3, "points", np.zeros((2, 3))),
+        "Capture.splats": Kind(None, 3, "splats.ply"),
         # networks
         "x grbf_reference.u": layer_input(4, 3),
         "position_encoding": layer_input(4, 9),
         "features": layer_input(4, 2),
-        "direction_encoding": kind(None, 3, "d", np.zeros((4, 3)), torch.zeros(4, 5)),
+        "direction_encoding": Kind(None, 3, "d", np.zeros((4, 3)), torch.zeros(4, 5)),
         "positional_encoding.x u join_inputs.position_encoding join_inputs.features": tensor(4, 3),
-        "join_inputs.direction_encoding": kind(
+        "join_inputs.direction_encoding": Kind(
             None, 3, "d", np.zeros((4, 3)), torch.zeros(5, 3), torch.zeros(4, 3, device="meta")
         ),
-        "fit.features": kind(
+        "fit.features": Kind(
             torch.rand(4, 2), None, [[0.0]], np.zeros((4, 2)), torch.zeros(4, 3), torch.tensor(0.0),
             torch.full((4, 2), NAN), torch.zeros(0, 2),
         ),
-        "weight": kind(
+        "weight": Kind(
             torch.zeros(2, 18), None, [[0.0]], np.zeros((2, 18)), torch.zeros(2, 17), torch.zeros(18),
             torch.zeros(2, 18, device="meta"),
         ),
-        "bias": kind(torch.zeros(2), None, [0.0], np.zeros(2), torch.zeros(3)),
-        "grbf_reference.bandwidth": kind(torch.tensor(1.0), None, 1.0, "eq5", torch.zeros(3)),
-        "module": kind(torch.nn.Linear(3, 2), None, 3, torch.zeros(3)),
-        "build": kind(torch.nn.Linear, None, 3, "grbf"),
+        "bias": Kind(torch.zeros(2), None, [0.0], np.zeros(2), torch.zeros(3)),
+        "grbf_reference.bandwidth": Kind(torch.tensor(1.0), None, 1.0, "eq5", torch.zeros(3)),
+        "module": Kind(torch.nn.Linear(3, 2), None, 3, torch.zeros(3)),
+        "build": Kind(torch.nn.Linear, None, 3, "grbf"),
         # what has a default of its own and is not given
-        "geometry segmentation palette recoloring Settings.splats render": kind(OMITTED, None, 3, "demo", {}),
-        "values": kind(OMITTED),
-        "options": kind(OMITTED, object(), NAN),  # each keyword of a command; which types it takes: io.options
+        "geometry segmentation palette recoloring Settings.splats render": Kind(OMITTED, None, 3, "demo", {}),
+        "values": Kind(OMITTED),
+        "options": Kind(OMITTED, object(), NAN),  # each keyword of a command; which types it takes: io.options
     }  # fmt: skip
     return {name: known for names, known in table.items() for name in names.split()}

@@ -69,7 +69,8 @@ class Bench:
             places = [f"{function}.{argument}", f"{function.rpartition('.')[2]}.{argument}", argument]
             if item.kind is item.KEYWORD_ONLY:
                 places[2] = "options"
-            found[argument] = self.kinds[next(place for place in places if place in self.kinds)]
+            place = next((each for each in places if each in self.kinds), f"no kind of {name}.{argument}")
+            found[argument] = self.kinds[place]
         return found
 
     def call(self, name, **wrong):

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("torch")
 pytest.importorskip("scipy")
 
-from karf_engine.recolor.frames import LONGEST_REPR, one_line
+from karf_engine.recolor.frames import LONGEST_REPR
 from karf_engine.recolor.model import Model
 
 
@@ -26,7 +26,7 @@ def test_pickling_a_model_says_what_to_pickle_instead(model):
 
 
 def test_reprs_are_one_line(model):
-    view, many = model.capture.views[0], [f"object {number}" for number in range(255)]
+    view, many = model.capture.views[0], [f"object\n{number}" for number in range(255)]
     photo_view, named = model.photo_view(view), Model.load(model.project.folder, "cpu")
     named.objects = many
     frame = model.render(view.camera.reduced(8))
@@ -42,7 +42,3 @@ def test_reprs_are_one_line(model):
         text = repr(value)
         assert text.startswith(f"{type(value).__name__}(") and text.endswith(")")
         assert len(text) <= LONGEST_REPR and "\n" not in text
-
-
-def test_a_line_break_is_not_printed():
-    assert one_line("Model", "a folder\nof two lines: pot") == "Model(a folder of two lines: pot)"

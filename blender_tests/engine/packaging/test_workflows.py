@@ -1,5 +1,6 @@
-"""The workflow files of a public host: they only call what anyone can call on a desk."""
+"""The workflow files of a public host and the container's recipe, as far as they can be judged without running them."""
 
+import json
 import re
 import subprocess
 import sys
@@ -9,10 +10,12 @@ import pytest
 yaml = pytest.importorskip("yaml", reason="it comes with the extra `lint`")
 
 from blender_tests.engine.conftest import ROOT
+from tools import dev
 from tools.cells import all_cells
 
 FILES = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 COMMAND = re.compile(r"tools/dev\.py ([\w-]+)")
+RECIPE = re.sub(r"\\\n\s*", "", (ROOT / "Dockerfile").read_text(encoding="utf-8")).splitlines()
 
 
 def jobs(file):
@@ -41,3 +44,26 @@ def test_every_cell_of_the_workflows_exists():
     matrices = [job.get("strategy", {}).get("matrix", {}) for file in FILES for job in jobs(file).values()]
     named = [cell for matrix in matrices for cell in matrix.get("cell", [])]
     assert named and set(named) <= {cell.name for cell in all_cells()}
+
+
+# ------------------------------------------------------------------------------------------------------------- container
+def instruction(name):
+    return [line.removeprefix(name).strip() for line in RECIPE if line.startswith(f"{name} ")]
+
+
+def test_it_installs_the_libraries_that_the_commands_ask_for():
+    (install,) = (line for line in instruction("RUN") if "apt-get install" in line)
+    assert set(dev.BLENDER_LIBRARIES.split()) == {word for word in install.split() if word.startswith("lib")}
+
+
+def test_it_ends_in_the_two_commands_as_a_user_without_rights():
+    (command,), (default,) = instruction("ENTRYPOINT"), instruction("CMD")
+    assert json.loads(command) == ["python3", "tools/dev.py"]
+    assert json.loads(default) == ["test"]
+    assert instruction("USER") == ["karf"]
+    assert RECIPE.index("USER karf") < RECIPE.index("RUN python3 tools/dev.py setup")
+
+
+def test_what_the_environments_are_made_from_is_copied_before_they_are_made():
+    copied = [line.split()[-2] for line in RECIPE[: RECIPE.index("RUN python3 tools/dev.py setup")] if "COPY" in line]
+    assert copied == ["requirements/", "tools/dev.py"]

@@ -15,7 +15,6 @@ from karf_engine.palettes.colorways import read_sheet
 RGB, CMYK, LAB_SPACE = 0, 2, 7
 MINT = np.array([0x80, 0xD0, 0xA0]) / 255
 LAB = srgb_to_lab(MINT)
-RED_LAB = srgb_to_lab(np.array([1.0, 0, 0]))
 
 
 @pytest.fixture
@@ -44,41 +43,32 @@ def acb(*colors, space=RGB, version=1, prefix="", suffix=""):
     return b"".join([head, *names, text(suffix), text("for tests"), counts, *rows, b"spflspot"])
 
 
-def test_a_color_book_in_rgb_has_prefix_and_suffix_and_leaves_gaps_out(written):
-    data = acb(("1^R", b"\xff\0\0"), ("", b"\0\0\0"), ("2", b"\0\0\xff"), prefix="INK ", suffix=" C")
-    book = read_color_book(written("ink.acb", data))
-    assert (book.name, book.names) == ("ink", ("INK 1\u00ae C", "INK 2 C"))
-    assert book["INK 2 C"].tolist() == pytest.approx([0, 0, 1], abs=1e-7) and book["INK 2 C"].dtype == np.float32
+INK = acb(("1^R", b"\xff\0\0"), ("", b"\0\0\0"), ("2", b"\0\0\xff"), prefix="INK ", suffix=" C")
+# sRGB's red as ICC profiles tell it, whose white is D50 (Lindbloom's calculator)
+RED_IN_BYTES, RED_D50 = bytes([round(54.29 * 2.55), 128 + 81, 128 + 70]), (0.5429, 80.81, 69.89)
+RED, BLUE = (1.0, 0, 0), (0, 0, 1.0)
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "tolerance"),
+    ("name", "data", "names", "colors", "tolerance"),
     [
-        ("ink.acb", acb(("red", bytes([round(54.29 * 2.55), 128 + 81, 128 + 70])), space=LAB_SPACE), 0.5),
-        ("ink.ase", ase(color_block("red", b"LAB ", 0.5429, 80.81, 69.89)), 0.1),
+        ("ink.acb", INK, ("INK 1\u00ae C", "INK 2 C"), [RED, BLUE], 0.01),  # without the gap
+        ("ink.acb", acb(("red", RED_IN_BYTES), space=LAB_SPACE), ("red",), [RED], 0.5),
+        ("ink.ase", ase(color_block("red", b"LAB ", *RED_D50)), ("red",), [RED], 0.1),
+        ("ink.csv", "Name;L;a;b\nRed;53,2408;80,0925;67,2032\nBlue;32,2970;79,1875;-107,8602\n", ("Red", "Blue"),
+         [RED, BLUE], 0.01),
+        ("ink.csv", "name\thex\tnote\nRed\t#ff0000\tx\nBlue\t#0000ff\t\n\n", ("Red", "Blue"), [RED, BLUE], 0.01),
+        ("ink.gpl", "GIMP Palette\n0 0 255 Untitled\n0 0 255 untitled\n255 0 0\n",
+         ("Untitled", "untitled (2)", "#ff0000"), [BLUE, BLUE, RED], 0.01),
     ],
-)
-def test_labs_of_adobe_have_another_white(written, name, data, tolerance):
-    """They are sRGB's red as ICC profiles tell it, whose white is D50 (Lindbloom's calculator)."""
-    assert ciede2000(read_color_book(written(name, data)).lab[0], RED_LAB) < tolerance
-
-
-@pytest.mark.parametrize(
-    "table",
-    [
-        "Name;L;a;b\nRed;53,2408;80,0925;67,2032\nBlue;32,2970;79,1875;-107,8602\n",
-        "name\thex\tnote\nRed\t#ff0000\tx\nBlue\t#0000ff\t\n\n",
-    ],
-)
-def test_a_table_names_colors_as_a_sheet_of_colorways_does(written, table):
-    book = read_color_book(written("inks.csv", table))
-    assert book.names == ("Red", "Blue")
-    np.testing.assert_allclose([book["red"], book["BLUE"]], [[1, 0, 0], [0, 0, 1]], atol=1e-4)
-
-
-def test_a_gimp_palette_is_a_book_too_and_each_name_is_another(written):
-    book = read_color_book(written("a.gpl", "GIMP Palette\n9 9 9 Untitled\n8 8 8 untitled\n7 7 7\n"))
-    assert book.names == ("Untitled", "untitled (2)", "#070707")
+)  # fmt: skip
+def test_a_color_book_gives_each_name_its_color(written, name, data, names, colors, tolerance):
+    book = read_color_book(written(name, data))
+    assert (book.name, book.names) == ("ink", names)
+    assert ciede2000(book.lab, srgb_to_lab(np.array(colors))).max() < tolerance
+    for each, color in zip(names, colors, strict=True):
+        assert book[each.lower()].dtype == np.float32
+        np.testing.assert_allclose(book[each.lower()], color, atol=0.02)
 
 
 def test_the_nearest_names_are_those_of_least_difference_also_where_no_screen_shows_them():

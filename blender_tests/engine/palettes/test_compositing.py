@@ -160,15 +160,9 @@ def test_planes_come_back_bit_by_bit_with_how_their_photo_is_exposed(tmp_path, s
     assert list(path.parent.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        (lambda planes: {"palette_weights": planes.palette_weights[..., :-1]}, "weights"),
-        (lambda planes: {"gains": (0.75, 1.0, 0.0)}, "gains"),
-        (lambda planes: {"gains": (0.75, 1.0, np.nan)}, "gains"),
-    ],
-)
-def test_planes_that_do_not_fit_are_refused_in_a_sentence(tmp_path, small, change, word):
-    write_planes(tmp_path / "view.npz", replace(small, **change(small)))
-    with pytest.raises(DataError, match=word):
-        read_planes(tmp_path / "view.npz")
+def test_planes_that_do_not_fit_are_refused_in_a_sentence(tmp_path, small):
+    narrow = {"palette_weights": small.palette_weights[..., :-1]}
+    for change in (narrow, {"gains": (0.75, 1.0, 0.0)}, {"gains": (0.75, 1.0, np.nan)}):
+        write_planes(tmp_path / "view.npz", replace(small, **change))
+        with pytest.raises(DataError, match="weights" if change is narrow else "gains"):
+            read_planes(tmp_path / "view.npz")

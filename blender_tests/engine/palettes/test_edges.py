@@ -120,12 +120,10 @@ def test_an_object_goes_on_at_the_border_of_the_picture_and_not_into_what_is_ano
 @pytest.mark.parametrize(
     ("wrong", "error"),
     [
-        ({"choke": 16.5}, BadRequest),
         ({"choke": float("nan")}, BadRequest),
+        ({"choke": 16.5}, BadRequest),
         ({"feather": -1}, BadRequest),
-        ({"feather": 65.0}, BadRequest),
-        ({"choke": "2"}, TypeError),
-        ({"feather": None}, TypeError),
+        ({"feather": "2"}, TypeError),
     ],
 )
 def test_a_shape_that_cannot_be_is_refused(wrong, error):

@@ -30,7 +30,7 @@ from karf_engine.project import Project
 from karf_engine.recolor.model import Model
 from karf_engine.segmentation.report import SegmentationReport
 
-ESCAPES = ("../x", "", "a/b", "NUL.png", "x" * 300, 5)  # more of them: test_names.py
+ESCAPES = ("../x", "", "a/b", "NUL.png", "x" * 300, 5)  # more of them: test_files.py
 NAN, INF = float("nan"), float("inf")
 POSE = np.eye(4)
 FAR = [[1, 0, 0, 1e25], *POSE[1:].tolist()]

@@ -15,80 +15,74 @@ from karf_engine.fields.nerf.importing import read_nerf
 from tools.convert_bmild import main, read_bmild
 
 FILES = ("model_200000.npy", "model_fine_200000.npy")
+COARSE, FINE = vanilla_state(1), vanilla_state(2)
+WHOLE = bmild_arrays(COARSE)
 
 
-def is_state(network, state):
-    """Whether a network's tensors are these, bit by bit."""
-    found = network.state_dict()
-    return found.keys() == state.keys() and all(torch.equal(found[name], value) for name, value in state.items())
+@pytest.fixture
+def model(tmp_path):
+    return tmp_path / FILES[0]
 
 
-def converted(tmp_path, given):
-    """The networks that the engine reads from what the command has made of a file."""
-    out = tmp_path / "out" / "200000.tar"
-    assert main([str(tmp_path / given), str(out)]) == 0
-    return read_nerf(out)
+def converted(given):
+    """The tensors of both networks that the engine reads from what the command has made of a file."""
+    out = given.with_name("out") / "200000.tar"
+    assert main([str(given), str(out)]) == 0
+    networks = read_nerf(out)
+    for network in networks:
+        assert network.shape.skips == (5,) and not network.shape.linear_first and not network.shape.rectified_features
+    return [network.state_dict() for network in networks]
 
 
-# ---------------------------------------------------------------------------------------------------------- same numbers
+def assert_same(found, state):
+    assert found.keys() == state.keys() and all(torch.equal(found[name], value) for name, value in state.items())
+
+
 @pytest.mark.parametrize("protocol", [None, 2])
 @pytest.mark.parametrize("given", FILES)
 def test_both_networks_arrive_bit_by_bit(tmp_path, given, protocol):
-    states = vanilla_state(1), vanilla_state(2)
-    for name, state in zip(FILES, states, strict=True):
+    for name, state in zip(FILES, (COARSE, FINE), strict=True):
         write_arrays(tmp_path / name, bmild_arrays(state), protocol)
-    for network, state in zip(converted(tmp_path, given), states, strict=True):
-        assert is_state(network, state)
-        assert network.shape.skips == (5,) and not network.shape.linear_first and not network.shape.rectified_features
+    for found, state in zip(converted(tmp_path / given), (COARSE, FINE), strict=True):
+        assert_same(found, state)
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_one_file_alone_serves_twice(tmp_path, name):
-    write_arrays(tmp_path / name, bmild_arrays(vanilla_state(1)))
-    coarse, fine = converted(tmp_path, name)
-    assert is_state(coarse, vanilla_state(1)) and is_state(fine, vanilla_state(1))
+@pytest.mark.parametrize("arrays", [WHOLE, [np.asfortranarray(array.astype(">f8")) for array in WHOLE]])
+def test_one_file_of_any_type_and_order_serves_twice(tmp_path, name, arrays):
+    write_arrays(tmp_path / name, arrays)
+    for found in converted(tmp_path / name):
+        assert_same(found, COARSE)
 
 
-def test_the_type_and_the_order_of_the_numbers_in_the_file_do_not_matter(tmp_path):
-    arrays = [np.asfortranarray(array.astype(">f8")) for array in bmild_arrays(vanilla_state(1))]
-    write_arrays(tmp_path / FILES[0], arrays)
-    assert is_state(converted(tmp_path, FILES[0])[0], vanilla_state(1))
-
-
-def test_the_checkpoint_is_tensors_alone_and_the_same_each_time(tmp_path):
-    write_arrays(tmp_path / FILES[0], bmild_arrays(vanilla_state(1)))
+def test_the_checkpoint_is_tensors_alone_and_the_same_each_time(tmp_path, model):
+    write_arrays(model, WHOLE)
     for name in ("a.tar", "b.tar"):
-        assert main([str(tmp_path / FILES[0]), str(tmp_path / name)]) == 0
+        assert main([str(model), str(tmp_path / name)]) == 0
     content = torch.load(tmp_path / "a.tar", weights_only=True)
     assert list(content) == ["network_fn_state_dict", "network_fine_state_dict"]
     assert all(type(state) is dict and set(map(type, state.values())) == {torch.Tensor} for state in content.values())
     assert (tmp_path / "a.tar").read_bytes() == (tmp_path / "b.tar").read_bytes()
 
 
-# ------------------------------------------------------------------------------------------------------------ refusals
-MODEL = "model_1.npy"
-WHOLE = bmild_arrays(vanilla_state(1))
-
-
-def refusal(path):
+def refused(path, words):
     with little_memory(), pytest.raises(DataError) as caught:
         read_bmild(path)
-    assert str(path) in caught.value.sentence and caught.value.hint
-    return caught.value.sentence
+    assert str(path) in caught.value.sentence and words in caught.value.sentence and caught.value.hint
 
 
-def test_a_list_of_arrays_that_would_run_code_is_refused_and_runs_nothing(tmp_path):
+def test_a_list_of_arrays_that_would_run_code_is_refused_and_runs_nothing(tmp_path, model):
     trap = Trap(tmp_path / "sprung")
-    write_arrays(tmp_path / MODEL, [*WHOLE[:-1], trap])
-    assert "mkdir, which is not an array" in refusal(tmp_path / MODEL)
+    write_arrays(model, [*WHOLE[:-1], trap])
+    refused(model, "mkdir, which is not an array")
     assert not trap.folder.exists()
 
 
 @pytest.mark.parametrize("kept", [0, 5, 100, -60])
-def test_a_truncated_file_is_refused(tmp_path, kept):
-    write_arrays(tmp_path / MODEL, WHOLE)
-    (tmp_path / MODEL).write_bytes((tmp_path / MODEL).read_bytes()[:kept])
-    assert "cannot be read" in refusal(tmp_path / MODEL)
+def test_a_truncated_file_is_refused(model, kept):
+    write_arrays(model, WHOLE)
+    model.write_bytes(model.read_bytes()[:kept])
+    refused(model, "cannot be read")
 
 
 @pytest.mark.parametrize(
@@ -100,17 +94,22 @@ def test_a_truncated_file_is_refused(tmp_path, kept):
         ([*WHOLE[:-1], np.full_like(WHOLE[-1], np.nan)], "not finite"),
     ],
 )
-def test_arrays_of_no_nerf_are_refused(tmp_path, arrays, words):
-    write_arrays(tmp_path / MODEL, arrays)
-    assert words in refusal(tmp_path / MODEL)
+def test_arrays_of_no_nerf_are_refused(model, arrays, words):
+    write_arrays(model, arrays)
+    refused(model, words)
 
 
-def test_what_is_no_list_of_arrays_is_refused(tmp_path):
-    assert "does not exist" in refusal(tmp_path / MODEL)
-    np.save(tmp_path / MODEL, np.ones(5))
-    assert "one array of numbers" in refusal(tmp_path / MODEL)
-    (tmp_path / "model_2.npy").symlink_to("/dev/zero")
-    assert "is a pipe or a device, not a file" in refusal(tmp_path / "model_2.npy")
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: None, "does not exist"),
+        (lambda path: np.save(path, np.ones(5)), "one array of numbers"),
+        (lambda path: path.symlink_to("/dev/zero"), "is a pipe or a device, not a file"),
+    ],
+)
+def test_what_is_no_list_of_arrays_is_refused(model, make, words):
+    make(model)
+    refused(model, words)
 
 
 def one_array_many_times():
@@ -127,27 +126,20 @@ def one_array_many_times():
         (one_array_many_times(), "repeat a few numbers"),
     ],
 )
-def test_claims_beyond_the_file_are_refused_without_taking_memory(tmp_path, content, words):
-    with (tmp_path / MODEL).open("wb") as file:
+def test_claims_beyond_the_file_are_refused_without_taking_memory(model, content, words):
+    with model.open("wb") as file:
         np.lib.format.write_array_header_1_0(file, {"descr": "|O", "fortran_order": False, "shape": (1,)})
         file.write(content)
-    assert words in refusal(tmp_path / MODEL)
+    refused(model, words)
 
 
-# ------------------------------------------------------------------------------------------------------------- command
-def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path, capsys):
-    out = tmp_path / "out.tar"
-    out.write_bytes(b"kept")
-    (tmp_path / MODEL).write_bytes(b"no arrays")
-    assert main([str(tmp_path / MODEL), str(out)]) == DataError.exit_code
-    said = capsys.readouterr().err
-    assert said.startswith(f"error: {tmp_path / MODEL} cannot be read") and "bmild/nerf" in said
-    assert out.read_bytes() == b"kept"
-
-
-def test_the_command_never_writes_over_a_list_of_arrays(tmp_path, capsys):
-    write_arrays(tmp_path / MODEL, WHOLE)
-    before = (tmp_path / MODEL).read_bytes()
-    assert main([str(tmp_path / MODEL)] * 2) == 2
-    assert "does not end in .tar" in capsys.readouterr().err
-    assert (tmp_path / MODEL).read_bytes() == before
+@pytest.mark.parametrize(
+    ("out", "code", "words"),
+    [("out.tar", DataError.exit_code, f"{FILES[0]} cannot be read"), (FILES[0], 2, "does not end in .tar")],
+)
+def test_the_command_says_what_is_wrong_and_leaves_what_was_there(tmp_path, model, capsys, out, code, words):
+    (tmp_path / "out.tar").write_bytes(b"kept")
+    model.write_bytes(b"kept")
+    assert main([str(model), str(tmp_path / out)]) == code
+    assert words in capsys.readouterr().err
+    assert (tmp_path / out).read_bytes() == b"kept"

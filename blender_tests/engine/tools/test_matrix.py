@@ -11,15 +11,11 @@ from tools import cells, dev
 CELLS = {cell.name: cell for cell in cells.all_cells()}
 
 
-# ---------------------------------------------------------------------------------------------------------------- cells
-def test_the_engine_is_tested_on_the_lowest_and_newest_versions_of_its_own_ranges():
+def test_cells_have_the_lowest_and_newest_versions_of_the_declared_ranges():
     lowest = CELLS["engine-lowest"]
     assert lowest.resolution == "lowest-direct" and f">={lowest.python}" == cells.PROJECT["requires-python"]
     assert set(cells.PROJECT["dependencies"]) <= set(lowest.requirements)
     assert all(CELLS[f"engine-{python}"].requirements == lowest.requirements for python in ("3.11", "3.12", "3.13"))
-
-
-def test_the_extension_is_tested_on_the_oldest_blender_that_its_manifest_allows():
     manifest = (ROOT / "blender_manifest.toml").read_text(encoding="utf-8")
     assert 'blender_version_min = "4.2.0"' in manifest and "bpy>=4.2,<4.3" in CELLS["addon-4.2"].requirements
 
@@ -32,7 +28,6 @@ def test_a_quick_run_leaves_tests_in_every_room_that_it_enters():
         assert set(folder.glob("test_*.py")) - left_out, f"{folder} has no quick test"
 
 
-# -------------------------------------------------------------------------------------------------- skipped and failed
 @pytest.mark.parametrize(
     ("said", "raised"),
     [
@@ -46,20 +41,14 @@ def test_what_cannot_be_downloaded_differs_from_what_does_not_go_together(monkey
         cells.install(CELLS["engine-3.12"], Path("anywhere"))
 
 
-@pytest.fixture
-def nox(monkeypatch):
-    """The arguments that nox is given."""
+def test_options_are_handed_to_nox(monkeypatch, tmp_path):
     given = []
     monkeypatch.setattr(dev, "setup", lambda *environments: None)
     monkeypatch.setattr(dev, "_run", lambda *arguments, **variables: given.extend(arguments) or 0)
-    return given
-
-
-def test_options_are_handed_to_nox(nox, tmp_path):
     out = tmp_path / "matrix" / "results.json"
     assert dev.run_matrix(None, ["addon-4.2", "engine-3.11", "--out", str(out), "--quick", "--strict"]) == 0
-    assert nox[:6] == ["nox", "-m", "nox", "--session", "addon-4.2", "engine-3.11"]
-    assert nox[6:] == ["--error-on-missing-interpreters", "--report", str(out), "--", "quick", "strict"]
+    assert given[:6] == ["nox", "-m", "nox", "--session", "addon-4.2", "engine-3.11"]
+    assert given[6:] == ["--error-on-missing-interpreters", "--report", str(out), "--", "quick", "strict"]
     assert out.parent.is_dir()
 
 

@@ -49,8 +49,8 @@ def test_a_learned_rule_of_layers_paints_a_red_thing_blue_and_keeps_its_shade(ru
 
 def test_an_edit_reaches_a_pixel_as_far_as_the_object_does():
     """Two rays of two samples: one of the first is half the object's, those of the second are another one's."""
-    cache = SimpleNamespace(opacity=torch.ones(2), positions=torch.zeros(2, 2, 3), index=torch.arange(2))
-    cache = type("Cache", (SimpleNamespace,), {"__len__": lambda self: 2})(**vars(cache))
+    values, ones = torch.zeros(2, 2, 3), torch.ones(2)
+    cache = SurfaceCache(values, torch.ones(2, 2), values[:, 0], ones, torch.arange(2))
     frame = SimpleNamespace(picture=SimpleNamespace(cache=cache), base=np.full((1, 2, 3), 0.2, np.float32))
     samples = SimpleNamespace(
         classes=torch.tensor([[0.5, 0.5], [0.0, 1.0]]),
@@ -63,20 +63,14 @@ def test_an_edit_reaches_a_pixel_as_far_as_the_object_does():
     assert picture == pytest.approx(np.array([[[0.3, 0.2, 0.2], [0.2, 0.2, 0.2]]]))
 
 
-def test_layers_hide_what_is_below_them_and_let_all_light_through_in_sum():
+def test_formulas_are_those_of_the_papers():
     weights = recolornerf.over_weights(torch.tensor([[0.5, 0.25], [0.3, 1.0]]))
     assert weights.numpy() == pytest.approx(np.array([[0.375, 0.375, 0.25], [0, 0, 1]]))
-
-
-def test_sparsity_is_none_for_a_single_color_and_grows_with_every_color():
     assert float(sparsity(torch.tensor([[0.0, 1.0, 0.0]]))) == pytest.approx(0)
     assert float(sparsity(torch.full((1, 4), 0.25))) == pytest.approx(3)
-
-
-def test_gains_change_the_mask_alone():
-    photo = np.tile(RED.astype(float), (1, 2, 1))
-    result = channel_gains(photo, {"pot": np.array([[True, False]])}, {"pot": (RED.astype(float), BLUE.astype(float))})
-    assert result[0, 0] == pytest.approx(BLUE, abs=1e-6) and result[0, 1] == pytest.approx(RED, abs=1e-6)
+    photo, pair = np.tile(RED.astype(float), (1, 2, 1)), (RED.astype(float), BLUE.astype(float))
+    gained = channel_gains(photo, {"pot": np.array([[True, False]])}, {"pot": pair})
+    assert gained[0] == pytest.approx(np.array([BLUE, RED]), abs=1e-6)
 
 
 def camera_at(x):

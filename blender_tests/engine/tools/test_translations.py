@@ -19,41 +19,20 @@ def po(tmp_path):
     return write
 
 
-def test_sentences_with_values_can_be_translated():
-    assert translations.untranslatable() == []
-
-
 @pytest.mark.parametrize("language", translations.languages())
-def test_a_language_has_every_text(language):
-    assert translations.missing(language) == {}
-
-
-@pytest.mark.parametrize("language", translations.languages())
-def test_a_language_has_no_text_that_is_displayed_nowhere(language):
-    assert translations.stale(language) == []
-
-
-@pytest.mark.parametrize("language", translations.languages())
-def test_a_translation_has_the_places_of_the_values(language):
+def test_a_language_has_every_text_with_the_places_of_its_values_and_no_other(language):
     def places(text):
         return sorted(name for _, name, _, _ in string.Formatter().parse(text) if name)
 
+    assert translations.missing(language) == {} and translations.stale(language) == []
     for (_, text), translated in translations.table(language).items():
         assert translated.strip() and places(text) == places(translated), text
 
 
-def test_what_is_shown_is_found():
-    found = translations.texts().keys()
-    assert {
-        "Learn Scene",
-        "2  Learn Scene",
-        "Skip Existing",
-        "Photo plus change",
-        "About a minute on this computer",
-    } <= found
-
-
-def test_sentences_of_errors_are_found_with_places_for_their_values():
+def test_what_is_shown_and_sentences_of_errors_are_found():
+    assert translations.untranslatable() == []
+    shown = {"Learn Scene", "2  Learn Scene", "Skip Existing", "Photo plus change", "About a minute on this computer"}
+    assert shown <= translations.texts().keys()
     assert {
         "The scene {name} has no capture.",
         "Import a capture first.",
@@ -71,50 +50,36 @@ def test_a_file_is_read_as_gettext_does(po):
         'msgid ""\n"Two lines\\n"\n"and \\"quotes\\""\nmsgstr "zwei\\n"\n"\\\\"\n\n'
         '#, fuzzy\nmsgid "Open"\nmsgstr "?"\n\nmsgid "New"\nmsgstr ""\n\n#~ msgid "Old"\n#~ msgstr "alt"\n'
     )
-    assert translations.read_po(path) == {
-        ("", "Close"): "zu",
-        ("Operator", "Close"): "schließen",
-        ("", 'Two lines\nand "quotes"'): "zwei\n\\",
-        ("", "Open"): "",
-        ("", "New"): "",
-    }
-    assert translations.po_files().read_tables(path.parent) == {
-        "xx": {
-            ("*", "Close"): "zu",
-            ("Operator", "Close"): "schließen",
-            ("*", 'Two lines\nand "quotes"'): "zwei\n\\",
-            ("Operator", 'Two lines\nand "quotes"'): "zwei\n\\",
-        }
-    }
+    close, quotes, lines = {("Operator", "Close"): "schließen"}, 'Two lines\nand "quotes"', "zwei\n\\"
+    untranslated = {("", "Open"): "", ("", "New"): ""}
+    assert translations.read_po(path) == close | untranslated | {("", "Close"): "zu", ("", quotes): lines}
+    tables = {"xx": close | {("*", "Close"): "zu", ("*", quotes): lines, ("Operator", quotes): lines}}
+    assert translations.po_files().read_tables(path.parent) == tables
 
 
 @pytest.mark.parametrize(
     ("entry", "reason"),
-    {
-        "a text without a translation": ('msgid "b"\n', "line 4: not an entry"),
-        "no quotes": ("msgid b\nmsgstr c\n", "line 4: not an entry"),
-        "an open quote": ('msgid "b\nmsgstr "c"\n', "line 4: not an entry"),
-        "other words": ('text "b"\nmsgstr "c"\n', "line 4: not an entry"),
-        "an unknown escape": ('msgid "\\q"\nmsgstr "c"\n', "line 4: .*escape"),
-        "twice": ('msgid "a"\nmsgstr "c"\n', "line 4: 'a' is translated twice"),
-    }.values(),
+    [
+        ('msgid "b"\n', "line 4: not an entry"),  # without a translation
+        ("msgid b\nmsgstr c\n", "line 4: not an entry"),
+        ('msgid "b\nmsgstr "c"\n', "line 4: not an entry"),
+        ('text "b"\nmsgstr "c"\n', "line 4: not an entry"),
+        ('msgid "\\q"\nmsgstr "c"\n', "line 4: .*escape"),
+        ('msgid "a"\nmsgstr "c"\n', "line 4: 'a' is translated twice"),
+    ],
 )
 def test_a_malformed_file_is_refused_with_its_line(po, entry, reason):
     with pytest.raises(ValueError, match=f"xx.po, {reason}"):
         translations.read_po(po('msgid "a"\nmsgstr "b"\n\n' + entry))
 
 
-def test_missing_texts_are_added_once_as_empty_entries(po):
+def test_missing_texts_are_added_once_as_empty_entries_below_a_header(po, tmp_path):
     path = po('msgid "Learn Scene"\nmsgstr "lernen"\n')
     assert translations.add_missing("xx", path) == len(translations.all_texts()) - 1
     assert translations.add_missing("xx", path) == 0
     added = translations.read_po(path)
     assert added.keys() == {("", text) for text in translations.all_texts()}
     assert added["", "Learn Scene"] == "lernen" and set(added.values()) == {"lernen", ""}
-
-
-def test_a_new_language_starts_with_a_header(tmp_path):
-    path = tmp_path / "xx.po"
-    translations.add_missing("xx", path)
-    assert path.read_text().startswith('msgid ""\nmsgstr ""\n"Language: xx\\n"\n')
-    assert not any(translations.read_po(path).values())
+    translations.add_missing("xx", tmp_path / "new.po")
+    assert (tmp_path / "new.po").read_text().startswith('msgid ""\nmsgstr ""\n"Language: xx\\n"\n')
+    assert not any(translations.read_po(tmp_path / "new.po").values())

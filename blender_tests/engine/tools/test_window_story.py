@@ -4,28 +4,27 @@ import re
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from blender_tests.engine.conftest import ROOT
 from tools.window import record, screen
 
-ROOT = Path(__file__).resolve().parents[3]
 HOLDS = record.Step("drag", "mouse", "The picture follows.", record.PASSED, 1.5, ["seven pictures"], ["drag"])
 FAILS = record.Step("undo", "keys", "It is back.", record.FAILED, 1.0, ["the picture\nis another"])
+NOT_DONE = record.Step("render", "keys", "It renders.")
+LOG = "Read blend\nTraceback (most recent call last):\n  File 'a', line 1\n    x\nKeyError: 'pot'\nSaved\n"
 
 
 def test_a_window_dump_becomes_the_pixels_of_the_screen():
     height, width, padding = 5, 7, 3
-    pixels = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
+    rows = np.random.default_rng(0).integers(0, 256, (height, width + padding, 4), np.uint8)
     line = 4 * (width + padding)
     header = [100 + 8, 7, 2, 24, width, height, 0, 0, 32, 1, 32, 32, line, 4, 0xFF0000, 0xFF00, 0xFF, 8, 256, 2]
-    rows = np.zeros((height, width + padding, 4), np.uint8)
-    rows[:, :width, 2::-1] = pixels
     colors = bytes(2 * 12)
     dump = struct.pack(">25I", *header, width, height, 0, 0, 0) + b"screen\0\0" + colors + rows.tobytes()
-    np.testing.assert_array_equal(screen.pixels_of(dump), pixels)
+    np.testing.assert_array_equal(screen.pixels_of(dump), rows[:, :width, 2::-1])
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path):
@@ -35,19 +34,23 @@ def test_a_record_is_read_as_it_was_written(tmp_path):
         assert record.read(tmp_path / "record.json") == steps
 
 
-def test_every_traceback_in_a_log_is_found_by_what_it_says():
-    log = "Read blend\nTraceback (most recent call last):\n  File 'a', line 1\n    x\nKeyError: 'pot'\nSaved\n"
-    assert record.tracebacks("Saved\nError: no file\n") == []
-    assert record.tracebacks(log * 2) == ["KeyError: 'pot'"] * 2
-    assert record.tracebacks("Traceback (most recent call last):\n  File 'a'\n") == ["a traceback without an end"]
+@pytest.mark.parametrize(
+    ("log", "found"),
+    [
+        ("Saved\nError: no file\n", []),
+        (LOG * 2, ["KeyError: 'pot'"] * 2),
+        ("Traceback (most recent call last):\n  File 'a'\n", ["a traceback without an end"]),
+    ],
+)
+def test_every_traceback_in_a_log_is_found_by_what_it_says(log, found):
+    assert record.tracebacks(log) == found
 
 
 def test_a_process_with_a_file_of_the_desk_is_found_until_it_ends(tmp_path):
     command = [sys.executable, "-c", "print(flush=True); input()", str(tmp_path / "project")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         process.stdout.readline()
-        (found,) = record.engine_processes(tmp_path)
-        assert found == f"process {process.pid}: {' '.join(command)}"
+        assert record.engine_processes(tmp_path) == [f"process {process.pid}: {' '.join(command)}"]
         process.stdin.write(b"\n")
     assert record.engine_processes(tmp_path) == []
 
@@ -57,7 +60,7 @@ def test_a_process_with_a_file_of_the_desk_is_found_until_it_ends(tmp_path):
     [
         ([HOLDS], [], True),
         ([HOLDS, FAILS], [], False),
-        ([HOLDS, record.Step("render", "keys", "It renders.")], [], False),
+        ([HOLDS, NOT_DONE], [], False),
         ([HOLDS], ["a process is left"], False),
         ([], [], False),
     ],
@@ -81,10 +84,7 @@ def test_the_transcript_has_what_was_promised_and_found():
 
 
 def test_the_story_clicks_buttons_that_exist():
-    operators = set(re.findall(r'bl_idname = "karf\.(\w+)"', sources("karf_blender/operators")))
-    clicked = set(re.findall(r"[\"']karf\\\.(\w+)", sources("tools/window"))) - {"objects"}
-    assert len(clicked) >= 10 and clicked <= operators
-
-
-def sources(folder):
-    return "\n".join(file.read_text() for file in (ROOT / folder).glob("*.py"))
+    folders = ("karf_blender/operators", "tools/window")
+    operators, story = ("".join(file.read_text() for file in (ROOT / folder).glob("*.py")) for folder in folders)
+    clicked = set(re.findall(r"[\"']karf\\\.(\w+)", story)) - {"objects"}
+    assert len(clicked) >= 10 and clicked <= set(re.findall(r'bl_idname = "karf\.(\w+)"', operators))

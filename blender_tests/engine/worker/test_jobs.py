@@ -1,6 +1,7 @@
 """Job folders: the engine as a child process, its events, and how it is stopped."""
 
 import io
+import json
 import os
 import subprocess
 import sys
@@ -26,13 +27,9 @@ def start():
     children = []
 
     def start(job, *options):
-        child = subprocess.Popen(
-            [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(job), *options],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=(job / "engine.log").open("w"),
-            text=True,
-        )
+        command = [sys.executable, "-I", str(ROOT / "karf_engine"), "run", str(job), *options]
+        log = (job / "engine.log").open("w")
+        child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log, text=True)
         children.append(child)
         return child
 
@@ -94,8 +91,7 @@ def test_one_process_does_jobs_and_answers_queries_as_they_come(learned, tmp_pat
     (answer,) = (event for event in wait_for(queries, "answer") if event.kind == "answer")
     assert all(Path(file).is_file() for file in answer["masks"].values())
     tell(child, folder_line(second))
-    events[second] = wait_for(second, "done")
-    events[queries] = wait_for(queries, "done")
+    events[second], events[queries] = wait_for(second, "done"), wait_for(queries, "done")
     assert [event.kind for event in events[queries]] == ["hello", "answer", "done"]
     for job in (first, second):
         kinds = [event.kind for event in events[job] if event.kind != "progress"]
@@ -120,67 +116,70 @@ def test_a_child_that_waits_ends_when_told_or_when_no_job_comes(learned, tmp_pat
     assert child.wait(30) == 0
 
 
-def check_cancelled(child, job, project):
+def places(child):
+    """The current folder of a process, and where its standard output and error go."""
+    own = Path(f"/proc/{child.pid}")
+    return [str((own / name).readlink()) for name in ("cwd", "fd/1", "fd/2")] if own.is_dir() else None
+
+
+@pytest.mark.parametrize("how", ["word", "end of input"])
+def test_a_learning_job_stops_when_told_and_leaves_the_project_and_its_folder_free(
+    learned, still_life, tmp_path, start, how
+):
+    pytest.importorskip("torch")
+    first, job, project = render_job(learned, tmp_path / "first"), tmp_path / "job", tmp_path / "project"
+    learning_job(still_life, job, project)
+    if how == "word":  # to a child that has done another job, whose folder it left
+        child = start(first, "--wait", "60")
+        wait_for(first, "done")
+        end = time.monotonic() + 10
+        while (waiting := places(child)) not in ([tempfile.gettempdir(), os.devnull, os.devnull], None):
+            assert time.monotonic() < end, waiting
+        tell(child, folder_line(job))
+    else:
+        child = start(job)
+    wait_for(job, "progress")
+    assert (project / "lock.json").exists()
+    if how == "word":
+        assert places(child) in ([str(job), str(job / "engine.log"), str(job / "engine.log")], None)
+        tell(child, "cancel")
+    else:
+        child.stdin.close()
     assert child.wait(30) == 6
     last = list(EventReader(job).poll())[-1]
     assert last.kind == "cancelled" and last.is_final
     assert not (project / "lock.json").exists() and Project(project).finished("geometry") is None
 
 
-def test_a_job_stops_where_the_input_ends_and_leaves_the_project_free(still_life, tmp_path, start):
+WRONG_OPTIONS = [
+    ({"threads": "2"}, "threads = '2' is not a whole number"),
+    ({"views": ["r_0"]}, "views = ['r_0'] is not a text"),
+    ({"out": 5}, "out = 5 is not a path"),
+    ({"edit": [5]}, "edit = [5] is not a path or a list, each a path"),
+    ({"overrides": "abc"}, "overrides = 'abc' is not a list, each a text"),
+    ({"planes": "yes"}, "planes = 'yes' is not true or false"),
+    ({"out": "a\0b"}, "holds a zero character"),
+    ({"plane": True}, "Unknown option plane"),
+]
+WRONG_JOBS = [  # what is wrong with a request to render, exit code, kind of error, words
+    (None, 4, "data", "is not a readable request"),
+    ({"protocol": 9}, 2, "request", "speaks protocol 9"),
+    ({"stage": "palette", "project": "/nowhere/at/all"}, 4, "data", "/nowhere/at/all is not a KaRF project"),
+    ({"stage": "geometry"}, 2, "request", "capture"),
+    ({"stage": "geometry", "options": {"capture": "c", "preset": "x"}}, 2, "request", "preset"),
+    *(({"options": options}, 2, "request", words) for options, words in WRONG_OPTIONS),
+]
+
+
+@pytest.mark.parametrize(("change", "code", "kind", "words"), WRONG_JOBS)
+def test_a_job_that_fails_says_why_as_an_event(tmp_path, monkeypatch, change, code, kind, words):
     pytest.importorskip("torch")
-    job, project = tmp_path / "job", tmp_path / "project"
-    child = start(learning_job(still_life, job, project))
-    wait_for(job, "progress")
-    assert (project / "lock.json").exists()
-    child.stdin.close()
-    check_cancelled(child, job, project)
-
-
-def places(child):
-    """The current folder of a process, and where its standard output and error go."""
-    own = Path(f"/proc/{child.pid}")
-    return [str((own / name).readlink()) for name in ("cwd", "fd/1", "fd/2")]
-
-
-@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="this system does not say what a process holds")
-def test_a_child_is_in_its_jobs_folder_and_log_until_it_is_told_to_stop(learned, still_life, tmp_path, start):
-    pytest.importorskip("torch")
-    first, job, project = render_job(learned, tmp_path / "first"), tmp_path / "job", tmp_path / "project"
-    learning_job(still_life, job, project)
-    child = start(first, "--wait", "60")
-    wait_for(first, "done")
-    end = time.monotonic() + 10
-    while (waiting := places(child)) != [tempfile.gettempdir(), os.devnull, os.devnull]:
-        assert time.monotonic() < end, waiting
-    tell(child, folder_line(job))
-    wait_for(job, "progress")
-    assert places(child) == [str(job), str(job / "engine.log"), str(job / "engine.log")]
-    tell(child, "cancel")
-    check_cancelled(child, job, project)
-
-
-@pytest.mark.parametrize(
-    ("request_text", "code", "kind"),
-    [
-        ("{", 4, "data"),
-        ('{"protocol": 9, "stage": "palette", "project": "p"}', 2, "request"),
-        ('{"protocol": 1, "stage": "geometry", "project": "p", "options": {}}', 2, "request"),
-        ('{"protocol": 1, "stage": "palette", "project": "/nowhere/at/all"}', 4, "data"),
-        (
-            '{"protocol": 1, "stage": "geometry", "project": "p", "options": {"capture": "c", "preset": "x"}}',
-            2,
-            "request",
-        ),
-    ],
-)
-def test_a_job_that_fails_says_why_as_an_event(tmp_path, monkeypatch, request_text, code, kind):
-    pytest.importorskip("torch")
-    (tmp_path / "request.json").write_text(request_text)
-    monkeypatch.setattr(sys, "stdin", io.StringIO(request_text))
+    request = {"protocol": 1, "stage": "render", "project": str(tmp_path)}
+    (tmp_path / "request.json").write_text("{" if change is None else json.dumps(request | change))
+    monkeypatch.setattr(sys, "stdin", io.StringIO())
     assert main(["run", str(tmp_path)]) == code
     last = list(EventReader(tmp_path).poll())[-1]
-    assert last.kind == "error" and last["code"] == kind and last["sentence"] and last["hint"]
+    assert last.kind == "error" and last["code"] == kind and words in last["sentence"] and last["hint"]
 
 
 def test_a_job_folder_that_is_missing_is_named(tmp_path, capsys, monkeypatch):

@@ -1,7 +1,8 @@
-"""A worker asked queries, in this process: each gets one event, and a job that follows ends the wait for them."""
+"""A worker asked queries: each gets one event, a job that follows ends the wait, and a session keeps what it made."""
 
 import queue
 import threading
+import time
 
 import pytest
 
@@ -12,6 +13,7 @@ from karf_engine.worker import queries as kinds_module
 from karf_engine.worker.loop import Worker
 from karf_engine.worker.path_map import PathMap
 from karf_engine.worker.protocol import WARM, EventReader, Query, Request, folder_line
+from karf_engine.worker.queries.session import MAX_CACHED, Session
 
 SAME_PATHS = PathMap()
 
@@ -23,16 +25,14 @@ def line(number, kind="echo", **options):
 class Lines:
     """Standard input: lines as they are written, the end when it is closed."""
 
-    def __init__(self, *lines):
+    def __init__(self):
         self._queue = queue.SimpleQueue()
-        for each in lines:
-            self.write(each)
 
     def write(self, text):
         self._queue.put(text)
 
     def close(self):
-        self._queue.put(None)
+        self.write(None)
 
     def __iter__(self):
         return iter(self._queue.get, None)
@@ -62,14 +62,13 @@ class Beside(threading.Thread):
         self.code = self._worker.serve(self._job, self._lines)
 
     def next(self):
-        deadline = threading.Event()
-        for _ in range(2000):
+        end = time.monotonic() + 20
+        while not self._events:
+            assert time.monotonic() < end, "no event"
             self._events += self._reader.poll()
-            if self._events:
-                event = self._events.pop(0)
-                return event.kind, event.values
-            deadline.wait(0.01)
-        raise AssertionError("no event")
+            time.sleep(0.005)
+        event = self._events.pop(0)
+        return event.kind, event.values
 
     def ended(self):
         """Wait for its end; the exit code."""
@@ -137,12 +136,9 @@ def test_an_answer_that_takes_long_stops_where_nobody_waits_for_it(worker, strea
         worker.ended()
 
 
-@pytest.mark.parametrize("end", ["end of input", "word", "another job"])
-def test_the_end_of_input_the_word_or_another_job_ends_it(worker, stream, tmp_path, end):
-    if end == "end of input":
-        stream.close()
-    else:
-        stream.write("cancel\n" if end == "word" else folder_line(tmp_path / "another") + "\n")
+@pytest.mark.parametrize("end", [None, "cancel\n", folder_line("another job") + "\n"])
+def test_the_end_of_input_the_word_or_another_job_ends_it(worker, stream, end):
+    stream.write(end)
     assert worker.ended() == 0 and worker.next()[0] == "done"
 
 
@@ -200,3 +196,32 @@ def test_memory_that_ran_out_lets_all_go(worker, stream, kinds):
         _, values = worker.next()
         assert values.get("code") == ("memory" if is_large else None)
     assert made == ["anew", "anew"]
+
+
+# ------------------------------------------------------------------------------------------------------------ a session
+@pytest.fixture
+def session(tmp_path):
+    return Session(tmp_path)
+
+
+def test_a_thing_is_made_once_and_again_when_its_mark_changes(session):
+    made = []
+
+    def make():
+        made.append(len(made))
+        return made[-1]
+
+    assert [session.cached("pots", mark, make) for mark in ("a", "a", "b", "b", "a")] == [0, 0, 1, 1, 2]
+
+
+def test_what_was_not_asked_for_longest_is_let_go(session):
+    for name in range(MAX_CACHED):
+        session.cached(name, "", lambda name=name: name)
+    session.cached(0, "", lambda: "anew")
+    session.cached("one more", "", lambda: "more")
+    assert session.cached(0, "", lambda: "anew") == 0 and session.cached(1, "", lambda: "anew") == "anew"
+
+
+def test_files_of_answers_lie_below_the_session_and_each_is_another(session, tmp_path):
+    first, second = session.file("preview.npz"), session.file("preview.npz")
+    assert first != second and first.parent == second.parent == tmp_path / "answers" and first.parent.is_dir()

@@ -21,7 +21,7 @@ class Sequence:
         self.move()
 
     def paint(self, color, path=None):
-        """Write an edit in which the ball's first swatch has this color."""
+        """Write an edit that gives the ball's first swatch this color."""
         palettes = karf.load(self.project, device="cpu").palettes
         colors = {palette.name: palette.colors.copy() for palette in palettes}
         colors["ball"][1] = color

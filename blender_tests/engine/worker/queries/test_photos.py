@@ -37,7 +37,7 @@ def test_a_view_that_is_not_there_is_refused(ask, view):
         ask("masks", view=view)
 
 
-# ------------------------------------------------------------------------------------------------------------ corrections
+# ---------------------------------------------------------------------------------------------------------- corrections
 @pytest.fixture
 def project(learned, tmp_path):
     return Project(shutil.copytree(learned.project, tmp_path / "project"))

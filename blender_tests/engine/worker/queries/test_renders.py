@@ -61,7 +61,7 @@ def unfinished(learned, folder, *kept):
     return str(project)
 
 
-# ---------------------------------------------------------------------------------------------------------------- pictures
+# ------------------------------------------------------------------------------------------------------------- pictures
 def test_the_color_is_what_the_model_shows_with_the_edit_or_as_learned(show, model, camera, edit):
     answer, found = show()
     assert list(found) == ["color"] and answer["size"] == [90, 60] and answer["seconds"] > 0
@@ -123,7 +123,7 @@ def test_passes_are_those_of_the_frame(show, model, camera, edit):
     assert answer["metadata"] == header(model.objects, "Layer.CryptoObject")
 
 
-# ------------------------------------------------------------------------------------------------------------------ planes
+# --------------------------------------------------------------------------------------------------------------- planes
 def test_a_preview_is_the_planes_that_a_frame_of_the_camera_has(preview, model, camera):
     answer, planes = preview()
     frame = model.render(camera.scaled(300, 200))
@@ -141,20 +141,18 @@ def test_a_coarse_preview_looks_the_same_and_loads_the_model_once(preview, model
     assert session.model(str(learned.project)) is session.model(str(learned.project))
 
 
-def test_before_palettes_are_learned_the_planes_have_masks_and_no_swatches(preview, learned, model, camera, tmp_path):
-    _, planes = preview(project=unfinished(learned, tmp_path, "geometry", "segmentation"))
-    frame = of_field(model).render(camera.scaled(300, 200))  # its splats went with the geometry
-    assert planes.objects == tuple(model.objects) and planes.palette_weights.shape[1] == 0
-    assert np.abs(planes.probabilities - frame.probabilities).max() < 0.02
-
-
-def test_before_segmentation_the_planes_have_no_objects(preview, learned, tmp_path):
-    _, planes = preview(project=unfinished(learned, tmp_path, "geometry"), long_side=32)
-    assert planes.objects == () and planes.palette_weights.shape == (0, 0, 21, 32)
+@pytest.mark.parametrize("kept", [["geometry", "segmentation"], ["geometry"]])
+def test_planes_of_fewer_stages_have_no_swatches_or_no_objects(preview, learned, model, camera, tmp_path, kept):
+    _, planes = preview(project=unfinished(learned, tmp_path, *kept))
+    objects = model.objects if "segmentation" in kept else []
+    assert planes.objects == tuple(objects) and planes.palette_weights.shape == (len(objects), 0, 200, 300)
     assert planes.base.std() > 0
+    if objects:
+        frame = of_field(model).render(camera.scaled(300, 200))  # its splats went with the geometry
+        assert np.abs(planes.probabilities - frame.probabilities).max() < 0.02
 
 
-# -------------------------------------------------------------------------------------------------------- colors of splats
+# ----------------------------------------------------------------------------------------------------- colors of splats
 def points_of(table, count):
     rows = np.linspace(0, count - 1, 20).astype(int)
     return {"count": count, "rows": rows.tolist(), "positions": table[rows, :3].tolist()}
@@ -207,7 +205,7 @@ def test_a_project_without_splats_says_so(ask, learned, tmp_path):
         ask("harmonics", project=unfinished(learned, tmp_path, "geometry"))
 
 
-# ---------------------------------------------------------------------------------------------------------------- every kind
+# ----------------------------------------------------------------------------------------------------------- every kind
 ALL = ("show", "preview", "harmonics")
 
 
