@@ -114,8 +114,8 @@ def project_of(path: Path) -> Project:
     return Project(path.parents[2] if is_result else path.parent)
 
 
-def readers(project: Path | None) -> list[Reader]:
-    """All readers. project: a learned one with planes and an edit, which is copied; None where only names are asked for."""
+def readers() -> list[Reader]:
+    """All readers but those of a project's files."""
     json_files = [
         ("NeRF-synthetic", samples.nerf_synthetic, "transforms_train.json", capture),
         ("transforms.json", samples.transforms, "transforms.json", capture),
@@ -167,11 +167,11 @@ def readers(project: Path | None) -> list[Reader]:
         Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), changed_bytes, read_nerf),
         Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), changed_bytes, read_bmild),
         Reader("events.jsonl", samples.events, ("events.jsonl",), changed_bytes, read_events),
-        *_project_readers(project),
     ]  # fmt: skip
 
 
-def _project_readers(project: Path | None) -> list[Reader]:
+def project_readers(project: Path | None) -> list[Reader]:
+    """Readers of the files of a learned project with planes and an edit, which is copied. None: only names are wanted."""
     make = samples.project(project)
 
     def colors_of_ball(path: Path) -> None:
