@@ -153,12 +153,12 @@ def readers(project: Path | None) -> list[Reader]:
                    1 if file in in_this_process else STARTS)
             for file, mutation in splats.items()
         ),
-        Reader("PNG", samples.png, png, changed_bytes, photo),
-        Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), changed_bytes, photo),
-        Reader("WebP, BMP, TIFF", samples.other_pictures, others, changed_bytes, photo),
-        Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), changed_bytes, photo),
-        Reader("header of a picture", samples.png, png, changed_bytes, image_header),
-        Reader("mask", samples.png, png[:3] + png[4:], changed_bytes, read_mask),
+        Reader("PNG", samples.pictures, png, changed_bytes, photo),
+        Reader("JPEG", samples.pictures, ("plain.jpg", "print.jpg"), changed_bytes, photo),
+        Reader("WebP, BMP, TIFF", samples.pictures, others, changed_bytes, photo),
+        Reader("EXR", samples.pictures, ("zip.exr", "plain.exr"), changed_bytes, photo),
+        Reader("header of a picture", samples.pictures, png, changed_bytes, image_header),
+        Reader("mask", samples.pictures, png[:3] + png[4:], changed_bytes, read_mask),
         Reader("GIMP palette", samples.swatches, ("swatches.gpl",), changed_text, swatches),
         Reader("Adobe swatches", samples.swatches, ("swatches.ase",), changed_bytes, swatches),
         Reader("color book, CSV", samples.color_books, ("inks.csv",), changed_text, read_color_book),
