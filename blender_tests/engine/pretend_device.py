@@ -1,10 +1,7 @@
 """A device that is not the CPU and costs nothing: placement can be tested where there is no graphics card.
 
-Tensors on `pretend` hold their values in the processor's memory and are computed there, by the same kernels, but they
-say that they are elsewhere: an operation on them and on tensors of the CPU is refused, and so are `.numpy()` and a
-generator of the other device. Values are real, so that whole stages run. What cannot be seen this way: another
-device's kernels, its memory, its speed, and what it lacks.
-
+Tensors on `pretend` hold their values in the processor's memory and are computed there, but say that they are elsewhere:
+an operation on them and on tensors of the CPU is refused, and so are `.numpy()` and a generator of the other device.
 It is torch's "private use" device with Python in the place of a backend; one process has it for good.
 """
 
@@ -39,21 +36,12 @@ class PretendTensor(Tensor):
 
     @staticmethod
     def __new__(cls, values: Tensor) -> PretendTensor:
-        tensor = Tensor._make_wrapper_subclass(
-            cls,
-            values.shape,
-            strides=values.stride(),
-            storage_offset=values.storage_offset(),
-            dtype=values.dtype,
-            device=torch.device(NAME, 0),
-        )
+        layout = {"strides": values.stride(), "storage_offset": values.storage_offset(), "dtype": values.dtype}
+        tensor = Tensor._make_wrapper_subclass(cls, values.shape, **layout, device=torch.device(NAME, 0))
         tensor.values = values
         return tensor
 
     __torch_function__ = torch._C._disabled_torch_function_impl  # results are wrapped below
-
-    def __repr__(self) -> str:
-        return f"PretendTensor({self.values})"
 
     @classmethod
     def __torch_dispatch__(cls, function, types, args=(), kwargs=None) -> Any:
@@ -86,17 +74,14 @@ class _Calls(TorchFunctionMode):
 
 
 class _Generator(torch.Generator):
-    """A generator that knows which device it was made for."""
+    """A generator that knows which device's tensors it fills."""
+
+    device = None  # hides torch's own, which is read-only
 
     def __new__(cls, device: torch.device | str = "cpu") -> _Generator:
         generator = super().__new__(cls)
-        generator.made_for = torch.device(device)
+        generator.device = torch.device(device)
         return generator
-
-    @property
-    def device(self) -> torch.device:
-        """The device whose tensors it fills."""
-        return self.made_for
 
 
 @contextmanager
@@ -142,9 +127,7 @@ def _run(function, args: tuple, kwargs: dict[str, Any]) -> Any:
 def _refuse_mixture(function, tensors: list[Tensor]) -> None:
     """Raise WrongDevice for tensors of both devices; single numbers of the CPU go with everything, as on real ones."""
     strangers = [tensor for tensor in tensors if not isinstance(tensor, PretendTensor)]
-    if len(strangers) == len(tensors) or not strangers:
-        return
-    if function in JOINING or any(tensor.dim() for tensor in strangers):
+    if 0 < len(strangers) < len(tensors) and (function in JOINING or any(tensor.dim() for tensor in strangers)):
         raise WrongDevice(f"{function} on tensors of the CPU and of another device")
 
 

@@ -9,7 +9,7 @@ torch = pytest.importorskip("torch")
 
 from karf_engine.capture.camera import Camera
 from karf_engine.fields.rendering.surface_cache import SurfaceCache
-from tools.evaluate.rivals import recolornerf, sa3d
+from tools.evaluate.rivals import recolornerf
 from tools.evaluate.rivals.decomposition import Training, edited_palette, learn, recolored
 from tools.evaluate.rivals.laenerf import LaeNerf
 from tools.evaluate.rivals.palettenerf import PaletteNerf, sparsity
@@ -93,30 +93,3 @@ def test_a_change_is_carried_to_where_its_surface_is_seen_and_to_alike_colors_wh
     moved[:, 6:] = 0.6  # what it sees there the first does not
     found = carried_over(Painted(camera_at(0), wall(base), change), camera_at(0.25), wall(moved), 0)
     assert found == pytest.approx(np.where(moved > 0.5, 0.2, -0.1), abs=1e-6)
-
-
-def wall_cache(width=8):
-    """The rays of a camera that looks at a wall of a voxel a pixel."""
-    v, u = np.mgrid[0:width, 0:width]
-    positions = torch.from_numpy(np.stack([u.ravel(), v.ravel(), np.zeros(width**2)], 1)).float()[:, None]
-    ones = torch.ones(width**2)
-    return SurfaceCache(positions, ones[:, None], positions[:, 0], ones, torch.arange(width**2))
-
-
-def test_a_mask_is_projected_onto_voxels_and_more_of_it_outweighs_what_is_outside():
-    grid = sa3d.MaskGrid(torch.tensor([[0.0, 0, -1], [7, 7, 1]]), 1.0)
-    view = sa3d.RayView(np.zeros((8, 8, 3)), wall_cache())
-    mask = np.zeros((8, 8), bool)
-    mask[2:5, 3:6] = True
-    grid.project(view.cache, view.of_rays(mask))
-    assert np.array_equal(view.picture(grid.render(view.cache)) > 0, mask)
-    grid.project(view.cache, view.of_rays(~mask))  # a voxel that half of the views see in the mask is in it
-    assert (view.picture(grid.render(view.cache)) > 0).all()
-
-
-def test_a_rendered_mask_prompts_the_box_of_its_largest_part():
-    rendered = np.zeros((20, 20))
-    rendered[4:12, 6:16], rendered[8, 9], rendered[0, 0] = 1, 2, 5
-    prompts = sa3d.prompts_of(rendered)
-    assert prompts.box == (6, 4, 16, 12)
-    assert sa3d.prompts_of(np.zeros((20, 20))) is None

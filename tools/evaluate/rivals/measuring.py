@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,47 +20,33 @@ from ...metrics.truth import Truth
 from ..drawn import draw_scene, judge_scene, scene_name
 from ..store import Store
 from ..table import Figures, Table
-from ..views import TestViews
+from ..views import TestViews, learn_again, with_model
 from .laenerf import LaeNerf
 from .palettenerf import PaletteNerf
 from .recoloring import Recolor, Recoloring
 from .recolornerf import RecolorNerf
-from .segmenting import Masks, Segmenting
 
 OURS, OURS_IN_FIELD = "**ours**: delta on the photo, mattes", "ours, the field's masks instead of mattes"
-RULES = (
-    OURS,
-    OURS_IN_FIELD,
-    "PaletteNeRF's rule",
-    "RecolorNeRF's layers",
-    "LAENeRF's rule",
-    "hue rotation in the true masks",
-    "gains of channels in the true masks",
-    "a photo's true recolor, carried over by depth",
-    "no edit",
-    "SA3D's inverse rendering, further views prompted by GrabCut",
-    "plain cross-entropy on the rough masks (Eq. 12)",
-)
 SAMPLES = 8  # a ray, as F_w has in new views
+Masks = list[np.ndarray]  # of each view, probabilities [K, H, W]
 Way = Callable[[], tuple[Recolor, Masks | None]]  # learns; the masks are those that it recolors in, None for true ones
 
 
-def measure(model: Model, truth: Truth, scratch: Path, threads: int | None) -> Iterator[tuple[str, Figures]]:
-    """Yield each rule's name and figures: means over edits, objects and test views, processor seconds.
+def measure(model: Model, truth: Truth, scratch: Path, threads: int | None) -> dict[str, Figures]:
+    """Return the figures of each rule: means over edits, objects and test views, processor seconds.
 
     Args:
         model: learned of the capture with the rough masks of coarse_masks/one.
         truth: of the capture.
-        scratch: a folder for projects that are learned in other ways.
+        scratch: a folder for a project that is learned in another way.
         threads: processor threads.
     """
     # mattes kept from before would cost no seconds
     shutil.rmtree(model.project.render_cache_folder, ignore_errors=True)
     recoloring = Recoloring(rendered(model), truth)
-    ways = recolor_ways(recoloring) | segmentation_ways(recoloring, scratch, threads)
-    extracting = model.project.state()["stages"]["palette"]["seconds"]
-    for name in RULES:
-        yield name, figures(recoloring, ways[name], extracting if name in RULES[:2] else 0.0)
+    extracting = dict.fromkeys((OURS, OURS_IN_FIELD), model.project.state()["stages"]["palette"]["seconds"])
+    ways = ways_of(recoloring, scratch, threads)
+    return {name: figures(recoloring, way, extracting.get(name, 0.0)) for name, way in ways.items()}
 
 
 def rendered(model: Model) -> TestViews:
@@ -73,9 +59,17 @@ def rendered(model: Model) -> TestViews:
     return TestViews(model, images, frames)
 
 
-def recolor_ways(recoloring: Recoloring) -> dict[str, Way]:
-    """Return rules that recolor: in our field's masks, but ours with mattes and the rules of true masks."""
+def ways_of(recoloring: Recoloring, scratch: Path, threads: int | None) -> dict[str, Way]:
+    """Return the rules by their names; those of others recolor in our field's masks or in the true ones."""
     field = [frame.probabilities for frame in recoloring.test.frames]
+
+    def plain() -> tuple[Recolor, Masks]:
+        rough = recoloring.truth.folder / "coarse_masks" / "one"
+        test = recoloring.test
+        model = learn_again(test.model, scratch, ["segmentation.labels=masks"], ("segmentation",), rough, threads)
+        masks = [frame.probabilities for frame in with_model(test, model, "photo").frames]
+        return recoloring.in_masks(masks), masks
+
     return {
         OURS: recoloring.mattes,
         OURS_IN_FIELD: lambda: (recoloring.ours(recoloring.test.frames), field),
@@ -85,25 +79,8 @@ def recolor_ways(recoloring: Recoloring) -> dict[str, Way]:
         "hue rotation in the true masks": lambda: (recoloring.hue(), None),
         "gains of channels in the true masks": lambda: (recoloring.gains(), None),
         "a photo's true recolor, carried over by depth": lambda: (recoloring.warped(), field),
+        "ours in masks of plain cross-entropy (Eq. 12)": plain,
         "no edit": lambda: (recoloring.unedited(), None),
-    }
-
-
-def segmentation_ways(recoloring: Recoloring, scratch: Path, threads: int | None) -> dict[str, Way]:
-    """Rules that segment from the rough masks, and our recoloring in what they find."""
-    test, truth = recoloring.test, recoloring.truth
-    rough = truth.folder / "coarse_masks" / "one"
-
-    def by(find: Callable[[Segmenting], Masks]) -> Way:
-        def way() -> tuple[Recolor, Masks]:
-            masks = find(Segmenting(test, rough))
-            return recoloring.in_masks(masks), masks
-
-        return way
-
-    return {
-        "SA3D's inverse rendering, further views prompted by GrabCut": by(lambda segmenting: segmenting.sa3d()),
-        "plain cross-entropy on the rough masks (Eq. 12)": by(lambda segmenting: segmenting.plain(scratch, threads)),
     }
 
 
@@ -140,7 +117,7 @@ def measure_rivals(store: Store, seed: int) -> dict[str, Figures]:
     def measured(folder: Path) -> dict[str, Figures]:
         judge_scene(store, seed)
         model = karf.load(store.path(f"{scene_name(seed)}/learned") / "project")
-        return dict(measure(model, Truth(draw_scene(store, seed)), folder / "scratch", store.threads))
+        return measure(model, Truth(draw_scene(store, seed)), folder / "scratch", store.threads)
 
     return store.take(f"{scene_name(seed)}/rivals", measured)
 
@@ -149,7 +126,7 @@ def rivals_table(store: Store, seeds: Sequence[int]) -> Table:
     """Measure the rules of others on all scenes: means over the scenes."""
     scenes = [measure_rivals(store, seed) for seed in seeds]
     rows: dict[str, Figures] = {}
-    for rule in RULES:
+    for rule in scenes[0]:
         columns = {name: [scene[rule][name] for scene in scenes] for name in scenes[0][rule]}
         means = {name: float(np.mean(column)) for name, column in columns.items()}
         rows[rule] = {"ciede2000": means.pop("ciede2000"), "ciede2000_median": float(np.median(columns["ciede2000"]))}
