@@ -196,10 +196,10 @@ class Bench:
         state_file = self.project / "project.json"
         return json.loads(state_file.read_text())["stages"] if state_file.exists() else {}
 
-    def differs(self, state: State, but: str = "") -> str:
-        """Which of a state's files, but this one, the project does not hold as they are there; empty: none."""
+    def differs(self, state: State, but: str = "") -> list[str]:
+        """Which of a state's files, but this one, the project does not hold as they are there."""
         files = self.files()
-        return ", ".join(sorted(name for name, own in state.files.items() if files.get(name) != own and name != but))
+        return [name for name, own in state.files.items() if files.get(name) != own and name != but]
 
     def pictures(self, planes: bool | None = None) -> tuple[dict[str, str], Run]:
         """Digests of all that a render gives, and the render. planes: None for where they can be had."""
@@ -219,49 +219,30 @@ class Bench:
         return record.read_text().splitlines()
 
     def survives(self, scenario: Scenario, ended: Run | None = None, exact: bool = True) -> None:
-        """Assert what holds after every fault, which `ended` in some way: nothing is lost, the same command completes it."""
-        assert self.lost(exact) is None
-        assert ended is None or ended.flaw is None
-        assert self.rerun(scenario, exact) is None
-
-    def lost(self, exact: bool = True) -> str | None:
-        """What a fault has cost: None where the project is in a right state, or was never begun.
+        """Assert what holds after every fault, which `ended` in some way: nothing is lost, the same command completes it.
 
         exact: False where a stage was finished in smaller batches, which sum up in another order.
         """
-        if not (self.project / "project.json").exists():
-            return None
-        try:
-            chain = self.chain()
-        except (KarfError, KeyError, TypeError) as error:
-            return f"the project does not open: {error}"
-        if not chain:
-            return None
-        state = self.states.get(chain)
-        if state is None:
-            return f"finished stages of different generations: {', '.join(stage for stage, _ in chain)}"
-        changed = self.differs(state)
-        if changed and exact:
-            return f"{chain[-1][0]} is noted as finished, and these files are not its own: {changed}"
-        pictures, shown = self.pictures()
-        if shown.code:
-            return f"what is finished cannot be rendered: {shown.sentence or shown.text[-200:]}"
-        wrong = sorted(name for name, own in state.pictures.items() if pictures.get(name) != own)
-        return f"other pictures than before: {', '.join(wrong)}" if wrong and exact else None
-
-    def rerun(self, scenario: Scenario, exact: bool = True) -> str | None:
-        """What keeps the same command from completing what was interrupted, or None."""
+        self.is_right(exact)
+        assert ended is None or ended.flaw is None
         done = run(scenario.command)
-        if done.code:
-            return f"a rerun fails: {done.flaw or done.sentence}"
-        if self.chain() != scenario.end.chain:
-            return "a rerun ends in another state"
-        lost = self.lost(exact)
+        assert done.code == 0, done.text
+        assert self.chain() == scenario.end.chain
+        self.is_right(exact)
         start = scenario.start
-        before = [str(path.relative_to(start)) for path in start.rglob("*") if path.is_file()] if start else []
-        new = set(self.files()) - set(scenario.end.files) - set(before)
-        litter = sorted(name for name in new if Path(name).parts[0] != "looks")  # a cache, which `lost` fills
-        return f"after a rerun {lost}" if lost else f"a rerun leaves {', '.join(litter)} behind" if litter else None
+        before = {str(path.relative_to(start)) for path in start.rglob("*")} if start else set()
+        new = set(self.files()) - set(scenario.end.files) - before
+        assert {name for name in new if Path(name).parts[0] != "looks"} == set()  # a cache, which renders fill
+
+    def is_right(self, exact: bool = True) -> None:
+        """Assert that the project is in a right state, or was never begun: no mixture of generations, nothing lost."""
+        if not (self.project / "project.json").exists() or not self.chain():
+            return
+        state = self.states[self.chain()]
+        assert not exact or not self.differs(state)
+        pictures, shown = self.pictures()
+        assert shown.code == 0, shown.text
+        assert not exact or pictures == state.pictures
 
 
 def digest(path: Path) -> str:

@@ -3,9 +3,7 @@
 import errno
 import os
 import shutil
-from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -51,7 +49,6 @@ COMMANDS = {
 }  # fmt: skip
 
 STAGES = ("segmentation", "palette", "recoloring", "splats")
-LEARNING = ("all", "geometry")
 MATCH = {"object": "ball", "source": "#b5302c", "target": "#3059b8"}
 
 
@@ -70,64 +67,45 @@ def no_bytes_and_no_links(disk: Path) -> None:
     os.link = refused
 
 
-FAULTS = {
-    "disk full": partial(refuse_changes, number=errno.ENOSPC),
-    "quota": partial(refuse_changes, number=errno.EDQUOT),
-    "read-only disk": partial(refuse_changes, number=errno.EROFS),
-    "no right": partial(refuse_changes, number=errno.EACCES),
-    "no byte can be written": no_bytes,
-    "no byte, on another disk": no_bytes_and_no_links,
-    "no memory": no_memory_at_changes,
+SOME = ("edit", "frames as EXR", "export-splat .usdc", "farm")
+FAULTS = {  # what befalls the disk, and which commands
+    "disk full": (partial(refuse_changes, number=errno.ENOSPC), COMMANDS),
+    "quota": (partial(refuse_changes, number=errno.EDQUOT), SOME),
+    "read-only disk": (partial(refuse_changes, number=errno.EROFS), SOME),
+    "no right": (partial(refuse_changes, number=errno.EACCES), SOME),
+    "no byte can be written": (no_bytes, COMMANDS),
+    "no byte, on another disk": (no_bytes_and_no_links, ("poses", "import-splat")),
+    "no memory": (no_memory_at_changes, COMMANDS),
 }
 
 
-@dataclass(frozen=True)
-class Desk:
-    """What commands are given. learned: a project; disk: the folder below which they write, which faults befall."""
-
-    capture: Path
-    masks: Path
-    inputs: Path
-    learned: Path
-    disk: Path
-
-    def clear(self, name: str) -> list[str]:
-        """Lay out what a row of COMMANDS needs; returns its command line."""
-        shutil.rmtree(self.disk, ignore_errors=True)
-        (self.disk / "out" / "job").mkdir(parents=True)
-        project = Project(self.disk / "project")
-        shutil.copytree(self.learned, project.folder)
-        if name in STAGES:
-            write_state(project.state_file, without_stage(project.state(), name))
-        places = {"project": project.folder, "out": self.disk / "out"} | vars(self)
-        Request("match", project.folder, MATCH | {"out": f"{places['out']}/edit.json"}).write(self.disk / "out" / "job")
-        settings = [part for text in QUICK for part in ("--set", text)] if name in LEARNING else []
-        return [word.format(**places) for word in COMMANDS[name].split()] + settings
-
-
 @pytest.fixture(scope="module")
-def desk(still_life, learned, tmp_path_factory):
+def places(still_life, learned, tmp_path_factory):
+    """What commands are given, and the disk on which they write."""
     folder = tmp_path_factory.mktemp("named paths")
     inputs = folder / "inputs"
     inputs.mkdir()
     write_sequence(learned.project, inputs, 2)
     ply.write(inputs / "cloud.ply", SplatFile(cloud()))
     (inputs / "sheet.csv").write_text("colorway,object,hex\nGreen,ball,#1ec040\n")
+    disk = folder / "disk"
+    given = {"capture": still_life.capture, "masks": still_life.masks, "inputs": inputs}
     with pytest.MonkeyPatch.context() as patch:
         engine.prepare(patch)
-        yield Desk(still_life.capture, still_life.masks, inputs, learned.project, folder / "disk")
+        yield given | {"disk": disk, "project": disk / "project", "out": disk / "out"}
 
 
-EVERYWHERE = ("disk full", "no byte can be written", "no memory")
-CASES = [
-    *product(COMMANDS, EVERYWHERE),
-    *product(("edit", "frames as EXR", "export-splat .usdc", "farm"), ["quota", "read-only disk", "no right"]),
-    *product(("poses", "import-splat"), ["no byte, on another disk"]),
-]
-
-
-@pytest.mark.parametrize(("name", "fault"), CASES)
-def test_the_path_that_could_not_be_written_is_named(desk, name, fault):
-    ended = engine.run(desk.clear(name), partial(FAULTS[fault], desk.disk))
+@pytest.mark.parametrize(("fault", "name"), [(fault, name) for fault, (_, names) in FAULTS.items() for name in names])
+def test_the_path_that_could_not_be_written_is_named(places, learned, fault, name):
+    disk, project, job = places["disk"], Project(places["project"]), places["out"] / "job"
+    shutil.rmtree(disk, ignore_errors=True)
+    job.mkdir(parents=True)
+    shutil.copytree(learned.project, project.folder)
+    if name in STAGES:
+        write_state(project.state_file, without_stage(project.state(), name))
+    Request("match", project.folder, MATCH | {"out": f"{places['out']}/edit.json"}).write(job)
+    settings = [part for text in QUICK for part in ("--set", text)] if name in ("all", "geometry") else []
+    command = [word.format(**places) for word in COMMANDS[name].split()]
+    ended = engine.run(command + settings, partial(FAULTS[fault][0], disk))
     assert ended.code == (OUT_OF_MEMORY if fault == "no memory" else BAD_DATA), ended.text
-    assert fault == "no memory" or str(desk.disk) in ended.sentence
+    assert fault == "no memory" or str(disk) in ended.sentence

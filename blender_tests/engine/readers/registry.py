@@ -114,8 +114,8 @@ def project_of(path: Path) -> Project:
     return Project(path.parents[2] if is_result else path.parent)
 
 
-def readers(project: Path | None) -> list[Reader]:
-    """All readers. project: a learned one with planes and an edit, which is copied; None where only names are asked for."""
+def readers() -> list[Reader]:
+    """All readers but those of a project's files."""
     json_files = [
         ("NeRF-synthetic", samples.nerf_synthetic, "transforms_train.json", capture),
         ("transforms.json", samples.transforms, "transforms.json", capture),
@@ -153,12 +153,12 @@ def readers(project: Path | None) -> list[Reader]:
                    1 if file in in_this_process else STARTS)
             for file, mutation in splats.items()
         ),
-        Reader("PNG", samples.png, png, changed_bytes, photo),
-        Reader("JPEG", samples.jpeg, ("plain.jpg", "print.jpg"), changed_bytes, photo),
-        Reader("WebP, BMP, TIFF", samples.other_pictures, others, changed_bytes, photo),
-        Reader("EXR", samples.exr, ("zip.exr", "plain.exr"), changed_bytes, photo),
-        Reader("header of a picture", samples.png, png, changed_bytes, image_header),
-        Reader("mask", samples.png, png[:3] + png[4:], changed_bytes, read_mask),
+        Reader("PNG", samples.pictures, png, changed_bytes, photo),
+        Reader("JPEG", samples.pictures, ("plain.jpg", "print.jpg"), changed_bytes, photo),
+        Reader("WebP, BMP, TIFF", samples.pictures, others, changed_bytes, photo),
+        Reader("EXR", samples.pictures, ("zip.exr", "plain.exr"), changed_bytes, photo),
+        Reader("header of a picture", samples.pictures, png, changed_bytes, image_header),
+        Reader("mask", samples.pictures, png[:3] + png[4:], changed_bytes, read_mask),
         Reader("GIMP palette", samples.swatches, ("swatches.gpl",), changed_text, swatches),
         Reader("Adobe swatches", samples.swatches, ("swatches.ase",), changed_bytes, swatches),
         Reader("color book, CSV", samples.color_books, ("inks.csv",), changed_text, read_color_book),
@@ -167,11 +167,11 @@ def readers(project: Path | None) -> list[Reader]:
         Reader("NeRF, torch.save", samples.nerfs, ("zip.tar", "legacy.tar"), changed_bytes, read_nerf),
         Reader("NeRF, pickled npy", samples.nerfs, ("model_000001.npy",), changed_bytes, read_bmild),
         Reader("events.jsonl", samples.events, ("events.jsonl",), changed_bytes, read_events),
-        *_project_readers(project),
     ]  # fmt: skip
 
 
-def _project_readers(project: Path | None) -> list[Reader]:
+def project_readers(project: Path | None) -> list[Reader]:
+    """Readers of the files of a learned project with planes and an edit, which is copied. None: only names are wanted."""
     make = samples.project(project)
 
     def colors_of_ball(path: Path) -> None:

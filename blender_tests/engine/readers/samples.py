@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 
 import cv2
-import imageio.v3 as iio
 import numpy as np
 import OpenEXR
 import pytest
@@ -51,7 +50,7 @@ def transforms(folder: Path) -> None:
     path = folder / "transforms.json"
     more = {"ply_file_path": "points.ply", "test_filenames": [f"images/{NAMES[0]}"], "k1": 0.01}
     path.write_text(json.dumps(json.loads(path.read_text()) | more))
-    (folder / "points.ply").write_bytes(ply_text())
+    (folder / "points.ply").write_text(PLY_TEXT)
 
 
 def splat_cameras(folder: Path) -> None:
@@ -85,17 +84,15 @@ def llff(columns: int) -> Callable[[Path], None]:
     return lambda folder: capture_files.write_llff(folder, cameras(4, 8), NAMES, columns)
 
 
-def ply_text() -> bytes:
-    """Two colored points in a PLY file of text."""
-    axes = "".join(f"property float {axis}\n" for axis in "xyz")
-    colors = "".join(f"property uchar {color}\n" for color in ("red", "green", "blue"))
-    head = f"ply\nformat ascii 1.0\nelement vertex 2\n{axes}{colors}end_header\n"
-    return (head + "1 2 3 4 5 6\n1 2 3 4 5 6\n").encode()
+PLY_TEXT = (
+    "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+    "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n1 2 3 4 5 6\n1 2 3 4 5 6\n"
+)
 
 
 def ply(folder: Path) -> None:
     """The same as text, and three points in binary with a face after them."""
-    (folder / "text.ply").write_bytes(ply_text())
+    (folder / "text.ply").write_text(PLY_TEXT)
     axes = "".join(f"property double {axis}\n" for axis in "xyz")
     head = f"ply\nformat binary_little_endian 1.0\ncomment x\nelement vertex 3\n{axes}"
     head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -107,32 +104,21 @@ def _pixels(channels: int = 3) -> np.ndarray:
     return np.random.default_rng(0).integers(0, 256, (6, 8, channels), np.uint8)
 
 
-def png(folder: Path) -> None:
-    """True color, with alpha, with a palette, 16 bits, gray 16 bits, turned by Exif."""
-    exif = Image.Exif()
+def pictures(folder: Path) -> None:
+    """Of every kind: turned by Exif, with alpha, with a palette, for print, of 16 bits, of floats."""
+    exif, picture, words = Image.Exif(), Image.fromarray(_pixels()), _pixels().astype(np.uint16) * 257
     exif[0x0112] = 6
-    Image.fromarray(_pixels()).save(folder / "plain.png", exif=exif)
-    Image.fromarray(_pixels(4)).save(folder / "alpha.png")
-    Image.fromarray(_pixels()).convert("P").save(folder / "palette.png")
-    cv2.imwrite(str(folder / "deep.png"), _pixels().astype(np.uint16) * 257)
-    cv2.imwrite(str(folder / "deep_gray.png"), _pixels()[..., 0].astype(np.uint16) * 257)
-
-
-def jpeg(folder: Path) -> None:
-    exif = Image.Exif()
-    exif[0x0112] = 6
-    Image.fromarray(_pixels()).save(folder / "plain.jpg", exif=exif)
-    Image.fromarray(_pixels()).convert("CMYK").save(folder / "print.jpg")
-
-
-def other_pictures(folder: Path) -> None:
+    for suffix in (".png", ".jpg"):
+        picture.save(folder / f"plain{suffix}", exif=exif)
     for suffix in (".webp", ".bmp", ".tif"):
-        iio.imwrite(folder / f"plain{suffix}", _pixels())
-    cv2.imwrite(str(folder / "deep.tif"), _pixels().astype(np.uint16) * 257)
+        picture.save(folder / f"plain{suffix}")
+    Image.fromarray(_pixels(4)).save(folder / "alpha.png")
+    picture.convert("P").save(folder / "palette.png")
+    picture.convert("CMYK").save(folder / "print.jpg")
+    cv2.imwrite(str(folder / "deep.png"), words)
+    cv2.imwrite(str(folder / "deep_gray.png"), words[..., 0])
+    cv2.imwrite(str(folder / "deep.tif"), words)
     cv2.imwrite(str(folder / "float.tif"), _pixels().astype(np.float32) / 255)
-
-
-def exr(folder: Path) -> None:
     for name, compression, channels in (("zip", OpenEXR.ZIP_COMPRESSION, 3), ("plain", OpenEXR.NO_COMPRESSION, 4)):
         header = {"compression": compression, "type": OpenEXR.scanlineimage}
         pixels = (_pixels(channels) / 255).astype(np.float32 if channels == 3 else np.float16)

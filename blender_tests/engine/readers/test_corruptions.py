@@ -19,7 +19,7 @@ from blender_tests.engine.reference.still_life import cameras
 from karf_engine.cli import main
 from karf_engine.errors import DataError
 
-READERS = {reader.name: reader for reader in readers(None)}
+READERS = {reader.name: reader for reader in readers()}
 
 
 # ------------------------------------------------------------------------------------------------------ what can be done

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 pytest.importorskip("torch")
 
-from blender_tests.engine.readers.registry import readers
+from blender_tests.engine.readers.registry import project_readers, readers
 from blender_tests.engine.readers.samples import renew_checksum
 from blender_tests.engine.readers.watch import Flaw, read_watched
 
-NAMES = [reader.name for reader in readers(None)]
+READERS = {reader.name: reader for reader in readers()}
+OF_PROJECT = [reader.name for reader in project_readers(None)]
 MUTANTS = 20  # where no option says another number
 
 
@@ -29,10 +30,13 @@ class Changed:
     data: bytes = field(repr=False)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, project, tmp_path, request):
+@pytest.mark.parametrize("name", [*READERS, *OF_PROJECT])
+def test_valid_files_are_read_and_changed_ones_are_read_or_refused(name, tmp_path, request):
     """The file that breaks a reader is left in the folder."""
-    reader = next(reader for reader in readers(project) if reader.name == name)
+    if name in OF_PROJECT:
+        reader = project_readers(request.getfixturevalue("project"))[OF_PROJECT.index(name)]
+    else:
+        reader = READERS[name]
     reader.make(tmp_path)
     assert [file for file in reader.files if not read_watched(reader.read, tmp_path / file, tmp_path)] == []
 

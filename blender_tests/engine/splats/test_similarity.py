@@ -62,8 +62,11 @@ def test_the_identity_a_shift_and_half_a_turn_are_exact():
 
 
 OTHERS = {
-    "mirror": np.diag([1.0, 1, -1, 1]), "unequal": np.diag([1.0, 1, 2, 1]), "zero": np.zeros((4, 4)),
-    "nan": np.full((4, 4), np.nan), "shear": np.eye(4) + 0.1 * np.eye(4, k=1),
+    "mirror": np.diag([1.0, 1, -1, 1]),
+    "unequal": np.diag([1.0, 1, 2, 1]),
+    "zero": np.zeros((4, 4)),
+    "nan": np.full((4, 4), np.nan),
+    "shear": np.eye(4) + 0.1 * np.eye(4, k=1),
 }
 
 

@@ -83,7 +83,7 @@ def test_frames_of_four_tasks_one_of_them_killed_and_run_again_are_those_of_a_si
 
 
 def test_a_capture_is_learned_step_by_step_and_rendered(still_life, learned, tmp_path):
-    few = ("segmentation.iterations=5", "recoloring.iterations=2", "splats.iterations=1")
+    few = ("segmentation.iterations=40", "recoloring.iterations=2", "splats.iterations=1")
     chosen = {"overrides": (*QUICK, *few), "views": "test", "per_task": 1, "threads": 1}
     bundle = karf.learning_bundle(still_life.capture, still_life.masks, tmp_path / "bundle", **chosen)
     bundle = bundle.rename(tmp_path / "farm")
