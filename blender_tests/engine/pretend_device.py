@@ -7,7 +7,6 @@ It is torch's "private use" device with Python in the place of a backend; one pr
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -17,6 +16,7 @@ import torch
 from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
+from torch.utils._pytree import tree_leaves, tree_map_only
 from torch.utils.backend_registration import _setup_privateuseone_for_python_backend
 
 from karf_engine.compute import runtime
@@ -24,6 +24,7 @@ from karf_engine.compute import runtime
 NAME = "pretend"
 _setup_privateuseone_for_python_backend(NAME)
 aten = torch.ops.aten
+CARRYING = (aten._to_copy.default, aten.copy_.default)  # values across devices
 JOINING = (aten.cat.default, aten.stack.default)  # nowhere may these mix in even a single number of the CPU
 
 
@@ -109,41 +110,17 @@ def _index(tensor: Tensor, index: Any) -> tuple:
 
 def _run(function, args: tuple, kwargs: dict[str, Any]) -> Any:
     """Run an operation on the values, and say that the result is where the operation's tensors are."""
-    tensors = _tensors([*args, *kwargs.values()])
-    is_pretend = any(isinstance(tensor, PretendTensor) for tensor in tensors)
-    if function not in (aten._to_copy.default, aten.copy_.default):  # the two that carry values across
-        _refuse_mixture(function, tensors)
-    where = {}
+    tensors = [value for value in tree_leaves((args, kwargs)) if isinstance(value, Tensor)]
+    strangers = [tensor for tensor in tensors if not isinstance(tensor, PretendTensor)]
+    if function not in CARRYING and 0 < len(strangers) < len(tensors):
+        # single numbers of the CPU go with everything, as on real devices
+        if function in JOINING or any(tensor.dim() for tensor in strangers):
+            raise WrongDevice(f"{function} on tensors of the CPU and of another device")
+    is_pretend, where = len(strangers) < len(tensors), {}
     if kwargs.get("device") is not None:
-        is_pretend = _is_pretend(kwargs["device"])
-        where = {"device": torch.device("cpu")}
-    values = {name: _values(value) for name, value in kwargs.items()}
-    result = function(*[_values(value) for value in args], **values | where)
+        is_pretend, where = _is_pretend(kwargs["device"]), {"device": torch.device("cpu")}
+    args_of_values, kwargs_of_values = tree_map_only(PretendTensor, lambda tensor: tensor.values, (args, kwargs))
+    result = function(*args_of_values, **kwargs_of_values | where)
     if function._schema.is_mutable and result is not None:
         return kwargs.get("out", args[0])  # what was written to
-    return _pretended(result) if is_pretend else result
-
-
-def _refuse_mixture(function, tensors: list[Tensor]) -> None:
-    """Raise WrongDevice for tensors of both devices; single numbers of the CPU go with everything, as on real ones."""
-    strangers = [tensor for tensor in tensors if not isinstance(tensor, PretendTensor)]
-    if 0 < len(strangers) < len(tensors) and (function in JOINING or any(tensor.dim() for tensor in strangers)):
-        raise WrongDevice(f"{function} on tensors of the CPU and of another device")
-
-
-def _tensors(arguments: list) -> list[Tensor]:
-    """The tensors among an operation's arguments, and in their lists."""
-    flat = itertools.chain.from_iterable(value if isinstance(value, list | tuple) else (value,) for value in arguments)
-    return [value for value in flat if isinstance(value, Tensor)]
-
-
-def _values(argument: Any) -> Any:
-    if isinstance(argument, list | tuple):
-        return [_values(value) for value in argument]
-    return argument.values if isinstance(argument, PretendTensor) else argument
-
-
-def _pretended(result: Any) -> Any:
-    if isinstance(result, list | tuple):
-        return type(result)(_pretended(value) for value in result)
-    return PretendTensor(result) if isinstance(result, Tensor) else result
+    return tree_map_only(Tensor, PretendTensor, result) if is_pretend else result
