@@ -121,7 +121,7 @@ def test_a_foreign_nerf_is_imported_away_from_the_cpu(elsewhere, monkeypatch):
     assert scene.field.bounds.device.type == elsewhere.type
 
 
-# ------------------------------------------------------------------------------------------------------ the other stages
+# ----------------------------------------------------------------------------------------------------- the other stages
 QUICK = ("segmentation.iterations=25", "recoloring.iterations=4", "segmentation.rounds=1")
 WAYS = {
     "as by default": (),

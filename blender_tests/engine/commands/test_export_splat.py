@@ -195,7 +195,7 @@ def test_a_cut_out_keeps_its_columns_but_no_weights_of_an_earlier_export_with_mo
     assert columns["karf_object"].any() and (columns["flags"] == columns["confidence"] % 7).all()
 
 
-# ------------------------------------------------------------------------------------------------------- what is refused
+# ------------------------------------------------------------------------------------------------------ what is refused
 def test_an_object_of_which_there_is_no_gaussian_is_named(learned, tmp_path, monkeypatch):
     monkeypatch.setattr(export_splat, "MIN_PROBABILITY", 1.1)
     with pytest.raises(BadRequest, match="No Gaussian is of 'ball'"):

@@ -160,7 +160,7 @@ def test_learned_it_is_shown_as_it_came_and_anew_once_the_file_is_another(
     assert_array_equal(load_gaussians(project.splats_file).table, changed)
 
 
-# ------------------------------------------------------------------------------------------------------- what is refused
+# ------------------------------------------------------------------------------------------------------ what is refused
 def test_photos_that_it_does_not_show_are_refused(imported, tmp_path, still_life, table):
     elsewhere = table.copy()
     elsewhere[:, :3] += 5
